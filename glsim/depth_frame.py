@@ -7,7 +7,7 @@ training, fitting and comparing take them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple, overload
 
 import numpy as np
@@ -18,6 +18,7 @@ from glsim.errors import DatasetError
 from glsim.geometry.camera import Intrinsics
 
 DepthMap = NDArray[np.float32]
+Stack = NDArray[np.float64]
 
 #: A map, or a function that reads it.
 Layer = NDArray[Any] | Callable[[], NDArray[Any]]
@@ -31,7 +32,8 @@ class FrameKey(NamedTuple):
     frame: int
 
     def __str__(self) -> str:
-        return f"{self.subject}/{self.sequence}_{self.frame:05d}"
+        name = f"{self.sequence}_{self.frame:05d}"
+        return f"{self.subject}/{name}" if self.subject else name
 
 
 class DepthFrame(Mapping[str, Any]):
@@ -93,6 +95,11 @@ class DepthFrame(Mapping[str, Any]):
     def __eq__(self, other: object) -> bool:
         return self is other
 
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The names of the maps."""
+        return tuple(self._layers)
+
     def layer(self, name: str) -> NDArray[Any]:
         """Return a map by its name. Raises DatasetError if there is none, or it cannot be read."""
         if name not in self._layers:
@@ -110,14 +117,15 @@ class DepthFrame(Mapping[str, Any]):
         """(H, W) float32 measured depth, mm, 0 = no return."""
         return self.layer("noisy_mm")
 
-    @property
+    @cached_property
     def measured_mm(self) -> DepthMap:
         """(H, W) float32 measured depth, mm, NaN = no return."""
-        if "_measured_mm" not in self.__dict__:
-            noisy = self.noisy_mm
-            self.__dict__["_measured_mm"] = np.where(noisy > 0, noisy, np.float32(np.nan))
-        found: DepthMap = self.__dict__["_measured_mm"]
-        return found
+        return np.where(self.noisy_mm > 0, self.noisy_mm, np.float32(np.nan))
+
+    @property
+    def rays(self) -> DepthMap:
+        """(H, W, 2) float32 x/z and y/z of the pixels."""
+        return _rays(self.intrinsics)
 
     @property
     def clean_mm(self) -> DepthMap:
@@ -130,9 +138,9 @@ class DepthFrame(Mapping[str, Any]):
         return self.layer("expected_mm")
 
     @property
-    def infrared(self) -> NDArray[Any]:
-        """(H, W) infrared counts."""
-        return self.layer("infrared")
+    def infrared(self) -> NDArray[Any] | None:
+        """(H, W) infrared counts; None without an infrared image."""
+        return self.layer("infrared") if "infrared" in self._layers else None
 
     @property
     def reason(self) -> NDArray[np.uint8]:
@@ -151,16 +159,16 @@ class DepthFrame(Mapping[str, Any]):
 
     def changed(
         self,
+        layers: Mapping[str, Layer] | None = None,
         *,
         intrinsics: Intrinsics | None = None,
         offset_mm: float | None = None,
-        **layers: Layer,
     ) -> DepthFrame:
         """Return the frame with other maps, by their names, another camera or another offset."""
         return DepthFrame(
             self.key,
             intrinsics or self.intrinsics,
-            {**self._layers, **layers},
+            {**self._layers, **(layers or {})},
             offset_mm=self.offset_mm if offset_mm is None else offset_mm,
             step_mm=self.step_mm,
             record=self.record,
@@ -199,7 +207,8 @@ class Frames(Sequence[DepthFrame]):
     @classmethod
     def of(cls, frames: Sequence[DepthFrame], title: str = "") -> Frames:
         """Return frames in memory as a set."""
-        return cls(len(frames), frames.__getitem__, title=title)
+        kept = tuple(frames)
+        return cls(len(kept), kept.__getitem__, title=title)
 
     def __len__(self) -> int:
         return self._count
@@ -211,6 +220,56 @@ class Frames(Sequence[DepthFrame]):
     def load(self, number: int) -> DepthFrame:
         """Return a frame. Raises DatasetError if it is missing or damaged."""
         return self._load(number)
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The pinhole camera of the first frame."""
+        return self[0].intrinsics
+
+    @cached_property
+    def measured_mm(self) -> Stack:
+        """(T, H, W) measured depth of frames of one size, mm, NaN = no return."""
+        return np.stack([frame.measured_mm for frame in self]).astype(np.float64)
+
+    @property
+    def whole_mm(self) -> Stack:
+        """(T, H, W) measured depth rounded to whole mm, NaN = no return."""
+        return np.rint(self.measured_mm)
+
+    @property
+    def encoded(self) -> NDArray[np.uint16]:
+        """(T, H, W) whole mm as files of 16 bits hold them, 0 = no return."""
+        return np.nan_to_num(self.whole_mm).astype(np.uint16)
+
+    @cached_property
+    def truth_mm(self) -> Stack:
+        """(H, W) true depth of a static scene, mm, NaN = no surface."""
+        clean = self[0].clean_mm
+        return np.where(clean > 0, clean, np.nan).astype(np.float64)
+
+    @property
+    def residual_mm(self) -> Stack:
+        """(T, H, W) whole mm minus the true depth of a static scene."""
+        return self.whole_mm - self.truth_mm
+
+    def stack(self, layer: str) -> NDArray[Any]:
+        """Return a layer of frames of one size, (T, H, W) or (T, H, W, components)."""
+        return np.stack([frame.layer(layer) for frame in self])
+
+    def centre(self, width: int = 64, height: int | None = None) -> Frames:
+        """Return the frames in memory, cropped to their centre, px (default: a square)."""
+        own = self.intrinsics
+        height = width if height is None else height
+        left, top = (own.width - width) // 2, (own.height - height) // 2
+        part = np.s_[top : top + height, left : left + width]
+        camera = own.cropped(left, top, width, height)
+        cut = (
+            frame.changed(
+                {name: frame.layer(name)[part] for name in frame.layers}, intrinsics=camera
+            )
+            for frame in self
+        )
+        return Frames.of(list(cut), self.title)
 
     @overload
     def __getitem__(self, number: int) -> DepthFrame: ...
@@ -259,6 +318,11 @@ class Frames(Sequence[DepthFrame]):
             regions=self.regions,
             protocol=protocol or self.protocol,
         )
+
+
+@lru_cache(maxsize=2)
+def _rays(camera: Intrinsics) -> DepthMap:
+    return camera.rays()
 
 
 # Functions of the module, because a set of frames is sent to other processes.

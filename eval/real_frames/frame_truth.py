@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.interface import Depth, Mask
+from glsim.depth_frame import DepthFrame
 from glsim.measures.boards import Board, plane_residual
-from glsim.measures.frame import DepthFrame
+from glsim.measures.frame import surface_mm, surfaces
 from glsim.measures.silhouettes import STEP_MM, find_edges
 from glsim.measures.temporal import still_difference
 
@@ -69,15 +70,15 @@ class FrameTruth:
         self.frame, self._partner, self._units = frame, partner, units
         self._pairs_only = pairs_only
         self._difference = None if partner is None else still_difference(frame, partner)
-        self._bins = distance_bin(frame.depth_mm)
+        self._bins = distance_bin(frame.measured_mm)
         self._board = None if pairs_only else board
         self._rims = None if pairs_only else rims_and_shadow(frame)
 
     def tally(self, denoised_mm: Depth) -> Tally:
         """Measure a denoised map, (H, W) mm, 0 = no depth."""
         result: Tally = {}
-        raw = self.frame.depth_mm.astype(np.float64)
-        lost = lost_pixels(self.frame.depth_mm, denoised_mm)
+        raw = self.frame.measured_mm.astype(np.float64)
+        lost = lost_pixels(self.frame.measured_mm, denoised_mm)
         filled = np.where(lost, raw, denoised_mm).astype(np.float64)
         moved = filled - raw
         result |= self._pair(moved)
@@ -116,17 +117,17 @@ class FrameTruth:
         return result
 
     def _shift(self, moved: Array) -> Tally:
-        surface_mm = self.frame.surface_mm
+        at_mm = surface_mm(self.frame)
         near, far = 1000 * BINS_M[0], 1000 * BINS_M[-1]
-        used = self.frame.surfaces.smooth & (surface_mm >= near) & (surface_mm < far)
-        key = (surface_mm[used] / SHIFT_BIN_MM).astype(np.int64)
+        used = surfaces(self.frame).smooth & (at_mm >= near) & (at_mm < far)
+        key = (at_mm[used] / SHIFT_BIN_MM).astype(np.int64)
         return {("shift", 0, code): sums for code, sums in _grouped(key, moved[used]).items()}
 
     def _edges(self, valid: Mask, lost: Mask) -> Tally:
         if self._rims is None:
             return {}
         first, second, shadow = self._rims
-        raw_valid, surface = np.isfinite(self.frame.depth_mm), self.frame.surfaces.smooth
+        raw_valid, surface = np.isfinite(self.frame.measured_mm), surfaces(self.frame).smooth
         company = _neighbours(valid)
         alone = valid & (company < _COMPANY)
         pinholes = raw_valid & ~valid & (company > 8 - _COMPANY)
@@ -144,7 +145,7 @@ class FrameTruth:
         """
         if self._partner is None or self._rims is None:
             return (0.0, 0.0, 0.0, 0.0)
-        lost = lost_pixels(self.frame.depth_mm, np.nan_to_num(self._partner.depth_mm))
+        lost = lost_pixels(self.frame.measured_mm, np.nan_to_num(self._partner.measured_mm))
         first, second, _ = self._rims
         a, b, c, d = (float(m.sum()) for m in (first, first & lost, second, second & lost))
         return a, b, c, d
@@ -159,7 +160,7 @@ def lost_pixels(raw_mm: Depth, other_mm: Depth) -> Mask:
 
 def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
     """Return masks of the first and second pixel of foregrounds along rows, and of gaps' holes."""
-    shape = frame.depth_mm.shape
+    shape = frame.measured_mm.shape
     first, second, gap = (np.zeros(shape, np.bool_) for _ in range(3))
     edges = find_edges(frame)
     for side, row, column, width in zip(
@@ -169,7 +170,7 @@ def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
         first[row, column] = second[row, column + inwards] = True
         start = column + 1 if side else column - width
         gap[row, start : start + width] = True
-    return first, second & ~first, gap & ~np.isfinite(frame.depth_mm)
+    return first, second & ~first, gap & ~np.isfinite(frame.measured_mm)
 
 
 def _neighbours(valid: Mask) -> NDArray[np.int64]:

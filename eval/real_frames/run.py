@@ -64,7 +64,7 @@ def score_frame(
         board,
         pairs_only,
     )
-    raw = np.nan_to_num(frame.depth_mm)
+    raw = np.nan_to_num(frame.measured_mm)
     tallies = {RAW: truth.tally(raw)}
     for method in methods:
         try:

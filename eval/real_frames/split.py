@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import Frames
 from glsim.measures.boards import PATTERN
-from glsim.measures.frame import DepthFrame
 from glsim.measures.static import static_pairs
-from glsim.recordings.recording import DEFAULT_FRAMES, read_frame_set
+from glsim.recordings.recording import DEFAULT_FRAMES, read_frames
 
 #: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
 #: most pixels of a tile share no input with the next tile.
@@ -46,7 +46,7 @@ class SplitRecording:
     """
 
     source: Source
-    frames: tuple[DepthFrame, ...]
+    frames: Frames
     partner: dict[int, int]
     scene: dict[int, int]
 
@@ -62,7 +62,7 @@ class SplitRecording:
 
     def units(self, frame: int) -> NDArray[np.int64]:
         """Return the (H, W) number of each pixel's scene or tile."""
-        shape = self.frames[frame].depth_mm.shape
+        shape = self.frames[frame].measured_mm.shape
         if self.by_scene:
             return np.full(shape, self.scene[frame], np.int64)
         rows, columns = (np.arange(size) // TILE_PX for size in shape)
@@ -76,13 +76,13 @@ class SplitRecording:
 
     @property
     def _tiles_across(self) -> int:
-        return -(-self.frames[0].camera.width // TILE_PX)
+        return -(-self.frames.intrinsics.width // TILE_PX)
 
     def checksums(self) -> dict[str, str]:
         """Return frame -> checksum of its depth and infrared."""
         sums = {}
         for frame in self.frames:
-            digest = hashlib.blake2b(frame.depth_mm.tobytes(), digest_size=8)
+            digest = hashlib.blake2b(frame.measured_mm.tobytes(), digest_size=8)
             if frame.infrared is not None:
                 digest.update(frame.infrared.tobytes())
             sums[frame.name] = digest.hexdigest()
@@ -90,8 +90,8 @@ class SplitRecording:
 
 
 def split_recording(source: Source) -> SplitRecording:
-    """Read a recording and find its static scenes. Raises the errors of ``read_frame_set``."""
-    frames = read_frame_set(source.path, focal_px=source.focal_px, most=source.most).frames
+    """Read a recording and find its static scenes. Raises the errors of ``read_frames``."""
+    frames = read_frames(source.path, focal_px=source.focal_px, most=source.most)
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}
     for first, second in static_pairs(frames):

@@ -74,7 +74,7 @@ class DatasetFrames:
 
     def infrared(self, number: int) -> NDArray[Any]:
         """Read a frame's infrared counts. Raises DatasetError if the set has none."""
-        return self._split[number].infrared
+        return self._split[number].layer("infrared")
 
 
 class FolderFrames:

@@ -88,19 +88,19 @@ def compare(
     from glsim.compare.run import compare_sets
     from glsim.errors import ConfigError, require_package
     from glsim.files.atomic import write_atomic
-    from glsim.recordings.recording import read_frame_set
+    from glsim.recordings.recording import read_frames
 
     if (second is None) == (replay_sensor is None):
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
     if assignments and replay_sensor is None:
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
     check_outputs(json_file, out)
-    real = read_frame_set(first, depth_unit_mm, focal_px, frames)
+    real = read_frames(first, depth_unit_mm, focal_px, frames)
     if second is not None:
-        simulated = read_frame_set(second, depth_unit_mm, focal_px, frames)
+        simulated = read_frames(second, depth_unit_mm, focal_px, frames)
     else:
         require_package("scipy", "--replay", "eval")
-        print_message(f"rendering {len(real.frames)} frames through {replay_sensor}")
+        print_message(f"rendering {len(real)} frames through {replay_sensor}")
         simulated = replay(real, replay_sensor or "", assignments=assignments or ())
     comparison = compare_sets(real, simulated, progress=print_message)
     table = comparison.as_markdown()

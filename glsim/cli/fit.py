@@ -85,6 +85,7 @@ def fit(
     import numpy as np
 
     from glsim.cli.fit_stereo import fit_stereo_recording, stereo_base
+    from glsim.depth_frame import Frames
     from glsim.files.atomic import write_atomic
     from glsim.fit.noise_model import fit_infrared, fit_noise_model
     from glsim.fit.recording_statistics import measure_recording
@@ -111,18 +112,20 @@ def fit(
         return
     name, tree = base_sensor(base)
     recorded = recording.read_static()
-    image = _camera(load_sensor(name).rig.intrinsics, recording.camera, recorded.camera, focal_px)
-    recorded = recorded.with_camera(image)
+    image = _camera(
+        load_sensor(name).rig.intrinsics, recording.camera, recorded.intrinsics, focal_px
+    )
+    recorded = Frames.of([frame.changed(intrinsics=image) for frame in recorded], recorded.title)
     statistics = measure_recording(recorded)
     smoothing = find_smoothing(statistics.correlation)
     if smoothing is not None and base is None:
         name, tree = base_sensor("kinect-v2")  # its filter can be exchanged
     wide = smoothing is not None and has_filter(tree)
     emitter, taps = load_sensor(name).rig.emitter_m, base_taps(tree)
-    unit_mm = recorded.frames[0].quantum_mm
+    unit_mm = recorded[0].step_mm
     model = fit_noise_model(statistics, image, albedo, unit_mm, base_profile(tree), emitter, taps)
     law = None
-    if recorded.frames[0].infrared is not None:
+    if recorded[0].infrared is not None:
         law = fit_infrared(statistics, recorded, albedo, taps)
     wiggling = fit_wiggling(statistics, image, emitter)
     values = fitted_values(statistics, model, law, taps, wiggling)

@@ -50,7 +50,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
     if stated and matches_images(stated):
         return stated
     frames = recording.read(_FRAMES)
-    height, width = frames.frames[0].depth_mm.shape
+    height, width = frames[0].measured_mm.shape
     return _VGA.get((width, height), _ANY_STEREO) if find_lattice(frames) is not None else None
 
 

@@ -14,8 +14,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.correlation import LAGS, lagged_sums
-from glsim.measures.frame import DepthFrame
+from glsim.measures.frame import lit, surfaces
 from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
 
 Array = NDArray[np.float64]
@@ -118,7 +119,9 @@ def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Pa
                 edges.shift_px_per_m < HEAD_SHIFTS[1]
             )
             for k in _thinned(np.flatnonzero(inside)):
-                patch = _edge_patch(frame.depth_mm, int(edges.row[k]), int(edges.column[k]), side)
+                patch = _edge_patch(
+                    frame.measured_mm, int(edges.row[k]), int(edges.column[k]), side
+                )
                 if patch is None:
                     continue
                 features = _edge_features(patch, edges.front_mm[k], edges.back_mm[k])
@@ -160,14 +163,14 @@ def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:
 
     And (N,) their first columns.
     """
-    step, (height, width) = SIDE_PX // 2, frame.depth_mm.shape
-    smooth = np.isfinite(frame.surfaces.rough_mm) & frame.lit
+    step, (height, width) = SIDE_PX // 2, frame.measured_mm.shape
+    smooth = np.isfinite(surfaces(frame).rough_mm) & lit(frame)
     cells, columns = [], []
     for top in range(0, height - SIDE_PX + 1, step):
         for left in range(0, width - SIDE_PX + 1, step):
             inner = smooth[top + 3 : top + SIDE_PX - 3, left + 3 : left + SIDE_PX - 3]
             if inner.all():
-                cells.append(frame.depth_mm[top : top + SIDE_PX, left : left + SIDE_PX])
+                cells.append(frame.measured_mm[top : top + SIDE_PX, left : left + SIDE_PX])
                 columns.append(left)
     patches = np.array(cells, np.float64).reshape(-1, SIDE_PX, SIDE_PX)
     return patches, np.array(columns, np.int64)

@@ -10,18 +10,17 @@ infrared it is that of skin everywhere.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.compare.surfaces import ReplaySurfaces, find_surfaces, measure_noise_floor, mesh_of
+from glsim.depth_frame import DepthFrame, Frames
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.context import borrowed_context
 from glsim.measures.disparity import LAGS_PX, measure_disparity_noise, to_disparity
-from glsim.measures.frame import DepthFrame, FrameSet
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import load_sensor
@@ -47,9 +46,7 @@ _SOME_FRAMES = 8
 _WIDEST_HOLE_PX = (12, 80)
 
 
-def replay(
-    real: FrameSet, sensor: str, *, seed: int = 0, assignments: Sequence[str] = ()
-) -> FrameSet:
+def replay(real: Frames, sensor: str, *, seed: int = 0, assignments: Sequence[str] = ()) -> Frames:
     """Render the surfaces of real frames through a sensor.
 
     Frames that are static in ``real`` show one scene here too. Frames whose shadows are on the
@@ -67,14 +64,14 @@ def replay(
 
     """
     mirrored = _is_mirrored(real, load_sensor(sensor).rig)
-    camera = real.camera
+    camera = real.intrinsics
     rig = {
         "width": camera.width,
         "height": camera.height,
         "focal_px": [camera.fx, camera.fy],
         "centre_px": [camera.width - camera.cx if mirrored else camera.cx, camera.cy],
     }
-    frames = [_mirror(frame) if mirrored else frame for frame in real.frames]
+    frames = [_mirror(frame) if mirrored else frame for frame in real]
     some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
     smooth_px = _smoothing_px(some)
     noise = measure_noise_floor(some, smooth_px)
@@ -84,39 +81,39 @@ def replay(
         def scene(frame: DepthFrame) -> Mesh | None:
             """Return the surfaces of a frame with their reflectivity; None without depth."""
             holes_px = _WIDEST_HOLE_PX[frame.infrared is not None]
-            found = find_surfaces(frame.depth_mm, smooth_px, holes_px, noise.variance(frame))
+            found = find_surfaces(frame.measured_mm, smooth_px, holes_px, noise.variance(frame))
             if not np.isfinite(found.front_mm).any():
                 return None
-            albedo = np.full(frame.depth_mm.shape, SKIN_ALBEDO)
+            albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
             if frame.infrared is not None:
                 albedo = _albedo(virtual, found, frame.infrared)
             return mesh_of(found, virtual.rig.intrinsics, albedo)
 
         made = []
-        for frame, view in zip(frames, view_numbers(real.frames), strict=True):
+        for frame, view in zip(frames, view_numbers(real), strict=True):
             rendered = _render(virtual, scene(frames[view]), frame)
-            made.append(replace(_mirror(rendered) if mirrored else rendered, camera=camera))
-    return FrameSet(f"{sensor}, replay", tuple(made))
+            made.append((_mirror(rendered) if mirrored else rendered).changed(intrinsics=camera))
+    return Frames.of(made, f"{sensor}, replay")
 
 
 def _render(virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame) -> DepthFrame:
     """Render the counterpart of a frame, with its step of depth; no depth without a mesh."""
     if mesh is None:
-        return replace(frame, depth_mm=np.full_like(frame.depth_mm, np.nan))
-    shot = virtual.capture(mesh, 1, None, scene=f"replay {frame.name}").frames[0]
-    depth_mm = np.rint(shot.depth_mm / frame.quantum_mm) * frame.quantum_mm
-    infrared = None if frame.infrared is None else shot.infrared
-    return replace(frame, depth_mm=depth_mm.astype(np.float32), infrared=infrared)
+        return frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)})
+    shot = virtual.capture(mesh, 1, None, scene=f"replay {frame.name}")[0]
+    depth_mm = (np.rint(shot.noisy_mm / frame.step_mm) * frame.step_mm).astype(np.float32)
+    light = {} if frame.infrared is None else {"infrared": shot.layer("infrared")}
+    return frame.changed({"noisy_mm": depth_mm, **light})
 
 
 def _mirror(frame: DepthFrame) -> DepthFrame:
     """Return the frame with left and right exchanged; its camera stays."""
-    light = frame.infrared
-    return replace(
-        frame,
-        depth_mm=np.ascontiguousarray(frame.depth_mm[:, ::-1]),
-        infrared=None if light is None else np.ascontiguousarray(light[:, ::-1]),
-    )
+    turned = {
+        name: np.ascontiguousarray(frame.layer(name)[:, ::-1])
+        for name in ("noisy_mm", "infrared")
+        if name in frame
+    }
+    return frame.changed(turned)
 
 
 def _albedo(
@@ -124,7 +121,7 @@ def _albedo(
 ) -> Array:
     """Return (H, W) the reflectivity with which the sensor's infrared is the real one."""
     even = mesh_of(surfaces, virtual.rig.intrinsics, np.full(infrared.shape, _EVEN_ALBEDO))
-    lit = virtual.capture(even, 1, None, scene="light").frames[0].infrared
+    lit = virtual.capture(even, 1, None, scene="light")[0].infrared
     assert lit is not None
     real, simulated = (
         cv2.GaussianBlur(image.astype(np.float64), (0, 0), _LIGHT_PX) for image in (infrared, lit)
@@ -143,7 +140,7 @@ def _albedo(
 
 def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
     """Choose the smoothing of surfaces by how far the noise of planes is alike."""
-    noise = measure_disparity_noise([to_disparity(frame.depth_mm) for frame in frames])
+    noise = measure_disparity_noise([to_disparity(frame.measured_mm) for frame in frames])
     alike = 0.5 * (np.array(noise.rows) + np.array(noise.columns))
     if not np.isfinite(alike).all():
         return _SMOOTH_PX[0]
@@ -151,9 +148,9 @@ def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
     return float(np.clip(_SMOOTH_OVER_CORRELATION * half, *_SMOOTH_PX))
 
 
-def _is_mirrored(real: FrameSet, rig: SensorRig) -> bool:
+def _is_mirrored(real: Frames, rig: SensorRig) -> bool:
     """Say whether the frames' shadows are on the other side than the sensor's."""
-    measured = measure_silhouettes(real.frames)
+    measured = measure_silhouettes(real)
     widths = measured.left.width_mean_px, measured.right.width_mean_px
     hidden = [*rig.imagers_m[1:], *(emitter.position_m for emitter in rig.emitters)]
     if not np.isfinite(widths).all() or not hidden or hidden[0][0] == 0:

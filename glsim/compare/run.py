@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from glsim.compare.classifier import Verdict, tell_apart
 from glsim.compare.patches import KINDS, Patches, edge_patches, surface_patches
 from glsim.compare.report import Comparison, Measurements
-from glsim.measures.frame import FrameSet
+from glsim.depth_frame import Frames
 from glsim.measures.light import measure_light
 from glsim.measures.pattern import measure_pattern
 from glsim.measures.silhouettes import measure_silhouettes
@@ -19,7 +19,7 @@ from glsim.measures.validity import measure_invalid
 
 
 def compare_sets(
-    first: FrameSet, second: FrameSet, progress: Callable[[str], None] | None = None
+    first: Frames, second: Frames, progress: Callable[[str], None] | None = None
 ) -> Comparison:
     """Measure both sets and classify their patches; ``progress`` is called with each step's name.
 
@@ -36,10 +36,10 @@ def compare_sets(
     else:
         say("classifying patches")
         patches: list[dict[str, Patches]] = [
-            surface_patches(frames.frames) | edge_patches(frames.frames, m.silhouettes.shadow_side)
+            surface_patches(frames) | edge_patches(frames, m.silhouettes.shadow_side)
             for frames, m in zip((first, second), measured, strict=True)
         ]
-        views = [view_numbers(frames.frames) for frames in (first, second)]
+        views = [view_numbers(frames) for frames in (first, second)]
         verdicts = {
             kind: tell_apart(patches[0][kind], patches[1][kind], views[0], views[1])
             for kind in KINDS
@@ -47,16 +47,16 @@ def compare_sets(
     return Comparison(measured[0], measured[1], verdicts)
 
 
-def _measure(frames: FrameSet) -> Measurements:
-    pairs = static_pairs(frames.frames)
+def _measure(frames: Frames) -> Measurements:
+    pairs = static_pairs(frames)
     return Measurements(
         title=frames.title,
-        frames=len(frames.frames),
-        size=(frames.camera.width, frames.camera.height),
-        temporal=measure_temporal(frames.frames, pairs),
-        spatial=measure_spatial(frames.frames),
-        pattern=measure_pattern(frames.frames),
-        light=measure_light(frames.frames, pairs),
-        silhouettes=measure_silhouettes(frames.frames),
-        invalid=measure_invalid(frames.frames),
+        frames=len(frames),
+        size=(frames.intrinsics.width, frames.intrinsics.height),
+        temporal=measure_temporal(frames, pairs),
+        spatial=measure_spatial(frames),
+        pattern=measure_pattern(frames),
+        light=measure_light(frames, pairs),
+        silhouettes=measure_silhouettes(frames),
+        invalid=measure_invalid(frames),
     )

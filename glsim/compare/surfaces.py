@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.depth_map import grid_triangles
 from glsim.geometry.mesh import Mesh
-from glsim.measures.frame import DepthFrame
 from glsim.measures.surfaces import step_limit_mm
 
 Array = NDArray[np.float64]
@@ -282,7 +282,7 @@ class NoiseFloor:
     def variance(self, frame: DepthFrame) -> Array:
         """Return the (H, W) variance of a frame's noise, mm^2; infinite if nothing was measured."""
         if self.at.size == 0:
-            return np.full(frame.depth_mm.shape, np.inf)
+            return np.full(frame.measured_mm.shape, np.inf)
         driver = np.maximum(_driver(frame), _CLASSES[0])
         return np.asarray(np.interp(np.log(driver), np.log(self.at), self.variance_mm2))
 
@@ -297,9 +297,9 @@ def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseF
     """
     variances, drivers = [], []
     for frame in frames:
-        label, smooth = smooth_surfaces(frame.depth_mm, sigma_px)
+        label, smooth = smooth_surfaces(frame.measured_mm, sigma_px)
         inner = _far_from_rims(label)
-        variances.append(_local_variance(frame.depth_mm - smooth, label >= 0, sigma_px)[inner])
+        variances.append(_local_variance(frame.measured_mm - smooth, label >= 0, sigma_px)[inner])
         drivers.append(_driver(frame)[inner])
     variance, driver = np.concatenate(variances), np.concatenate(drivers)
     place = np.digitize(driver, _CLASSES)
@@ -342,7 +342,7 @@ def keep_relief(
 
 def _driver(frame: DepthFrame) -> Array:
     """Return what the noise of a frame depends on: (H, W) infrared, or depth without infrared."""
-    source = frame.depth_mm if frame.infrared is None else frame.infrared
+    source = frame.measured_mm if frame.infrared is None else frame.infrared
     return np.nan_to_num(source.astype(np.float64))
 
 

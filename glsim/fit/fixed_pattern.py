@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.frame import DepthFrame
+from glsim.depth_frame import DepthFrame
 from glsim.measures.pattern import measure_pattern
 from glsim.sensors.pattern_map import LARGEST_MM
 

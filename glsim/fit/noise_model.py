@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame, Frames
 from glsim.fit.recording_statistics import RecordingStatistics
 from glsim.geometry.camera import Intrinsics
-from glsim.measures.frame import DepthFrame, FrameSet
+from glsim.measures.frame import lit, mean_frame, radius_px
 from glsim.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
@@ -99,7 +100,7 @@ class InfraredLaw:
 
 
 def fit_infrared(
-    statistics: RecordingStatistics, frames: FrameSet, albedo: float, taps: TapNoise
+    statistics: RecordingStatistics, frames: Frames, albedo: float, taps: TapNoise
 ) -> InfraredLaw:
     """Fit gain and noise law to a recording with infrared.
 
@@ -110,10 +111,10 @@ def fit_infrared(
         taps: noise of the base sensor's taps.
 
     """
-    mean = frames.mean()
+    mean = mean_frame(frames)
     assert mean.infrared is not None
-    usable = statistics.smooth & mean.lit
-    bright = light_at_one_metre(mean)[usable & (mean.radius_px < EVEN_PX)]
+    usable = statistics.smooth & lit(mean)
+    bright = light_at_one_metre(mean)[usable & (radius_px(mean) < EVEN_PX)]
     bright = bright[np.isfinite(bright)]
     gain = float("nan")
     if bright.size >= _LEAST_CLASS:
@@ -122,7 +123,7 @@ def fit_infrared(
     nothing = InfraredLaw(gain, law, float("nan"), float("inf"), float("nan"))
     if usable.sum() < _LEAST_CLASS:
         return nothing
-    squared = 1.0 / (_rays(frames.camera) ** 2).sum(axis=-1)
+    squared = 1.0 / (_rays(frames.intrinsics) ** 2).sum(axis=-1)
     x, cosine2, variance, weight = _classes(
         mean.infrared[usable].astype(np.float64),
         squared[usable],
@@ -133,7 +134,7 @@ def fit_infrared(
     x, cosine2, variance, weight = (c[strong] for c in (x, cosine2, variance, weight))
     if len(x) < 3:
         return nothing
-    variance = variance - frames.frames[0].quantum_mm ** 2 / 12.0
+    variance = variance - frames[0].step_mm ** 2 / 12.0
     amplitude = x / COUNTS_PER_AMPLITUDE
     shape = white_sigma_mm(amplitude, FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
     rounding = white_sigma_mm(amplitude, FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
@@ -147,11 +148,11 @@ def fit_infrared(
     )
 
 
-def _some_pairs(frames: FrameSet) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
+def _some_pairs(frames: Frames) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
     """Choose up to _PAIRS pairs of successive frames, evenly; return frames and their numbers."""
-    count = len(frames.frames)
+    count = len(frames)
     starts = np.unique(np.linspace(0, count - 2, min(_PAIRS, count // 2)).astype(int))
-    chosen = [frames.frames[k] for start in starts for k in (start, start + 1)]
+    chosen = [frames[k] for start in starts for k in (start, start + 1)]
     return chosen, [(2 * k, 2 * k + 1) for k in range(len(starts))]
 
 

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import Frames
 from glsim.errors import DatasetError
 from glsim.fit.fixed_pattern import DevicePattern, describe_pattern
 from glsim.measures.cells import Cell, Samples
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.measures.frame import FrameSet
+from glsim.measures.frame import mean_frame, radius_px
 from glsim.measures.stacks import moments
 
 Array = NDArray[np.float64]
@@ -65,10 +66,10 @@ class RecordingStatistics:
     flying_share: float
 
 
-def measure_recording(frames: FrameSet) -> RecordingStatistics:
+def measure_recording(frames: Frames) -> RecordingStatistics:
     """Measure a static recording. Raises DatasetError if no part of the scene is smooth enough."""
-    count, mean, variance = moments([frame.depth_mm for frame in frames.frames])
-    steady = count >= max(2.0, _LEAST_VALID * len(frames.frames))
+    count, mean, variance = moments([frame.measured_mm for frame in frames])
+    steady = count >= max(2.0, _LEAST_VALID * len(frames))
     smooth = _smooth_mask(np.where(steady, mean, np.nan))
     if smooth.sum() < _LEAST_PIXELS:
         raise DatasetError(
@@ -78,16 +79,16 @@ def measure_recording(frames: FrameSet) -> RecordingStatistics:
     noise = np.where(steady, variance / np.maximum(count, 1), 0.0)
     # Only well-lit pixels: the noise of far walls would hide the pattern.
     lit = smooth & (noise <= 2.0 * np.median(noise[smooth]))
-    whole = frames.mean()
+    whole = mean_frame(frames)
     flat = lit & _flat_mask(whole.infrared, mean, steady)
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
-    halves = [frames.mean(slice(start, None, 2)) for start in (0, 1)]
+    halves = [mean_frame(frames[start::2]) for start in (0, 1)]
     edge, invalid, flying = _edges(frames, mean, steady)
     samples = Samples()
-    quantum = frames.frames[0].quantum_mm ** 2 / 12.0
-    samples.add(mean, whole.radius_px, np.where(smooth, variance - quantum, np.nan))
+    quantum = frames[0].step_mm ** 2 / 12.0
+    samples.add(mean, radius_px(whole), np.where(smooth, variance - quantum, np.nan))
     return RecordingStatistics(
-        frames=len(frames.frames),
+        frames=len(frames),
         mean_mm=np.where(steady, mean, np.nan),
         variance_mm2=np.where(steady, variance, np.nan),
         smooth=smooth,
@@ -130,11 +131,11 @@ def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) 
     return np.asarray(flat & (spread < _MOST_UNEVEN * level))
 
 
-def _correlation(frames: FrameSet, smooth: Mask) -> tuple[float, ...]:
+def _correlation(frames: Frames, smooth: Mask) -> tuple[float, ...]:
     """Correlate the differences of successive frames, which hold temporal noise only."""
     sums = []
-    for before, after in pairwise(frames.frames):
-        noise = np.where(smooth, after.depth_mm.astype(np.float64) - before.depth_mm, np.nan)
+    for before, after in pairwise(frames):
+        noise = np.where(smooth, after.measured_mm.astype(np.float64) - before.measured_mm, np.nan)
         sums.append(lagged_sums(without_local_mean(noise)))
     return correlation_of(sums)
 
@@ -147,7 +148,7 @@ def second_difference(image: Array, axis: int, lag: int) -> Array:
     return np.moveaxis(out, 0, axis)
 
 
-def _edges(frames: FrameSet, mean: Array, steady: Mask) -> tuple[int, float, float]:
+def _edges(frames: Frames, mean: Array, steady: Mask) -> tuple[int, float, float]:
     """Count the pixels of a frame beside depth edges, and the shares without depth and flying.
 
     An edge lies where steady pixels within 5 x 5 differ by more than _EDGE_MM; pixels beside it are
@@ -164,6 +165,6 @@ def _edges(frames: FrameSet, mean: Array, steady: Mask) -> tuple[int, float, flo
     pixels = int(beside.sum())
     if pixels == 0:
         return 0, float("nan"), float("nan")
-    values = np.stack([frame.depth_mm[beside] for frame in frames.frames])
+    values = np.stack([frame.measured_mm[beside] for frame in frames])
     between = (values > low[beside] + _FLYING_MM) & (values < high[beside] - _FLYING_MM)
     return pixels, float(np.isnan(values).mean()), float(between.mean())

@@ -144,7 +144,7 @@ class _Trials:
             mesh = scenes.tilted(z_mm, tilt, _ALBEDO, half_mm=z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
             first = len(disparity)
-            disparity += list(to_disparity(np.nan_to_num(shot.depth_mm), product))
+            disparity += list(to_disparity(np.nan_to_num(shot.measured_mm), product))
             pairs += [(first + a, first + b) for a, b in pairwise(range(_FRAMES))]
         return measure_disparity_noise(disparity, pairs)
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import Frames
 from glsim.errors import DatasetError
 from glsim.measures.disparity import (
     LEAST_TILES,
@@ -17,7 +18,6 @@ from glsim.measures.disparity import (
     measure_disparity_noise,
     to_disparity,
 )
-from glsim.measures.frame import FrameSet
 from glsim.measures.lattice import Lattice, distinct_values, estimate_lattice
 from glsim.measures.validity import flip_share, hole_share_beside_band
 
@@ -62,17 +62,17 @@ class StereoStatistics:
     flips: float
 
 
-def find_lattice(frames: FrameSet) -> Lattice | None:
+def find_lattice(frames: Frames) -> Lattice | None:
     """Return the lattice of the depths of frames; None if they are on none."""
-    step = frames.frames[0].quantum_mm
+    step = frames[0].step_mm
     if step <= 0:
         return None
-    found = estimate_lattice(distinct_values((f.depth_mm for f in frames.frames), step))
+    found = estimate_lattice(distinct_values((f.measured_mm for f in frames), step))
     return found if found is not None and found.accepted else None
 
 
 def measure_stereo(
-    frames: FrameSet, lattice: Lattice | None, steps: float, focal_baseline_px_mm: float
+    frames: Frames, lattice: Lattice | None, steps: float, focal_baseline_px_mm: float
 ) -> StereoStatistics:
     """Measure a static recording.
 
@@ -85,9 +85,9 @@ def measure_stereo(
     Raises:
         DatasetError: frames show different views, or no part of the scene is plane.
     """
-    unit = frames.frames[0].quantum_mm or 1.0
+    unit = frames[0].step_mm or 1.0
     product = focal_baseline_px_mm if lattice is None else lattice.constant * unit / steps
-    disparity = [to_disparity(f.depth_mm, product) for f in frames.frames]
+    disparity = [to_disparity(f.measured_mm, product) for f in frames]
     _check_still(frames, disparity)
     pairs = list(pairwise(range(len(disparity))))
     noise = measure_disparity_noise(disparity, pairs)
@@ -126,7 +126,7 @@ def _planes(disparity: Array) -> tuple[Array, Array]:
     return tiles.level, np.array(slopes)
 
 
-def _check_still(frames: FrameSet, disparity: list[Array]) -> None:
+def _check_still(frames: Frames, disparity: list[Array]) -> None:
     """Raise DatasetError if two frames that follow each other show different views."""
     if len(disparity) < 2:
         raise DatasetError(
@@ -138,7 +138,7 @@ def _check_still(frames: FrameSet, disparity: list[Array]) -> None:
         known = change[np.isfinite(change)]
         middle = float(np.median(known)) if known.size else float("inf")
         if middle > _STILL_PX:
-            names = [frames.frames[k].name for k in (number, number + 1)]
+            names = [frames[k].name for k in (number, number + 1)]
             raise DatasetError(
                 f"{frames.title}: {names[0]} and {names[1]} show different scenes (half of the "
                 f"disparities change by more than {middle:.2g} px): give a static recording, one "

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.frame import SATURATED, DepthFrame
+from glsim.depth_frame import DepthFrame
+from glsim.measures.frame import SATURATED, lit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -65,17 +66,17 @@ def find_board(
     grow = 1.0 + 2.0 * _MARGIN_SQUARES / (max(pattern) - 1)
     hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
     hull = np.rint(centre + grow * (hull - centre)).astype(np.int32)
-    inside = np.zeros(frame.depth_mm.shape, np.uint8)
+    inside = np.zeros(frame.measured_mm.shape, np.uint8)
     cv2.fillConvexPoly(inside, hull, 1)
-    known = (inside > 0) & np.isfinite(frame.depth_mm)
+    known = (inside > 0) & np.isfinite(frame.measured_mm)
     if known.sum() < LEAST_PIXELS:
         return None
-    residual = plane_residual(frame.depth_mm, frame.rays, known)
+    residual = plane_residual(frame.measured_mm, frame.rays, known)
     on_plane = known & (np.abs(residual) <= _limit(residual[known]))
     paper = on_plane & _bright(frame, inside > 0)
     if paper.sum() < LEAST_PIXELS:
         return None
-    return Board(on_plane, paper, float(np.median(frame.depth_mm[paper])))
+    return Board(on_plane, paper, float(np.median(frame.measured_mm[paper])))
 
 
 def plane_residual(depth_mm: NDArray[np.floating], rays: NDArray[np.floating], part: Mask) -> Array:
@@ -116,12 +117,12 @@ def _bright(frame: DepthFrame, inside: Mask) -> Mask:
     """Return the paper: brighter than Otsu's threshold, print and its edges left out."""
     if frame.infrared is None:
         return np.ones_like(inside)
-    lit = inside & frame.lit
-    if not lit.any():
+    seen = inside & lit(frame)
+    if not seen.any():
         return np.zeros_like(inside)
-    top = float(frame.infrared[lit].max())
+    top = float(frame.infrared[seen].max())
     grey = np.clip(255.0 * frame.infrared / top, 0, 255).astype(np.uint8)
-    threshold, _ = cv2.threshold(grey[lit][None], 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    threshold, _ = cv2.threshold(grey[seen][None], 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     side = 2 * _EDGE_PX + 1
     bright = cv2.erode((grey > threshold).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-    return np.asarray(bright & lit)
+    return np.asarray(bright & seen)

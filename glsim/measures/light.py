@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.cells import DISTANCES_M
-from glsim.measures.frame import DepthFrame
+from glsim.measures.frame import lit, radius_px, surfaces
 from glsim.measures.temporal import pair_noise
 
 Array = NDArray[np.float64]
@@ -73,27 +74,27 @@ class Light:
 
 def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> Light | None:
     """Measure light and noise over light; None if no frame has infrared."""
-    lit = [frame for frame in frames if frame.infrared is not None]
-    if not lit:
+    with_light = [frame for frame in frames if frame.infrared is not None]
+    if not with_light:
         return None
     over_space = _Classes()
     bright: list[Array] = []
     saturated = []
-    for frame in lit:
+    for frame in with_light:
         assert frame.infrared is not None
-        s = frame.surfaces
-        used = s.smooth & frame.lit
+        s = surfaces(frame)
+        used = s.smooth & lit(frame)
         ir = frame.infrared.astype(np.float64)
         unit = light_at_one_metre(frame)
         limit = 4.0 * np.nanmedian(s.rough_mm) if used.any() else 0.0
         flat = used & (s.rough_mm < limit) & (s.bend_mm < 2.0)
-        quantum = frame.quantum_mm**2 / 12.0
+        quantum = frame.step_mm**2 / 12.0
         squares = np.where(flat, s.rough_mm.astype(np.float64) ** 2 - quantum, np.nan)
         over_space.add(ir[::3, ::3], squares[::3, ::3])
         keep = np.isfinite(unit)[::2, ::2]
-        columns = (unit, frame.depth_mm / 1000.0, frame.radius_px)
+        columns = (unit, frame.measured_mm / 1000.0, radius_px(frame))
         bright.append(np.stack([c[::2, ::2][keep] for c in columns]).astype(np.float64))
-        saturated.append(float((~frame.lit & (frame.infrared > 0)).mean()))
+        saturated.append(float((~lit(frame) & (frame.infrared > 0)).mean()))
     unit, depth, radius = np.concatenate(bright, axis=1)
     even = radius < EVEN_PX
     by_distance = [
@@ -119,10 +120,14 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
 def light_at_one_metre(frame: DepthFrame) -> Array:
     """Return (H, W) IR r^2 / cos, counts m^2; NaN off smooth surfaces and for saturated pixels."""
     if frame.infrared is None:
-        return np.full(frame.depth_mm.shape, np.nan)
-    s = frame.surfaces
-    r_m = frame.depth_mm / 1000.0 * np.sqrt(1.0 + (frame.rays.astype(np.float64) ** 2).sum(axis=-1))
-    known = s.smooth & frame.lit & (s.cosine > _LEAST_COSINE)
+        return np.full(frame.measured_mm.shape, np.nan)
+    s = surfaces(frame)
+    r_m = (
+        frame.measured_mm
+        / 1000.0
+        * np.sqrt(1.0 + (frame.rays.astype(np.float64) ** 2).sum(axis=-1))
+    )
+    known = s.smooth & lit(frame) & (s.cosine > _LEAST_COSINE)
     return np.where(known, frame.infrared * r_m**2 / np.where(known, s.cosine, 1.0), np.nan)
 
 
@@ -133,9 +138,9 @@ def measure_noise_law(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, i
         a, b = frames[first], frames[second]
         if a.infrared is None or b.infrared is None:
             continue
-        used = a.lit & b.lit
+        used = lit(a) & lit(b)
         mean = 0.5 * (a.infrared.astype(np.float64) + b.infrared)
-        quantum = (a.quantum_mm**2 + b.quantum_mm**2) / 24.0
+        quantum = (a.step_mm**2 + b.step_mm**2) / 24.0
         classes.add(mean, np.where(used, pair_noise(a, b) ** 2 - quantum, np.nan))
     return classes.law()
 

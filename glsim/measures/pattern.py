@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.frame import DepthFrame
+from glsim.depth_frame import DepthFrame
+from glsim.measures.frame import lit
 from glsim.measures.surfaces import fit_surfaces
 
 Array = NDArray[np.float64]
@@ -73,13 +74,13 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     """
     nan = float("nan")
     nothing = FixedPattern(len(frames), nan, nan, nan, (nan,) * BANDS, nan, nan)
-    shape = frames[0].depth_mm.shape
+    shape = frames[0].measured_mm.shape
     sums, counts = np.zeros((2, *shape)), np.zeros((2, *shape))
     for number, frame in enumerate(frames):
-        s = fit_surfaces(frame.depth_mm, frame.rays, _SIZE)
+        s = fit_surfaces(frame.measured_mm, frame.rays, _SIZE)
         limit = 1.5 * np.nanmedian(s.rough_mm) if s.smooth.any() else 0.0
-        used = s.smooth & frame.lit & (s.rough_mm < limit) & (np.abs(s.residual_mm) < _CLIP_MM)
-        used &= frame.depth_mm < 1600.0
+        used = s.smooth & lit(frame) & (s.rough_mm < limit) & (np.abs(s.residual_mm) < _CLIP_MM)
+        used &= frame.measured_mm < 1600.0
         sums[number % 2] += np.where(used, s.residual_mm, 0.0)
         counts[number % 2] += used
     if len(frames) < 2:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.frame import DepthFrame
+from glsim.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]
 
@@ -117,12 +117,12 @@ def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
 
 def find_edges(frame: DepthFrame) -> Edges:
     """Find the silhouettes of a frame along its rows."""
-    depth = frame.depth_mm
+    depth = frame.measured_mm
     rows = [entry for r in range(depth.shape[0]) for entry in _row_edges(depth[r], r)]
     table = np.array(rows, np.float64).reshape(-1, 9)
     table = table[_continues(table)]
     side, row, column, width, invalid, band_invalid, behind, front, back = table.T
-    shift = frame.camera.fx * (1000.0 / front - 1000.0 / back)
+    shift = frame.intrinsics.fx * (1000.0 / front - 1000.0 / back)
     return Edges(
         side.astype(int), row.astype(int), column.astype(int),
         width, invalid, band_invalid, behind, front, back, shift,

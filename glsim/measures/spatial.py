@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.cells import Cell, Samples
 from glsim.measures.correlation import correlation_of, lagged_sums
-from glsim.measures.frame import DepthFrame
+from glsim.measures.frame import lit, radius_px, surfaces
 
 #: Windows that are measured: every third along both axes; nearer ones share most of their pixels.
 _STRIDE = 3
@@ -40,12 +41,12 @@ def measure_spatial(frames: Sequence[DepthFrame]) -> SpatialNoise:
     """Measure the residuals of all smooth surfaces."""
     samples, rough, sums = Samples(), [], []
     for frame in frames:
-        s = frame.surfaces
-        smooth = s.smooth & frame.lit
-        quantum = frame.quantum_mm**2 / 12.0
+        s = surfaces(frame)
+        smooth = s.smooth & lit(frame)
+        quantum = frame.step_mm**2 / 12.0
         squares = np.where(smooth, s.rough_mm.astype(np.float64) ** 2 - quantum, np.nan)
         every = np.s_[::_STRIDE, ::_STRIDE]
-        samples.add(frame.depth_mm[every], frame.radius_px[every], squares[every])
+        samples.add(frame.measured_mm[every], radius_px(frame)[every], squares[every])
         rough.append(np.sqrt(np.maximum(squares[every][smooth[every]], 0.0)))
         residual = np.where(smooth & (s.rough_mm < 6.0), s.residual_mm, np.nan)
         sums.append(lagged_sums(residual.astype(np.float64)))

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.correlation import lagged_sums
-from glsim.measures.frame import DepthFrame
 from glsim.measures.stacks import ratio
 
 #: Two frames show different views if their median absolute difference is above _MOST_MEDIAN_MM and
@@ -29,7 +29,7 @@ _ALL_PAIRS_BELOW = 80
 
 def static_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
     """Find static pairs: (first, second) numbers of frames, each frame with the next static one."""
-    thin = [_thinned(frame.depth_mm) for frame in frames]
+    thin = [_thinned(frame.measured_mm) for frame in frames]
     pairs = []
     for first in range(len(frames)):
         last = len(frames) if len(frames) <= _ALL_PAIRS_BELOW else min(first + 2, len(frames))
@@ -50,7 +50,7 @@ def view_numbers(frames: Sequence[DepthFrame]) -> list[int]:
 
 def view_change(first: DepthFrame, second: DepthFrame) -> str:
     """Return what shows that the view changed between two frames; "" for a static pair."""
-    return _change(*_thinned(first.depth_mm), _thinned(second.depth_mm)[0])
+    return _change(*_thinned(first.measured_mm), _thinned(second.measured_mm)[0])
 
 
 def _thinned(depth_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:

@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.cells import DISTANCES_M, Cell, Samples
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.measures.frame import DepthFrame
+from glsim.measures.frame import radius_px, surface_mm, surfaces
 from glsim.measures.stacks import mean_of
 from glsim.measures.surfaces import fit_surfaces
 
@@ -41,9 +42,9 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
         frame, rounding included. NaN off smooth surfaces and for outliers.
 
     """
-    noise = (second.depth_mm.astype(np.float64) - first.depth_mm) / np.sqrt(2.0)
-    both = first.surfaces.smooth & second.surfaces.smooth
-    noise = without_outliers(np.where(both, noise, np.nan), first.surface_mm)
+    noise = (second.measured_mm.astype(np.float64) - first.measured_mm) / np.sqrt(2.0)
+    both = surfaces(first).smooth & surfaces(second).smooth
+    noise = without_outliers(np.where(both, noise, np.nan), surface_mm(first))
     return np.asarray(noise - mean_of(noise))
 
 
@@ -69,12 +70,12 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
     ``pair_noise`` keeps smooth surfaces alone; this keeps all pixels whose 3 x 3 neighbours have
     depth without a step in both frames. Its variance is the sum of the variances of both frames.
     """
-    whole = (fit_surfaces(f.depth_mm, f.rays, 3).rough_mm for f in (first, second))
+    whole = (fit_surfaces(f.measured_mm, f.rays, 3).rough_mm for f in (first, second))
     both = np.isfinite(sum(whole))
-    difference = np.where(both, second.depth_mm.astype(np.float64) - first.depth_mm, np.nan)
+    difference = np.where(both, second.measured_mm.astype(np.float64) - first.measured_mm, np.nan)
     # The mean of both frames does not correlate with their difference: bins keep all of its noise.
-    surface_mm = 0.5 * (first.depth_mm + second.depth_mm)
-    difference = without_outliers(difference, surface_mm)
+    between_mm = 0.5 * (first.measured_mm + second.measured_mm)
+    difference = without_outliers(difference, between_mm)
     # Motion changes a whole region alike, noise does not.
     middle = cv2.medianBlur(np.nan_to_num(difference).astype(np.float32), 5)
     known = np.isfinite(difference)
@@ -82,7 +83,7 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
         spread = 1.4826 * float(np.median(np.abs(difference[known])))
         difference[np.abs(middle) > _CLIP * max(spread, 0.5)] = np.nan
     known = np.isfinite(difference)
-    place = (surface_mm[known] / _DRIFT_BIN_MM).astype(int)
+    place = (between_mm[known] / _DRIFT_BIN_MM).astype(int)
     sums = np.bincount(place, difference[known])
     drift = sums / np.maximum(np.bincount(place), 1)
     difference[known] -= drift[place]
@@ -114,7 +115,7 @@ def measure_temporal(
     for first, second in pairs:
         a, b = frames[first], frames[second]
         noise = pair_noise(a, b)
-        quantum = (a.quantum_mm**2 + b.quantum_mm**2) / 24.0
-        samples.add(a.surface_mm, a.radius_px, noise**2 - quantum)
+        quantum = (a.step_mm**2 + b.step_mm**2) / 24.0
+        samples.add(surface_mm(a), radius_px(a), noise**2 - quantum)
         sums.append(lagged_sums(without_local_mean(noise)))
     return TemporalNoise(len(pairs), samples.root_cells(), correlation_of(sums))

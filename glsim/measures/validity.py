@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.frame import DepthFrame
+from glsim.depth_frame import DepthFrame
+from glsim.measures.frame import radius_px
 
 #: Bounds of the rings, px of a Kinect V2 (its corners are at 330).
 RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)
@@ -19,9 +20,9 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
     missing = np.zeros(len(RINGS_PX) - 1)
     pixels = np.zeros(len(RINGS_PX) - 1)
     for frame in frames:
-        invalid = ~np.isfinite(frame.depth_mm)
+        invalid = ~np.isfinite(frame.measured_mm)
         for k, (inner, outer) in enumerate(pairwise(RINGS_PX)):
-            ring = (frame.radius_px >= inner) & (frame.radius_px < outer)
+            ring = (radius_px(frame) >= inner) & (radius_px(frame) < outer)
             missing[k] += invalid[ring].sum()
             pixels[k] += ring.sum()
     share = np.where(pixels > 0, missing / np.maximum(pixels, 1), np.nan)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.boards import find_corners
-from glsim.measures.frame import DepthFrame
 from glsim.recordings.opencv_yaml import read_corners
 
 

@@ -20,19 +20,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.dataset.header import is_dataset
-from glsim.dataset.reader import Dataset, open_dataset
-from glsim.depth_frame import DepthFrame as StoredFrame
+from glsim.dataset.reader import open_dataset
+from glsim.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import stated_unit_mm
 from glsim.geometry.camera import Intrinsics
-from glsim.measures.frame import DepthFrame, FrameSet
-from glsim.measures.stacks import with_nan
 from glsim.measures.static import view_change
 from glsim.recordings.camera_file import CAMERA_FILE, StatedCamera, check_size
 from glsim.recordings.files import FrameFile, open_stack
@@ -53,37 +49,6 @@ _MAX_FRAMES = 250_000
 _RUN = 4
 
 
-@dataclass(frozen=True)
-class _PairFrame:
-    """A frame of a data set, read as a ``FrameFile`` is."""
-
-    pair: StoredFrame
-    quantum_mm: float
-
-    @property
-    def name(self) -> str:
-        return self.pair.name
-
-    def depth_mm(self) -> NDArray[np.float32]:
-        return self.pair.noisy_mm
-
-    def infrared(self) -> NDArray[np.float32] | None:
-        return self.pair.infrared.astype(np.float32) if "infrared" in self.pair else None
-
-
-class _PairFrames(Sequence[_PairFrame]):
-    """The frames of a data set, looked up one by one: there may be millions."""
-
-    def __init__(self, dataset: Dataset) -> None:
-        self._dataset = dataset
-
-    def __len__(self) -> int:
-        return len(self._dataset)
-
-    def __getitem__(self, number: Any) -> Any:
-        return _PairFrame(self._dataset.frames()[number], self._dataset.depth_unit_mm)
-
-
 @dataclass(frozen=True, eq=False)
 class Recording:
     """The frames of one camera on disk, in the order of their names.
@@ -100,7 +65,7 @@ class Recording:
 
     path: Path
     kind: str
-    files: Sequence[FrameFile] | Sequence[StreamFrame] | Sequence[_PairFrame]
+    files: Sequence[FrameFile] | Sequence[StreamFrame] | Frames
     stated: StatedCamera = field(default_factory=StatedCamera)
     stated_by: Path | None = None
     notes: tuple[str, ...] = ()
@@ -122,7 +87,7 @@ class Recording:
             return own
         return load_sensor(DEFAULT_SENSOR).rig.for_map((shape[0], shape[1])).intrinsics
 
-    def read(self, most: int | None = None) -> FrameSet:
+    def read(self, most: int | None = None) -> Frames:
         """Read the frames into memory.
 
         Args:
@@ -136,16 +101,16 @@ class Recording:
         numbers = _chosen(len(self.files), most or len(self.files))
         frames = [self.frame(number) for number in numbers]
         where = str(self.path)
-        check_sizes([(frame.name, frame.depth_mm.shape) for frame in frames], where)
+        check_sizes([(frame.name, frame.noisy_mm.shape) for frame in frames], where)
         for frame in frames:
             if frame.infrared is not None:
-                pair = [("depth", frame.depth_mm.shape), ("infrared", frame.infrared.shape)]
+                pair = [("depth", frame.noisy_mm.shape), ("infrared", frame.infrared.shape)]
                 check_sizes(pair, f"{where}: {frame.name}")
-        if not any(np.isfinite(frame.depth_mm).any() for frame in frames):
+        if not any(frame.noisy_mm.any() for frame in frames):
             raise DatasetError(f"{where}: no pixel of any frame has depth (all are 0)")
-        return FrameSet(self.path.name or where, tuple(frames))
+        return Frames.of(frames, self.path.name or where)
 
-    def read_static(self, most: int | None = MOST_STATIC) -> FrameSet:
+    def read_static(self, most: int | None = MOST_STATIC) -> Frames:
         """Read the frames of one static scene; a longer recording is thinned as by ``read``.
 
         Raises DatasetError as ``read`` does, for a single frame, for a scene that changes, and if
@@ -157,14 +122,14 @@ class Recording:
                 "least 30 frames of a scene in which nothing moves"
             )
         frames = self.read(most)
-        for before, after in pairwise(frames.frames):
+        for before, after in pairwise(frames):
             if reason := view_change(before, after):
                 raise DatasetError(
                     f"{self.path}: {before.name} and {after.name} show different scenes "
                     f"({reason}): give a static recording, one camera and nothing that moves"
                 )
-        dark = [frame.name for frame in frames.frames if frame.infrared is None]
-        if 0 < len(dark) < len(frames.frames):
+        dark = [frame.name for frame in frames if frame.infrared is None]
+        if 0 < len(dark) < len(frames):
             raise DatasetError(
                 f"{self.path}: {dark[0]} has no infrared image, but other frames have: give it "
                 "for all or for none"
@@ -174,10 +139,12 @@ class Recording:
     def frame(self, number: int) -> DepthFrame:
         """Read one frame. Raises DatasetError if it cannot be read."""
         file = self.files[number]
-        depth = with_nan(file.depth_mm()).astype(np.float32)
-        stated = file.pair.intrinsics if isinstance(file, _PairFrame) else None
-        camera = stated or self.camera_of(depth.shape)
-        return DepthFrame(file.name, depth, file.infrared(), camera, file.quantum_mm)
+        if isinstance(file, DepthFrame):
+            return file
+        depth, light = file.depth_mm(), file.infrared()
+        layers = {"noisy_mm": depth} if light is None else {"noisy_mm": depth, "infrared": light}
+        key, camera = FrameKey("", file.name, number), self.camera_of(depth.shape)
+        return DepthFrame(key, camera, layers, step_mm=file.quantum_mm, name=file.name)
 
 
 def open_recording(
@@ -231,12 +198,12 @@ def open_recording(
     return Recording(given[0], kind, tuple(frames), _mirrored(stated, mirror), stated_by)
 
 
-def read_frame_set(
+def read_frames(
     paths: Path | Sequence[Path],
     unit_mm: float | None = None,
     focal_px: float | None = None,
     most: int | None = DEFAULT_FRAMES,
-) -> FrameSet:
+) -> Frames:
     """Read a recording into memory. focal_px: overrides the camera's focal length, pixels.
 
     See ``open_recording`` and ``Recording.read`` for the rest.
@@ -244,9 +211,8 @@ def read_frame_set(
     frames = open_recording(paths, unit_mm).read(most)
     if focal_px is None:
         return frames
-    own = frames.camera
-    camera = Intrinsics(own.width, own.height, focal_px, focal_px, own.cx, own.cy)
-    return frames.with_camera(camera)
+    camera = replace(frames.intrinsics, fx=focal_px, fy=focal_px)
+    return Frames.of([frame.changed(intrinsics=camera) for frame in frames], frames.title)
 
 
 def _frames_of(
@@ -262,8 +228,9 @@ def _dataset_recording(path: Path) -> Recording:
     if len(dataset) == 0:
         raise DatasetError(f"{path}: has no frames")
     dataset.require("noisy")
-    stated = StatedCamera(dataset.frames()[0].intrinsics, unit_mm=dataset.depth_unit_mm)
-    return Recording(path, "data set", _PairFrames(dataset), stated)
+    frames = dataset.frames()
+    stated = StatedCamera(frames.intrinsics, unit_mm=dataset.depth_unit_mm)
+    return Recording(path, "data set", frames, stated)
 
 
 def _stream_recording(

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import Frames
 from glsim.frame import Frame
 from glsim.measures.correlation import correlation_of, lagged_sums
-from glsim.measures.frame import FrameSet, frame_set
+from glsim.measures.frame import frames_of
 from glsim.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.measures.spatial import measure_spatial
 from glsim.measures.validity import measure_invalid
 from glsim.reason import Reason
-from glsim.recordings.recording import read_frame_set
+from glsim.recordings.recording import read_frames
 
 Array = NDArray[np.float32]
 
@@ -64,7 +65,7 @@ def frame_figures(frame: Frame) -> dict[str, Any]:
 
 def _silhouettes(frame: Frame) -> dict[str, Any]:
     """Return the gaps beside the silhouettes as ``glsim compare`` measures them, px."""
-    edges = find_edges(frame_set("frame", [frame.noisy], camera=frame.intrinsics).frames[0])
+    edges = find_edges(frames_of("frame", [frame.noisy], camera=frame.intrinsics)[0])
     sides = {}
     for number, side in enumerate(("left", "right")):
         own = edges.side == number
@@ -75,19 +76,19 @@ def _silhouettes(frame: Frame) -> dict[str, Any]:
 
 def recording_figures(folder: Path) -> dict[str, Any]:
     """Measure a recording. Raises ConfigError or DatasetError if it cannot be read."""
-    return _compared(read_frame_set(folder, most=_RECORDED))
+    return _compared(read_frames(folder, most=_RECORDED))
 
 
 def tuned_figures(frame: Frame) -> dict[str, Any]:
     """Measure a tuned frame as ``recording_figures`` measures a recording."""
     noisy_mm = frame.noisy * frame.depth_unit_mm
     camera, unit_mm = frame.intrinsics, frame.depth_unit_mm
-    return _compared(frame_set("tuned", [noisy_mm], [frame.infrared], camera, unit_mm))
+    return _compared(frames_of("tuned", [noisy_mm], [frame.infrared], camera, unit_mm))
 
 
-def _compared(frames: FrameSet) -> dict[str, Any]:
-    spatial = measure_spatial(frames.frames)
-    sides = measure_silhouettes(frames.frames)
+def _compared(frames: Frames) -> dict[str, Any]:
+    spatial = measure_spatial(frames)
+    sides = measure_silhouettes(frames)
     rough = spatial.rough_mm
     rows: list[tuple[str, str, float]] = [
         ("residual in 7x7 px, 10th percentile", "mm", rough[0]),
@@ -98,11 +99,11 @@ def _compared(frames: FrameSet) -> dict[str, Any]:
         ("silhouette width, right", "px", sides.right.width_px),
         ("without depth beside it, left", "px", sides.left.invalid_px),
         ("without depth beside it, right", "px", sides.right.invalid_px),
-        ("without depth, image centre", "%", 100 * measure_invalid(frames.frames)[0][2]),
+        ("without depth, image centre", "%", 100 * measure_invalid(frames)[0][2]),
     ]
     return {
         "title": frames.title,
-        "frames": len(frames.frames),
+        "frames": len(frames),
         "rows": [[name, unit, _number(value)] for name, unit, value in rows],
     }
 

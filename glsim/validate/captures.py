@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from glsim.depth_frame import Frames
 from glsim.measures import stacks as measure
-from glsim.measures.frame import FrameSet
 from glsim.sensors.sensor import Sensor
 from glsim.validate import scenes
 from glsim.validate.virtual_camera import Changes, VirtualCamera
@@ -93,7 +93,7 @@ class Captures:
         """Focal length times baseline, px mm."""
         return 1000.0 * self.camera.rig.intrinsics.fx * self.camera.rig.baseline_m
 
-    def wall(self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None) -> FrameSet:
+    def wall(self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None) -> Frames:
         """Capture the central 64 x 64 px of a frontal wall."""
         name = f"wall {z_mm} {albedo}"
         return self.cached(
@@ -103,7 +103,7 @@ class Captures:
             ).centre(),
         )
 
-    def tilted(self, angle_deg: float) -> FrameSet:
+    def tilted(self, angle_deg: float) -> Frames:
         """Capture 64 x 8 px of a strip at 0.9 m that is turned about the x axis.
 
         This axis makes the angle of the light equal to that of the view; at 80 degrees one row
@@ -119,7 +119,7 @@ class Captures:
         capture = self.camera.capture(
             scenes.wall(z_mm, albedo), 8, 24, at_mm=(0, 0, z_mm), scene=f"range {z_mm}"
         )
-        return 100.0 * measure.valid_share(capture.depth_mm)
+        return 100.0 * measure.valid_share(capture.measured_mm)
 
     def levels_on_ramp(self) -> int:
         """Count the depths in whole mm on a ramp of 10 cm at 3 m; 101 if none is missing."""
@@ -135,14 +135,14 @@ class Captures:
         self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None
     ) -> float:
         """Temporal sigma of a wall, mm, before rounding to whole mm, as it may be below 1 mm."""
-        return measure.sigma_temporal(self.wall(z_mm, albedo, changes).depth_mm)
+        return measure.sigma_temporal(self.wall(z_mm, albedo, changes).measured_mm)
 
     def mean_error_mm(
         self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None
     ) -> float:
         """Mean of measured minus true depth on a wall, mm."""
         capture = self.wall(z_mm, albedo, changes)
-        return measure.mean_of(capture.depth_mm - capture.clean_mm)
+        return measure.mean_of(capture.measured_mm - capture.truth_mm)
 
     def cached(self, name: str, make: Callable[[], _T]) -> _T:
         """Return the result of ``make``, which is called once for each name."""

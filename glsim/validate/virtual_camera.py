@@ -10,12 +10,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.faces.one_mesh import OneMesh
 from glsim.frame import Frame
 from glsim.geometry.camera import SensorRig
 from glsim.geometry.mesh import Mesh
-from glsim.measures.frame import DepthFrame, FrameSet
-from glsim.measures.stacks import with_nan
 from glsim.pipeline import Simulator
 from glsim.plan.tasks import make_tasks
 from glsim.sensors.sensor import Sensor, load_sensor
@@ -73,7 +72,7 @@ class VirtualCamera:
         scene: str = "scene",
         seed: int | None = None,
         extra: Sequence[str] = (),
-    ) -> FrameSet:
+    ) -> Frames:
         """Capture frames of a mesh: with clean depth, infrared, and depth before rounding.
 
         Args:
@@ -117,7 +116,7 @@ class VirtualCamera:
             self._simulators.popitem(last=False)
         tasks = make_tasks(settings, [kept])
         made = [f for f in simulator.frames(tasks) if isinstance(f, Frame)]
-        return FrameSet(scene, tuple(_measured(f, str(k)) for k, f in enumerate(made)))
+        return Frames.of([_measured(f) for f in made], scene)
 
 
 class _Scene(OneMesh):
@@ -127,8 +126,8 @@ class _Scene(OneMesh):
         self._mesh, self._subject = other._mesh, other._subject
 
 
-def _measured(frame: Frame, name: str) -> DepthFrame:
-    """Return a simulated frame as measures take it, of the delivered image."""
+def _measured(frame: Frame) -> DepthFrame:
+    """Return a simulated frame before rounding, of the delivered image."""
     shape = (frame.intrinsics.height, frame.intrinsics.width)
 
     def pasted(layer: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -136,11 +135,12 @@ def _measured(frame: Frame, name: str) -> DepthFrame:
         out[frame.window.slices] = layer
         return out
 
+    layers = {
+        "noisy_mm": pasted(frame.noisy_m) * np.float32(1000),
+        "clean_mm": pasted(frame.clean_m) * np.float32(1000),
+        "infrared": pasted(frame.infrared_counts),
+        **{name: pasted(layer) for name, layer in frame.extra.items()},
+    }
     return DepthFrame(
-        name,
-        with_nan(pasted(frame.noisy_m) * 1000.0).astype(np.float32),
-        pasted(frame.infrared_counts),
-        frame.intrinsics,
-        clean_mm=with_nan(pasted(frame.clean_m) * 1000.0).astype(np.float32),
-        layers={name: pasted(layer) for name, layer in frame.extra.items()},
+        FrameKey(frame.key.subject, frame.key.sequence, frame.key.frame), frame.intrinsics, layers
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glsim.frame import Frame
-from glsim.measures.frame import frame_set
+from glsim.measures.frame import frames_of, lit, surfaces
 from glsim.pipeline import simulate
 from glsim.settings.schema import load_settings
 from tests.support.wardrobe import heads
@@ -32,12 +32,12 @@ def residuals_mm(context: moderngl.Context, wear: str) -> dict[str, np.ndarray]:
         depth.append(whole)
         regions.append((code, frame.region_numbers))
     found: dict[str, list[np.ndarray]] = {"hair": [], "cloth": [], "skin": []}
-    for seen, (code, number) in zip(frame_set(wear, depth).frames, regions, strict=True):
-        surfaces = seen.surfaces
-        smooth = surfaces.smooth & seen.lit
+    for seen, (code, number) in zip(frames_of(wear, depth), regions, strict=True):
+        fitted = surfaces(seen)
+        smooth = fitted.smooth & lit(seen)
         hair, cloth = (code == number.get(name, -1) for name in ("hair", "cloth"))
         for name, mask in (("hair", hair), ("cloth", cloth), ("skin", ~hair & ~cloth)):
-            found[name].append(surfaces.rough_mm[smooth & mask])
+            found[name].append(fitted.rough_mm[smooth & mask])
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 

@@ -14,10 +14,11 @@ from glsim.cli import main
 from glsim.compare.classifier import tell_apart
 from glsim.compare.patches import surface_patches
 from glsim.compare.run import compare_sets
+from glsim.depth_frame import Frames
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
-from glsim.measures.frame import FrameSet, frame_set
-from glsim.recordings.recording import read_frame_set
+from glsim.measures.frame import frames_of
+from glsim.recordings.recording import read_frames
 from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 
@@ -25,17 +26,17 @@ from tests.support.planted_frames import noisy, plane, shadowed
 REAL = Path(os.environ.get("GLSIM_REAL_FRAMES", ROOT.parent / "shared" / "data" / "kinect-v2-real"))
 
 
-def _set(seed: int, sigma_mm: float, smooth: int, frames: int = 6) -> FrameSet:
+def _set(seed: int, sigma_mm: float, smooth: int, frames: int = 6) -> Frames:
     depths = []
     for k in range(frames):
         clean = shadowed(800.0 + 30 * k, 1700.0, 2, 6)
         clean = np.where(clean == 1700.0, plane(1700.0, 0.1), clean)
         depths.append(noisy(clean, sigma_mm, seed + k, smooth))
-    return frame_set(f"seed {seed}", depths)
+    return frames_of(f"seed {seed}", depths)
 
 
 def test_two_samples_of_one_simulator_cannot_be_told_apart() -> None:
-    first, second = (surface_patches(_set(s, 1.2, 3).frames)["planes"] for s in (100, 200))
+    first, second = (surface_patches(_set(s, 1.2, 3))["planes"] for s in (100, 200))
     verdict = tell_apart(first, second)
     assert verdict.patches > 500
     assert verdict.auc == pytest.approx(0.5, abs=0.06)
@@ -46,8 +47,8 @@ def test_two_samples_of_one_simulator_cannot_be_told_apart() -> None:
 )
 def test_other_noise_is_told_apart(sigma_mm: float, smooth: int) -> None:
     """Noise of 25 % more, and noise of the same size without correlation."""
-    first = surface_patches(_set(100, 1.2, 3).frames)["planes"]
-    second = surface_patches(_set(200, sigma_mm, smooth).frames)["planes"]
+    first = surface_patches(_set(100, 1.2, 3))["planes"]
+    second = surface_patches(_set(200, sigma_mm, smooth))["planes"]
     verdict = tell_apart(first, second)
     assert verdict.auc > 0.9
     named = "log of the residual" if smooth == 3 else "correlation at 1 px"
@@ -59,7 +60,7 @@ def test_other_distances_alone_do_not_tell() -> None:
 
     def patches(seed: int, distances: tuple[float, ...]):  # type: ignore[no-untyped-def]
         depths = [noisy(plane(z), z / 800.0, seed + k, 3) for k, z in enumerate(distances)]
-        return surface_patches(frame_set("x", depths).frames)["planes"]
+        return surface_patches(frames_of("x", depths))["planes"]
 
     near = patches(1, (700.0, 705.0, 710.0, 1300.0, 1305.0))
     far = patches(50, (702.0, 1301.0, 1302.0, 1303.0, 1304.0))
@@ -78,7 +79,7 @@ def test_without_scikit_learn_the_measures_are_there(
 
 
 def test_too_few_patches_give_no_verdict() -> None:
-    few = surface_patches(frame_set("x", [np.zeros((424, 512), np.uint16)]).frames)["planes"]
+    few = surface_patches(frames_of("x", [np.zeros((424, 512), np.uint16)]))["planes"]
     verdict = tell_apart(few, few)
     assert np.isnan(verdict.auc)
     assert verdict.patches == 0
@@ -153,7 +154,7 @@ def test_long_sets_are_thinned_in_runs(tmp_path: Path) -> None:
     folder = tmp_path / "long"
     folder.mkdir()
     np.save(folder / "depth.npy", np.full((50, 40, 40), 900, np.uint16))
-    names = [frame.name for frame in read_frame_set(folder, most=12).frames]
+    names = [frame.name for frame in read_frames(folder, most=12)]
     assert len(names) == 12
     assert names[:4] == [f"depth_{k:05d}" for k in range(4)]
     assert names[-1] == "depth_00049"
@@ -165,7 +166,7 @@ def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
     for stem in ("0007", "0008", "0020", "0030_sync", "0050", "0060_sync"):
         for layer in ("depth", "ir"):
             (tmp_path / f"{stem}_{layer}.png").symlink_to(REAL / f"{stem}_{layer}.png")
-    frames = read_frame_set(tmp_path)
+    frames = read_frames(tmp_path)
     result = compare_sets(frames, frames)
     measured = result.first
     assert measured.temporal.pairs == 1

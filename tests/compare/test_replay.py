@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,12 @@ from glsim.cli import main
 from glsim.compare.replay import replay
 from glsim.compare.run import compare_sets
 from glsim.compare.surfaces import find_surfaces, keep_relief, measure_noise_floor, smooth_surfaces
+from glsim.depth_frame import Frames
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
 from glsim.geometry.camera import Intrinsics
-from glsim.measures.frame import DepthFrame, FrameSet, frame_set
-from glsim.recordings.recording import read_frame_set
+from glsim.measures.frame import frames_of
+from glsim.recordings.recording import read_frames
 from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
 
 Array = NDArray[np.float32]
@@ -69,7 +69,7 @@ def test_relief_rougher_than_the_noise_stays_and_noise_does_not() -> None:
     noise = np.random.default_rng(0).normal(0, 1.0, waves.shape)
     depth = (1000.0 + waves + noise).astype(np.float32)
     light = np.full(depth.shape, 8000, np.float32)
-    frame = DepthFrame("wall", depth, light, Intrinsics(WIDTH, HEIGHT, 180, 180, 100, 60))
+    frame = frames_of("wall", [depth], [light], Intrinsics(WIDTH, HEIGHT, 180, 180, 100, 60))[0]
     label, smooth = smooth_surfaces(depth, 3.0)
     floor = measure_noise_floor([frame], 3.0)
     assert np.sqrt(floor.variance(frame)).mean() == pytest.approx(0.95, abs=0.1)
@@ -85,21 +85,21 @@ def test_relief_rougher_than_the_noise_stays_and_noise_does_not() -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded() -> FrameSet:
+def recorded() -> Frames:
     """Frames of kinect-v2 of steps at four distances, each by a replay of a perfect one."""
     depths = [np.kron(step(k, 0.0, 1) * (0.8 + 0.1 * k), np.ones((2, 2))) for k in range(4)]
     lights = [np.nan_to_num(3e9 / depth**2).astype(np.float32) for depth in depths]
-    return replay(frame_set("perfect", depths, lights), "kinect-v2", seed=1)
+    return replay(frames_of("perfect", depths, lights), "kinect-v2", seed=1)
 
 
-def test_a_sensor_is_not_told_from_its_own_replay(recorded: FrameSet) -> None:
+def test_a_sensor_is_not_told_from_its_own_replay(recorded: Frames) -> None:
     """The same device; a replay of it differs by what the smoothing leaves of the noise."""
     again = replay(recorded, "kinect-v2", seed=1)
-    assert [f.name for f in again.frames] == [f.name for f in recorded.frames]
-    for first, second in zip(recorded.frames, again.frames, strict=True):
-        both = np.isfinite(first.depth_mm) & np.isfinite(second.depth_mm)
+    assert [f.name for f in again] == [f.name for f in recorded]
+    for first, second in zip(recorded, again, strict=True):
+        both = np.isfinite(first.measured_mm) & np.isfinite(second.measured_mm)
         assert both.mean() > 0.9
-        assert np.median(np.abs(first.depth_mm - second.depth_mm)[both]) < 3.0
+        assert np.median(np.abs(first.measured_mm - second.measured_mm)[both]) < 3.0
         ratio = second.infrared[both] / np.maximum(first.infrared[both], 1)
         assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
     own = compare_sets(recorded, again).verdicts["planes"]
@@ -111,22 +111,21 @@ def test_a_sensor_is_not_told_from_its_own_replay(recorded: FrameSet) -> None:
         assert told.boosted_auc > own.boosted_auc + 0.1, changes
 
 
-def test_frames_follow_the_seed_and_frames_without_depth_stay_so(recorded: FrameSet) -> None:
-    first = recorded.frames[0]
-    empty = replace(first, name="none", depth_mm=np.full_like(first.depth_mm, np.nan))
-    made = [replay(FrameSet("two", (first, empty)), "kinect-v2", seed=3) for _ in range(2)]
-    np.testing.assert_array_equal(made[0].frames[0].depth_mm, made[1].frames[0].depth_mm)
-    assert [np.isfinite(f.depth_mm).any() for f in made[0].frames] == [True, False]
+def test_frames_follow_the_seed_and_frames_without_depth_stay_so(recorded: Frames) -> None:
+    first = recorded[0]
+    empty = first.changed({"noisy_mm": np.zeros_like(first.noisy_mm)})
+    made = [replay(Frames.of([first, empty]), "kinect-v2", seed=3) for _ in range(2)]
+    np.testing.assert_array_equal(made[0][0].measured_mm, made[1][0].measured_mm)
+    assert [np.isfinite(f.measured_mm).any() for f in made[0]] == [True, False]
 
 
-def test_mirrored_frames_are_replayed_mirrored(recorded: FrameSet) -> None:
+def test_mirrored_frames_are_replayed_mirrored(recorded: Frames) -> None:
     """Shadows stay on the side that they have in the real frames."""
-    mirrored = FrameSet(
-        "mirrored",
-        tuple(
-            replace(f, depth_mm=f.depth_mm[:, ::-1], infrared=f.infrared[:, ::-1])
-            for f in recorded.frames
-        ),
+    mirrored = Frames.of(
+        [
+            f.changed({name: f.layer(name)[:, ::-1] for name in ("noisy_mm", "infrared")})
+            for f in recorded
+        ]
     )
     own = compare_sets(recorded, recorded).first.silhouettes.shadow_side
     for frames, side in ((recorded, own), (mirrored, {"left": "right", "right": "left"}[own])):
@@ -135,10 +134,10 @@ def test_mirrored_frames_are_replayed_mirrored(recorded: FrameSet) -> None:
 
 
 def test_the_command_replays_and_refuses_what_it_cannot(
-    tmp_path: Path, recorded: FrameSet, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, recorded: Frames, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for frame in recorded.frames[:2]:
-        depth = np.nan_to_num(frame.depth_mm).astype(np.uint16)
+    for frame in recorded[:2]:
+        depth = np.nan_to_num(frame.measured_mm).astype(np.uint16)
         write_atomic(encode_png(depth), tmp_path / "real" / f"{frame.name}_depth.png")
     real = str(tmp_path / "real")
     assert main(["compare", real, "--replay", "kinect-v2", "-q", "-o", f"{tmp_path}/t.md"]) == 0
@@ -158,13 +157,13 @@ def test_the_command_replays_and_refuses_what_it_cannot(
 @needs_real_cameras
 def test_replays_of_real_frames() -> None:
     """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/comparison.md."""
-    kinect = read_frame_set(REAL_CAMERAS.parent / "kinect-v2-real", most=16)
+    kinect = read_frames(REAL_CAMERAS.parent / "kinect-v2-real", most=16)
     verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
     assert verdicts["planes"].auc < 0.72
     assert verdicts["silhouettes, lit side"].auc < 0.72
     wall = sorted((REAL_CAMERAS / "d435_wall_2frames").glob("depth*.png"))
     rooms = sorted((REAL_CAMERAS / "d435_robot_room").glob("depth*.png"))[::3]
-    for real in (read_frame_set(wall, 1, 390.43), read_frame_set(rooms, 1.0, 381.4)):
+    for real in (read_frames(wall, 1, 390.43), read_frames(rooms, 1.0, 381.4)):
         verdicts = compare_sets(real, replay(real, "realsense-d435-vga")).verdicts
         assert verdicts["planes"].auc < 0.75
         assert verdicts["curved"].auc < 0.75

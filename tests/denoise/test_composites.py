@@ -16,7 +16,7 @@ from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.network import NetworkFunction
 from glsim.files.png import read_depth_png
 from glsim.geometry.camera import Intrinsics
-from glsim.measures.frame import frame_set
+from glsim.measures.frame import frames_of
 from glsim.measures.silhouettes import find_edges
 from tests.support.runners import Runs
 
@@ -204,7 +204,7 @@ def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
     for name in ("0030",):
         noisy = read_depth_png(REAL_FRAMES / f"{name}_depth.png").astype(np.float32)
         camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
-        edges = find_edges(frame_set("real", [noisy], camera=camera).frames[0])
+        edges = find_edges(frames_of("real", [noisy], camera=camera)[0])
         estimate = network.estimate(noisy[None])
         for composite, total in lost.items():
             out = estimate.composite(composite)

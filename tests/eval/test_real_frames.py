@@ -16,7 +16,7 @@ from glsim.eval.real_frames import RealScores, score_recording, split_recording,
 from glsim.eval.real_frames.split import Source
 from glsim.eval.report.figures.real_frames import measures_figure
 from glsim.measures.boards import find_board, find_corners
-from glsim.measures.frame import frame_set
+from glsim.measures.frame import frames_of
 from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.recordings import (
@@ -128,7 +128,7 @@ def test_losses_and_fills_at_edges_are_counted(pair: Path) -> None:
 def test_the_ring_is_the_edge_of_the_nearer_surface_on_both_sides() -> None:
     from glsim.eval.real_frames.frame_truth import rims_and_shadow
 
-    frame = frame_set("panel", [shadowed(800.0, 2000.0, 3, 7)]).frames[0]
+    frame = frames_of("panel", [shadowed(800.0, 2000.0, 3, 7)])[0]
     first, second, shadow = rims_and_shadow(frame)
     rows = slice(60, 360)
     assert set(np.flatnonzero(first[rows].any(axis=0))) == {180, 339}
@@ -140,7 +140,7 @@ def test_a_board_is_found_in_infrared_and_its_paper_has_the_planted_noise(tmp_pa
     """Print is seen 6 mm farther, which is no noise: the paper's residual leaves it out."""
     infrared = board_infrared()
     depth = noisy(plane(800.0, 0.4, 0.1) + printed(infrared, 6.0), 1.2, 3)
-    frame = frame_set("board", [depth], [infrared]).frames[0]
+    frame = frames_of("board", [depth], [infrared])[0]
     corners = find_corners(infrared.astype(np.float32))
     assert corners is not None
     middle = corners.mean(axis=0)

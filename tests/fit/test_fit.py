@@ -13,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.cli import main
+from glsim.depth_frame import Frames
 from glsim.errors import DatasetError
 from glsim.fit.fixed_pattern import describe_pattern
 from glsim.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
@@ -20,7 +21,7 @@ from glsim.fit.recording_statistics import measure_recording
 from glsim.fit.sensor_file import unplaced_parameters
 from glsim.fit.wiggling import fit_wiggling
 from glsim.geometry.camera import Intrinsics
-from glsim.measures.frame import DepthFrame, FrameSet, frame_set
+from glsim.measures.frame import frames_of
 from glsim.noise.registry import find_stage
 from glsim.recordings.recording import open_recording
 from glsim.sensors.kinect_v2 import white_sigma_mm
@@ -39,8 +40,12 @@ PATTERN = {
 }
 
 
-def read(*paths: Path, unit_mm: float = 1.0, infrared: Path | None = None) -> FrameSet:
+def read(*paths: Path, unit_mm: float = 1.0, infrared: Path | None = None) -> Frames:
     return open_recording(paths, unit_mm, infrared=infrared).read_static()
+
+
+def with_camera(frames: Frames, image: Intrinsics) -> Frames:
+    return Frames.of([frame.changed(intrinsics=image) for frame in frames], frames.title)
 
 
 def write(folder: Path, frames: NDArray[np.generic]) -> Path:
@@ -145,7 +150,7 @@ def test_law_without_a_simulator() -> None:
     amplitude = GAIN / (z / 1000 * stretch) ** 2 / stretch
     sigma = np.hypot(FLOOR_MM, white_sigma_mm(amplitude) / stretch)
     depth = np.rint(z + rng.normal(0, 1, (20, *z.shape)) * sigma).astype(np.uint16)
-    found = measure_recording(frame_set("synthetic", depth, camera=IMAGE))
+    found = measure_recording(frames_of("synthetic", depth, camera=IMAGE))
     model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), (0.0, 0.0, 0.0))
     assert model.knows_amplitude
     assert model.amplitude == pytest.approx(GAIN, rel=0.05)
@@ -216,7 +221,7 @@ def real(*names: str) -> list[Path]:
 
 @real_frames
 def test_unrelated_real_frames_are_refused_and_a_static_pair_is_not() -> None:
-    assert read(*real("0007", "0008")).frames[0].infrared is not None
+    assert read(*real("0007", "0008"))[0].infrared is not None
     for other in (
         ("0000", "0005"),
         ("0007_sync", "0008_sync"),
@@ -231,7 +236,7 @@ def test_unrelated_real_frames_are_refused_and_a_static_pair_is_not() -> None:
 @real_frames
 def test_a_real_pair_gives_the_published_light_and_noise() -> None:
     """Measured on 204 frames of this device: IR 30,300 / r^2, 1.05 mm and 4,600 counts."""
-    recording = read(*real("0007", "0008")).with_camera(REAL_IMAGE)
+    recording = with_camera(read(*real("0007", "0008")), REAL_IMAGE)
     found = measure_recording(recording)
     law = fit_infrared(found, recording, 1.0, TapNoise())
     assert 16 * law.gain == pytest.approx(30_300, rel=0.15)
@@ -249,7 +254,7 @@ def test_infrared_in_a_folder_of_its_own(recording: Path, tmp_path: Path) -> Non
     light.mkdir()
     for number, file in enumerate(sorted(recording.glob("*_ir.png"))):
         (light / f"{number}.png".rjust(8, "0")).write_bytes(file.read_bytes())
-    for pair, apart in zip(read(recording).frames, read(depth, infrared=light).frames, strict=True):
+    for pair, apart in zip(read(recording), read(depth, infrared=light), strict=True):
         np.testing.assert_array_equal(pair.infrared, apart.infrared)
     (light / "0003.png").unlink()
     with pytest.raises(DatasetError, match="holds 29 infrared images for 30 depth maps"):
@@ -279,7 +284,7 @@ def test_pattern_and_its_map(smooth: bool) -> None:
     halves = (mean(15), mean(15))
     used = np.zeros(shape, np.bool_)
     used[5:-5, 5:-5] = True
-    frames = [DepthFrame("half", h.astype(np.float32), None, IMAGE, 0.0) for h in halves]
+    frames = frames_of("half", halves, camera=IMAGE, step_mm=0.0)
     found = describe_pattern(frames, 0.5 * (halves[0] + halves[1]), used)
     assert found.alternation_mm == pytest.approx(0.65, rel=0.1)
     assert found.row_step_mm == pytest.approx(0.2, abs=0.05)
@@ -307,7 +312,7 @@ def test_wiggling_of_a_slanted_wall() -> None:
             error -= 110.5 * size * np.sin((3 if harmonic == 2 else 6) * turn - phase)
     depth = np.where(depth > 3500, 0.0, depth + error / stretch)
     frames = np.rint(depth + rng.normal(0, 1.0, (10, *depth.shape)) * (depth > 0))
-    found = measure_recording(frame_set("slanted", frames.astype(np.uint16), camera=IMAGE))
+    found = measure_recording(frames_of("slanted", frames.astype(np.uint16), camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE)
     assert wiggling is not None
     for harmonic, (size, phases) in truth.items():
@@ -315,7 +320,7 @@ def test_wiggling_of_a_slanted_wall() -> None:
         assert wiggling.amplitude[harmonic] == pytest.approx(size, rel=0.1)
         assert wiggling.phase_rad[harmonic] == pytest.approx(list(phases.values()), abs=0.15)
     facing = np.rint(900 + rng.normal(0, 1.0, (4, *depth.shape))).astype(np.uint16)
-    assert fit_wiggling(measure_recording(frame_set("wall", facing, camera=IMAGE)), IMAGE) is None
+    assert fit_wiggling(measure_recording(frames_of("wall", facing, camera=IMAGE)), IMAGE) is None
 
 
 def test_values_without_a_place_are_named() -> None:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from glsim.cli import main
 from glsim.cli.fit_stereo import stereo_base
+from glsim.depth_frame import Frames
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
 from glsim.fit.stereo_statistics import find_lattice, measure_stereo
 from glsim.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
-from glsim.measures.frame import FrameSet, frame_set
+from glsim.measures.frame import frames_of
 from glsim.measures.stacks import with_nan
 from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.recordings.recording import open_recording
@@ -31,7 +32,7 @@ from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_camer
 PRODUCT, STEPS = 390.4 * 50.17, 32
 
 
-def planted(frame_px: float = 0.09, static_px: float = 0.06, count: int = 8) -> FrameSet:
+def planted(frame_px: float = 0.09, static_px: float = 0.06, count: int = 8) -> Frames:
     """Frames of slanted planes: noise of 13 px boxes, as a D435 rounds its depths."""
     rng = np.random.default_rng(4)
     rows, columns = np.mgrid[:480, :640]
@@ -41,7 +42,7 @@ def planted(frame_px: float = 0.09, static_px: float = 0.06, count: int = 8) -> 
     depth = PRODUCT * STEPS / np.rint(STEPS * (true + static + moving))
     depth[:, :, :20] = 0.0
     depth[::2, 100:130, 200:230] = 0.0
-    return frame_set("planted", list(np.rint(depth)))
+    return frames_of("planted", list(np.rint(depth)))
 
 
 def write(folder: Path, depths: NDArray[np.uint16]) -> Path:
@@ -67,18 +68,18 @@ def test_planted_noise_is_measured() -> None:
 @pytest.mark.parametrize(
     ("frames", "message"),
     [
-        (frame_set("one", [np.full((480, 640), 900)]), "has one frame only"),
-        (frame_set("two", [np.full((480, 640), z) for z in (900, 990)]), "show different scenes"),
-        (frame_set("dust", [np.eye(480, 640) * 900] * 2), "parts of 40x40 px are full of depth"),
+        (frames_of("one", [np.full((480, 640), 900)]), "has one frame only"),
+        (frames_of("two", [np.full((480, 640), z) for z in (900, 990)]), "show different scenes"),
+        (frames_of("dust", [np.eye(480, 640) * 900] * 2), "parts of 40x40 px are full of depth"),
     ],
 )
-def test_recordings_that_cannot_serve_are_refused(frames: FrameSet, message: str) -> None:
+def test_recordings_that_cannot_serve_are_refused(frames: Frames, message: str) -> None:
     with pytest.raises(DatasetError, match=message):
         measure_stereo(frames, None, STEPS, PRODUCT)
 
 
 def test_the_depths_choose_the_base(tmp_path: Path) -> None:
-    depths = np.stack([np.nan_to_num(f.depth_mm) for f in planted(count=2).frames])
+    depths = np.stack([np.nan_to_num(f.measured_mm) for f in planted(count=2)])
     stereo = open_recording(write(tmp_path / "stereo", depths.astype(np.uint16)))
     assert stereo_base(stereo, None) == "realsense-d435-vga"
     assert stereo_base(stereo, "realsense-d455") == "realsense-d455"

@@ -24,7 +24,7 @@ PART = np.s_[60:364, 80:432]
 def mean_error(camera: VirtualCamera, frames: int, **options: Any) -> Array:
     """Mean error of a wall at 1.1 m, without what is smooth: wiggling and the device's offset."""
     shot = camera.capture(scenes.wall(1100), frames, None, scene="again", **options)
-    return flattened((shot.depth_mm - shot.clean_mm).mean(axis=0))
+    return flattened((shot.measured_mm - shot.clean_mm).mean(axis=0))
 
 
 def flattened(image: Array) -> Array:
@@ -65,7 +65,7 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(
     # What was fitted can be taken from the device's frames.
     own = glsim.load_sensor(str(fitted)).pattern_map
     assert own is not None
-    once = device.capture(scenes.wall(1100), 1, None, changes=off).depth_mm[0]
+    once = device.capture(scenes.wall(1100), 1, None, changes=off).measured_mm[0]
     left = glsim.remove_fixed_pattern(once, own.error_mm).astype(np.float64)
     assert flattened(left).var() < 0.3 * flattened(once).var()
 

@@ -16,7 +16,7 @@ from glsim.files.png import encode_png
 from glsim.fit.recording_statistics import measure_recording
 from glsim.fit.smoothing import find_smoothing
 from glsim.measures.correlation import LAGS
-from glsim.measures.frame import frame_set
+from glsim.measures.frame import frames_of
 from glsim.sensors.sensor import SENSOR_FOLDER
 from glsim.validate import VirtualCamera, scenes
 
@@ -28,7 +28,7 @@ def _frames(context: moderngl.Context, sensor: str, seed: int) -> tuple[np.ndarr
 
 
 def _correlation(depths: np.ndarray) -> tuple[float, ...]:
-    return measure_recording(frame_set("set", list(depths))).correlation
+    return measure_recording(frames_of("set", list(depths))).correlation
 
 
 def test_the_narrow_filter_needs_no_other() -> None:

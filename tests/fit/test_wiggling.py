@@ -9,11 +9,12 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.depth_frame import Frames
 from glsim.fit.recording_statistics import measure_recording
 from glsim.fit.wiggling import fit_wiggling
 from glsim.geometry.camera import Intrinsics
 from glsim.geometry.mesh import Mesh
-from glsim.measures.frame import frame_set
+from glsim.measures.frame import frames_of
 from glsim.recordings.recording import open_recording
 from glsim.validate import VirtualCamera, scenes
 
@@ -57,7 +58,7 @@ def test_harmonics_come_back_from_walls_at_several_distances(
     }  # fmt: skip
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(slant_deg), FRAMES, None, changes={"tof_fast": changes})
-    found = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
+    found = measure_recording(frames_of("walls", shot.encoded, camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert wiggling.planes >= 3
@@ -74,7 +75,7 @@ def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
-    found = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
+    found = measure_recording(frames_of("walls", shot.encoded, camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert not any(wiggling.known(harmonic) for harmonic in (2, 5))
@@ -89,6 +90,10 @@ def test_a_real_room_of_bent_and_distorted_surfaces_shows_none() -> None:
     recording = open_recording([REAL / f"{name}_depth.png" for name in ("0007", "0008")])
     image = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
     wiggling = fit_wiggling(
-        measure_recording(recording.read_static().with_camera(image)), image, EMITTER_M
+        measure_recording(
+            Frames.of([f.changed(intrinsics=image) for f in recording.read_static()])
+        ),
+        image,
+        EMITTER_M,
     )
     assert wiggling is None or not any(wiggling.known(harmonic) for harmonic in (2, 5))

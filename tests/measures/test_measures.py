@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from glsim.depth_frame import DepthFrame
 from glsim.measures.correlation import LAGS
-from glsim.measures.frame import DepthFrame, frame_set
+from glsim.measures.frame import frames_of, radius_px
 from glsim.measures.light import measure_light
 from glsim.measures.pattern import measure_pattern
 from glsim.measures.silhouettes import measure_silhouettes
@@ -19,7 +20,7 @@ from tests.support.real_cameras import needs_real_cameras, real_depths
 
 
 def _frames(*depths: np.ndarray, infrared: list[np.ndarray] | None = None) -> list[DepthFrame]:
-    return list(frame_set("planted", list(depths), infrared).frames)
+    return list(frames_of("planted", list(depths), infrared))
 
 
 @pytest.mark.parametrize("sigma_mm", [0.6, 2.0])
@@ -77,7 +78,7 @@ def test_a_real_camera_of_two_infrared_images_stands_still() -> None:
 
 def test_noise_that_grows_over_the_radius_grows_in_the_table() -> None:
     clean = plane(1000.0)
-    radius = _frames(clean)[0].radius_px
+    radius = radius_px(_frames(clean)[0])
     sigma = np.asarray(1.0 + (radius / 200.0) ** 2, np.float64)
     frames = _frames(noisy(clean, sigma, 1), noisy(clean, sigma, 2))
     cells = {c.radius_px: c.value for c in measure_temporal(frames, [(0, 1)]).cells}
@@ -155,7 +156,7 @@ def test_the_noise_law_and_the_light_come_back() -> None:
         ray = np.concatenate([rays, np.ones((*SHAPE, 1))], axis=-1)
         cosine = (ray @ normal) / np.linalg.norm(ray, axis=-1)
         albedo = np.where(np.arange(SHAPE[0])[:, None] % 80 < 40, 1.0, 0.3)
-        light = gain * albedo * cosine / r_m**2 * np.where(frame.radius_px > 150, 0.5, 1.0)
+        light = gain * albedo * cosine / r_m**2 * np.where(radius_px(frame) > 150, 0.5, 1.0)
         for copy in (0, 1):
             sigma = np.sqrt(floor**2 + (slope / light) ** 2)
             depths.append(noisy(clean, sigma, 10 * k + copy))
@@ -220,7 +221,7 @@ def test_depth_behind_the_background_is_counted() -> None:
 
 def test_the_invalid_rate_is_that_of_each_ring() -> None:
     depth = plane(1000.0)
-    depth[_frames(depth)[0].radius_px > 250] = 0.0
+    depth[radius_px(_frames(depth)[0]) > 250] = 0.0
     rings = measure_invalid(_frames(depth))
     assert [share for inner, outer, share in rings if outer <= 250] == [0.0] * 6
     assert [share for inner, outer, share in rings if inner >= 250] == [1.0] * 3

@@ -8,7 +8,7 @@ import pytest
 
 from glsim.geometry.mesh import Mesh
 from glsim.geometry.pose import pose_matrix
-from glsim.measures.frame import DepthFrame
+from glsim.measures.frame import frames_of
 from glsim.measures.silhouettes import find_edges
 from tests.support.tof_harness import Camera, Image, Placed, quad
 
@@ -131,7 +131,7 @@ def test_silhouettes_before_walls_are_those_of_real_frames(
         head = round_head(1000 * near_m, 75 + seed)  # edges in all phases of a pixel
         depth = cam.shoot([head, quad(1000 * wall_m, albedo=0.8)], seed=seed)["depth"][165:245]
         known = np.where(depth > 0, 1000 * depth, np.nan).astype(np.float32)
-        found.append(find_edges(DepthFrame("head", known, None, cam.sensor.rig.intrinsics)))
+        found.append(find_edges(frames_of("head", [known], camera=cam.sensor.rig.intrinsics)[0]))
     sides = np.concatenate([edges.side for edges in found])
     width, invalid, behind = (
         np.concatenate([getattr(edges, name) for edges in found])

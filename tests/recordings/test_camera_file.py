@@ -12,7 +12,7 @@ from glsim.cli import main
 from glsim.dataset import open_dataset
 from glsim.files.atomic import write_atomic
 from glsim.files.png import encode_png
-from glsim.recordings.recording import open_recording, read_frame_set
+from glsim.recordings.recording import open_recording, read_frames
 
 DEPTH = np.full((48, 64), 9000, np.uint16)
 CAMERA = "width = 64\nheight = 48\nfocal_px = [50.5, 51.5]\n"
@@ -31,11 +31,11 @@ def test_unit_and_intrinsics_of_the_file_hold(tmp_path: Path, place: str) -> Non
     text = f"unit_mm = 0.1\n{CAMERA}centre_px = [30, 20]\nbaseline_m = 0.05\n"
     text += "[distortion]\nk1 = 0.1\np2 = 0.01\n"
     recording = open_recording(_folder(tmp_path, text, place=place))
-    frame = recording.read().frames[0]
-    np.testing.assert_allclose(frame.depth_mm, 900.0, rtol=1e-6)
-    assert frame.quantum_mm == 0.1
-    assert (frame.camera.fx, frame.camera.fy) == (50.5, 51.5)
-    assert (frame.camera.cx, frame.camera.cy) == (30, 20)
+    frame = recording.read()[0]
+    np.testing.assert_allclose(frame.measured_mm, 900.0, rtol=1e-6)
+    assert frame.step_mm == 0.1
+    assert (frame.intrinsics.fx, frame.intrinsics.fy) == (50.5, 51.5)
+    assert (frame.intrinsics.cx, frame.intrinsics.cy) == (30, 20)
     assert recording.distortion == (0.1, 0, 0, 0.01, 0)
     assert recording.stated.baseline_m == 0.05
 
@@ -44,17 +44,17 @@ def test_png_files_state_their_step_and_a_camera_file_wins(tmp_path: Path) -> No
     """What glsim denoise writes is read in the steps that it states."""
     depth = np.full((40, 60), 9000, np.uint16)
     write_atomic(encode_png(depth, depth_unit_mm=0.1), tmp_path / "0000_depth.png")
-    assert open_recording(tmp_path).read().frames[0].depth_mm[0, 0] == pytest.approx(900)
-    assert open_recording(tmp_path, 0.5).read().frames[0].depth_mm[0, 0] == pytest.approx(4500)
+    assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(900)
+    assert open_recording(tmp_path, 0.5).read()[0].measured_mm[0, 0] == pytest.approx(4500)
     (tmp_path / "camera.toml").write_text("unit_mm = 0.2\n")
-    assert open_recording(tmp_path).read().frames[0].depth_mm[0, 0] == pytest.approx(1800)
+    assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(1800)
 
 
 def test_options_win_over_the_file(tmp_path: Path) -> None:
     root = _folder(tmp_path, f"unit_mm = 0.1\n{CAMERA}")
-    frames = read_frame_set(root, 0.25, focal_px=70.0)
-    assert frames.frames[0].depth_mm[0, 0] == 2250.0
-    assert (frames.camera.fx, frames.camera.cx) == (70.0, 32.0)
+    frames = read_frames(root, 0.25, focal_px=70.0)
+    assert frames[0].measured_mm[0, 0] == 2250.0
+    assert (frames.intrinsics.fx, frames.intrinsics.cx) == (70.0, 32.0)
 
 
 def test_a_sensor_of_glsim_gives_what_the_file_leaves_open(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_colour_pictures_beside_depth_are_left_out(tmp_path: Path) -> None:
     for name in ("rgb_000.png", "color_01.png", "color.png"):
         cv2.imwrite(str(root / name), colour)
     cv2.imwrite(str(root / "infrared_000.png"), np.full((48, 64), 77, np.uint8))
-    frames = open_recording(root).read().frames
+    frames = open_recording(root).read()
     assert [frame.name for frame in frames] == ["depth_000", "depth_001"]
     assert frames[0].infrared[0, 0] == 77
     assert frames[1].infrared is None
@@ -120,6 +120,6 @@ def test_colour_pictures_beside_depth_are_left_out(tmp_path: Path) -> None:
 def test_a_recording_is_thinned_to_any_number(tmp_path: Path, most: int) -> None:
     for count in (1, 3, 5, 11):
         recording = open_recording(_folder(tmp_path / f"{count}", "", count))
-        read = recording.read(most).frames
+        read = recording.read(most)
         assert 0 < len(read) <= most
         assert len(read) == count or len(read) >= min(most, 4) - (most % 4 if most > 4 else 0)

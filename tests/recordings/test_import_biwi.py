@@ -84,10 +84,10 @@ def test_the_frames_of_a_person_are_a_recording(tmp_path: Path) -> None:
     folder = tmp_path / "hpdb" / "01"
     recording = open_recording(folder)
     assert (recording.kind, recording.camera.fx) == ("biwi", 575.816)  # type: ignore[union-attr]
-    frames = recording.read().frames
+    frames = recording.read()
     files = sorted(folder.glob("*_depth.bin"))
     for frame, file in zip(frames, files, strict=True):
-        np.testing.assert_array_equal(np.nan_to_num(frame.depth_mm), read_depth_bin(file))
+        np.testing.assert_array_equal(np.nan_to_num(frame.measured_mm), read_depth_bin(file))
     files[0].write_bytes(files[0].read_bytes()[:50])
     with pytest.raises(DatasetError, match="cut short"):
         recording.read()

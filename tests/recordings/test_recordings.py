@@ -155,10 +155,10 @@ def test_every_format_gives_the_same_static_frames(tmp_path: Path, kind: str) ->
         root = tmp_path / "iai_"
     elif kind == "data set":
         assert _import(tmp_path / "data", root) == 0
-    frames = open_recording(root).read_static().frames
+    frames = open_recording(root).read_static()
     for frame, depth in zip(frames, stack, strict=True):
-        np.testing.assert_allclose(frame.depth_mm, depth, atol=1e-3)
-    assert frames[0].quantum_mm == (0.0 if kind in ("metres", "dumps") else 1.0)
+        np.testing.assert_allclose(frame.measured_mm, depth, atol=1e-3)
+    assert frames[0].step_mm == (0.0 if kind in ("metres", "dumps") else 1.0)
 
 
 def test_a_folder_of_recordings_has_one_subject_each(tmp_path: Path) -> None:

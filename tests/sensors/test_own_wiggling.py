@@ -104,13 +104,13 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     from glsim.fit.recording_statistics import measure_recording
     from glsim.fit.sensor_file import base_sensor, sensor_toml
     from glsim.fit.wiggling import fit_wiggling
-    from glsim.measures.frame import frame_set
+    from glsim.measures.frame import frames_of
     from tests.fit.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
 
     changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
-    statistics = measure_recording(frame_set("walls", shot.encoded, camera=IMAGE))
+    statistics = measure_recording(frames_of("walls", shot.encoded, camera=IMAGE))
     wiggling = fit_wiggling(statistics, IMAGE, EMITTER_M)
     assert wiggling is not None
     name, tree = base_sensor()

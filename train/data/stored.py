@@ -215,7 +215,7 @@ class StoredPairs(PairDataset):
     def _units(self, frame: DepthFrame, layer: str) -> NDArray[np.uint16]:
         """Return a layer as its file holds it, (H, W), which takes half the memory of floats."""
         if layer == INFRARED:
-            return frame.infrared.astype(np.uint16)
+            return frame.layer("infrared").astype(np.uint16)
         depth_mm = frame.layer(f"{layer}_mm")
         steps = np.rint((depth_mm - np.float32(frame.offset_mm)) / np.float32(frame.step_mm))
         return np.where(depth_mm > 0, steps, 0).astype(np.uint16)

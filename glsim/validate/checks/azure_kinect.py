@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.measures.frame import FrameSet
+from glsim.depth_frame import Frames
 from glsim.measures.rims import find_rims
 from glsim.measures.tiles import LAGS_PX, WIDE_PX, plane_tiles
 from glsim.validate import scenes
@@ -35,9 +35,9 @@ def noise_law_mm(counts: float) -> float:
     return float(np.hypot(0.42, 84 / counts**0.75))
 
 
-def _frame(capture: FrameSet) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def _frame(capture: Frames) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return depth, mm, and infrared of the first frame."""
-    return np.nan_to_num(capture.whole_mm[0]), capture.infrared[0]
+    return np.nan_to_num(capture.whole_mm[0]), capture.stack("infrared")[0]
 
 
 @validation_check(_SHEET)
@@ -81,7 +81,7 @@ def rims(captures: Captures) -> dict[str, Measurement]:
     scene = scenes.merge_meshes(bar, scenes.wall(1520.0, 0.8))
     shot = camera.capture(scene, 1, None, scene="bar", extra=("lit",))
     row = camera.rig.intrinsics.height // 2
-    clean, lit = shot.clean_mm[row], shot.layer("lit")[0, row].reshape(-1)
+    clean, lit = shot.truth_mm[row], shot.stack("lit")[0, row].reshape(-1)
     front, back = np.flatnonzero(clean < 1000), clean > 1000
     shadow = np.flatnonzero(back & (lit < 0.5))
     shift = float(shadow.max() - front.max()) if shadow.size else 0.0
@@ -146,15 +146,17 @@ def limits(captures: Captures) -> dict[str, Measurement]:
     share = {f"{z} m": abs(captures.mean_error_mm(1000.0 * z)) - z for z in (0.5, 1, 2, 3)}
     noise = {f"{z} m": captures.temporal_sigma_mm(1000.0 * z) for z in (1, 2, 3)}
     return {
-        "9": Measurement({"counts m^2": float(wall.infrared.mean()) * 1.5**2}),
+        "9": Measurement({"counts m^2": float(wall.stack("infrared").mean()) * 1.5**2}),
         "10": Measurement(
             {
-                "brightest": float(np.percentile(steep.infrared[valid], 99.99)),
-                "infrared": float(np.median(bright.infrared)),
+                "brightest": float(np.percentile(steep.stack("infrared")[valid], 99.99)),
+                "infrared": float(np.median(bright.stack("infrared"))),
                 "valid": float(np.isfinite(bright.whole_mm).mean()),
             }
         ),
-        "11": Measurement({"counts": _half_valid(dim.infrared, np.isfinite(dim.whole_mm))}),
+        "11": Measurement(
+            {"counts": _half_valid(dim.stack("infrared"), np.isfinite(dim.whole_mm))}
+        ),
         "12": Measurement(
             {
                 "nearest": float(min(near)) if near else None,

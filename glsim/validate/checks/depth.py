@@ -29,13 +29,13 @@ def quantisation(captures: Captures) -> dict[str, Measurement]:
     """Measure check 22 and anti-check A1: rounding to mm, levels of depth on a ramp."""
     levels = captures.levels_on_ramp()
     wall = captures.wall(900)
-    fine = wall.depth_mm[np.isfinite(wall.depth_mm)]
+    fine = wall.measured_mm[np.isfinite(wall.measured_mm)]
     # Depth is float32: a difference of up to 0.001 mm from a whole number is no fraction.
     fractions = float((np.abs(fine - np.rint(fine)) > 1e-3).mean()) if fine.size else float("nan")
     variance, note = None, "the chain's rounding cannot be switched off"
     if captures.ablations.no_rounding is not None:
         exact = captures.wall(900, changes=captures.ablations.no_rounding)
-        added = wall.whole_mm - exact.depth_mm
+        added = wall.whole_mm - exact.measured_mm
         variance, note = measure.mean_of((added - measure.mean_of(added)) ** 2), ""
     values = {"fractions": fractions, "levels": float(levels), "variance": variance}
     return {
@@ -53,7 +53,7 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
     """
     z, half_px = 3000.0, 64
     half_mm = half_px * z / captures.camera.rig.intrinsics.fx
-    bright = float(captures.wall(z).centre(16, 16).infrared.mean()) / COUNTS_PER_AMPLITUDE
+    bright = float(captures.wall(z).centre(16, 16).stack("infrared").mean()) / COUNTS_PER_AMPLITUDE
     if bright <= 0:
         return None
     low, high = 1.0 / bright, min(17.0 / bright, 1.0)
@@ -61,7 +61,7 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
         scenes.albedo_ramp(z, half_mm, low, high), crop=2 * half_px, at_mm=(0, 0, z),
         scene="albedo ramp", frames=captures.scene_frames,
     ).centre(2 * half_px - 4, 96)  # fmt: skip
-    amplitude = capture.infrared.ravel() / COUNTS_PER_AMPLITUDE
+    amplitude = capture.stack("infrared").ravel() / COUNTS_PER_AMPLITUDE
     valid = np.isfinite(capture.whole_mm).ravel()
     bins = np.arange(1.0, 17.0, 0.5)
     which = np.digitize(amplitude, bins) - 1
@@ -108,7 +108,7 @@ def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
             at_mm=(0, 0, float(z)),
             scene=f"wiggle {z:g}",
         )
-        errors.append(measure.mean_of(capture.depth_mm - capture.clean_mm))
+        errors.append(measure.mean_of(capture.measured_mm - capture.truth_mm))
     return distances, np.array(errors)
 
 
@@ -147,7 +147,7 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
     """Measure check 28 on walls over the whole range, each so dark that its amplitude is 15."""
     gross = total = 0
     for z in (520, 750, 1000, 1250, 1500, 1750, 2000, 2500, 3000, 3500, 4000, 4450):
-        near = captures.wall(900, _SKIN).infrared.mean() / _SKIN
+        near = captures.wall(900, _SKIN).stack("infrared").mean() / _SKIN
         bright = float(near) / COUNTS_PER_AMPLITUDE * (900 / z) ** 2
         capture = captures.camera.capture(
             scenes.wall(z, min(1.0, 15.0 / max(bright, 15.0))), captures.scene_frames,
@@ -172,7 +172,7 @@ def offsets(captures: Captures) -> dict[str, Measurement]:
         capture = captures.camera.capture(
             scenes.wall(900), 4, 128, at_mm=(0, 0, 900), scene="offset", seed=device
         )
-        means.append([measure.mean_of(frame) for frame in capture.depth_mm - capture.clean_mm])
+        means.append([measure.mean_of(frame) for frame in capture.measured_mm - capture.truth_mm])
     errors = np.array(means)
     values: dict[str, float | None] = {
         "skin": None,

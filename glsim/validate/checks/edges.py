@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.depth_frame import Frames
 from glsim.measures import stacks as measure
-from glsim.measures.frame import FrameSet
 from glsim.measures.stacks import Array
 from glsim.validate import scenes
 from glsim.validate.captures import INTERNAL, Captures
@@ -22,7 +22,7 @@ _SHADOW_PX = 128
 _STRAY_MM = 90.0
 
 
-def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = None) -> FrameSet:
+def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = None) -> Frames:
     """Capture 64 rows of a fully lit edge at 0.9 m before a wall at ``far_mm``."""
     return captures.camera.capture(
         scenes.depth_edge(NEAR_MM, far_mm), crop=_EDGE_PX, at_mm=(0, 0, NEAR_MM),
@@ -34,8 +34,8 @@ def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = No
 def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 15 to 18: edge jitter, mixed and invalid pixels with and without filters."""
     filtered = capture_edge(captures, 1500)
-    on = measure.mixed_per_row(filtered.depth_mm, NEAR_MM, 1500)
-    small = measure.mixed_per_row(capture_edge(captures, 950).depth_mm, NEAR_MM, 950)
+    on = measure.mixed_per_row(filtered.measured_mm, NEAR_MM, 1500)
+    small = measure.mixed_per_row(capture_edge(captures, 950).measured_mm, NEAR_MM, 950)
     jitter = measure.edge_jitter(measure.edge_positions(filtered.whole_mm, NEAR_MM, 1500))
     measurements = {
         "15": Measurement({"std": jitter}),
@@ -44,8 +44,8 @@ def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
     off = captures.ablations.no_filters
     if off is None:
         return measurements | {n: Measurement(why_not=INTERNAL) for n in ("16", "17")}
-    raw = measure.mixed_per_row(capture_edge(captures, 1500, off).depth_mm, NEAR_MM, 1500)
-    deep = measure.mixed_per_row(capture_edge(captures, 2000, off).depth_mm, NEAR_MM, 2000)
+    raw = measure.mixed_per_row(capture_edge(captures, 1500, off).measured_mm, NEAR_MM, 1500)
+    deep = measure.mixed_per_row(capture_edge(captures, 2000, off).measured_mm, NEAR_MM, 2000)
     measurements["16"] = Measurement({"off": raw[0], "off, outside": raw[1], "on": on[0]})
     measurements["17"] = Measurement({"between": deep[0], "outside": deep[1]})
     return measurements
@@ -81,9 +81,9 @@ def _measure_silhouette(captures: Captures, changes: Changes | None) -> dict[str
         scenes.rectangle((-half, half), (-half, half), NEAR_MM), crop=128,
         at_mm=(0, 0, NEAR_MM), changes=changes, scene="silhouette", frames=captures.scene_frames,
     )  # fmt: skip
-    away = np.abs(np.nan_to_num(capture.depth_mm, nan=NEAR_MM) - NEAR_MM)
-    close = np.isfinite(capture.depth_mm) & (away <= _STRAY_MM)
-    clean = np.isfinite(capture.clean_mm)
+    away = np.abs(np.nan_to_num(capture.measured_mm, nan=NEAR_MM) - NEAR_MM)
+    close = np.isfinite(capture.measured_mm) & (away <= _STRAY_MM)
+    clean = np.isfinite(capture.truth_mm)
     middle = slice(64 - 24, 64 + 24)
     rows = close[:, middle].sum(axis=2) - clean[middle].sum(axis=1)
     columns = close[:, :, middle].sum(axis=1) - clean[:, middle].sum(axis=0)
@@ -97,7 +97,7 @@ def _measure_silhouette(captures: Captures, changes: Changes | None) -> dict[str
 
 def shadow_profile(
     captures: Captures, far_mm: float, horizontal: bool = True
-) -> tuple[Array, Array, FrameSet]:
+) -> tuple[Array, Array, Frames]:
     """Measure the light on the wall behind a square of +-20 px at 0.9 m, along a line.
 
     Returns (N,) distances from the axis, px; (N,) light, the infrared relative to the same wall
@@ -112,17 +112,19 @@ def shadow_profile(
     bare = captures.camera.capture(
         scenes.wall(far_mm), 8, _SHADOW_PX, at_mm=(0, 0, NEAR_MM), scene=f"unshadowed {far_mm}"
     )
-    light = capture.infrared.mean(axis=0) / np.maximum(bare.infrared.mean(axis=0), 1.0)
-    light = np.where(capture.clean_mm > far_mm - 1, light, np.nan)
+    light = capture.stack("infrared").mean(axis=0) / np.maximum(
+        bare.stack("infrared").mean(axis=0), 1.0
+    )
+    light = np.where(capture.truth_mm > far_mm - 1, light, np.nan)
     band = slice(_SHADOW_PX // 2 - 10, _SHADOW_PX // 2 + 10)
     image = light[band] if horizontal else light[:, band].T
     profile = np.array([measure.mean_of(column) for column in image.T])
-    seen = capture.frames[0].rays
+    seen = capture[0].rays
     rays = seen[0, :, 0] if horizontal else seen[:, 0, 1]
     return np.asarray(rays * focal, np.float64), profile, capture
 
 
-def horizontal_shadow(captures: Captures, far_mm: float) -> tuple[Array, Array, FrameSet]:
+def horizontal_shadow(captures: Captures, far_mm: float) -> tuple[Array, Array, Frames]:
     """Return the horizontal ``shadow_profile``, measured once."""
     return captures.cached(f"shadow {far_mm}", lambda: shadow_profile(captures, far_mm))
 

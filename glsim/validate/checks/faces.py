@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.depth_frame import Frames
 from glsim.measures import stacks as measure
-from glsim.measures.frame import FrameSet
 from glsim.validate import scenes
 from glsim.validate.captures import Captures
 from glsim.validate.report import Measurement, validation_check
@@ -14,7 +14,7 @@ _PEOPLE = 6
 _FRAMES_EACH = 4
 
 
-def portraits(captures: Captures) -> list[FrameSet]:
+def portraits(captures: Captures) -> list[Frames]:
     """Capture a few frames of each of a few people at 0.9 m without background, skin albedo."""
     return [
         captures.camera.capture(mesh, _FRAMES_EACH, 160, at_mm=(0, 0, 900), scene=f"face {number}")
@@ -28,20 +28,20 @@ def isolated_faces(captures: Captures) -> dict[str, Measurement]:
     invalid = inside = kept = surface = grown = rim = 0
     angles, holes = [], []
     for capture in portraits(captures):
-        clean = np.isfinite(capture.clean_mm)
+        clean = np.isfinite(capture.truth_mm)
         valid = np.isfinite(capture.whole_mm)
-        interior = measure.eroded(clean, 3) & (measure.steps_mm(capture.clean_mm) <= 100)
+        interior = measure.eroded(clean, 3) & (measure.steps_mm(capture.truth_mm) <= 100)
         invalid += int((~valid & interior).sum())
         inside += int(interior.sum()) * len(valid)
         kept += int((valid & clean).sum())
         surface += int(clean.sum()) * len(valid)
         grown += int((valid & ~clean).sum())
         rim += int((clean & ~measure.eroded(clean, 1)).sum()) * len(valid)
-        clean_normals = measure.normals(capture.clean_mm, capture.frames[0].rays)
+        clean_normals = measure.normals(capture.truth_mm, capture[0].rays)
         # On slanted surfaces and at steps the error of normals is not due to noise alone.
         clean_normals[~interior | (clean_normals[..., 2] > -0.5)] = np.nan
         angles += [
-            measure.angular_error_deg(measure.normals(frame, capture.frames[0].rays), clean_normals)
+            measure.angular_error_deg(measure.normals(frame, capture[0].rays), clean_normals)
             for frame in capture.whole_mm
         ]
         holes += [measure.longest_run(~v & measure.eroded(clean, 1)) for v in valid]

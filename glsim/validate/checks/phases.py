@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from glsim.depth_frame import Frames
 from glsim.measures import stacks as measure
-from glsim.measures.frame import FrameSet
 from glsim.measures.stacks import Array
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
@@ -38,7 +38,7 @@ def _measure_wall(
 ) -> tuple[float, Array, Array, float, float]:
     """Measure one wall: amplitude, (3,) raw and filtered phase sigma, rad, and depth sigma, mm."""
 
-    def capture_wall(changes: Changes) -> FrameSet:
+    def capture_wall(changes: Changes) -> Frames:
         return captures.camera.capture(
             scenes.wall(_WALL_MM, albedo), at_mm=(0, 0, _WALL_MM), changes=changes,
             scene=f"phases {albedo:.4f}", extra=captures.ablations.phases,
@@ -50,8 +50,8 @@ def _measure_wall(
         float(np.abs(phasors.mean(axis=1)).mean()),
         _phase_sigma(phasors),
         _phase_sigma(_phasors(smooth, captures.ablations.phases)),
-        measure.sigma_temporal(with_noise.depth_mm),
-        measure.sigma_temporal(smooth.depth_mm),
+        measure.sigma_temporal(with_noise.measured_mm),
+        measure.sigma_temporal(smooth.measured_mm),
     )
 
 
@@ -64,9 +64,9 @@ def _phase_sigma(phasors: Array) -> Array:
     return np.asarray(np.sqrt((angle**2).mean(axis=(1, 2, 3)) * count / (count - 1)))
 
 
-def _phasors(capture: FrameSet, layers: tuple[str, ...]) -> Array:
+def _phasors(capture: Frames, layers: tuple[str, ...]) -> Array:
     """Return (3, T, H, W) complex phasors at 80, 16 and 120 MHz."""
-    a, b = (capture.layer(name).astype(np.float64) for name in layers)
+    a, b = (capture.stack(name).astype(np.float64) for name in layers)
     parts = np.stack([a[..., 0], a[..., 2], b[..., 0]]), np.stack([a[..., 1], a[..., 3], b[..., 1]])
     return np.asarray(parts[0] + 1j * parts[1])
 
@@ -77,7 +77,7 @@ def phase_noise(captures: Captures) -> dict[str, Measurement]:
     white, off = captures.ablations.white, captures.ablations.no_filters
     if white is None or off is None or not captures.ablations.phases:
         return {n: Measurement(why_not=INTERNAL) for n in ("9", "10", "11")}
-    bright = captures.wall(_WALL_MM).infrared.mean() / COUNTS_PER_AMPLITUDE
+    bright = captures.wall(_WALL_MM).stack("infrared").mean() / COUNTS_PER_AMPLITUDE
     walls = [
         _measure_wall(captures, float(a / bright), {**white, **off}, white)
         for a in (10.0, 20.0, 30.0, 50.0, 100.0)

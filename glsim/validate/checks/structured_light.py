@@ -99,7 +99,7 @@ def paper_noise(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 1 to 5 of kinect-v2-paper: noise of disparity on a wall at 0.9 m."""
 
     def disparity(changes: Changes) -> Array:
-        return disparity_px(captures, captures.wall(900, changes=changes).depth_mm)
+        return disparity_px(captures, captures.wall(900, changes=changes).measured_mm)
 
     noiseless_px = measure.mean_of(disparity({"perlin": OFF}))
     shipped = disparity({})
@@ -151,7 +151,7 @@ def paper_window(captures: Captures) -> dict[str, Measurement]:
         "7": Measurement(
             {
                 "share": float(np.isfinite(dots.whole_mm).mean()),
-                "reach": _reach(grown, np.isfinite(patch.clean_mm)),
+                "reach": _reach(grown, np.isfinite(patch.truth_mm)),
             }
         ),
     }

@@ -40,9 +40,9 @@ def _plane(captures: Captures, z_mm: float) -> tuple[DisparityNoise, NDArray[np.
     camera = captures.camera
     mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
     shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm}")
-    disparity = to_disparity(np.nan_to_num(shot.depth_mm), captures.focal_baseline_px_mm)
+    disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
     pairs = [(k, k + 1) for k in range(_FRAMES - 1)]
-    return measure_disparity_noise(list(disparity), pairs), np.nan_to_num(shot.depth_mm)
+    return measure_disparity_noise(list(disparity), pairs), np.nan_to_num(shot.measured_mm)
 
 
 def _noise_rows(
@@ -87,7 +87,7 @@ def _step_rows(
     camera = captures.camera
     mesh = scenes.occluder(near_mm, far_mm, half_mm, _ALBEDO)
     shot = camera.capture(mesh, 2, None, scene=f"step {near_mm} {far_mm}")
-    disparity = to_disparity(np.nan_to_num(shot.depth_mm), captures.focal_baseline_px_mm)
+    disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
     found = [find_steps(image.T if upright else image) for image in disparity]
     before, behind = (measure_gaps(found, right) for right in (False, True))
     return {

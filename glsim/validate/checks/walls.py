@@ -87,7 +87,7 @@ def amplitude(captures: Captures) -> dict[str, Measurement]:
         capture = captures.camera.capture(
             mesh, 16, 24, at_mm=(0, 0, z), scene=f"amplitude {z} {reflects} {angle}"
         )
-        return float(capture.centre(8, 2).infrared.mean())
+        return float(capture.centre(8, 2).stack("infrared").mean())
 
     full = level(900)
     views = ((0, 0.6), (0, 0.3), (30, 1), (60, 1), (60, 0.5))
