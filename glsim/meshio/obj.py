@@ -64,7 +64,8 @@ def read_obj(path: Path) -> ObjFile:
     """
     lines = _lines(path)
     vertices, colours = _vertices(path, lines)
-    names, libraries = {"": 0}, {}
+    names = {"": 0}
+    libraries: dict[str, None] = {}
     faces: list[bytes] = []
     vertices_before: list[int] = []
     materials: list[int] = []
