@@ -46,12 +46,12 @@ for file in sorted(file for file in files if file.parts[0] != ".glsim")[:14]:
 # there is no depth.
 dataset = open_dataset(folder)
 pair = dataset.split("train")[0]
-print(pair.subject, pair.clean_mm.shape, pair.noisy_mm.dtype, pair.intrinsics)
+print(pair.key.subject, pair.clean_mm.shape, pair.noisy_mm.dtype, pair.intrinsics)
 
 # %%
 # One frame of four people: clean, noisy, difference, infrared. The difference is shown where both
 # have depth.
-shown = {p.subject: p for p in dataset}
+shown = {p.key.subject: p for p in dataset}
 figure, axes = plt.subplots(len(shown), 4, figsize=(8, 2 * len(shown)), layout="constrained")
 for row, p in zip(axes, shown.values(), strict=True):
     both = (p.clean_mm > 0) & (p.noisy_mm > 0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +123,7 @@ class ClothBody:
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
         names = ("skin", "normal", "local", "share", "down", "opening")
-        values = {name: blend.of(getattr(whole, name)) for name in names}
+        values: dict[str, Any] = {name: blend.of(getattr(whole, name)) for name in names}
         return replace(whole, grid=grid, part=self.part[blend.first], **values)
 
 
@@ -265,7 +265,7 @@ def _garment(
     end = held * _step(own, 0.9, 0.98)  # ribs hold the cloth, which bulges over them
     bulge = held * 0.3 * np.exp(-(((own - 0.86) / 0.08) ** 2))
     mean = _averaging(piece)
-    border = on_limb.astype(np.float64)
+    border: Array = on_limb.astype(np.float64)
     for _ in range(_JOINED):
         border = mean(border)
     border = 4 * border * (1 - border)
@@ -323,7 +323,7 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
     def mean(values: Array) -> Array:
         if values.ndim == 2:
             return np.stack([mean(row) for row in values])
-        return np.bincount(first, weight * values[second], count)
+        return np.asarray(np.bincount(first, weight * values[second], count), np.float64)
 
     return mean
 

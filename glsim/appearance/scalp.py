@@ -37,7 +37,7 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
     """Lay the grid over the reference head of a source."""
     near = anatomy.above_hairline_mm(anatomy.vertices_mm) > -_MARGIN_MM
     skin = anatomy.outside & ~anatomy.is_in("ear") & ~anatomy.body & near
-    chosen = skin[anatomy.faces].all(axis=1)
+    chosen = np.asarray(skin[anatomy.faces].all(axis=1))
     grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, _EDGE_MM)
     anchors = Anchors(grid.base[grid.anchors.corners], grid.anchors.weights)
     points = anchors.place(anatomy.vertices_mm)

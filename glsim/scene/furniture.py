@@ -116,8 +116,9 @@ def _parts(
             shapes.append(Shape(solid.vertices_mm * scale, solid.faces, albedos[material], region))
             continue
         x, y, z = part.get("at", (0.0, 0.0, 0.0)) * scale
-        _, dx, dy, dz = (0.0, *(part.get("repeat", (1, 0, 0, 0))[1:] * scale))
-        for n in range(part.get("repeat", (1,))[0]):
+        count, *step = part.get("repeat", (1, 0, 0, 0))
+        dx, dy, dz = np.multiply(step, scale)
+        for n in range(count):
             if n and "thing" in part:
                 made = _parts(rng, part["thing"], scale, clutter, albedos)
             place = x + n * dx, y + n * dy, z + n * dz
@@ -138,7 +139,8 @@ def _solid(name: str, number: int) -> Shape:
         )
     elif "rod" in part:
         first, last = np.broadcast_to(part["r"], 2)
-        shape = rod(*part["rod"], float(first), end_radius_mm=last, sides=part.get("sides", 8))
+        start, end = part["rod"]
+        shape = rod(start, end, float(first), end_radius_mm=last, sides=part.get("sides", 8))
     else:
         shape = turned_body(part["turned"], segments=part.get("segments", 12))
     shapes = [shape.leaned(part.get("lean", 0.0)).moved(*part.get("at", ()))]
@@ -199,7 +201,8 @@ def _cable(rng: Rng, start_mm: ArrayLike, end_mm: ArrayLike) -> Shape:
 def _leaves(rng: Rng, part: Part) -> Shape:
     """Grow leaves of 6 x 3 vertices along stems: they leave upwards and bend down."""
     count, root = part["leaves"], np.array([0.0, _EARTH_MM, 0.0])
-    turn, rise = rng.uniform(0, 2 * np.pi, count), rng.uniform(*part["rise"], count)
+    least, most = part["rise"]
+    turn, rise = rng.uniform(0, 2 * np.pi, count), rng.uniform(least, most, count)
     size, along = rng.uniform(0.75, 1.25, count), np.linspace(0, 1, 6)
     start = np.tile(root, (count, 1))
     if part["stems"]:
@@ -208,7 +211,8 @@ def _leaves(rng: Rng, part: Part) -> Shape:
         start += place * (tips[np.arange(count) % len(tips)] - root)
     angle = rise[:, None] - 1.5 * along[:-1]  # chosen: a leaf hangs at its tip
     steps = np.stack([np.cos(angle), np.sin(angle)]) * part["length"] / 5 * size[:, None]
-    out, up = np.concatenate([np.zeros((2, count, 1)), np.cumsum(steps, axis=2)], axis=2)[..., None]
+    out, up = np.concatenate([np.zeros((2, count, 1)), np.cumsum(steps, axis=2)], axis=2)
+    out, up = out[..., None], up[..., None]
     half = (part["width"] / 2 * np.sin(np.pi * (0.08 + 0.86 * along)) ** 0.7)[:, None]
     across = half * np.array([-1.0, 0.0, 1.0])
     sine, cosine = np.sin(turn)[:, None, None], np.cos(turn)[:, None, None]

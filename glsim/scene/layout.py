@@ -117,8 +117,8 @@ def _at_window(
     if rng.random() < 0.6:
         top, cloth = window.high + rng.uniform(60, 140), rng.uniform(280, 480)
         bottom = 25.0 if clear and rng.random() < 0.6 else window.low - 120
-        ends = [(middle + side * (width / 2 + cloth), top + 15, 90) for side in (-1, 1)]
-        shapes += wall.placed([rod(*ends, 13, 0.6)])
+        start, end = ((middle + side * (width / 2 + cloth), top + 15, 90) for side in (-1, 1))
+        shapes += wall.placed([rod(start, end, 13, 0.6)])
         for side in (-1, 1):
             at = middle + side * (width / 2 + 0.15 * cloth)
             if cloth / 2 < at < wall.length - cloth / 2:

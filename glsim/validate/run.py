@@ -56,7 +56,7 @@ def sheets() -> dict[str, ValidationSheet]:
 def _sheet(name: str, functions: tuple[Any, ...]) -> ValidationSheet:
     """Join the checks of a file with those that the functions of a plug-in declare."""
     file = _SHEETS / f"{name}.toml"
-    tree = read_toml(file) if file.is_file() else {"title": name, "check": []}
+    tree: dict[str, Any] = read_toml(file) if file.is_file() else {"title": name, "check": []}
     checks = [_check(table) for table in tree["check"]]
     checks += [check for function in functions for check in function.checks]
     return ValidationSheet(tree["title"], tuple(checks), functions)
