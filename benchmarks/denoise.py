@@ -49,7 +49,7 @@ def _time_single() -> None:
     for name in _NETWORKS:
         cells = []
         for height, width in _SIZES:
-            stream = load_denoiser(name).stream()
+            stream = load_denoiser(name)
             noise = np.random.default_rng(0).normal(0, 2, (_BEFORE + _TIMED, height, width))
             times = []
             for frame in (900 + noise).astype(np.float32):
@@ -91,7 +91,7 @@ def _time_live() -> None:
     for name, around in _LIVE:
         cells = []
         for frames in streams.values():
-            stream = load_denoiser(name, around=around or None).stream()
+            stream = load_denoiser(name, around=around or None)
             times, busy = [], []
             for frame in frames:
                 start, used = time.perf_counter(), time.process_time()

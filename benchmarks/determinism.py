@@ -121,8 +121,8 @@ def make(case: str, way: Way, out: Path) -> tuple[dict[str, str], str]:
     from glsim.dataset import open_dataset
 
     hashes = {
-        f"{pair.subject}/{pair.sequence}/{pair.frame}/{layer}": _hash(pair.image(layer))
-        for pair in open_dataset(out)
+        f"{frame.key}/{layer}": _hash(frame.layer(layer if layer in frame else f"{layer}_mm"))
+        for frame in open_dataset(out)
         for layer in LAYERS
     }
     header = json.loads((out / "dataset.json").read_text(encoding="utf-8"))
@@ -149,7 +149,7 @@ def _script(case: str, *, reverse: bool) -> tuple[dict[str, str], str]:
     settings = load_settings(None, _SETTINGS, tree, dict(source), preset)
     sources = open_sources(settings)
     tasks = list(make_tasks(settings, sources))
-    hashes = {}
+    hashes: dict[str, str] = {}
     with borrowed_context(None) as context:
         for some in [[task] for task in reversed(tasks)] if reverse else [tasks]:
             for frame in simulate(

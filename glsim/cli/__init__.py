@@ -42,7 +42,7 @@ class _Commands(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options; --show-completion is not listed in the help."""
-        params = super().get_params(ctx)
+        params: list[Any] = super().get_params(ctx)
         for param in params:
             param.hidden = param.name == "show_completion"
         return params

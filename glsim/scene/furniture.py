@@ -200,7 +200,7 @@ def _cable(rng: Rng, start_mm: ArrayLike, end_mm: ArrayLike) -> Shape:
 
 def _leaves(rng: Rng, part: Part) -> Shape:
     """Grow leaves of 6 x 3 vertices along stems: they leave upwards and bend down."""
-    count, root = part["leaves"], np.array([0.0, _EARTH_MM, 0.0])
+    count, root = int(part["leaves"]), np.array([0.0, _EARTH_MM, 0.0])
     least, most = part["rise"]
     turn, rise = rng.uniform(0, 2 * np.pi, count), rng.uniform(least, most, count)
     size, along = rng.uniform(0.75, 1.25, count), np.linspace(0, 1, 6)
@@ -211,8 +211,7 @@ def _leaves(rng: Rng, part: Part) -> Shape:
         start += place * (tips[np.arange(count) % len(tips)] - root)
     angle = rise[:, None] - 1.5 * along[:-1]  # chosen: a leaf hangs at its tip
     steps = np.stack([np.cos(angle), np.sin(angle)]) * part["length"] / 5 * size[:, None]
-    out, up = np.concatenate([np.zeros((2, count, 1)), np.cumsum(steps, axis=2)], axis=2)
-    out, up = out[..., None], up[..., None]
+    out, up = np.concatenate([np.zeros((2, count, 1)), np.cumsum(steps, axis=2)], axis=2)[..., None]
     half = (part["width"] / 2 * np.sin(np.pi * (0.08 + 0.86 * along)) ** 0.7)[:, None]
     across = half * np.array([-1.0, 0.0, 1.0])
     sine, cosine = np.sin(turn)[:, None, None], np.cos(turn)[:, None, None]

@@ -123,7 +123,7 @@ def test_train_denoise_and_score(
     assert scales[0] != 1, "calibrated by the frames of the validation"
     assert scales[1] == 1, "which training knows nothing of"
     frame = read_depth_png(noisy).astype(np.float32)
-    _, _, sigma_mm = load_network(run / "best.pt")(frame[None], frame[None] > 0, 0)
+    *_, sigma_mm = load_network(run / "best.pt")(frame[None], frame[None] > 0, 0)
     assert (sigma_mm > 0).all()
 
 

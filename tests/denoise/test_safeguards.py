@@ -166,7 +166,7 @@ def test_only_pixels_near_measured_depth_and_with_a_low_risk_are_trusted() -> No
 class Shifts(Runs):
     """A network: moves depth by 5 mm, predicts depth everywhere, cannot choose on the left."""
 
-    outputs = ("depth_mm", "probability", "sigma_mm", "choice", "risk_mm")
+    outputs: Any = ("depth_mm", "probability", "sigma_mm", "choice", "risk_mm")
 
     def __init__(self, probability: float = 0.9998) -> None:
         self._probability = probability

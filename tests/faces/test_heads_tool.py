@@ -15,7 +15,7 @@ pytestmark = pytest.mark.long
 
 def test_the_shipped_heads_are_those_that_the_tool_sculpts() -> None:
     """Floats to 0.001 mm, whole numbers exactly: exponentials differ by processor."""
-    from tools.heads.bake import sculpt
+    from tools.heads.bake import sculpt  # type: ignore[import-not-found]
 
     new = sculpt()
     with np.load(Path(procedural.__path__[0]) / HEADS_FILE) as stored:

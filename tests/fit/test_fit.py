@@ -70,7 +70,8 @@ def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
     changes.setdefault(floor, {})["sigma_mm"] = FLOOR_MM
     camera = VirtualCamera(sensor, context, seed=3)
     capture = camera.capture(scenes.merge_meshes(*strips), 30, None, changes=changes)
-    for number, (depth, infrared) in enumerate(zip(capture.encoded, capture.infrared, strict=True)):
+    lights = capture.stack("infrared")
+    for number, (depth, infrared) in enumerate(zip(capture.encoded, lights, strict=True)):
         folder.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(folder / f"{number:04d}_depth.png"), depth)
         cv2.imwrite(str(folder / f"{number:04d}_ir.png"), np.rint(infrared).astype(np.uint16))

@@ -24,7 +24,7 @@ PART = np.s_[60:364, 80:432]
 def mean_error(camera: VirtualCamera, frames: int, **options: Any) -> Array:
     """Mean error of a wall at 1.1 m, without what is smooth: wiggling and the device's offset."""
     shot = camera.capture(scenes.wall(1100), frames, None, scene="again", **options)
-    return flattened((shot.measured_mm - shot.clean_mm).mean(axis=0))
+    return flattened((shot.measured_mm - shot.truth_mm).mean(axis=0))
 
 
 def flattened(image: Array) -> Array:

@@ -24,7 +24,7 @@ from glsim.validate import VirtualCamera, scenes
 def _frames(context: moderngl.Context, sensor: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     wall = scenes.depth_ramp(1500.0, 1400.0, 700.0)
     shot = VirtualCamera(sensor, context, seed=seed).capture(wall, 12, None, scene="ramp")
-    return shot.encoded, shot.infrared
+    return shot.encoded, shot.stack("infrared")
 
 
 def _correlation(depths: np.ndarray) -> tuple[float, ...]:

@@ -45,7 +45,7 @@ def test_the_map_is_the_pattern_of_every_frame_and_crop(
     values = a_map()
     camera = VirtualCamera(sensor_file(tmp_path, values), context)
     whole = camera.capture(scenes.wall(900), 2, None)
-    error = whole.depth_mm - whole.clean_mm
+    error = whole.measured_mm - whole.truth_mm
     assert np.array_equal(error[0], error[1])
     known = np.isfinite(values)
     assert np.abs(error[0] - values)[known].max() < 1e-3  # float32 metres at 0.9 m: 6e-5 mm
@@ -54,14 +54,14 @@ def test_the_map_is_the_pattern_of_every_frame_and_crop(
     assert 0.2 < drawn.std() < 0.5
     crop = camera.capture(scenes.wall(900), 1, 96, at_mm=(60, 40, 900))
     image = camera.rig.intrinsics
-    left = round(float(crop.rays[0, 0, 0]) * image.fx + image.cx - 0.5)
-    top = round(float(crop.rays[0, 0, 1]) * image.fy + image.cy - 0.5)
+    left = round(float(crop[0].rays[0, 0, 0]) * image.fx + image.cx - 0.5)
+    top = round(float(crop[0].rays[0, 0, 1]) * image.fy + image.cy - 0.5)
     assert (left, top) != (0, 0)
     part = np.s_[top : top + 96, left : left + 96]
-    assert np.array_equal(crop.depth_mm[0], whole.depth_mm[0][part])
+    assert np.array_equal(crop.measured_mm[0], whole.measured_mm[0][part])
     # Another device has the same map, and another drawn pattern.
     other = camera.capture(scenes.wall(900), 1, None, seed=5)
-    again = other.depth_mm[0] - other.clean_mm
+    again = other.measured_mm[0] - other.truth_mm
     assert np.array_equal(again[known], error[0][known])
     assert not np.array_equal(again[HOLE], drawn)
 

@@ -37,15 +37,15 @@ def test_a_bag_of_librealsense(tmp_path: Path) -> None:
     # ROS counts from the centre of the first pixel, glsim from its corner.
     assert (recording.camera.fx, recording.camera.cx) == (390.4315, 32.5)
     for number in (3, 0, 1, 2, 5, 5):  # in any order
-        frame = recording.files[number]
-        np.testing.assert_allclose(frame.depth_mm(), DEPTHS[number] * 0.1, rtol=1e-6)
-        np.testing.assert_array_equal(frame.infrared(), LIGHTS[number])
-    np.testing.assert_array_equal(open_recording(file, 2.0).files[1].depth_mm(), DEPTHS[1] * 2.0)
+        frame = recording.frame(number)
+        np.testing.assert_allclose(frame.noisy_mm, DEPTHS[number] * 0.1, rtol=1e-6)
+        np.testing.assert_array_equal(frame.infrared, LIGHTS[number])
+    np.testing.assert_array_equal(open_recording(file, 2.0).frame(1).noisy_mm, DEPTHS[1] * 2.0)
     again = pickle.loads(pickle.dumps(recording))
-    np.testing.assert_array_equal(again.files[4].infrared(), LIGHTS[4])
+    np.testing.assert_array_equal(again.frame(4).infrared, LIGHTS[4])
     (tmp_path / "camera.toml").write_text("unit_mm = 0.5\n")
     stated = open_recording(tmp_path)  # the folder that holds it
-    np.testing.assert_array_equal(stated.files[0].depth_mm(), DEPTHS[0] * 0.5)
+    np.testing.assert_array_equal(stated.frame(0).noisy_mm, DEPTHS[0] * 0.5)
     assert stated.camera.fx == 390.4315
 
 
@@ -54,10 +54,10 @@ def test_a_bag_of_a_ros_node_with_depth_in_metres(tmp_path: Path) -> None:
     topics = ("/camera/depth/image_rect_raw", "/camera/infra1/image_rect_raw")
     lights = [light.astype(np.uint16) * 3 for light in LIGHTS]
     write_bag(tmp_path / "a.bag", metres, lights, topics=topics, encoding="32FC1")
-    frame = open_recording(tmp_path / "a.bag").files[2]
-    np.testing.assert_allclose(frame.depth_mm(), np.where(DEPTHS[2] > 600, DEPTHS[2], 0), rtol=1e-5)
-    np.testing.assert_array_equal(frame.infrared(), lights[2])
-    assert frame.quantum_mm == 0.0
+    frame = open_recording(tmp_path / "a.bag").frame(2)
+    np.testing.assert_allclose(frame.noisy_mm, np.where(DEPTHS[2] > 600, DEPTHS[2], 0), rtol=1e-5)
+    np.testing.assert_array_equal(frame.infrared, lights[2])
+    assert frame.step_mm == 0.0
 
 
 def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
             bag.write(topic, number * 10**7, types.serialize_cdr(image, kind))
     recording = open_recording(tmp_path / "bag")
     assert (recording.kind, len(recording.files)) == ("bag", 6)
-    np.testing.assert_array_equal(recording.files[3].depth_mm(), DEPTHS[3])
+    np.testing.assert_array_equal(recording.frame(3).noisy_mm, DEPTHS[3])
 
 
 def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:
@@ -100,9 +100,9 @@ def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     recording = open_recording(file)
     assert (recording.kind, len(recording.files)) == ("mkv", 4)
     for number in (2, 0, 1, 3):
-        frame = recording.files[number]
-        np.testing.assert_array_equal(frame.depth_mm(), AZURE[number])
-        np.testing.assert_array_equal(frame.infrared(), AZURE_IR[number])
+        frame = recording.frame(number)
+        np.testing.assert_array_equal(frame.noisy_mm, AZURE[number])
+        np.testing.assert_array_equal(frame.infrared, AZURE_IR[number])
     camera = recording.camera
     assert camera.fx == pytest.approx(0.4928 * 1024)
     assert camera.cx == pytest.approx(0.513 * 1024 - 192)
@@ -111,7 +111,7 @@ def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     assert recording.distortion[3] == pytest.approx(-7e-5)  # p2
     assert recording.notes == ()
     again = pickle.loads(pickle.dumps(recording))
-    np.testing.assert_array_equal(again.files[3].depth_mm(), AZURE[3])
+    np.testing.assert_array_equal(again.frame(3).noisy_mm, AZURE[3])
 
 
 def test_binned_modes_have_their_part_of_the_chip(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_binned_modes_have_their_part_of_the_chip(tmp_path: Path) -> None:
     recording = open_recording(tmp_path / "a.mkv")
     assert recording.camera.fx == pytest.approx(0.4928 * 512)
     assert recording.camera.cx == pytest.approx(0.513 * 512 - 96)
-    assert recording.files[0].infrared() is None
+    assert recording.frame(0).infrared is None
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_a_recording_that_was_cut_off_ends_with_its_last_whole_frame(tmp_path: P
     file.write_bytes(data[: len(data) // 2])
     recording = open_recording(file)
     assert 1 <= len(recording.files) < 4
-    np.testing.assert_array_equal(recording.files[-1].depth_mm(), AZURE[len(recording.files) - 1])
+    np.testing.assert_array_equal(recording.frame(-1).noisy_mm, AZURE[len(recording.files) - 1])
 
 
 def test_frames_are_read_one_by_one(tmp_path: Path) -> None:
@@ -153,8 +153,8 @@ def test_frames_are_read_one_by_one(tmp_path: Path) -> None:
         write_bag(file, [np.full((240, 320), 900, np.uint16)] * count)
         tracemalloc.start()
         recording = open_recording(file)
-        for frame in recording.files:
-            frame.depth_mm()
+        for number in range(len(recording.files)):
+            assert recording.frame(number).noisy_mm.any()
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]

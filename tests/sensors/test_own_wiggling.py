@@ -80,7 +80,7 @@ def test_calibration_takes_bias_and_pattern_from_planes(
     for distance in DISTANCES_MM:
         shot = camera.capture(scenes.wall(distance), 1, None, scene=f"wall {distance}")
         (frames / f"{distance}.png").write_bytes(encode_png(shot.encoded[0]))
-        truth[distance] = shot.clean_mm
+        truth[distance] = shot.truth_mm
     for out, extra in (("raw", ()), ("calibrated", ("--device", str(file)))):
         assert main(["denoise", str(frames), "-o", str(tmp_path / out), "-d", "noisy", *extra]) == 0
     middle = np.s_[130:290, 170:340]
@@ -118,7 +118,7 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     file.write_text(sensor_toml(name, tree, {}, IMAGE, ["walls"], "", wiggling.waves()))
     sensor = load_sensor(str(file))
     assert [(w.harmonic, w.modulation_mhz) for w in sensor.wiggling] == [(2, 80), (2, 120)]
-    depth, clean = statistics.mean_mm, shot.clean_mm
+    depth, clean = statistics.mean_mm, shot.truth_mm
     known = np.isfinite(depth) & np.isfinite(clean)
     kept = np.where(known, depth, 0)
     rig = sensor.rig

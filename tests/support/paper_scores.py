@@ -34,7 +34,7 @@ def write_networks(
     root: Path, mask: str, protocol: str, noisy_mm2: float, rows: Mapping[str, float], size: str
 ) -> Path:
     """Write trained rows (row -> MSE) with one seed, and their table."""
-    place = case_folder(root, protocol, mask)  # type: ignore[arg-type]  # a protocol as text
+    place = case_folder(root, protocol, mask)
     for row in rows:
         write_run(place / "runs" / f"{row}-0", 0.1, row=row, size=size)
     mse = {f"{row}-0": value for row, value in rows.items()}

@@ -47,7 +47,7 @@ def client() -> Any:
     address = listen("127.0.0.1", 0)
     with address.listening:
         guarded = AccessCheck(app, address, "secret")
-        client = TestClient(guarded, f"http://127.0.0.1:{address.port}")
+        client: Any = TestClient(guarded, f"http://127.0.0.1:{address.port}")
         client.token = address.token
         client.talk = f"ws://127.0.0.1:{address.port}/talk"
         yield client

@@ -132,7 +132,7 @@ def _length_limits(coarse: _Array, bones: dict[str, _Array], quads: _Ints, part:
 
     def moved_by(*starts: str, inside: str = "") -> _Array:
         chosen = [w for b, w in bones.items() if (b.startswith(starts) if starts else inside in b)]
-        return np.stack(chosen, axis=1).sum(axis=1)
+        return np.asarray(np.stack(chosen, axis=1).sum(axis=1))
 
     limit, head = np.full(len(coarse), _BODY_MM), bones["head"] > 0.5
     limit[(moved_by("neck") > 0.3) | head] = _SCALP_MM

@@ -17,7 +17,7 @@ from glsim.faces.people.model import REGIONS
 
 _Array = NDArray[np.float64]
 
-_LIMBS: Final = {  # region -> starts of the names of its bones
+_LIMBS: Final[dict[str, tuple[str, ...]]] = {  # region -> starts of the names of its bones
     "neck": ("neck",),
     "torso": ("root", "pelvis", "spine", "clavicle", "shoulder"),
     "arm": ("upperarm", "lowerarm"),
@@ -98,7 +98,7 @@ def label_regions(
     limb = np.stack(
         [
             np.sum([w for b, w in bones.items() if b.startswith(starts)], axis=0)
-            for starts in (*_LIMBS.values(), "head")
+            for starts in (*_LIMBS.values(), ("head",))
         ]
     ).argmax(axis=0)
     for number, name in enumerate(_LIMBS):
