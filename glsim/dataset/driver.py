@@ -16,7 +16,7 @@ from glsim.dataset.identity import InputHashes
 from glsim.dataset.part_run import run_part
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateSummary, PartSummary, Progress
-from glsim.files.store import open_store
+from glsim.files.cloud import open_store
 from glsim.plan.tasks import Task, make_tasks
 from glsim.settings.schema import Settings
 from glsim.worker_processes import Workers, available_workers, portable_environment

@@ -11,9 +11,9 @@ from glsim.dataset.manifest import Manifest
 from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_checksum, parse_header, parse_object
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
-from glsim.files.cloud import cloud_url
+from glsim.files.cloud import cloud_url, open_store
 from glsim.files.contents import text_hash
-from glsim.files.store import Store, open_store
+from glsim.files.store import Store
 
 _INDEX = f"{STATE}/{MERGED_INDEX}"
 #: Bytes from the end of the index of chunks that surely hold its last line, the header's checksum.

@@ -30,7 +30,7 @@ from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.atomic import checksum, temporary_folder
-from glsim.files.store import open_store
+from glsim.files.cloud import open_store
 from glsim.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.worker_processes import WorkerFailure
 

@@ -20,7 +20,7 @@ from glsim.dataset.stored_frame import stored_frame
 from glsim.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.depth_protocol import DepthProtocol, stored_protocol
 from glsim.errors import DatasetError, did_you_mean
-from glsim.files.store import open_store
+from glsim.files.cloud import open_store
 from glsim.frame import WRITABLE
 from glsim.settings.schema import SPLIT_NAMES
 

@@ -15,8 +15,9 @@ from glsim.dataset.manifest import Manifest
 from glsim.dataset.stored_frame import check_size
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum
+from glsim.files.cloud import open_store
 from glsim.files.png import MAX_IMAGE_BYTES
-from glsim.files.store import Store, open_store
+from glsim.files.store import Store
 from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]

@@ -1,7 +1,13 @@
-"""Folders in object storage (s3://, gs://, az://), through fsspec: read, write, list, with retries.
+"""Stores in object storage (s3://, gs://, az://), through fsspec, with retries and a lock.
 
-An object appears whole or not at all, so there are no temporary names here. What fails for a moment
-(a timeout, a throttled request) is tried again; what cannot succeed is a DatasetError at once.
+An object appears whole or not at all: a file is written on this machine's disk first, uploaded when
+it is complete, and compared with what arrived. What fails for a moment (a timeout, a throttled
+request) is tried again; what cannot succeed is a DatasetError at once.
+
+The lock is an object that only one of several processes can create. A store frees nothing when a
+process dies. Its holder therefore writes the object again and again, and another process that sees
+it unchanged for a while takes it over. No clocks are compared. Two holders at once would do no
+harm, for both write the same bytes; the lock saves their work.
 """
 
 from __future__ import annotations
@@ -11,19 +17,38 @@ import logging
 import os
 import random
 import re
+import secrets
+import socket
+import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from isal import isal_zlib
+from typing_extensions import override
 
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import AtomicFile, missing
+from glsim.errors import ConfigError, DatasetError, GlsimError
+from glsim.files.atomic import (
+    AtomicFile,
+    checksum,
+    file_checksum,
+    missing,
+    temporary_folder,
+    wrap_write_errors,
+)
+from glsim.files.cache_folder import cache_folder
+from glsim.files.contents import text_hash
+from glsim.files.store import MAX_FIRST_BYTES, Store
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
+_A = TypeVar("_A")
+_B = TypeVar("_B")
 
 #: The package that fsspec needs for each scheme, for messages. "memory" lies in this process.
 _PACKAGES = {
@@ -48,6 +73,19 @@ _BLOCK_BYTES = 1 << 24
 CONNECTIONS = 16
 #: Largest object that S3 takes in one request (its documentation: 5 GB).
 _MAX_PUT_BYTES = 5 * 1000**3
+#: Attempts to upload a file whose bytes do not arrive as they were sent.
+_UPLOADS = 3
+#: Seconds between two signs of life of a lock's holder, and without one until the lock is free:
+#: three signs may be lost to a store that is throttled.
+BEAT_S, EXPIRES_S = 10.0, 45.0
+_POLL_S = 1.0
+_MAX_LOCK_BYTES = 4096
+
+
+def open_store(place: Path | str) -> Store:
+    """Return the store at a path, or at a URL such as s3://bucket/faces; nothing is read yet."""
+    url = cloud_url(place)
+    return Store(Path(place)) if url is None else CloudStore(url)
 
 
 def cloud_url(path: Path | str) -> str | None:
@@ -65,74 +103,43 @@ def cloud_url(path: Path | str) -> str | None:
     return None
 
 
-class CloudFolder:
-    """A folder (a prefix) of a store. Cheap to send to other processes, which connect on their own.
+class CloudStore(Store):
+    """The store at a URL. Processes that it is sent to connect on their own.
 
-    Names are relative to it. Credentials and endpoints are the store's usual ones, such as
-    AWS_PROFILE or AWS_ENDPOINT_URL in the environment. Methods raise ConfigError if the package for
-    the scheme is not installed, and DatasetError for what the store refuses.
+    Credentials and endpoints are the store's usual ones, such as AWS_PROFILE or AWS_ENDPOINT_URL in
+    the environment. Methods raise ConfigError if the package for the scheme is not installed.
     """
 
-    def __init__(self, url: str) -> None:
-        self.url = url.rstrip("/")
+    is_remote = True
+
+    def __init__(self, url: str, temporary: Path | None = None) -> None:
+        """Name the URL, and a folder of this machine for files that are being written."""
+        self.url, self._temporary = url.rstrip("/"), temporary
         self._connected: tuple[int, Any, str] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"url": self.url, "_connected": None}
+        return self.__dict__ | {"_connected": None}
 
     def __str__(self) -> str:
         return self.url
 
-    def where(self, name: str) -> str:
-        """Return the URL of an object."""
-        return f"{self.url}/{name}"
+    @override
+    def names(self, folder: str) -> list[str]:
+        def ask(fs: Any, path: str) -> list[str]:
+            fs.invalidate_cache()
+            return [str(entry).rstrip("/").rpartition("/")[2] for entry in fs.ls(path, False)]
 
-    def read(self, name: str, limit: int) -> bytes | None:
-        """Read a whole object of at most ``limit`` bytes; None if there is none."""
-        size = self.size(name)
-        if size is None:
-            return None
-        if size > limit:
-            raise DatasetError(
-                f"{self.where(name)}: {size / 1e6:.0f} MB are more than the {limit / 1e6:.3g} "
-                "allowed"
-            )
-        return self.read_range(name, 0, size)
+        return sorted(self._try(folder, ask) or [])
 
-    def read_range(self, name: str, start: int, size: int) -> bytes:
-        """Read bytes of an object; fewer if it ends before. DatasetError if there is none."""
-        if size == 0:
-            return b""
-        data = self._try(name, lambda fs, path: fs.cat_file(path, start=start, end=start + size))
-        if data is None:
-            raise missing(self.where(name))
-        return bytes(data)
-
+    @override
     def size(self, name: str) -> int | None:
-        """Return the size of an object, bytes; None if there is none. It is asked for by name."""
-
         def ask(fs: Any, path: str) -> int:
             fs.invalidate_cache()  # of listings, which may be older than the object
             return int(fs.info(path)["size"])
 
         return self._try(name, ask)
 
-    def download(self, name: str, file: Path) -> bool:
-        """Copy an object to a file; return whether there is one."""
-        size = self.size(name)
-        if size is None:
-            return False
-        with AtomicFile(file, sync=False) as copy:
-            for block in self.blocks(name, size):
-                copy.write(block)
-        return True
-
-    def blocks(self, name: str, size: int | None = None) -> Iterator[bytes]:
-        """Yield the bytes of an object in blocks, so that memory does not grow with it."""
-        end = self.size(name) if size is None else size
-        for start in range(0, end or 0, _BLOCK_BYTES):
-            yield self.read_range(name, start, min(_BLOCK_BYTES, (end or 0) - start))
-
+    @override
     def checksum(self, name: str) -> dict[str, int] | None:
         """Return the size and CRC32 of an object's bytes; None if there is none.
 
@@ -152,47 +159,102 @@ class CloudFolder:
             return {"size": int(head["ContentLength"]), "crc32": crc32}
 
         found = self._try(name, ask)
-        size = None if found is not None else self.size(name)
-        if size is None:
+        if found is not None or (size := self.size(name)) is None:
             return found
         crc32 = 0
-        for block in self.blocks(name, size):
+        for block in self._blocks(name, size):
             crc32 = isal_zlib.crc32(block, crc32)
         return {"size": size, "crc32": crc32}
 
-    def names(self, prefix: str) -> list[str]:
-        """List the names of the objects directly in a sub-folder; a store's list may lag."""
+    @override
+    def read(self, name: str, limit: int) -> bytes | None:
+        size = self.size(name)
+        if size is not None and size > limit:
+            raise DatasetError(
+                f"{self.where(name)}: {size / 1e6:.0f} MB are more than the {limit / 1e6:.3g} "
+                "allowed"
+            )
+        return None if size is None else self.read_range(name, 0, size)
 
-        def ask(fs: Any, path: str) -> list[str]:
-            fs.invalidate_cache()
-            return [
-                str(entry).rstrip("/").rpartition("/")[2] for entry in fs.ls(path, detail=False)
-            ]
+    @override
+    def read_range(self, name: str, start: int, size: int) -> bytes:
+        if size == 0:
+            return b""
+        data = self._try(name, lambda fs, path: fs.cat_file(path, start=start, end=start + size))
+        if data is None:
+            raise missing(self.where(name))
+        return bytes(data)
 
-        return sorted(self._try(prefix, ask) or [])
+    def _blocks(self, name: str, size: int | None) -> Iterator[bytes]:
+        """Return the bytes of an object in blocks, so that memory does not grow with it."""
+        if size is None:
+            raise missing(self.where(name))
+        starts = range(0, size, _BLOCK_BYTES)
+        return (self.read_range(name, at, min(_BLOCK_BYTES, size - at)) for at in starts)
 
-    def write(self, name: str, data: bytes) -> None:
-        """Write an object; one of that name is replaced."""
-        self._write(name, lambda fs, path: fs.pipe_file(path, data, **_checked(fs)))
+    @override
+    def open(self, name: str) -> IO[bytes]:
+        blocks = self._blocks(name, self.size(name))
+        file = tempfile.TemporaryFile()  # noqa: SIM115 (the caller closes it)
+        file.writelines(blocks)
+        file.seek(0)
+        return file
 
-    def upload(self, name: str, file: Path) -> None:
-        """Write a file's bytes as an object; one of that name is replaced."""
+    @override
+    def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
+        file = cache_folder() / "cloud" / text_hash(f"{self.url} {key}") / name
+        found = file_checksum(file)
+        if found is not None and found == expected:
+            return file
+        size = self.size(name)
+        if size is not None and expected is not None and size != expected["size"]:
+            raise DatasetError(
+                f"{self.where(name)}: was changed after it was written ({size} bytes, "
+                f"{expected['size']} recorded): run glsim generate again with the same settings "
+                "to repair it"
+            )
+        log.info("%s: copying it to %s", self.where(name), file.parent)
+        with AtomicFile(file, sync=False) as copy:
+            for block in self._blocks(name, size):
+                copy.write(block)
+        return file
 
-        def send(fs: Any, path: str) -> None:
-            options: dict[str, Any] = _checked(fs)
-            if options and file.stat().st_size < _MAX_PUT_BYTES:
-                options["chunksize"] = _MAX_PUT_BYTES  # one request: S3 keeps its CRC32
-            fs.put_file(str(file), path, **options)
+    @override
+    def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
+        items = iter(items)
+        with ThreadPoolExecutor(CONNECTIONS) as pool:
+            while batch := list(islice(items, 4 * CONNECTIONS)):
+                yield from pool.map(function, batch)
 
-        self._write(name, send)
+    @override
+    @contextmanager
+    def writing(self, folder: str) -> Iterator[Store]:
+        with temporary_folder() as temporary:
+            yield CloudStore(self.url, temporary)
 
-    def write_new(self, name: str, data: bytes) -> bool:
-        """Write an object if there is none of that name; return whether it was written.
+    @override
+    @contextmanager
+    def create(self, name: str, *, sync: bool = True) -> Iterator[AtomicFile]:
+        assert self._temporary is not None, "writes in the block of writing() only"
+        local = self._temporary / f"{secrets.token_hex(8)}-{name.rpartition('/')[2]}"
+        with AtomicFile(local, sync=False) as file:
+            yield file
+        for _ in range(_UPLOADS):
+            self._write(name, lambda fs, path: fs.put_file(str(local), path, **_options(fs, local)))
+            if self.checksum(name) == file.checksum:
+                break
+        else:
+            raise DatasetError(f"{self.where(name)}: did not arrive as it was sent: run it again")
+        with wrap_write_errors(local):
+            local.unlink()
 
-        One of several processes that do so at the same time gets True. After a lost answer the
-        object may be there though this returns False: compare its content.
-        """
+    @override
+    def put(self, name: str, data: bytes, *, sync: bool = True) -> dict[str, int]:
+        self._write(name, lambda fs, path: fs.pipe_file(path, data, **_options(fs)))
+        return checksum(data)
 
+    @override
+    def put_first(self, name: str, data: bytes) -> bytes:
         def send(fs: Any, path: str) -> bool:
             try:
                 fs.pipe_file(path, data, mode="create")
@@ -200,12 +262,70 @@ class CloudFolder:
                 return False
             return True
 
-        return bool(self._write(name, send))
+        while not self._write(name, send):
+            if (found := self.read(name, MAX_FIRST_BYTES)) is not None:
+                return found
+        return data
 
+    @override
+    def flush(self, names: Iterable[str]) -> None:
+        """Do nothing: an object is stored when it appears."""
+
+    @override
     def delete(self, names: Iterable[str]) -> None:
-        """Delete objects; those that are not there are left out."""
         with ThreadPoolExecutor(CONNECTIONS) as pool:
             list(pool.map(lambda name: self._try(name, lambda fs, path: fs.rm_file(path)), names))
+
+    @override
+    def lock(
+        self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
+    ) -> AbstractContextManager[None]:
+        return nullcontext() if shared else self._locked(name, busy, wait)
+
+    @contextmanager
+    def _locked(self, name: str, busy: GlsimError, wait: bool) -> Iterator[None]:
+        holder = f"process {os.getpid()} on {socket.gethostname()}, {secrets.token_hex(8)}"
+
+        def is_ours(content: bytes | None) -> bool:
+            return (content or b"").startswith(holder.encode())
+
+        while not is_ours(found := self.put_first(name, holder.encode())):
+            if self._is_abandoned(name, found):
+                self.delete([name])
+            elif not wait:
+                raise type(busy)(f"{busy} (it is {_holder(found)})")
+        ended = threading.Event()
+
+        def show_life() -> None:
+            beat = 0
+            while not ended.wait(BEAT_S):
+                beat += 1
+                with suppress(DatasetError):  # the next one may arrive
+                    self.put(name, f"{holder}, {beat}".encode())
+
+        thread = threading.Thread(target=show_life, name="lock", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+            with suppress(DatasetError):  # it expires
+                if is_ours(self.read(name, _MAX_LOCK_BYTES)):
+                    self.delete([name])
+
+    def _is_abandoned(self, name: str, seen: bytes) -> bool:
+        """Watch a lock until it changes (False) or has expired (True)."""
+        log.warning(
+            "%s: %s holds the lock: waiting up to %.0f s to see whether it lives",
+            self, _holder(seen), EXPIRES_S,
+        )  # fmt: skip
+        started_s = time.monotonic()
+        while time.monotonic() - started_s < EXPIRES_S:
+            time.sleep(min(_POLL_S, EXPIRES_S))
+            if self.read(name, _MAX_LOCK_BYTES) != seen:
+                return False
+        return True
 
     # ---------------------------------------------------------------- connection and retries
 
@@ -268,9 +388,19 @@ class CloudFolder:
         raise AssertionError("the last attempt returns or raises")
 
 
-def _checked(fs: Any) -> dict[str, Any]:
+def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
     """Return the options that let S3 check what it receives and keep the CRC32."""
-    return {"ChecksumAlgorithm": "CRC32"} if hasattr(fs, "call_s3") else {}
+    if not hasattr(fs, "call_s3"):
+        return {}
+    options: dict[str, Any] = {"ChecksumAlgorithm": "CRC32"}
+    if file is not None and file.stat().st_size < _MAX_PUT_BYTES:
+        options["chunksize"] = _MAX_PUT_BYTES  # one request: S3 keeps its CRC32
+    return options
+
+
+def _holder(content: bytes) -> str:
+    """Return the process that holds a lock, by the lock's content."""
+    return ascii(content.decode(errors="replace").rpartition(", ")[0][:100])[1:-1]
 
 
 def _one_line(error: Exception) -> str:

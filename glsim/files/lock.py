@@ -1,4 +1,4 @@
-"""Lock a folder, so that two runs do not write it at the same time."""
+"""Lock a file, so that two runs do not write one folder at the same time."""
 
 from __future__ import annotations
 
@@ -8,48 +8,32 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from glsim.errors import GlsimError
 from glsim.files.atomic import cannot_write
 
 
 @contextmanager
-def locked(file: Path, busy: GlsimError, *, wait: bool = False) -> Iterator[None]:
-    """Hold an exclusive lock; the kernel frees it when the process dies.
+def locked(
+    file: Path, busy: GlsimError, *, wait: bool = False, shared: bool = False
+) -> Iterator[None]:
+    """Hold a lock for a block; the kernel frees it when the process dies.
 
     Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
 
     Args:
+        file: created if it is not there, and left there.
+        busy: raised if another process holds the lock.
         wait: wait until others free it, instead of raising ``busy``.
+        shared: hold it together with others that do so; it excludes those that hold it alone.
     """
-    lock = FileLock(file, timeout=-1 if wait else 0)
-    try:
-        lock.acquire()
-    except Timeout:
-        raise busy from None
-    except OSError as error:
-        raise cannot_write(file, error) from error
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-@contextmanager
-def locked_together(file: Path, busy: GlsimError) -> Iterator[None]:
-    """Hold a shared lock, which excludes processes that hold it alone.
-
-    Raises as ``locked``.
-    """
+    kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
     try:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
     except OSError as error:
         raise cannot_write(file, error) from error
     try:
         try:
-            # The same kind of lock as FileLock's, which is exclusive.
-            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, kind)
         except BlockingIOError:
             raise busy from None
         except OSError as error:

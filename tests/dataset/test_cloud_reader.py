@@ -13,7 +13,7 @@ import pytest
 from glsim.dataset import open_dataset
 from glsim.errors import ConfigError, DatasetError
 from glsim.files import cloud
-from glsim.files.cloud import CloudFolder, cloud_url
+from glsim.files.cloud import CloudStore, cloud_url
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
@@ -31,9 +31,9 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def served(local: Path) -> Iterator[S3Server]:
     with pytest.MonkeyPatch.context() as patch, s3_server(patch) as store:
-        folder = CloudFolder(URL)
+        folder = CloudStore(URL)
         for file in (path for path in local.rglob("*") if path.is_file() and path.name != "lock"):
-            folder.upload(file.relative_to(local).as_posix(), file)
+            folder.put(file.relative_to(local).as_posix(), file.read_bytes())
         yield store
 
 
@@ -103,14 +103,14 @@ def test_a_process_that_was_forked_reads_on_its_own(store: S3Server) -> None:
 def test_a_changed_object_is_noticed(
     store: S3Server, local: Path, name: str, change, message: str
 ) -> None:
-    folder, data = CloudFolder(URL), (local / name).read_bytes()
+    folder, data = CloudStore(URL), (local / name).read_bytes()
     assert change(data) != data
-    folder.write(name, change(data))
+    folder.put(name, change(data))
     try:
         with pytest.raises(DatasetError, match=message):
             _ = open_dataset(URL).frames()[0].clean_mm
     finally:
-        folder.write(name, data)
+        folder.put(name, data)
     assert open_dataset(URL).frames()[0].clean_mm.any()
 
 
@@ -119,13 +119,13 @@ def test_what_is_not_there_is_said_in_one_line(store: S3Server, local: Path) -> 
         open_dataset(f"s3://{BUCKET}/nothing")
     with pytest.raises(DatasetError, match=r"s3://nobody/set: is no data set"):
         open_dataset("s3://nobody/set")
-    dataset, folder = open_dataset(URL), CloudFolder(URL)
+    dataset, folder = open_dataset(URL), CloudStore(URL)
     folder.delete(["test-000000.tar"])
     try:
         with pytest.raises(DatasetError, match=r"test-000000\.tar: is missing"):
             _ = dataset.split("test")[0].noisy_mm
     finally:
-        folder.upload("test-000000.tar", local / "test-000000.tar")
+        folder.put("test-000000.tar", (local / "test-000000.tar").read_bytes())
 
 
 @pytest.mark.long

@@ -22,7 +22,7 @@ from glsim.dataset.dataset_run import DatasetRun, in_processes
 from glsim.dataset.identity import InputHashes
 from glsim.dataset.part_run import run_part
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.store import open_store
+from glsim.files.cloud import open_store
 from tests.support.dataset_fakes import (
     FORMATS,
     SENSOR,

@@ -15,7 +15,7 @@ from glsim.dataset.records import parse_chunk_record
 from glsim.errors import DatasetError
 from glsim.files import flush
 from glsim.files.atomic import AtomicFile, file_checksum
-from glsim.files.disk import Disk
+from glsim.files.store import Store
 from tests.support.dataset_fakes import contents, make, make_settings, make_tasks
 from tests.support.power_cuts import PowerCuts
 
@@ -135,7 +135,7 @@ def test_a_repair_is_not_called_complete_either(
 def test_the_cuts_find_a_header_before_its_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Disk, "flush", lambda self, names: None)
+    monkeypatch.setattr(Store, "flush", lambda self, names: None)
     found = cut_everywhere(monkeypatch, tmp_path / "a")
     assert any("_clean.png" in lie for lie in found)
 

@@ -19,7 +19,7 @@ from glsim.dataset.ray_renderer import MadeChunk, checked_chunk, on_ray
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.errors import ConfigError, DatasetError, MeshError
 from glsim.files.atomic import checksum
-from glsim.files.store import open_store
+from glsim.files.cloud import open_store
 from glsim.ray_cluster import ray_cluster
 from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import (
