@@ -1,7 +1,7 @@
 """A cluster of Ray: connect to it, and hand out tasks with a bounded number under way.
 
-Tasks are plain ones with unlimited retries: a node that dies takes its tasks with it, and Ray
-starts them again elsewhere. Actors are not used; pinned ones waited for ever when a node died.
+Tasks are plain ones: a node that dies takes its tasks with it, and Ray starts them again elsewhere.
+Actors are not used; pinned ones waited for ever when a node died.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import logging
 import socket
 import time
 import traceback
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
@@ -23,6 +23,10 @@ _T = TypeVar("_T")
 
 #: Tasks under way for each core: the second waits on its node while the first runs.
 TASKS_PER_CORE = 2
+#: How often Ray starts a task again whose process or node died, and how often ``run_tasks`` gives
+#: the same call to Ray again after that: nodes die for reasons of their own, but a call that kills
+#: every process would otherwise be tried for ever.
+_RETRIES, _CALLS_AGAIN = 3, 3
 #: Seconds between two looks at the number of cores: nodes join and leave.
 _CORES_EVERY_S = 2.0
 #: Seconds within which the head of a cluster takes a connection.
@@ -147,7 +151,8 @@ def run_tasks(
 ) -> Generator[tuple[_T, Any], None, None]:
     """Call a function on the cluster; yield (name, result) as results arrive, in any order.
 
-    Raises the error of a call, which it returns as a ``WorkerFailure``.
+    Raises the error of a call, which it returns as a ``WorkerFailure``, and DatasetError for a call
+    whose processes die again and again.
 
     Args:
         function: of a module, which every node has.
@@ -159,6 +164,7 @@ def run_tasks(
     source = iter(calls)
     again: deque[tuple[_T, tuple[Any, ...]]] = deque()
     running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
+    lost: Counter[_T] = Counter()
     cores, looked_s = 0, float("-inf")
     more = True
     try:
@@ -183,7 +189,7 @@ def run_tasks(
                 try:
                     result = task_result(ray, reference)
                 except LostResultError as error:
-                    log.warning("%s: calling it again", error)
+                    _count_loss(lost, call[0], error)
                     again.append(call)
                     continue
                 yield call[0], result
@@ -194,6 +200,17 @@ def run_tasks(
         cancel_tasks(ray, running)
 
 
+def _count_loss(lost: Counter[_T], name: _T, error: LostResultError) -> None:
+    """Log a warning, or raise DatasetError if the result of a call was lost too often."""
+    lost[name] += 1
+    if lost[name] > _CALLS_AGAIN:
+        raise DatasetError(
+            f"processes of the cluster die while they do task {name} (out of memory?): {error}: "
+            "what is complete is kept; run the same command again to continue"
+        ) from error
+    log.warning("%s: calling it again", error)
+
+
 class LostResultError(Exception):
     """The result of a task went with its node."""
 
@@ -201,10 +218,10 @@ class LostResultError(Exception):
 def remote_task(
     ray: Any, function: Callable[..., object], environment: Mapping[str, str] | None = None
 ) -> Any:
-    """Return a function as a task of one core and one thread, with unlimited retries."""
+    """Return a function as a task of one core and one thread, which Ray retries."""
     variables = SINGLE_THREADED | dict(environment or {})
     return ray.remote(function).options(
-        num_cpus=1, max_retries=-1, runtime_env={"env_vars": variables}
+        num_cpus=1, max_retries=_RETRIES, runtime_env={"env_vars": variables}
     )
 
 

@@ -77,12 +77,12 @@ def repair_command(dataset: Path) -> str:
     Raises DatasetError if neither dataset.json nor the plan in .glsim can be read.
     """
     from glsim.dataset.disk_format import HEADER, STATE
-    from glsim.dataset.record_schema import read_object
+    from glsim.files.atomic import read_json
 
     failures = []
     for file in (dataset / HEADER, dataset / STATE / "plan.json"):
         try:
-            return _command(dataset, read_object(file)[0])
+            return _command(dataset, read_json(file))
         except GlsimError as error:
             failures.append(str(error))
     raise DatasetError(f"{dataset}: the settings that made it are lost: {'; '.join(failures)}")

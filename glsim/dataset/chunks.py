@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,17 +18,6 @@ from glsim.settings.schema import SPLIT_NAMES
 #: that little is lost when one dies; a shard (5 to 100 MB) is one chunk. The numbers are part of
 #: the format: with others, shards differ and a partly written data set is rendered again.
 CHUNK_FRAMES = {"png": 32, "webdataset": 512}
-
-_SHARD = re.compile(rf"({'|'.join(SPLIT_NAMES)})-(\d{{6,12}})\.tar", re.ASCII)
-
-
-def _shard_name(split: str, order: int) -> str:
-    return f"{split}-{order:06d}.tar"
-
-
-def is_shard_name(name: str) -> bool:
-    """Return whether a file is named as the shards of data sets are."""
-    return _SHARD.fullmatch(name) is not None
 
 
 @dataclass(frozen=True)
@@ -49,7 +37,7 @@ class Chunk:
     @property
     def shard(self) -> str:
         """The name of the shard that holds these frames in the format "webdataset"."""
-        return _shard_name(self.split, self.order)
+        return f"{self.split}-{self.order:06d}.tar"
 
 
 class ChunkPlan:
@@ -102,17 +90,6 @@ class ChunkPlan:
     def split_of(self, number: int) -> str:
         """Return the split of a chunk."""
         return self._place(number)[0]
-
-    def has_shard(self, name: str) -> bool:
-        """Return whether a file has the name of one of this plan's shards."""
-        match = _SHARD.fullmatch(name)
-        if match is None:
-            return False
-        split = SPLIT_NAMES.index(match[1])
-        order = int(match[2])
-        return order < self._chunks[split + 1] - self._chunks[split] and name == _shard_name(
-            match[1], order
-        )
 
     def _place(self, number: int) -> tuple[str, int, int, int]:
         """Return a chunk's split, its position there, and the positions of its frames."""

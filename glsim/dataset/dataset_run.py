@@ -18,19 +18,24 @@ from glsim.dataset.chunk_writer import ChunkEvent, FrameMaker, RenderJob
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import HEADER, SKIPPED
 from glsim.dataset.identity import InputHashes, make_identity
-from glsim.dataset.merge import merge, merged_files_are_intact, read_merged_chunks, unmerge
+from glsim.dataset.merge import (
+    bounded_lines,
+    merge,
+    merged_files_are_intact,
+    read_merged_chunks,
+    unmerge,
+)
 from glsim.dataset.parts import Part
 from glsim.dataset.progress import GenerateSummary, Progress, RunCounts
 from glsim.dataset.record_schema import (
     MAX_HEADER_BYTES,
     MAX_LINE_BYTES,
     parse_header,
-    parse_object,
 )
 from glsim.dataset.records import ChunkRecord, ChunkSummary
 from glsim.dataset.run_state import RunState
 from glsim.errors import ConfigError, DatasetError
-from glsim.files.lines import bounded_lines
+from glsim.files.atomic import parse_json
 from glsim.files.store import Store
 from glsim.plan.tasks import Task
 from glsim.settings.schema import Settings
@@ -212,7 +217,7 @@ def finish(
     store = state.store
     header = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", store.where(HEADER))
     with store.open(SKIPPED) as lines:
-        records = (parse_object(line, SKIPPED) for line in bounded_lines(lines, MAX_LINE_BYTES))
+        records = (parse_json(line, SKIPPED) for line in bounded_lines(lines, MAX_LINE_BYTES))
         reasons = Counter(str(record.get("why")) for record in records)
     counts.report(last=True)
     return GenerateSummary(

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from glsim.dataset.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, MERGED_INDEX, STATE
 from glsim.dataset.manifest import Manifest
-from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_checksum, parse_header, parse_object
+from glsim.dataset.record_schema import MAX_HEADER_BYTES, parse_checksum, parse_header
 from glsim.errors import DatasetError
-from glsim.files.atomic import checksum
+from glsim.files.atomic import checksum, parse_json
 from glsim.files.cloud import cloud_url, open_store
 from glsim.files.contents import text_hash
 from glsim.files.store import Store
@@ -60,7 +60,7 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
             )
         raise DatasetError(f"{store}: is no data set of glsim: it has no {HEADER}")
     where = store.where(HEADER)
-    header = parse_object(data, f"{where}:")
+    header = parse_json(data, where)
     if header.get("format") != FORMAT:
         raise DatasetError(f"{where}: is not the header of a glsim data set")
     version = header.get("format_version", 0)

@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from itertools import islice
-from typing import Any
+from typing import IO, Any
 
 from glsim.dataset.chunks import CHUNK_FRAMES, ChunkPlan
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
@@ -30,7 +30,6 @@ from glsim.dataset.records import (
 from glsim.dataset.run_state import INDEX, RunState
 from glsim.errors import DatasetError
 from glsim.files.atomic import to_json
-from glsim.files.lines import bounded_lines
 from glsim.files.store import Store
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -148,3 +147,17 @@ def unmerge(state: RunState, chunks: int, damaged: set[int]) -> None:
         if record is not None and number not in damaged:
             state.save_chunk(record)
     state.withdraw()
+
+
+def bounded_lines(file: IO[bytes], limit: int) -> Iterator[bytes]:
+    """Yield the lines of a file with their ends; of a longer one only its first bytes.
+
+    Args:
+        file: open for reading.
+        limit: longest whole line, bytes; a longer one is cut to ``limit`` + 1, so that it is known.
+    """
+    while line := file.readline(limit + 1):
+        yield line
+        rest = line
+        while len(rest) > limit and not rest.endswith(b"\n"):
+            rest = file.readline(limit + 1)

@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import os
 import socket
-import tempfile
-import time
 import uuid
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -33,14 +30,6 @@ from glsim.files.atomic import checksum, temporary_folder
 from glsim.files.cloud import open_store
 from glsim.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.worker_processes import WorkerFailure
-
-#: Processes that may die on one machine while they render the same chunk: nodes die for reasons of
-#: their own, but a chunk that kills every process would otherwise be tried for ever.
-_DEATHS = 5
-_COUNTER = ".deaths"
-#: A counter to which nothing was added for this long, seconds, is of a run that ended: a chunk
-#: takes minutes. If it is not, the count starts again.
-_COUNTER_STALE_S = 86_400.0
 
 
 @dataclass(frozen=True)
@@ -139,7 +128,7 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
 
             given: ClusterJob = ray.get(reference[0])
             _shared = replace(given, job=_prepared(given))
-        with _counted_deaths(token, chunk), temporary_folder() as folder:
+        with temporary_folder() as folder:
             return _render(_shared.job, chunk, folder)
     except Exception as error:
         return failure_of(error)
@@ -170,37 +159,3 @@ def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
     paths = [path for path in folder.rglob("*") if path.is_file()]
     files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
     return MadeChunk(record.to_bytes(), files)
-
-
-@lru_cache(maxsize=1)
-def _remove_old_counters(folder: Path) -> None:
-    """Remove this user's counters of runs that ended long ago, once per process."""
-    for path in folder.glob(f"glsim-*{_COUNTER}"):
-        with suppress(OSError):  # gone, or not ours
-            status = path.lstat()
-            old = time.time() - status.st_mtime > _COUNTER_STALE_S
-            if old and status.st_uid == os.geteuid():
-                path.unlink()
-
-
-@contextmanager
-def _counted_deaths(token: str, chunk: Chunk) -> Iterator[None]:
-    """Count the processes of this machine that died in this block with this chunk.
-
-    Raises DatasetError if that were too many.
-    """
-    folder = Path(tempfile.gettempdir())
-    _remove_old_counters(folder)
-    counter = folder / f"glsim-{token}-{chunk.number}{_COUNTER}"
-    with counter.open("ab") as file:
-        if file.tell() >= _DEATHS:
-            raise DatasetError(
-                f"{_DEATHS} processes of {socket.gethostname()} died while they rendered "
-                f"{chunk.tasks[0].stem} and the next frames (out of memory?): what is complete is "
-                "kept; run the same command again to continue"
-            )
-        file.write(b".")
-    try:
-        yield
-    finally:
-        counter.unlink(missing_ok=True)

@@ -119,22 +119,10 @@ class Dataset:
         sensor = self.header.get("sensor", {})
         return str(sensor.get("title", sensor.get("name", "unknown sensor")))
 
-    def file_size(self, name: str) -> int:
-        """Return the size of a file of the data set, bytes. Raises DatasetError if it is none."""
-        size = self._store.size(name)
-        if size is None:
-            raise DatasetError(f"{self._store.where(name)}: is missing: {REPAIR}")
-        return size
-
     @property
     def is_remote(self) -> bool:
         """Whether the images lie in object storage: each read takes a request over the network."""
         return self._store.is_remote
-
-    @property
-    def is_tree(self) -> bool:
-        """Whether each image is its own file rather than a member of a shard."""
-        return bool(self.header["settings"]["output"]["format"] == "png")
 
     def _key(self, first: int, number: int) -> FrameKey:
         record = self._manifest.record(first + number)

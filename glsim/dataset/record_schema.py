@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal, NotRequired
 
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from typing_extensions import TypedDict  # what pydantic needs before Python 3.12
 
 from glsim.errors import DatasetError
-from glsim.files.atomic import wrap_read_errors
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_SIDE_PX
-from glsim.files.regular import read_regular
 from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
 
 #: Largest dataset.json, bytes: twice the names of 100,000 subjects and the checksums of as many
@@ -64,6 +61,8 @@ class _File(TypedDict):
 
 
 class _Shard(TypedDict):
+    """The order of its keys is that of the chunk record, whose checksum covers them."""
+
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     name: FileName
     size: Count
@@ -163,7 +162,6 @@ _FRAME: TypeAdapter[FrameRecord] = TypeAdapter(FrameRecord)
 _HEADER: TypeAdapter[HeaderRecord] = TypeAdapter(HeaderRecord)
 _SUMMARY: TypeAdapter[_Summary] = TypeAdapter(_Summary)
 _FILE: TypeAdapter[_File] = TypeAdapter(_File)
-_OBJECT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 
 
 def parse_frame(line: bytes | str, where: str) -> dict[str, Any]:
@@ -187,18 +185,6 @@ def parse_header(data: bytes, where: str) -> dict[str, Any]:
     if len(header["frames"]) != 3:
         raise DatasetError(f"{where} is damaged: frames: it lacks a split")
     return header
-
-
-def read_object(path: Path) -> tuple[dict[str, Any], bytes]:
-    """Read a header as any JSON object, not checked yet, and its bytes. Raises DatasetError."""
-    with wrap_read_errors(path):
-        data = read_regular(path, MAX_HEADER_BYTES, inside=path.parent)
-    return parse_object(data, f"{path}:"), data
-
-
-def parse_object(data: bytes, where: str) -> dict[str, Any]:
-    """Parse bytes as any JSON object. Raises DatasetError."""
-    return _parse(_OBJECT, data, where)
 
 
 def _parse(adapter: TypeAdapter[Any], data: bytes | str, where: str) -> dict[str, Any]:

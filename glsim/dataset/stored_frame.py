@@ -36,7 +36,7 @@ def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> Dep
         record: of the frame in the manifest, see ``glsim.dataset.records.frame_record``.
         step_mm: millimetres per step of stored depth.
     """
-    images = _StoredImages(store, record, step_mm)
+    images = StoredImages(store, record, step_mm)
     layers: dict[str, Any] = {}
     for layer in record["files"]:
         if layer in _DEPTH_LAYERS:
@@ -57,8 +57,14 @@ def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> Dep
     )
 
 
-class _StoredImages:
-    """Reads the images of one frame; those in object storage by one request."""
+class StoredImages:
+    """Reads the images of one frame; those in object storage by one request.
+
+    Args:
+        store: of the data set.
+        record: of the frame in the manifest.
+        step_mm: millimetres per step of stored depth.
+    """
 
     def __init__(self, store: Store, record: Mapping[str, Any], step_mm: float) -> None:
         self._store, self._record, self._step_mm = store, record, step_mm
@@ -75,13 +81,18 @@ class _StoredImages:
         if "member" in file:
             where += f" ({file['member']})"
         data = self._bytes(layer)
-        image = decode_layer(data, layer, where)
         if checksum(data) != {"size": file["size"], "crc32": file["crc32"]}:
             raise DatasetError(
                 f"{where}: was changed after it was written ({len(data)} bytes, {file['size']} "
                 f"recorded): {REPAIR}"
             )
-        check_size(image, self._record, where)
+        image = decode_layer(data, layer, where)
+        size = (self._record["intrinsics"]["height"], self._record["intrinsics"]["width"])
+        if image.shape[:2] != size:
+            raise DatasetError(
+                f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
+                f"{size[1]} x {size[0]}"
+            )
         if layer == "reason" and image.max(initial=0) > max(Reason):
             raise DatasetError(f"{where}: holds {image.max()}, which is no code of a reason")
         return image
@@ -98,7 +109,7 @@ class _StoredImages:
         """Read a whole file or a member of a shard; a truncated member is returned truncated."""
         if self._store.is_remote:
             if not self._fetched:
-                self._fetched = fetch_images(self._store, self._record["files"])
+                self._fetched = _fetch_images(self._store, self._record["files"])
             return self._fetched[layer]
         file = self._record["files"][layer]
         if "offset" in file:
@@ -109,37 +120,18 @@ class _StoredImages:
         return data
 
 
-def check_size(image: LayerImage, record: Mapping[str, Any], where: str) -> None:
-    """Raise DatasetError unless an image has the size that its frame's record says."""
-    size = (record["intrinsics"]["height"], record["intrinsics"]["width"])
-    if image.shape[:2] != size:
-        raise DatasetError(
-            f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
-            f"{size[1]} x {size[0]}"
-        )
+def _fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
+    """Read the images of a frame: layer -> bytes, truncated if the file ends before.
 
-
-def fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
-    """Read the images of a frame with one request, for its latency exceeds their transfer.
-
-    Args:
-        store: of the data set.
-        files: the entry of the frame's record; its layers lie one after another in a shard.
-
-    Returns:
-        layer -> bytes, truncated if the file ends before.
+    Those that lie one after another in a shard take one request, for its latency exceeds their
+    transfer.
     """
-    images: dict[str, bytes] = {}
-    for name in dict.fromkeys(file["name"] for file in files.values()):
-        own = {layer: file for layer, file in files.items() if file["name"] == name}
-        start = min(file.get("offset", 0) for file in own.values())
-        end = max(file.get("offset", 0) + file["size"] for file in own.values())
-        if end - start > sum(file["size"] + _TAR_BYTES for file in own.values()):
-            for layer, file in own.items():  # not as we write them: nothing between is read
-                images[layer] = store.read_range(name, file.get("offset", 0), file["size"])
-            continue
-        data = store.read_range(name, start, end - start)
-        for layer, file in own.items():
-            first = file.get("offset", 0) - start
-            images[layer] = data[first : first + file["size"]]
-    return images
+    places = {layer: (file.get("offset", 0), file["size"]) for layer, file in files.items()}
+    names = {layer: file["name"] for layer, file in files.items()}
+    start = min(offset for offset, _ in places.values())
+    whole = max(offset + size for offset, size in places.values()) - start
+    most = sum(size + _TAR_BYTES for _, size in places.values())
+    if len(set(names.values())) > 1 or whole > most:
+        return {layer: store.read_range(names[layer], *places[layer]) for layer in files}
+    data = store.read_range(next(iter(names.values())), start, whole)
+    return {n: data[offset - start :][:size] for n, (offset, size) in places.items()}

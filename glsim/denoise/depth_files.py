@@ -10,8 +10,8 @@ from typing import Final, Literal
 
 from glsim.dataset.disk_format import FORMAT, HEADER
 from glsim.dataset.header import read_header
-from glsim.dataset.record_schema import read_object
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import read_json
 from glsim.files.png import read_depth_png, stated_unit_mm
 from glsim.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, format_of, is_map
 from glsim.recordings.names import depth_pngs, infrared_beside, left_out
@@ -114,7 +114,7 @@ def dataset_root(folder: Path) -> Path | None:
     if split.name not in SPLIT_NAMES or not header.is_file():
         return None
     try:
-        ours = read_object(header)[0].get("format") == FORMAT
+        ours = read_json(header).get("format") == FORMAT
     except DatasetError:  # a file of that name may have another origin
         return None
     return split.parent if ours else None

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from glsim.errors import ConfigError
 from glsim.faces import open_source
-from glsim.plan.paper_split import PAPER_IMAGES
+from glsim.plan.split import PAPER_IMAGES
 from glsim.settings.source_settings import parse_source
 
 

@@ -100,7 +100,7 @@ def problem_of(root: Path) -> str:
         (
             "webdataset",
             first_line(lambda record: record["files"]["noisy"].update(offset=10**9)),
-            "is no readable PNG image",
+            "was changed after it was written",
         ),
     ],
 )

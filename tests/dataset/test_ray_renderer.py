@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -12,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glsim.dataset import GenerateProgress, GenerateSummary, generate, ray_renderer, verify
-from glsim.dataset.chunks import Chunk
+from glsim.dataset import GenerateProgress, GenerateSummary, generate, verify
 from glsim.dataset.dataset_run import DatasetRun, run_all
 from glsim.dataset.ray_renderer import MadeChunk, checked_chunk, on_ray
 from glsim.dataset.records import ChunkRecord, ChunkSummary
@@ -101,40 +99,14 @@ def test_a_process_that_dies_once_is_replaced(tmp_path: Path, nodes: Nodes) -> N
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
 
 
+@pytest.mark.long
 def test_a_chunk_that_kills_every_process_ends_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, nodes: Nodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    chunk = Chunk(3, "train", 3, TASKS[70:72])
-
-    def render() -> None:
-        with ray_renderer._counted_deaths("a-token", chunk):
-            pass
-
-    render()  # without a death nothing is counted
-    for _ in range(5):
-        if (child := os.fork()) == 0:
-            with ray_renderer._counted_deaths("a-token", chunk):
-                os._exit(1)
-        os.waitpid(child, 0)
-    with pytest.raises(DatasetError, match=r"5 processes of .* died while they rendered"):
-        render()
-    render_other = ray_renderer._counted_deaths("a-token", replace(chunk, number=4))
-    with render_other:
-        pass
-
-
-def test_counters_of_runs_that_ended_long_ago_go(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    for name in ("glsim-a-1.deaths", "glsim-b-2.deaths", "notes.deaths"):
-        (tmp_path / name).write_bytes(b".")
-    for name in ("glsim-a-1.deaths", "notes.deaths"):
-        os.utime(tmp_path / name, (0, 0))
-    with ray_renderer._counted_deaths("a-token", Chunk(3, "train", 3, TASKS[70:72])):
-        pass
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["glsim-b-2.deaths", "notes.deaths"]
+    monkeypatch.setattr("glsim.ray_cluster._RETRIES", 1)
+    monkeypatch.setattr("glsim.ray_cluster._CALLS_AGAIN", 1)
+    with pytest.raises(DatasetError, match="processes of the cluster die while they do task 2"):
+        make_on_ray(tmp_path / "ray", nodes, faults=(Fault("kill", 70),))
 
 
 @pytest.mark.long

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import pickle
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -60,19 +59,14 @@ def test_splits_are_sequences(originals: dict[str, Path], format: str) -> None:
         indices = [pair.record["index"] for pair in split]
         assert {pair.record["split"] for pair in split} == {name}
         assert indices == sorted(indices)
-        assert [split[i].record["index"] for i in range(len(split))] == indices
         assert split[-1].record["index"] == indices[-1]
         assert [pair.record["index"] for pair in split[2:9:3]] == indices[2:9:3]
         with pytest.raises(IndexError):
             split[len(split)]
     with pytest.raises(DatasetError, match="no such split 'tests': did you mean 'test'"):
         dataset.split("tests")
-
-
-@pytest.mark.parametrize("format", FORMATS)
-def test_datasets_travel_to_other_processes(originals: dict[str, Path], format: str) -> None:
-    split = pickle.loads(pickle.dumps(open_dataset(originals[format]).split("val")))
-    assert split[4].clean_mm.shape == (24, 32)
+    travelled = pickle.loads(pickle.dumps(dataset.split("val")))
+    assert travelled[4].clean_mm.shape == (24, 32)
 
 
 def test_both_formats_read_the_same(originals: dict[str, Path]) -> None:
@@ -103,95 +97,54 @@ def test_a_data_set_of_skipped_frames_only(tmp_path: Path) -> None:
         make(tmp_path / format, make_settings(format=format), make_tasks(2, 2), skip_every=1)
         dataset = open_dataset(tmp_path / format)
         assert list(dataset) == list(dataset.split("val")) == []
-        assert len(dataset.split("test")) == 0
         assert verify(tmp_path / format, deep=True) == []
 
 
-def rewrite_header(path: Path, **changes: object) -> None:
-    header = json.loads((path / "dataset.json").read_text())
-    (path / "dataset.json").write_text(json.dumps(header | changes))
-
-
-def test_no_header(tmp_path: Path, tree: Path) -> None:
+def test_bad_headers(tmp_path: Path, tree: Path) -> None:
     with pytest.raises(DatasetError, match=r"is no data set of glsim: it has no dataset\.json"):
         open_dataset(tmp_path)
+    header = json.loads((tree / "dataset.json").read_text())
+    for changes, message in (
+        ({"format_version": 99}, r"format version 99 is newer than 1.*update glsim"),
+        ({"format": "coco"}, "is not the header of a glsim data set"),
+        ({"frames": 3}, "is damaged: frames: "),
+    ):
+        (tree / "dataset.json").write_text(json.dumps(header | changes))
+        with pytest.raises(DatasetError, match=message):
+            open_dataset(tree)
     (tree / "dataset.json").unlink()
     with pytest.raises(DatasetError, match="is not complete: run glsim generate again"):
         open_dataset(tree)
 
 
-def test_bad_headers(tree: Path) -> None:
-    rewrite_header(tree, format_version=99)
-    with pytest.raises(DatasetError, match=r"format version 99 is newer than 1.*update glsim"):
-        open_dataset(tree)
-    rewrite_header(tree, format="coco", format_version=1)
-    with pytest.raises(DatasetError, match="is not the header of a glsim data set"):
-        open_dataset(tree)
-    (tree / "dataset.json").write_text('{"format":"glsim"}')
-    with pytest.raises(DatasetError, match="is damaged: frames: Field required"):
-        open_dataset(tree)
-    (tree / "dataset.json").write_text("[")
-    with pytest.raises(DatasetError, match=r"dataset\.json: is damaged"):
-        open_dataset(tree)
-
-
 def test_bad_manifests(tree: Path) -> None:
     manifest = tree / "manifest.jsonl"
-    text = manifest.read_text()
-    manifest.write_text(text.replace('{"index"', "", 1))
-    sign(tree)
-    with pytest.raises(DatasetError, match="line 1 is damaged"):
-        list(open_dataset(tree))
-    manifest.write_text(text + "{}\n")
+    manifest.write_text(manifest.read_text() + "{}\n")
     sign(tree)
     with pytest.raises(DatasetError, match=r"has 139 lines, dataset\.json says 138"):
-        _ = open_dataset(tree).split("test")[0]
+        open_dataset(tree)
     manifest.unlink()
     with pytest.raises(DatasetError, match=r"manifest\.jsonl: is missing"):
-        list(open_dataset(tree))
+        open_dataset(tree)
 
 
-def test_missing_image(tree: Path) -> None:
+def test_bad_images(tree: Path, shards: Path) -> None:
+    (tree / PNG).write_bytes(encode_png(np.zeros((24, 32), np.uint16)))
+    with pytest.raises(DatasetError, match="was changed after it was written"):
+        _ = pair_of(tree).noisy_mm
     (tree / PNG).unlink()
     with pytest.raises(DatasetError, match=rf"{PNG}: is missing: run glsim generate again"):
         _ = pair_of(tree).noisy_mm
     assert pair_of(tree).clean_mm.any()
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda _: encode_png(np.zeros((24, 32), np.uint16)), "was changed after it was written"),
-        (lambda _: encode_png(np.zeros((24, 32), np.uint8)), "has 8 bits a pixel, noisy needs 16"),
-        (lambda _: encode_png(np.zeros((24, 32, 3), np.uint16)), "has 3 channels instead of one"),
-        (lambda _: b"", "is no readable PNG image"),
-        (lambda _: b"no image", "is no readable PNG image"),
-        (lambda data: data[:20], "is no readable PNG image"),
-    ],
-)
-def test_changed_image(tree: Path, change: Callable[[bytes], bytes], message: str) -> None:
-    path = tree / PNG
-    path.write_bytes(change(path.read_bytes()))
-    with pytest.raises(DatasetError, match=message):
-        _ = pair_of(tree).noisy_mm
-
-
-def test_image_of_another_size(tree: Path) -> None:
     manifest = tree / "manifest.jsonl"
     manifest.write_text(manifest.read_text().replace('"width":32', '"width":33'))
     sign(tree)
     with pytest.raises(DatasetError, match="is 32 x 24 pixels, the record says 33 x 24"):
-        _ = pair_of(tree).noisy_mm
-
-
-def test_truncated_and_missing_shard(shards: Path) -> None:
+        _ = pair_of(tree, frame=4).noisy_mm
     shard = shards / "test-000000.tar"
     shard.write_bytes(shard.read_bytes()[:5000])
-    with pytest.raises(DatasetError, match=r"test-000000\.tar \(000000..\.noisy\.png\): is no"):
+    with pytest.raises(DatasetError, match=r"test-000000\.tar \(000000..\.noisy\.png\): was ch"):
         _ = pair_of(shards, frame=19).noisy_mm
-    shard.unlink()
-    with pytest.raises(DatasetError, match=r"test-000000\.tar: is missing"):
-        _ = pair_of(shards).noisy_mm
 
 
 # ------------------------------------------------------------------------------------ verify
@@ -203,14 +156,13 @@ def flip(path: Path, position: int = -30) -> None:
     path.write_bytes(data)
 
 
-def test_verify_finds_nothing_wrong_with_a_sound_data_set(originals: dict[str, Path]) -> None:
+def test_verify_lets_sound_data_sets_and_the_users_own_files_be(
+    originals: dict[str, Path], tree: Path
+) -> None:
     for path in originals.values():
         before = contents(path)
         assert verify(path) == verify(path, deep=True) == []
         assert contents(path) == before
-
-
-def test_verify_lets_the_users_own_files_be(tree: Path) -> None:
     (tree / "notes.md").write_text("mine")
     (tree / "figures").mkdir()
     assert verify(tree, deep=True) == []
@@ -238,10 +190,23 @@ def test_verify_finds_changed_bytes_if_deep(tree: Path, shards: Path) -> None:
     flip(tree / PNG)
     flip(shards / "val-000000.tar", 5000)
     assert verify(tree) == verify(shards) == []
-    assert verify(tree, deep=True) == [f"{PNG} is not what was written: its CRC32 differs"]
+    (problem,) = verify(tree, deep=True)
+    assert problem.startswith(f"{PNG}: was changed after it was written")
     assert verify(shards, deep=True) == [
         "val-000000.tar is not what was written: its CRC32 differs"
     ]
+
+
+def test_verify_finds_images_in_two_records_and_records_of_other_bytes(shards: Path) -> None:
+    manifest = shards / "manifest.jsonl"
+    first, second, *rest = manifest.read_text().splitlines()
+    record, other = json.loads(first), json.loads(second)
+    other["files"]["noisy"] = record["files"]["noisy"]
+    record["files"]["clean"]["crc32"] ^= 1
+    manifest.write_text("\n".join([json.dumps(record), json.dumps(other), *rest]) + "\n")
+    sign(shards)
+    assert "train-000000.tar is in two records" in verify(shards)
+    assert any("clean.png): was changed after" in line for line in verify(shards, deep=True))
 
 
 def test_verify_finds_subjects_in_two_splits(tree: Path) -> None:
@@ -265,10 +230,6 @@ def test_verify_finds_wrong_counts_and_strange_shards(tree: Path, shards: Path) 
     (shards / "train-000007.tar").touch()
     (shards / "val-000000.tar").unlink()
     assert verify(shards) == ["val-000000.tar is missing", "train-000007.tar is in no record"]
-
-
-def test_verify_says_what_is_no_data_set(tmp_path: Path) -> None:
-    assert verify(tmp_path) == [f"{tmp_path}: is no data set of glsim: it has no dataset.json"]
 
 
 def test_importing_loads_neither_opencv_nor_opengl() -> None:

@@ -61,6 +61,7 @@ def test_other_members_are_left_to_the_next_decoder() -> None:
     [
         (".noisy.png", b"no image"),
         (".noisy.png", encode_png(np.zeros((2, 2), np.uint8))),
+        (".noisy.png", encode_png(np.zeros((2, 2, 3), np.uint16))),
         (".json", b'{"index": 1}'),
         (".json", b" " * (1 << 20) + b"{}"),
     ],

