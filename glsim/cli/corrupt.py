@@ -119,7 +119,7 @@ def corrupt(
                 )
             write_atomic(data, target, sync=len(pairs) == 1)
     if len(pairs) > 1:
-        flush_outputs([target for _, target, _ in pairs], out)
+        flush_outputs(out)
     if others := left_out_of([clean], "clean"):
         print_message(f"left out {left_out_text(others)}: no clean depth")
     print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")

@@ -168,9 +168,9 @@ def denoise(
     sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
     failures = _denoise_maps(loaded, frames, pairs, sigma_targets, form, out_step_mm)
     if len(pairs) > 1:
-        flush_outputs([target for _, target in pairs], out)
+        flush_outputs(out)
         if uncertainty is not None:
-            flush_outputs(sigma_targets, uncertainty)
+            flush_outputs(uncertainty)
     if others := left_out_of([Path(text) for text in noisy], "noisy"):
         print_message(f"left out {left_out_text(others)}: no noisy depth")
     unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"

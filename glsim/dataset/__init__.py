@@ -11,11 +11,10 @@ from glsim.dataset.driver import (
     generate_part,
     write_dataset,
 )
-from glsim.dataset.layer_images import write_frame
+from glsim.dataset.layer_images import webdataset_decoder, write_frame
 from glsim.dataset.parts import Part, parse_part
 from glsim.dataset.progress import GenerateProgress, GenerateSummary, PartSummary
 from glsim.dataset.reader import Dataset, open_dataset
-from glsim.dataset.shard_samples import webdataset_decoder
 from glsim.dataset.verification import verify
 from glsim.worker_processes import Workers, available_workers
 

@@ -126,7 +126,6 @@ class _ChunkWriter:
 
     def __init__(self, settings: Settings, store: Store, chunk: Chunk) -> None:
         self._settings, self._store, self._chunk = settings, store, chunk
-        self._names: list[str] = []
         self._frames: list[str] = []
         self._skipped: list[str] = []
         self._bytes = 0
@@ -142,7 +141,7 @@ class _ChunkWriter:
         with self._store.create(name, sync=False) as file:
             stream = cast("IO[bytes]", file)
             with tarfile.TarFile(mode="w", fileobj=stream, format=tarfile.USTAR_FORMAT) as tar:
-                self._shard, self._names = _Shard(name, file, tar), [name]
+                self._shard = _Shard(name, file, tar)
                 yield
 
     def add(self, task: Task, result: Frame | Skipped) -> None:
@@ -166,7 +165,6 @@ class _ChunkWriter:
         if self._shard is not None:
             return self._shard.add(f"{task.index:08d}.{layer}.png", data)
         name = _image_name(task, layer)
-        self._names.append(name)
         return {"name": name} | self._store.put(name, data, sync=False)
 
     def _skip(self, task: Task, skipped: Skipped) -> None:
@@ -182,7 +180,7 @@ class _ChunkWriter:
         frames, skipped = len(self._frames), len(self._skipped)
         shard = None if self._shard is None else self._shard.record
         summary = ChunkSummary(self._chunk.number, frames, skipped, self._bytes, shard)
-        self._store.flush(self._names)
+        self._store.flush()
         return ChunkRecord(summary, self._frames, self._skipped)
 
 

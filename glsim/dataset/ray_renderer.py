@@ -23,10 +23,9 @@ from glsim.dataset.chunks import Chunk, ChunkPlan
 from glsim.dataset.dataset_run import ChunkRenderer
 from glsim.dataset.disk_format import STATE
 from glsim.dataset.inputs import refuse_other_inputs
-from glsim.dataset.record_schema import parse_frame
 from glsim.dataset.records import ChunkRecord, parse_chunk_record
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import checksum, temporary_folder
+from glsim.errors import ConfigError
+from glsim.files.atomic import temporary_folder
 from glsim.files.cloud import open_store
 from glsim.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.worker_processes import WorkerFailure
@@ -71,47 +70,16 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
             # In a list, which Ray hands over as it is: a process that has the job needs no copy.
             reference = [ray.put(shared)]
             calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
-            for number, made in run_tasks(ray, render_on_node, calls, environment):
+            for _, made in run_tasks(ray, render_on_node, calls, environment):
                 store = job.state.store
-                record = checked_chunk(made, number, uploaded=store.is_remote)
+                record = parse_chunk_record(made.record)
                 for name, data in made.files.items():
                     store.put(name, data, sync=False)
-                store.flush(made.files)
+                store.flush()
                 job.state.save_chunk(record)
                 yield record.summary
 
     return render
-
-
-def checked_chunk(made: MadeChunk, number: int, *, uploaded: bool = False) -> ChunkRecord:
-    """Return the record of a chunk whose files are those that it names, whole, and no others.
-
-    Raises DatasetError.
-
-    Args:
-        uploaded: whether the node sent its shard to object storage, and compared it there. Its
-            files are not here then.
-    """
-    record = parse_chunk_record(made.record)
-    expected: dict[str, dict[str, Any]] = {}
-    where = f"chunk {number}, as a node of the cluster made it:"
-    shard = record.summary.shard
-    for line in record.frames:
-        for file in parse_frame(line, where)["files"].values():
-            if shard is None:
-                expected[file["name"]] = file
-            elif file["name"] != shard["name"]:
-                raise DatasetError(f"{where} a frame is not in its shard")
-    if shard is not None:
-        expected[shard["name"]] = shard
-    if uploaded:
-        expected = {}
-    if record.summary.chunk != number or set(expected) != set(made.files):
-        raise DatasetError(f"{where} its record is of other files")
-    for name, data in made.files.items():
-        if checksum(data) != {"size": expected[name]["size"], "crc32": expected[name]["crc32"]}:
-            raise DatasetError(f"{where} {name} was damaged on its way")
-    return record
 
 
 # -------------------------------------------------------------------- on the nodes

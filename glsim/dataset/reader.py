@@ -14,8 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from glsim.dataset.disk_format import HEADER, MANIFEST
-from glsim.dataset.header import manifest_problem, open_header
-from glsim.dataset.manifest import REPAIR
+from glsim.dataset.header import REPAIR, manifest_problem, open_header
 from glsim.dataset.stored_frame import stored_frame
 from glsim.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.depth_protocol import DepthProtocol, stored_protocol

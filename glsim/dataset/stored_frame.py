@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.dataset.header import REPAIR
 from glsim.dataset.layer_images import LayerImage, decode_layer
-from glsim.dataset.manifest import REPAIR
 from glsim.depth_frame import DepthFrame, FrameKey
 from glsim.errors import DatasetError
 from glsim.files.atomic import checksum, missing

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from glsim.dataset.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
-from glsim.dataset.header import open_header
-from glsim.dataset.manifest import Manifest
+from glsim.dataset.header import Manifest, open_header
 from glsim.dataset.stored_frame import StoredImages
 from glsim.errors import DatasetError
 from glsim.files.cloud import open_store

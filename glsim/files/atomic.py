@@ -17,7 +17,7 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -28,7 +28,7 @@ import numpy as np
 from isal import isal_zlib
 
 from glsim.errors import DatasetError
-from glsim.files.flush import flush_file, flush_files
+from glsim.files.flush import flush_all, flush_file
 from glsim.files.regular import open_regular, read_regular
 
 #: Advice on common file system errors.
@@ -252,15 +252,11 @@ def write_atomic(
     return file.checksum
 
 
-def flush_outputs(files: Iterable[Path], folder: Path) -> None:
-    """Flush files of a folder that were written with ``sync`` false, all at once.
-
-    Files that are not there are left out. Raises DatasetError.
-    """
-    there = [file for file in files if file.is_file()]
-    if there:
+def flush_outputs(folder: Path) -> None:
+    """Flush all files of a folder that were written with ``sync`` false. Raises DatasetError."""
+    if folder.is_dir():
         with wrap_write_errors(folder):
-            flush_files(there, folder)
+            flush_all(folder)
 
 
 def _is_device(path: Path) -> bool:

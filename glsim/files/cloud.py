@@ -268,7 +268,7 @@ class CloudStore(Store):
         return data
 
     @override
-    def flush(self, names: Iterable[str]) -> None:
+    def flush(self) -> None:
         """Do nothing: an object is stored when it appears."""
 
     @override

@@ -12,7 +12,7 @@ from typing import IO, TypeVar
 
 from glsim.errors import DatasetError, GlsimError
 from glsim.files.atomic import AtomicFile, file_checksum, wrap_read_errors, wrap_write_errors
-from glsim.files.flush import flush_file, flush_files
+from glsim.files.flush import flush_all, flush_file
 from glsim.files.lock import locked
 from glsim.files.regular import open_regular, read_regular
 
@@ -148,10 +148,10 @@ class Store:
                 self.put(name, data)
             return data if found is None else found
 
-    def flush(self, names: Iterable[str]) -> None:
-        """Flush files that were written with ``sync`` false, and their folders."""
+    def flush(self) -> None:
+        """Flush the files that were written with ``sync`` false, and their folders."""
         with wrap_write_errors(self.root):
-            flush_files([self.root / name for name in names], self.root)
+            flush_all(self.root)
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete files, if they are there."""

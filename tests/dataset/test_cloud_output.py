@@ -105,15 +105,9 @@ def test_the_objects_are_the_files_of_a_local_run(store: S3Server, url: str, exp
 
 
 @pytest.mark.long
-def test_workers_upload_their_shards(store: S3Server, url: str, expected) -> None:
-    make(url, SHARDS, TASKS, workers=2)
-    assert stored(url) == expected
-
-
-@pytest.mark.long
 def test_failing_and_throttled_requests_change_nothing(store: S3Server, url: str, expected) -> None:
     store.faults = Faults(throttled=0.2, failed_puts=0.2, lost_answers=0.2)
-    make(url, SHARDS, TASKS)
+    make(url, SHARDS, TASKS, workers=2)
     assert {kind for kind, count in store.faults.counts.items() if count} == {
         "throttled", "failed_puts", "lost_answers",
     }  # fmt: skip
@@ -124,18 +118,6 @@ def test_failing_and_throttled_requests_change_nothing(store: S3Server, url: str
 def interrupt(url: str, index: int) -> None:
     with pytest.raises(ZeroDivisionError):
         make(url, SHARDS, TASKS, faults=(Fault("bug", index),))
-
-
-def test_a_run_is_resumed_from_the_bucket(here: None, memory: str, expected) -> None:
-    interrupt(memory, 18)
-    names = stored(memory)
-    assert "train-000000.tar" in names
-    assert "dataset.json" not in names
-    with pytest.raises(DatasetError, match="is not complete"):
-        open_dataset(memory)
-    summary = make(memory, SHARDS, TASKS)
-    assert summary.reused == 10
-    assert stored(memory) == expected
 
 
 def test_a_list_that_lags_costs_work_and_no_bytes(store: S3Server, url: str, expected) -> None:
@@ -151,12 +133,9 @@ def test_a_list_that_lags_costs_work_and_no_bytes(store: S3Server, url: str, exp
 @pytest.mark.parametrize(
     "damage",
     [
-        {"train-000000.tar": b"short"},
-        {"train-000000.tar": None},
-        {"manifest.jsonl": None},
-        {"skipped.jsonl": b"more\n"},
-        {"dataset.json": b"{}"},
-        {".glsim/chunks.jsonl": b"nothing"},
+        {"train-000000.tar": b"short", "dataset.json": b"{}"},
+        {"train-000000.tar": None, ".glsim/chunks.jsonl": b"nothing"},
+        {"manifest.jsonl": None, "skipped.jsonl": b"more\n"},
     ],
     ids=str,
 )
@@ -181,12 +160,19 @@ def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> 
     assert stored(memory) == expected
 
 
-def test_another_data_set_is_refused(here: None, memory: str) -> None:
+def test_another_data_set_is_refused_and_the_same_resumed(
+    here: None, memory: str, expected
+) -> None:
     interrupt(memory, 18)
+    assert "train-000000.tar" in stored(memory)
+    with pytest.raises(DatasetError, match="is not complete"):
+        open_dataset(memory)
     with pytest.raises(ConfigError, match=rf"{memory} was begun with seed"):
         make(memory, SHARDS.model_copy(update={"seed": 9}), TASKS)
     with pytest.raises(ConfigError, match="object storage takes shards"):
         make(memory, make_settings(format="png"), TASKS)
+    assert make(memory, SHARDS, TASKS).reused == 10
+    assert stored(memory) == expected
     CloudStore(f"{memory}-other").put("notes.txt", b"mine")
     with pytest.raises(DatasetError, match="holds no data set of glsim"):
         make(f"{memory}-other", SHARDS, TASKS)

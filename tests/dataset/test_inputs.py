@@ -5,19 +5,15 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from glsim.dataset import GenerateProgress, arithmetic, chunks, generate
 from glsim.errors import ConfigError, DatasetError
-from glsim.faces import open_source
-from glsim.faces.sources.ict_facekit import IctFaceKit
 from glsim.files.contents import content_hash
 from glsim.settings.schema import Settings, load_settings
 from tests.support.dataset_fakes import TINY_SENSOR, contents
-from tests.support.face_models import write_face_x_model
-from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, ply_bytes, put
+from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
 
 STAGE = """#version 330 core
 // lift: moves depth.
@@ -95,7 +91,7 @@ def test_a_complete_set_is_refused_too_and_without_its_state(tmp_path: Path) -> 
         generate(settings, tmp_path / "out", workers=1)
 
 
-def scans(folder: Path, kind: str = "folder") -> Settings:
+def scans(folder: Path) -> Settings:
     for number in range(3):
         put(folder / "scans" / "a" / f"{number}.obj", obj_bytes(FACE + number, TRIANGLES))
     put(folder / "scans" / "a" / "skin.mtl", b"newmtl a\nKd 1 1 1\n")
@@ -103,21 +99,15 @@ def scans(folder: Path, kind: str = "folder") -> Settings:
     return load_settings(
         overrides={
             "sensor": str(folder / "mine.toml"),
-            "source": {"kind": kind, "root": str(folder / "scans")},
+            "source": {"kind": "folder", "root": str(folder / "scans")},
         }
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "data"),
-    [("2.obj", obj_bytes(FACE * 1.1, TRIANGLES)), ("skin.mtl", b"newmtl a\nKd 0 1 1\n")],
-)
-def test_a_swapped_mesh_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, data: bytes
-) -> None:
+def test_a_swapped_mesh_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = scans(tmp_path)
     begin(settings, tmp_path / "out", monkeypatch)
-    put(tmp_path / "scans" / "a" / name, data)
+    put(tmp_path / "scans" / "a" / "skin.mtl", b"newmtl a\nKd 0 1 1\n")
     with pytest.raises(ConfigError, match=r"a file of source 0 folder was changed since"):
         generate(settings, tmp_path / "out", workers=1)
 
@@ -152,35 +142,6 @@ def test_a_file_of_the_same_size_and_another_time_is_hashed_again(tmp_path: Path
     (tmp_path / "huge").touch()
     os.truncate(tmp_path / "huge", 20_000_000_000)
     assert content_hash(tmp_path / "huge") == "20000000000 bytes", "not read"
-
-
-def test_sources_hash_all_files_that_their_frames_need(tmp_path: Path) -> None:
-    points, triangles = FACE / 1000, TRIANGLES
-    for number in range(2):
-        put(tmp_path / "d" / "S" / "1+2" / f"1+2_{number}.ply", ply_bytes(points, triangles))
-        put(tmp_path / "raw" / "S" / "4" / f"4_left_{number}.obj", obj_bytes(FACE, triangles))
-        put(tmp_path / "raw" / "S" / "4" / f"4_right_{number}.obj", obj_bytes(FACE, triangles))
-    for kind, root, subject, expected in [
-        ("d3dfacs", "d", "S", ["S/1+2/1+2_0.ply", "S/1+2/1+2_1.ply"]),
-        ("d3dfacs", "raw", "S", [f"S/4/4_{s}_{n}.obj" for s in ("left", "right") for n in (0, 1)]),
-    ]:
-        settings = load_settings(overrides={"source": {"kind": kind, "root": str(tmp_path / root)}})
-        source: Any = open_source(settings.source[0], 0)
-        assert sorted(source.contents([subject])) == expected
-
-
-def test_a_face_model_with_another_file_is_another_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
-    root = write_face_x_model(tmp_path / "model")
-    first = IctFaceKit(root).contents(["i0000"])
-    assert IctFaceKit(root).contents(["i0001"]) == first, "now from the cache"
-    shape = root / "identity007.obj"
-    lines = shape.read_text().splitlines()
-    lines[0] = "v 1.5 2.5 3.5"
-    shape.write_text("\n".join(lines) + "\n")
-    assert IctFaceKit(root).contents(["i0000"]) != first
 
 
 def test_other_occluders_are_another_arithmetic(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,13 +84,6 @@ def test_a_portable_set_is_that_of_the_pinned_processor_whatever_runs_it(
     assert contents(tmp_path / "c") == contents(tmp_path / "a")
 
 
-@pytest.mark.long
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="the kernels are those of x86-64")
-def test_a_kernel_of_openblas_decides_nothing() -> None:
-    machines = [machine_of_workers({"OPENBLAS_CORETYPE": n}, None) for n in ("Prescott", "Haswell")]
-    assert machines[0] == machines[1]
-
-
 def test_a_machine_that_differs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = tiny(tmp_path)
     monkeypatch.setitem(chunks.CHUNK_FRAMES, "png", 2)

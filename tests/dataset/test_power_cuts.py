@@ -14,7 +14,7 @@ from glsim.dataset.disk_format import HEADER, MANIFEST
 from glsim.dataset.records import parse_chunk_record
 from glsim.errors import DatasetError
 from glsim.files import flush
-from glsim.files.atomic import AtomicFile, file_checksum
+from glsim.files.atomic import file_checksum
 from glsim.files.store import Store
 from tests.support.dataset_fakes import contents, make, make_settings, make_tasks
 from tests.support.power_cuts import PowerCuts
@@ -66,7 +66,6 @@ def cut_everywhere(
     folder: Path,
     format: str = "png",
     *,
-    syncfs: bool = True,
     resumes: int = 0,
 ) -> list[str]:
     """Cut the power at every step of a run; return the lies. Resumes some of the states."""
@@ -81,7 +80,7 @@ def cut_everywhere(
 
     (folder / "kept").mkdir(parents=True)
     with monkeypatch.context() as patch:
-        PowerCuts(patch, folder / "out", folder / "kept", cut, syncfs=syncfs)
+        PowerCuts(patch, folder / "out", folder / "kept", cut)
         make(folder / "out", make_settings(format=format), TASKS, skip_every=5)
     assert len(states) > 60
     expected = contents(folder / "out")
@@ -92,18 +91,11 @@ def cut_everywhere(
     return found
 
 
-@pytest.mark.parametrize(
-    ("format", "syncfs"),
-    [
-        ("png", True),
-        pytest.param("png", False, marks=pytest.mark.long),
-        pytest.param("webdataset", True, marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.parametrize("format", ["png", pytest.param("webdataset", marks=pytest.mark.long)])
 def test_what_is_called_complete_is_on_the_disk_at_every_step(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, format: str, syncfs: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, format: str
 ) -> None:
-    assert cut_everywhere(monkeypatch, tmp_path / "a", format, syncfs=syncfs, resumes=20) == []
+    assert cut_everywhere(monkeypatch, tmp_path / "a", format, resumes=20) == []
 
 
 @pytest.mark.long
@@ -135,19 +127,6 @@ def test_a_repair_is_not_called_complete_either(
 def test_the_cuts_find_a_header_before_its_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Store, "flush", lambda self, names: None)
+    monkeypatch.setattr(Store, "flush", lambda self: None)
     found = cut_everywhere(monkeypatch, tmp_path / "a")
     assert any("_clean.png" in lie for lie in found)
-
-
-def test_the_cuts_find_a_header_before_its_manifest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    start = AtomicFile.__init__
-
-    def lazy(self: AtomicFile, path: Path, *rest: object, sync: bool = True) -> None:
-        start(self, path, *rest, sync=sync and path.name == HEADER)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(AtomicFile, "__init__", lazy)
-    found = cut_everywhere(monkeypatch, tmp_path / "a")
-    assert any(lie.endswith(MANIFEST) for lie in found)

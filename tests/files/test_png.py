@@ -16,7 +16,6 @@ from PIL import Image
 
 from glsim.errors import DatasetError
 from glsim.files.png import encode_png, read_depth_png, write_picture
-from tests.support.imports import loaded_after
 
 
 def decoded(data: bytes) -> np.ndarray:
@@ -73,15 +72,6 @@ def test_same_image_same_bytes_and_empty_rows_cost_little() -> None:
     assert len(encode_png(padded)) < len(encode_png(image)) + empty_rows // 100
 
 
-def test_a_depth_file_is_read_as_stored(tmp_path: Path) -> None:
-    image = make_image(np.uint16, 24, 32, 0, 0, 5)
-    path = tmp_path / "depth.png"
-    path.write_bytes(encode_png(image))
-    read = read_depth_png(path)
-    assert read.dtype == np.uint16
-    np.testing.assert_array_equal(read, image)
-
-
 def test_what_is_no_depth_file_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "depth.png"
     with pytest.raises(DatasetError, match=r"depth\.png: No such file or directory$"):
@@ -96,7 +86,3 @@ def test_what_is_no_depth_file_is_refused_in_one_line(tmp_path: Path) -> None:
     write_picture(np.zeros((9, 9, 3), np.uint8), path)
     with pytest.raises(DatasetError, match="has 3 channels of 8 bits; a depth map has one of 16"):
         read_depth_png(path)
-
-
-def test_importing_the_encoder_does_not_load_opencv() -> None:
-    assert "cv2" not in loaded_after("import glsim.files.png")

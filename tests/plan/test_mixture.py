@@ -10,7 +10,6 @@ from hypothesis import settings as quick
 from hypothesis import strategies as st
 
 from glsim.errors import ConfigError
-from glsim.faces import open_source
 from glsim.pipeline import open_sources
 from glsim.plan.mixture import image_counts, mix_sources
 from glsim.plan.split import PAPER_IMAGES, split_as_paper
@@ -122,13 +121,3 @@ def test_several_sources_make_one_plan(tmp_path: Path) -> None:
 def test_unknown_options_are_refused(options: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         load_settings(overrides={"source": options})
-
-
-@pytest.mark.parametrize("kind", ["d3dfacs", "facewarehouse", "biwi"])
-def test_sets_need_a_root_and_a_unit_that_means_something(kind: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=f"source '{kind}' needs --root"):
-        open_source(parse_source({"kind": kind}), 0)
-    with pytest.raises(ConfigError, match="no such unit"):
-        open_source(parse_source({"kind": kind, "root": tmp_path, "unit": "x"}), 0)
-    given = parse_source({"kind": kind, "root": tmp_path})
-    assert open_source(given, 0).name == kind

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from glsim.errors import ConfigError
 from glsim.pipeline import open_sources
 from glsim.plan.paper_sources import (
     PAPER_SOURCES,
@@ -69,14 +68,3 @@ def test_without_a_set_all_heads_are_embedded() -> None:
     assert all(
         table["subjects"] * table["frames_per_subject"] >= table["count"] for table in tables
     )
-
-
-def test_folders_with_odd_names_are_quoted(tmp_path: Path) -> None:
-    root = write_tree("d3dfacs_alignments", tmp_path / 'a "b", c')
-    settings = load_settings(overrides={"source": paper_mixture({"d3dfacs": root}, 60)})
-    assert settings.source[0].root == root.resolve()
-
-
-def test_an_empty_folder_is_no_set(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError):
-        paper_mixture({"biwi": tmp_path}, 60)

@@ -126,18 +126,6 @@ def test_more_frames_leave_the_others_as_they_were() -> None:
     assert few.items() <= many.items()
 
 
-def test_noise_settings_leave_the_plan_as_it_was() -> None:
-    assert plan(sensor="kinect-v1", stage={"axial": {"angle_mm": 0}}) == plan()
-
-
-def test_several_sources_are_kept_apart() -> None:
-    two = settings(3, 2, source=[{"subjects": 3, "frames_per_subject": 2}] * 2)
-    tasks = make_tasks(two, [People("one"), People("one")])
-    assert [task.subject for task in tasks[::2]] == ["0-p0", "0-p1", "0-p2", "1-p0", "1-p1", "1-p2"]
-    assert [task.source for task in tasks] == [0] * 6 + [1] * 6
-    assert len({task.seeds.frame for task in tasks}) == 12
-
-
 def test_an_empty_plan_is_an_error() -> None:
     with pytest.raises(ConfigError, match="the plan has no frames: the source has no subjects or"):
         make_tasks(settings(5, 5), [_Nobody()])

@@ -32,10 +32,8 @@ class PowerCuts:
         root: Path,
         kept: Path,
         on_cut: Callable[[PowerCuts, int], None],
-        *,
-        syncfs: bool = True,
     ) -> None:
-        """kept: an empty folder on the same file system. syncfs: whether the system has it."""
+        """kept: an empty folder on the same file system."""
         self.root, self._kept, self._on_cut = root, kept, on_cut
         self.steps = 0
         self._busy = False
@@ -53,7 +51,7 @@ class PowerCuts:
                 self._data[path.stat().st_ino] = path.read_bytes()
 
         monkeypatch.setattr(os, "fsync", flush_one)
-        monkeypatch.setattr(flush, "_syncfs", lambda: self._flush_all if syncfs else None)
+        monkeypatch.setattr(flush, "_syncfs", lambda: self._flush_all)
 
     def write_state(self, out: Path, *, names: bool) -> None:
         """Write what is left to a new folder. names: whether all names have reached the disk."""
