@@ -1,4 +1,4 @@
-"""What belongs to glsim without being named in it: files in its folders, and installed plug-ins.
+"""Find the entries of registries: files in folders of glsim, and installed plug-ins.
 
 A registry (of sources, metrics, ...) finds its entries in a folder of glsim, where adding one is
 adding a file, and in other packages, which name theirs as entry points:

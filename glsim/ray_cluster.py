@@ -107,7 +107,7 @@ def _refuse_silent_head(ray: Any) -> None:
 
 
 class ClusterLostError(DatasetError):
-    """The processes of Ray that this one is connected to are gone."""
+    """The connection to the processes of Ray is lost."""
 
 
 def _lost(what: str, error: Exception) -> ClusterLostError:
@@ -120,7 +120,7 @@ def _lost(what: str, error: Exception) -> ClusterLostError:
 
 @contextmanager
 def _connection_errors(ray: Any) -> Iterator[None]:
-    """Turn what Ray raises in the block when its processes are gone into a ClusterLostError."""
+    """Turn Ray's errors about a lost connection in the block into a ClusterLostError."""
     try:
         yield
     except (OSError, ray.exceptions.RayError) as error:
@@ -135,7 +135,7 @@ def cluster_cores(ray: Any) -> int:
 
 
 def failure_of(error: Exception) -> WorkerFailure:
-    """Return what a task sends in place of its result. Other errors than ours name the machine."""
+    """Return an error as the result of a task. Errors of other libraries name the machine."""
     if isinstance(error, GlsimError):
         return WorkerFailure(error)
     failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")

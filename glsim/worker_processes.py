@@ -104,17 +104,17 @@ def worker_count(text: str) -> int:
 
 
 class Job(Protocol[_Given, _Made]):
-    """What a worker does; it is pickled and sent to each worker once."""
+    """The work of a worker process; it is pickled and sent to each worker once."""
 
     def run(self, tasks: Iterator[_Given], /) -> Iterator[_Made]:
-        """Yield results: of each task in order one that is no ``Interim``.
+        """Yield the results of tasks in order: any number of ``Interim``, then another object.
 
         It may ask for the next tasks before it is done with one.
         """
         ...
 
     def doing(self, task: _Given, /) -> str:
-        """Return what a worker does with a task, for the message about its death."""
+        """Describe the work on a task, for the message about the death of its worker."""
         ...
 
 
@@ -131,7 +131,7 @@ class WorkerFailure:
 
 @dataclass(frozen=True)
 class _TaskRequest:
-    """The message that asks for a task; the answer is a list of one task, or of none."""
+    """The message that asks for a task; the answer is a list with a task, or an empty list."""
 
 
 class WorkerProcess:

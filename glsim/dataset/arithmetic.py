@@ -1,4 +1,4 @@
-"""What decides the last bits of a data set besides its settings: processor, libraries, driver.
+"""Fingerprint of the arithmetic of a machine: processor, libraries and OpenGL driver.
 
 NumPy and the OpenGL driver choose their code by the processor. Two of them give frames that look
 alike and differ in their bytes, so one data set must not be made on both. Products of matrices do
@@ -44,7 +44,7 @@ class Machine:
     arithmetic: str
 
     def refuse_other(self, first: Machine) -> None:
-        """Raise ConfigError unless renderer and arithmetic are those of the first machine."""
+        """Raise ConfigError unless renderer and arithmetic equal the first machine's."""
         if (self.renderer, self.arithmetic) != (first.renderer, first.arithmetic):
             raise ConfigError(
                 f"{self.host}: a worker computes differently from the process that started it "
@@ -54,7 +54,7 @@ class Machine:
 
 
 def fingerprint(context: Any) -> str:
-    """Return a hash of what this machine computes: with NumPy, and in a GL context."""
+    """Return a hash of fixed computations on this machine, in NumPy and in a GL context."""
     from glsim.gl.arithmetic import shader_arithmetic
 
     digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)

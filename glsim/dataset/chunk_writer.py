@@ -38,7 +38,7 @@ class FrameMaker(Protocol):
 
 @dataclass(frozen=True)
 class RenderJob:
-    """What all workers of a run share.
+    """The job that all workers of a run share: render, write and record chunks.
 
     Attributes:
         settings: of the data set.

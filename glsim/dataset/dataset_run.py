@@ -63,7 +63,7 @@ def in_processes(count: int, environment: Mapping[str, str] | None = None) -> Ch
 
 @dataclass(frozen=True)
 class DatasetRun:
-    """What is made, and where. The other fields are the arguments of ``write_dataset``."""
+    """A data set to make and the store that takes it; fields as arguments of ``write_dataset``."""
 
     settings: Settings
     tasks: Sequence[Task]
@@ -91,7 +91,7 @@ class DatasetRun:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """What decides the bytes of the data set, see ``glsim.dataset.identity``."""
+        """The entries of the header that decide the bytes, see ``glsim.dataset.identity``."""
         identity = make_identity(self.settings, self.plan, self.sensor, self.renderer)
         if self.regions:
             identity["regions"] = dict(self.regions)  # pixel values of the layer; 0 = none
@@ -158,7 +158,7 @@ def make_missing_chunks(
 def _find_missing_chunks(
     run: DatasetRun, state: RunState, numbers: range, counts: RunCounts
 ) -> list[int]:
-    """Return the numbers of the chunks that are missing or damaged, and count the others.
+    """Return the numbers of missing and damaged chunks; count the complete chunks as reused.
 
     A complete data set with any damage is turned back into a resumable one.
     """
@@ -207,7 +207,7 @@ def absent_chunks(state: RunState, plan: ChunkPlan) -> list[int]:
 def finish(
     state: RunState, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
 ) -> GenerateSummary:
-    """Merge the chunk records, unless that is done, and return what the data set holds.
+    """Merge the chunk records, unless they are merged already, and return the summary.
 
     ``state`` is that of a locked data set.
     """

@@ -65,7 +65,7 @@ class Manifest:
         return len(self._ends)
 
     def record(self, number: int) -> dict[str, Any]:
-        """Return the checked record in a line, from 0. Raises DatasetError for a bad one."""
+        """Return the checked record in a line, from 0. Raises DatasetError for a bad record."""
         return self.parse(next(self.lines(number, 1)), number)
 
     def lines(self, first: int, count: int) -> Iterator[bytes]:
@@ -103,7 +103,7 @@ class Manifest:
 
 
 class OpenHeader(NamedTuple):
-    """A header, how its bytes differ from what was written, and the manifest beside it."""
+    """A header, the problem with its checksum if there is one, and the manifest beside it."""
 
     header: dict[str, Any]
     problem: str | None
@@ -156,7 +156,7 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
 
 
 def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | None:
-    """Return how a manifest differs from what the header says of it; None if it does not."""
+    """Return how a manifest differs from its entry in the header; None if they agree."""
     recorded = header["files"].get(MANIFEST)
     if recorded is not None and manifest.checksum != {
         "size": recorded["size"],

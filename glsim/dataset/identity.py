@@ -1,4 +1,4 @@
-"""The identity of a data set: what decides its bytes, and must be the same when it is resumed.
+"""The identity of a data set: the entries that decide its bytes; a resumed run must have the same.
 
 A run that is resumed with other settings, or with other contents of the files that the settings
 name, would make one data set of two halves.
@@ -107,7 +107,7 @@ def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str,
 
 
 def _difference(out: str, name: str, old: Any, new: Any) -> str:
-    """Return the message about an entry that differs from what a data set was begun with."""
+    """Return the message about an entry that differs from the begun data set's."""
     table, _, rest = name.removeprefix("inputs.").partition(".")
     if name.startswith("inputs."):
         if table == "arithmetic":

@@ -150,7 +150,7 @@ def unmerge(state: RunState, chunks: int, damaged: set[int]) -> None:
 
 
 def bounded_lines(file: IO[bytes], limit: int) -> Iterator[bytes]:
-    """Yield the lines of a file with their ends; of a longer one only its first bytes.
+    """Yield the lines of a file with their ends; long lines are cut.
 
     Args:
         file: open for reading.

@@ -1,4 +1,4 @@
-"""What a run says of itself: its progress while it goes on, and its results."""
+"""Progress of a run while it goes on, and its results."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ from glsim.worker_processes import WorkerFailure
 
 @dataclass(frozen=True)
 class ClusterJob:
-    """What all tasks of a run share.
+    """The job that all tasks of a run share.
 
     Attributes:
         folder: the driver's working folder, for relative paths.

@@ -101,7 +101,7 @@ class Dataset:
 
     @property
     def protocol(self) -> DepthProtocol:
-        """What the files hold: depth as measured, or moved to 1 mm ("paper").
+        """The depth protocol of the files: as measured, or moved to 1 mm ("paper").
 
         The maps of a frame in millimetres are as measured either way.
         """
@@ -128,7 +128,7 @@ class Dataset:
         return FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
 
     def _load(self, first: int, number: int) -> DepthFrame:
-        """Return a frame of a part; its split must be the one that the header counts it to."""
+        """Return a frame of a part; its split must agree with the counts in the header."""
         number += first
         record = self._manifest.record(number)
         counts = self.header["frames"]

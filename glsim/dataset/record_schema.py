@@ -1,4 +1,4 @@
-"""The schema of what a data set says of itself: dataset.json, manifest lines, chunk records.
+"""The schema of the JSON in a data set: dataset.json, manifest lines, chunk records.
 
 A record is JSON that anybody may have changed. It is parsed and checked in one step by pydantic,
 and nothing of it is used before. Keys that are not listed here are kept as they are.
@@ -26,7 +26,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 def is_file_name(name: str) -> bool:
-    """Return whether a name is that of a file inside the data set: words, slashes between them."""
+    """Return whether a name stays inside the data set: words with slashes between them."""
     words = name.split("/")
     return len(name) <= 1024 and not _CONTROL.search(name) and not {"", ".", ".."} & set(words)
 
@@ -61,7 +61,7 @@ class _File(TypedDict):
 
 
 class _Shard(TypedDict):
-    """The order of its keys is that of the chunk record, whose checksum covers them."""
+    """A shard; its keys are in the order in which the checksum of a chunk record covers them."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     name: FileName
@@ -196,7 +196,7 @@ def _parse(adapter: TypeAdapter[Any], data: bytes | str, where: str) -> dict[str
 
 
 def _problem(error: ValidationError) -> str:
-    """Describe the first problem in one line: the field and what is wrong with it."""
+    """Describe the first problem in one line: the field and its error."""
     problem: Mapping[str, Any] = error.errors(include_url=False)[0]
     field = ".".join(ascii(part).strip("'")[:60] for part in problem["loc"])
     message = str(problem["msg"]).removeprefix("Invalid JSON: ").removeprefix("Value error, ")

@@ -70,7 +70,7 @@ class _Verification:
         return str(error).removeprefix(f"{self._store}/")
 
     def _records(self, damaged: list[str]) -> Iterator[_Record]:
-        """Yield the record of each sound line; append the problems of the others to ``damaged``."""
+        """Yield the record of each sound line; append problems of lines to ``damaged``."""
         indices: set[int] = set()
         for number, line in enumerate(self._manifest.lines(0, len(self._manifest))):
             try:

@@ -63,7 +63,7 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 
 
 def to_json(value: object, where: str) -> str:
-    """Encode a value as one line of JSON; NumPy numbers and arrays become plain ones.
+    """Encode a value as one line of JSON; NumPy numbers and arrays become numbers and lists.
 
     Raises DatasetError for NaN and for other types.
 
@@ -77,7 +77,7 @@ def to_json(value: object, where: str) -> str:
 
 
 def parse_json(data: bytes, where: object) -> dict[str, Any]:
-    """Parse one JSON object. Raises DatasetError, which begins with ``where``, for others."""
+    """Parse one JSON object. Raises DatasetError, which begins with ``where``, for other bytes."""
     try:
         value = json.loads(data)
     except (ValueError, RecursionError) as error:

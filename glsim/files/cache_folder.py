@@ -1,4 +1,4 @@
-"""The folder of what is computed or downloaded once per machine."""
+"""The folder of data that a machine computes or downloads once."""
 
 from __future__ import annotations
 

@@ -389,7 +389,7 @@ class CloudStore(Store):
 
 
 def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
-    """Return the options that let S3 check what it receives and keep the CRC32."""
+    """Return the options that let S3 check the received bytes and keep their CRC32."""
     if not hasattr(fs, "call_s3"):
         return {}
     options: dict[str, Any] = {"ChecksumAlgorithm": "CRC32"}

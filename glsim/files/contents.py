@@ -14,7 +14,7 @@ _BLOCK_BYTES = 1 << 20
 
 
 def content_hash(path: Path) -> str:
-    """Return a hash of a file's bytes; the problem for what cannot be read or is no file.
+    """Return a hash of a file's bytes; for an unreadable file, the problem as a text.
 
     A file of the same size, time and inode is read once per process.
     """

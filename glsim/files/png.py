@@ -76,7 +76,7 @@ def encode_png(
 
 
 def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
-    """Return the step that a depth PNG of glsim states, mm; None for other files, and without one.
+    """Return the step that a depth PNG of glsim states, mm; None for a file that states no step.
 
     Raises DatasetError if what it states is no step. inside: a folder that no link may lead out of.
     """

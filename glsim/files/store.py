@@ -36,7 +36,7 @@ class Store:
     is_remote = False
 
     def __init__(self, root: Path, temporary: Path | None = None) -> None:
-        """Name the folder, and one for temporary files on the same file system."""
+        """Name the folder, and a folder for temporary files on the same file system."""
         self.root, self._temporary = root, temporary
         self._made: set[Path] = set()
 
@@ -141,7 +141,7 @@ class Store:
         return file.checksum
 
     def put_first(self, name: str, data: bytes) -> bytes:
-        """Write a file unless there is one; return the bytes that it has then."""
+        """Write a file unless it exists; return the bytes that it has then."""
         with locked(self.root / f"{name}.lock", DatasetError(), wait=True):
             found = self.read(name, MAX_FIRST_BYTES)
             if found is None:

@@ -43,9 +43,9 @@ def paper_counts(images: int) -> dict[str, int]:
 
 
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
-    """Return kind -> images that a data set lacks of a paper's set, without those it lacks none of.
+    """Return the number of images each source kind is short of the paper's mix.
 
-    One image less is rounding.
+    Kinds short by at most one image, which is rounding, are left out.
 
     Args:
         held: kind of the source -> images, of all sources.

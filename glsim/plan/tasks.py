@@ -241,7 +241,7 @@ def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
 
 
 def people_of(tasks: Sequence[Task]) -> Iterator[PersonFrames]:
-    """Yield the runs of consecutive tasks of one person, of a Plan or of any other tasks."""
+    """Yield the runs of consecutive tasks of each person in a Plan or a list of tasks."""
     if isinstance(tasks, Plan):
         yield from tasks.people()
         return

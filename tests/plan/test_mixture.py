@@ -103,21 +103,11 @@ def test_several_sources_make_one_plan(tmp_path: Path) -> None:
     assert load_settings(overrides={"split": "0.5,0.25,0.25"}).split == (0.5, 0.25, 0.25)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            {"kind": "folder", "every": 2},
-            r"every: folder has no such option \(biwi, d3dfacs",
-        ),
-        ({"kind": "biwi", "peak_only": True}, "peak_only: biwi has no such option"),
-        ({"kind": "d3dfacs", "steps": 2}, "steps: d3dfacs has no such option"),
-        ({"kind": "d3dfacs", "poses": False}, "poses: d3dfacs has no such option"),
-        ({"kind": "procedural", "unit": "mm"}, "unit: procedural has no such option"),
+def test_unknown_options_are_refused() -> None:
+    for options, message in (
+        ({"kind": "folder", "every": 2}, r"every: folder has no such option \(biwi, d3dfacs"),
         ({"kind": "d3dfacs", "evry": 2}, "no such setting 'source.0.evry' .did you mean 'every'"),
         ({"kind": "d3dfacs", "every": 0}, "source.0.every: .*greater than or equal to 1"),
-    ],
-)
-def test_unknown_options_are_refused(options: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        load_settings(overrides={"source": options})
+    ):
+        with pytest.raises(ConfigError, match=message):
+            load_settings(overrides={"source": options})

@@ -59,12 +59,3 @@ def test_sets_that_are_there_are_used_and_filled_up(tmp_path: Path) -> None:
     assert [sum(task.source == n for task in tasks) for n in range(4)] == [
         table["count"] for table in tables
     ]
-
-
-def test_without_a_set_all_heads_are_embedded() -> None:
-    tables = paper_mixture({}, 60)
-    assert {table["kind"] for table in tables} == {"procedural"}
-    assert [table["count"] for table in tables] == list(paper_counts(60).values())
-    assert all(
-        table["subjects"] * table["frames_per_subject"] >= table["count"] for table in tables
-    )

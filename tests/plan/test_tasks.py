@@ -20,7 +20,6 @@ from glsim.pipeline import open_sources
 from glsim.plan.split import split_subjects
 from glsim.plan.tasks import Plan, make_tasks
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.seeds import stable_seed
 from tests.support.scenes import plate
 
 SHARES = (0.70, 0.12, 0.18)
@@ -93,14 +92,6 @@ def test_the_split_depends_on_seed_and_names_not_on_their_order() -> None:
     assert split_subjects(names, SHARES, 4) != split
 
 
-def test_seeds_are_pinned() -> None:
-    """The seeds of a data set never change."""
-    assert stable_seed("frame", 0, "procedural", "p0000", "smile", 3) == 6056506485744913244
-    assert stable_seed("a", "b") != stable_seed("ab")
-    assert stable_seed("a", 1) == stable_seed("a", "1")
-    assert 0 <= stable_seed("x") < 2**64
-
-
 def test_tasks_are_in_order_with_names_and_seeds_of_their_own() -> None:
     tasks = plan(5, 6, devices=2)
     assert [task.index for task in tasks] == list(range(30))
@@ -112,12 +103,10 @@ def test_tasks_are_in_order_with_names_and_seeds_of_their_own() -> None:
     assert len({task.seeds.sequence for task in tasks}) == 10
     assert len({task.seeds.subject for task in tasks}) == 5
     assert len({seed for task in tasks for seed in task.seeds[:3]}) == 45
-
-
-def test_the_plan_is_a_function_of_the_settings() -> None:
-    assert plan() == plan()
-    other = plan(seed=1)
-    assert not {task.seeds for task in plan()} & {task.seeds for task in other}
+    assert {task.seeds.device for task in tasks if task.device == 0} == {None}
+    assert len({task.seeds.device for task in tasks if task.device == 1}) == 1
+    other = plan(5, 6, seed=1)
+    assert not {task.seeds.frame for task in tasks} & {task.seeds.frame for task in other}
 
 
 def test_more_frames_leave_the_others_as_they_were() -> None:
@@ -248,16 +237,3 @@ def test_ten_million_frames_are_planned_in_the_memory_of_their_people() -> None:
     many = load_settings(overrides={"source": {"subjects": 600_000}})
     with pytest.raises(ConfigError, match="at most 50000000 of 500000 people: make several, with"):
         make_tasks(many, open_sources(given))
-
-
-def test_the_first_device_is_the_typical_one_and_others_have_keys_of_their_own() -> None:
-    given = load_settings(
-        overrides={"seed": 4, "devices": 3, "source": {"subjects": 7, "frames_per_subject": 2}}
-    )
-    tasks = list(make_tasks(given, open_sources(given)))
-    keys = {
-        task.device: {t.seeds.device for t in tasks if t.device == task.device} for task in tasks
-    }
-    assert keys[0] == {None}
-    assert all(len(keys[device]) == 1 for device in (1, 2))
-    assert keys[1] != keys[2]
