@@ -75,10 +75,7 @@ MAX_PEOPLE, MAX_FRAMES = 500_000, 50_000_000
 
 
 class Plan(Sequence[Task]):
-    """The tasks of a data set, ordered by source, subject and frame; each is made when asked for.
-
-    Two plans are equal if their tasks are.
-    """
+    """The tasks of a data set by source, subject and frame; each is made when it is asked for."""
 
     def __init__(self, settings: Settings, sources: Sequence[FaceSource]) -> None:
         """Raise ConfigError as ``make_tasks``."""
@@ -139,13 +136,6 @@ class Plan(Sequence[Task]):
         for person in range(len(self._names)):
             for index in range(int(self._first[person]), int(self._first[person + 1])):
                 yield self._task(person, index)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Sequence) or len(self) != len(other):
-            return False
-        return all(a == b for a, b in zip(self, other, strict=True))
-
-    __hash__ = None  # type: ignore[assignment]
 
     def _subject(self, person: int) -> str:
         name = self._names[person]

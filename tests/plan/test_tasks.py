@@ -155,8 +155,6 @@ def test_a_plan_is_a_sequence_that_is_computed() -> None:
     assert computed[7:23:5] == whole[7:23:5]
     assert computed[-1] == whole[-1]
     assert computed[10:9] == []
-    assert computed == whole
-    assert computed != whole[:-1]
     with pytest.raises(IndexError, match="the plan has 30 frames, not one at 30"):
         computed[30]
 
