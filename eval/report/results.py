@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from glsim.denoise import load_denoiser
-from glsim.denoise.frames import Frames, Stacks
+from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
+from glsim.depth_frame import Frames
 from glsim.errors import DatasetError
 from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
@@ -136,19 +137,19 @@ def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None
     stacks = Stacks(frames, before, after)
     for number in range(len(frames) // 2, len(frames)):
         try:
-            sample = stacks.sample(number)
+            frame = stacks.frame(number)
         except DatasetError:
             continue
         maps: dict[str, Depth] = {}
         for method in methods:
             try:
-                infrared = frames.infrared(number) if method.infrared else None
+                infrared = frame.layer("infrared") if method.infrared else None
                 stack, now = stacks.around(number, method.before, method.after)
                 estimate = method.estimate(stack, now, infrared)
             except Exception:  # of a denoiser; scoring has counted it
                 continue
             for part, depth in estimate.composites().items():
                 maps[f"{method.label} [{part}]" if part else method.label] = depth
-        title = f"{frames.key(number)}, protocol {frames.protocol}"
-        return PanelFrame(sample.clean_mm, sample.intrinsics, title, sample.offset_mm), maps
+        title = f"{frame.key}, protocol {frames.protocol}"
+        return PanelFrame(frame.clean_mm, frame.intrinsics, title, frame.offset_mm), maps
     return None

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.frames import Frames
 from glsim.denoise.interface import Depth
+from glsim.depth_frame import Frames
 from glsim.errors import DatasetError
 
 

@@ -14,8 +14,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from glsim.denoise import Denoiser, load_denoiser
-from glsim.denoise.frames import Frames, Stacks
+from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
+from glsim.depth_frame import Frames
 from glsim.depth_protocol import DepthProtocol
 from glsim.errors import DatasetError, DenoiserError
 from glsim.eval.metrics.prediction import Truth
@@ -135,17 +136,15 @@ class _BlockScorer:
         return result
 
     def _score(self, number: int, result: ScoredBlock) -> None:
-        sample = self._stacks.sample(number)
-        key = self._frames.key(number)
+        frame = self._stacks.frame(number)
+        key = frame.key
         place = {"subject": key.subject, "sequence": key.sequence, "frame": key.frame}
-        regions = None if sample.regions is None else Regions(sample.regions, self._frames.regions)
-        truth = Truth(
-            sample.clean_mm, sample.noisy_mm, sample.intrinsics.rays(), regions, sample.offset_mm
-        )
+        regions = Regions(frame.regions, self._frames.regions) if "regions" in frame else None
+        truth = Truth(frame.clean_mm, frame.noisy_mm, frame.rays, regions, frame.offset_mm)
         for method in self._methods:
             stack, now = self._stacks.around(number, method.before, method.after)
             try:
-                infrared = self._frames.infrared(number) if method.infrared else None
+                infrared = frame.layer("infrared") if method.infrared else None
                 start = time.perf_counter()
                 estimate = method.estimate(stack, now, infrared)
                 time_ms = 1000 * (time.perf_counter() - start)
@@ -167,7 +166,7 @@ class _BlockScorer:
                 add_bias(result.bias, name, key.subject, bias_bins(depth, truth))
         if self._job.baseline_every and number % self._job.baseline_every == 0:
             for name, predict in TRIVIAL_BASELINES.items():
-                prediction = predict(sample.clean_mm, self._job.mean_face)
+                prediction = predict(frame.clean_mm, self._job.mean_face)
                 if prediction is not None and prediction.shape == truth.clean.shape:
                     scored = json_row(score(prediction, truth), float("nan"))
                     result.baselines.append(place | {"method": name} | scored)

@@ -6,35 +6,24 @@ The truth is the layer clean, or expected: clean with the sensor's systematic er
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.dataset import open_dataset
 from glsim.dataset.disk_format import HEADER
 from glsim.dataset.header import is_dataset
 from glsim.dataset.layer_images import decode_layer
 from glsim.denoise.calibration import DeviceCalibration
-from glsim.denoise.frames import (
-    CalibratedFrames,
-    Frames,
-    Key,
-    MovedFrames,
-    Sample,
-    check_millimetres,
-    is_moved,
-)
+from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
 from glsim.denoise.interface import Depth
-from glsim.depth_frame import Frames as DepthFrames
+from glsim.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.depth_protocol import MEANING, DepthProtocol
 from glsim.errors import ConfigError, DatasetError
 from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
 from glsim.files.regular import read_regular
-from glsim.geometry.camera import Intrinsics
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 
@@ -42,43 +31,23 @@ from glsim.settings.schema import DEFAULT_SENSOR
 TruthLayer = Literal["clean", "expected"]
 
 
-class DatasetFrames:
-    """The frames of one split of a data set, as measured; ``stored`` is the protocol of its files.
+def _dataset_frames(path: Path, split: str, truth: TruthLayer) -> tuple[Frames, DepthProtocol]:
+    """Return the frames of a split as measured, and the protocol of its files.
 
     Raises DatasetError if it lacks the maps of the truth.
     """
-
-    protocol: DepthProtocol = "depth"
-
-    def __init__(self, path: Path, split: str, truth: TruthLayer = "clean") -> None:
-        dataset = open_dataset(path)
-        dataset.require(truth)
-        self._truth, self.stored = truth, dataset.protocol
-        self.regions: Mapping[str, int] = dataset.regions
-        self._split: DepthFrames = dataset.split(split)
-        self.identity = f"{zlib.crc32((dataset.path / HEADER).read_bytes()):08x} {split} {truth}"
-
-    def __len__(self) -> int:
-        return len(self._split)
-
-    def key(self, number: int) -> Key:
-        """Return the key in the manifest."""
-        return Key(*self._split.key(number))
-
-    def load(self, number: int) -> Sample:
-        """Read a pair and check it against the manifest. Raises DatasetError."""
-        pair = self._split[number]
-        truth_mm = pair.clean_mm if self._truth == "clean" else pair.expected_mm
-        sample = _checked(truth_mm, pair.noisy_mm, pair.intrinsics, pair.name)
-        return replace(sample, regions=pair.regions.astype(np.uint8)) if self.regions else sample
-
-    def infrared(self, number: int) -> NDArray[Any]:
-        """Read a frame's infrared counts. Raises DatasetError if the set has none."""
-        return self._split[number].layer("infrared")
+    dataset = open_dataset(path)
+    dataset.require(truth)
+    frames = dataset.split(split).changed(partial(_with_truth, truth), truth)
+    return frames, dataset.protocol
 
 
-class FolderFrames:
-    """Pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits.
+def _with_truth(truth: TruthLayer, frame: DepthFrame) -> DepthFrame:
+    return _checked(frame.changed({"clean_mm": frame.layer(f"{truth}_mm")}))
+
+
+class _FolderPairs:
+    """Reads pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits.
 
     They are in mm, or in the step that they state (``stated_unit_mm``).
 
@@ -88,11 +57,7 @@ class FolderFrames:
     camera is unknown.
     """
 
-    regions: Mapping[str, int] = {}
-
-    def __init__(
-        self, path: Path, focal_px: float | None = None, truth: TruthLayer = "clean"
-    ) -> None:
+    def __init__(self, path: Path, focal_px: float | None, truth: TruthLayer) -> None:
         self._path, self._truth = path, truth
         self._rig = load_sensor(DEFAULT_SENSOR).rig
         self._focal = None if focal_px is None else (focal_px, focal_px)
@@ -108,36 +73,40 @@ class FolderFrames:
             )
         self._stems = sorted(stems, key=lambda stem: (_key(stem), stem))
         self.protocol: DepthProtocol = "paper" if self._is_moved() else "depth"
-        self.stored = self.protocol
+
+    def frames(self) -> Frames:
         listing = [(stem, *map(_size, self._files(stem))) for stem in self._stems]
-        self.identity = f"{zlib.crc32(repr(listing).encode()):08x} {self._focal} {truth}"
+        return Frames(
+            len(self._stems),
+            self._load,
+            lambda number: _key(self._stems[number]),
+            title=str(self._path),
+            identity=f"{zlib.crc32(repr(listing).encode()):08x} {self._focal} {self._truth}",
+            protocol=self.protocol,
+        )
 
-    def __len__(self) -> int:
-        return len(self._stems)
-
-    def key(self, number: int) -> Key:
-        """Return the key that the path gives."""
-        return _key(self._stems[number])
-
-    def load(self, number: int) -> Sample:
+    def _load(self, number: int) -> DepthFrame:
         """Read both files of a pair. Raises DatasetError."""
-        clean_file, noisy_file = self._files(self._stems[number])
+        stem = self._stems[number]
+        clean_file, noisy_file = self._files(stem)
         clean, noisy = _read(clean_file, self._truth), _read(noisy_file, "noisy")
         rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
-        where = str(self._path / self._stems[number])
-        if self.protocol == "depth":
-            return _checked(clean, noisy, rig.intrinsics, where)
-        return replace(_same_size(clean, noisy, rig.intrinsics, where), offset_mm=float("nan"))
+        layers: dict[str, Layer] = {
+            "clean_mm": clean,
+            "noisy_mm": noisy,
+            "infrared": partial(_read, self._path / f"{stem}_infrared.png", "infrared"),
+        }
+        frame = DepthFrame(
+            _key(stem), rig.intrinsics, layers, name=str(self._path / stem),
+            offset_mm=0.0 if self.protocol == "depth" else float("nan"),
+        )  # fmt: skip
+        return _checked(frame, in_mm=self.protocol == "depth")
 
     def _is_moved(self) -> bool:
         try:
             return is_moved(_read(self._files(self._stems[0])[0], self._truth))
         except DatasetError:  # reported when the frame is scored
             return False
-
-    def infrared(self, number: int) -> NDArray[Any]:
-        """Read the counts of ``*_infrared.png``. Raises DatasetError if it is missing."""
-        return _read(self._path / f"{self._stems[number]}_infrared.png", "infrared")
 
     def _files(self, stem: str) -> tuple[Path, Path]:
         return self._path / f"{stem}_{self._truth}.png", self._path / f"{stem}_noisy.png"
@@ -151,12 +120,12 @@ def _size(file: Path) -> tuple[int, int]:
     return status.st_size, status.st_mtime_ns
 
 
-def _key(stem: str) -> Key:
+def _key(stem: str) -> FrameKey:
     path = Path(stem)
     name = path.name.rstrip("0123456789")
     digits = path.name[len(name) :]
     subject = path.parent.as_posix()
-    return Key(subject if subject != "." else "all", name.rstrip("_"), int(digits or 0))
+    return FrameKey(subject if subject != "." else "all", name.rstrip("_"), int(digits or 0))
 
 
 def _read(path: Path, layer: str) -> Depth:
@@ -171,21 +140,18 @@ def _read(path: Path, layer: str) -> Depth:
     return depth if unit_mm is None else depth * np.float32(unit_mm)
 
 
-def _checked(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> Sample:
-    """Return the pair. Raises DatasetError if sizes differ or depths cannot be millimetres."""
-    sample = _same_size(clean, noisy, intrinsics, where)
-    for layer, depth in (("clean", clean), ("noisy", noisy)):
-        check_millimetres(depth, f"{where} ({layer})")
-    return sample
-
-
-def _same_size(clean: Depth, noisy: Depth, intrinsics: Intrinsics, where: str) -> Sample:
+def _checked(frame: DepthFrame, *, in_mm: bool = True) -> DepthFrame:
+    """Return the frame. Raises DatasetError if sizes differ or depths cannot be millimetres."""
+    clean, noisy = frame.clean_mm, frame.noisy_mm
     if clean.shape != noisy.shape:
         raise DatasetError(
-            f"{where}: clean is {clean.shape[1]} x {clean.shape[0]} pixels, noisy "
+            f"{frame.name}: clean is {clean.shape[1]} x {clean.shape[0]} pixels, noisy "
             f"{noisy.shape[1]} x {noisy.shape[0]}"
         )
-    return Sample(clean, noisy, intrinsics)
+    for layer, depth in (("clean", clean), ("noisy", noisy)):
+        if in_mm:
+            check_millimetres(depth, f"{frame.name} ({layer})")
+    return frame
 
 
 def open_frames(
@@ -202,7 +168,7 @@ def open_frames(
         path: a data set, or a folder of pairs, whose sub-folder ``split`` is taken if it exists.
         split: train, val or test.
         focal_px: focal length of the camera of pairs; default: a Kinect V2's.
-        truth: layer that becomes ``Sample.clean_mm``.
+        truth: layer that becomes ``clean_mm``.
         device: sensor file whose fixed pattern and wiggling are subtracted from noisy maps.
         protocol: default: that of the files.
 
@@ -211,26 +177,20 @@ def open_frames(
         ConfigError: the device is unusable, or distances are needed and unknown.
 
     """
-    files = _open(path, split, focal_px, truth)
-    if files.protocol == "paper" and (protocol == "depth" or device is not None):
+    own_camera = is_dataset(path)
+    if own_camera:
+        frames, stored = _dataset_frames(path, split, truth)
+    elif path.is_dir():
+        pairs = _FolderPairs(path / split if (path / split).is_dir() else path, focal_px, truth)
+        frames, stored = pairs.frames(), pairs.protocol
+    else:
+        raise DatasetError(f"{path}: no such folder")
+    if frames.protocol == "paper" and (protocol == "depth" or device is not None):
         option = "--protocol depth" if protocol == "depth" else f"--device {device}"
         raise ConfigError(
             f"{option}: the maps in {path} have {MEANING['paper']}, and no record says how far "
             "from the camera that is: leave the option out, or give the data set"
         )
-    frames: Frames = files
     if device is not None:
-        own_camera = isinstance(files, DatasetFrames)
-        frames = CalibratedFrames(files, DeviceCalibration(device), own_camera)
-    return MovedFrames(frames) if (protocol or files.stored) == "paper" else frames
-
-
-def _open(
-    path: Path, split: str, focal_px: float | None, truth: TruthLayer
-) -> DatasetFrames | FolderFrames:
-    if is_dataset(path):
-        return DatasetFrames(path, split, truth)
-    if not path.is_dir():
-        raise DatasetError(f"{path}: no such folder")
-    part = path / split
-    return FolderFrames(part if part.is_dir() else path, focal_px, truth)
+        frames = calibrated_frames(frames, DeviceCalibration(device), own_camera)
+    return moved_frames(frames) if (protocol or stored) == "paper" else frames

@@ -13,7 +13,7 @@ from glsim.errors import ConfigError, DatasetError, DepthRangeError, did_you_mea
 
 if TYPE_CHECKING:
     from glsim.denoise import Denoiser
-    from glsim.denoise.frames import MapFrames
+    from glsim.denoise.frames import MapReader
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -145,7 +145,7 @@ def denoise(
         left_out_of,
         output_step_mm,
     )
-    from glsim.denoise.frames import MapFrames
+    from glsim.denoise.frames import MapReader
     from glsim.depth_protocol import check_protocol
     from glsim.files.atomic import flush_outputs
     from glsim.map_files import FORMATS
@@ -164,9 +164,9 @@ def denoise(
     step_mm = input_step_mm([source for source, _ in pairs], depth_unit_mm)
     out_step_mm = output_step_mm(pairs, step_mm, form, out_unit_mm)
     images = infrared_files([s for s, _ in pairs], infrared) if loaded.infrared else ()
-    frames = MapFrames([s for s, _ in pairs], step_mm, loaded.device, images, chosen)
+    maps = MapReader([s for s, _ in pairs], step_mm, loaded.device, images, chosen)
     sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
-    failures = _denoise_maps(loaded, frames, pairs, sigma_targets, form, out_step_mm)
+    failures = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
     if len(pairs) > 1:
         flush_outputs(out)
         if uncertainty is not None:
@@ -181,7 +181,7 @@ def denoise(
 
 def _denoise_maps(
     denoiser: Denoiser,
-    frames: MapFrames,
+    maps: MapReader,
     pairs: Sequence[tuple[Path, Path]],
     sigma_targets: Sequence[Path],
     form: str | None,
@@ -195,12 +195,12 @@ def _denoise_maps(
     from glsim.files.png import encode_png
     from glsim.map_files import encode_map, format_of
 
-    stacks = Stacks(frames, denoiser.before, denoiser.after)
+    stacks = Stacks(maps.frames(), denoiser.before, denoiser.after)
     alone, failures = len(pairs) == 1, 0
     for number, (source, target) in enumerate(pairs):
         try:
             stack, now = stacks.around(number)
-            counts = frames.infrared(number) if denoiser.infrared else None
+            counts = stacks.frame(number).layer("infrared") if denoiser.infrared else None
         except DatasetError as error:
             if alone:
                 raise
@@ -209,7 +209,7 @@ def _denoise_maps(
             continue
         estimate = denoiser.estimate(stack, now, counts)
         depth_mm = estimate.composite(denoiser.composite or "measured")
-        depth_mm = frames.as_stored(number, depth_mm, stacks.sample(number).offset_mm)
+        depth_mm = maps.as_stored(number, depth_mm, stacks.frame(number).offset_mm)
         depth_m = depth_mm * np.float32(0.001)
         try:
             data = encode_map(
