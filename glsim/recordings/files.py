@@ -6,8 +6,9 @@ them, or metres if no value exceeds 20: no depth camera measures less than 20 mm
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,53 +31,58 @@ _METRES_BELOW = 20.0
 _LEAST_PX = 8
 
 
-@dataclass(frozen=True)
-class FrameFile:
-    """One frame on disk.
+class FramePlace(NamedTuple):
+    """Where one frame lies on the disk.
 
     Attributes:
         name: unique in the recording, without slashes.
         depth_file: 16-bit PNG, TIFF, ``.npy`` stack, dump of libfreenect2, or Biwi's depth.bin.
         infrared_file: the same for the infrared image; None without one.
         number: position in a stack, else 0.
-        unit_mm: step of integer depths.
-        mirror: flip left and right when it is read.
-
     """
 
     name: str
     depth_file: Path
     infrared_file: Path | None
     number: int = 0
-    unit_mm: float = 1.0
-    mirror: bool = False
 
-    def depth_mm(self) -> Array:
-        """Read (H, W) float32 depth, mm, 0 = no depth. Raises DatasetError."""
-        image = read_image(self.depth_file, self.number)
-        check_least_size(image.shape, self.depth_file)
-        metres = image.dtype.kind == "f" and _in_metres(self.depth_file)
-        depth = depth_in_mm(image, self.unit_mm, in_metres=metres)
-        return depth[:, ::-1].copy() if self.mirror else depth
 
-    def infrared(self) -> Array | None:
-        """Read (H, W) float32 infrared counts, 0 to 65535; None without infrared.
+class FrameFiles:
+    """Reads the frames of a recording from their files."""
+
+    def __init__(self, places: Sequence[FramePlace]) -> None:
+        """Take the places of the frames, in order."""
+        self._places = tuple(places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def name(self, number: int) -> str:
+        """Return the name of a frame."""
+        return self._places[number].name
+
+    def files(self, number: int) -> tuple[Path, Path | None]:
+        """Return the files of depth and of infrared of a frame."""
+        return self._places[number].depth_file, self._places[number].infrared_file
+
+    def depth(self, number: int, unit_mm: float) -> tuple[Array, float]:
+        """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats.
 
         Raises DatasetError.
         """
-        if self.infrared_file is None:
-            return None
-        counts = read_image(self.infrared_file, self.number, infrared=True)
-        image = np.nan_to_num(counts.astype(np.float32))
-        return image[:, ::-1].copy() if self.mirror else image
+        _, file, _, place = self._places[number]
+        image = read_image(file, place)
+        check_least_size(image.shape, file)
+        floats = image.dtype.kind == "f"
+        in_metres = floats and _in_metres(file)
+        return depth_in_mm(image, unit_mm, in_metres=in_metres), 0.0 if floats else unit_mm
 
-    @property
-    def quantum_mm(self) -> float:
-        """The step of stored depths, mm; 0 for floats."""
-        suffix = self.depth_file.suffix.lower()
-        if suffix == ".png":  # integers always; the other formats are opened
-            return self.unit_mm
-        return 0.0 if read_image(self.depth_file, self.number).dtype.kind == "f" else self.unit_mm
+    def infrared(self, number: int) -> Array | None:
+        """Read (H, W) float32 infrared counts, 0 to 65535; None without. Raises DatasetError."""
+        _, _, file, place = self._places[number]
+        if file is None:
+            return None
+        return np.nan_to_num(read_image(file, place, infrared=True).astype(np.float32))
 
 
 def check_least_size(shape: tuple[int, ...], where: Path) -> None:

@@ -22,9 +22,8 @@ from glsim.frame import Frame, Skipped
 from glsim.geometry.rect import Rect
 from glsim.plan.tasks import Task, make_tasks
 from glsim.reason import Reason
-from glsim.recordings.files import FrameFile
-from glsim.recordings.recording import Recording, open_recording
-from glsim.recordings.streams import StreamFrame, is_stream
+from glsim.recordings.recording import FrameReader, Recording, open_recording
+from glsim.recordings.streams import is_stream
 from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
 from glsim.worker_processes import Workers
 
@@ -75,21 +74,18 @@ class RecordingSource(FaceSource):
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a recording's frames, numbered from 0 in the order of the names."""
-        files = self.files(subject)
-        return [
-            FaceKey(
-                subject,
-                "main",
-                number,
-                path=files[number].depth_file.relative_to(self.folder).as_posix(),
-            )
-            for number in range(0, len(files), self._every)[:count]
-        ]
+        reader = self.reader(subject)
+        paths = {
+            number: reader.files(number)[0].relative_to(self.folder).as_posix()
+            for number in range(0, len(reader), self._every)[:count]
+        }
+        return [FaceKey(subject, "main", number, path=path) for number, path in paths.items()]
 
-    def files(self, subject: str) -> Sequence[FrameFile | StreamFrame]:
-        """Return the frames of a recording."""
-        frames = self.recordings[subject].files
-        return [f for f in frames if isinstance(f, FrameFile | StreamFrame)]
+    def reader(self, subject: str) -> FrameReader:
+        """Return what reads the files of a recording."""
+        reader = self.recordings[subject].reader
+        assert reader is not None, "a data set is refused"
+        return reader
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
         """Raise: recordings hold images, not faces."""
@@ -101,20 +97,22 @@ class RecordingSource(FaceSource):
         for subject in subjects:
             stated_by = self.recordings[subject].stated_by
             paths = [] if stated_by is None else [stated_by]
-            for frame in self.files(subject)[:: self._every]:
-                paths += [p for p in (frame.depth_file, frame.infrared_file) if p is not None]
+            reader = self.reader(subject)
+            for number in range(0, len(reader), self._every):
+                paths += [path for path in reader.files(number) if path is not None]
             hashes |= {os.path.relpath(path, self.folder): content_hash(path) for path in paths}
         return hashes
 
     @property
     def has_infrared(self) -> bool:
         """Whether every frame has an infrared image."""
-        return all(f.infrared_file for subject in self.recordings for f in self.files(subject))
+        readers = map(self.reader, self.recordings)
+        return all(r.files(number)[1] for r in readers for number in range(len(r)))
 
     @property
     def step_mm(self) -> float:
         """The step of depth files, mm, that keeps integers exactly and floats nearly so."""
-        return min(self.files(s)[0].quantum_mm or FLOAT_UNIT_MM for s in self.recordings)
+        return min(r.frames[0].step_mm or FLOAT_UNIT_MM for r in self.recordings.values())
 
 
 def import_recordings(
@@ -157,8 +155,7 @@ def import_recordings(
         "split": split or DEFAULT_SPLIT,
     }
     settings = load_settings(overrides=tree)
-    subject, first = next(iter(source.recordings.items()))
-    camera = first.camera_of(source.files(subject)[0].depth_mm().shape)
+    camera = next(iter(source.recordings.values())).frames.intrinsics
     sensor: dict[str, Any] = {"name": "recording", "title": TITLE, "stages": []}
     sensor |= {"width": camera.width, "height": camera.height}
     tasks = make_tasks(settings, [source])
@@ -190,17 +187,16 @@ def recorded_frames(
 
 def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     recording = source.recordings[task.key.subject]
-    recorded = source.files(task.key.subject)[task.key.frame]
-    noisy_m = recorded.depth_mm() / np.float32(1000)
-    infrared = recorded.infrared()
+    recorded = recording.frames[task.key.frame]
+    noisy_m, infrared = recorded.noisy_mm / np.float32(1000), recorded.infrared
     if infrared is not None and infrared.shape != noisy_m.shape:
         raise DatasetError(
-            f"{recorded.infrared_file}: is {infrared.shape[1]}x{infrared.shape[0]}, its depth map "
-            f"{noisy_m.shape[1]}x{noisy_m.shape[0]}"
+            f"{recording.path}: {recorded.name}: the infrared image is {infrared.shape[1]}x"
+            f"{infrared.shape[0]}, its depth map {noisy_m.shape[1]}x{noisy_m.shape[0]}"
         )
     if not noisy_m.any():
-        raise DatasetError(f"{recorded.depth_file}: no pixel has depth (all are 0)")
-    camera = recording.camera_of(noisy_m.shape)
+        raise DatasetError(f"{recording.path}: {recorded.name}: no pixel has depth (all are 0)")
+    camera = recorded.intrinsics
     nothing = np.zeros_like(noisy_m)
     notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
     own = recording.camera is not None and camera == recording.camera

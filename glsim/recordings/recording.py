@@ -31,12 +31,15 @@ from glsim.files.png import stated_unit_mm
 from glsim.geometry.camera import Intrinsics
 from glsim.measures.static import view_change
 from glsim.recordings.camera_file import CAMERA_FILE, StatedCamera, check_size
-from glsim.recordings.files import FrameFile, open_stack
+from glsim.recordings.files import FrameFiles, FramePlace, open_stack
 from glsim.recordings.folders import depth_files, stated_camera, whole_recording
 from glsim.recordings.names import infrared_beside, infrared_files
-from glsim.recordings.streams import STREAMS, FrameStream, StreamFrame
+from glsim.recordings.streams import STREAMS, FrameStream
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
+
+#: What reads the frames of a recording.
+FrameReader = FrameFiles | FrameStream
 
 #: Frames that are measured if a recording has more; more do not change the printed digits.
 DEFAULT_FRAMES = 60
@@ -56,7 +59,8 @@ class Recording:
     Attributes:
         path: the folder, or the first of several files.
         kind: "data set", "iai_kinect2", "images", "npy", "libfreenect2", "biwi", "bag" or "mkv".
-        files: the frames, which are read one by one.
+        frames: the frames, which are read one by one.
+        reader: the files of the frames; None of a data set.
         stated: what the recording says about its camera; its distortion is not removed.
         stated_by: the file that says so; None without one.
         notes: what the recording should say and does not, in lines for the user.
@@ -65,7 +69,8 @@ class Recording:
 
     path: Path
     kind: str
-    files: Sequence[FrameFile] | Sequence[StreamFrame] | Frames
+    frames: Frames
+    reader: FrameReader | None = None
     stated: StatedCamera = field(default_factory=StatedCamera)
     stated_by: Path | None = None
     notes: tuple[str, ...] = ()
@@ -80,13 +85,6 @@ class Recording:
         """Coefficients of the lens in OpenCV's order; empty without."""
         return self.stated.distortion
 
-    def camera_of(self, shape: tuple[int, ...]) -> Intrinsics:
-        """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
-        own = self.camera
-        if own is not None and (own.height, own.width) == shape:
-            return own
-        return load_sensor(DEFAULT_SENSOR).rig.for_map((shape[0], shape[1])).intrinsics
-
     def read(self, most: int | None = None) -> Frames:
         """Read the frames into memory.
 
@@ -98,8 +96,8 @@ class Recording:
             DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
 
         """
-        numbers = _chosen(len(self.files), most or len(self.files))
-        frames = [self.frame(number) for number in numbers]
+        numbers = _chosen(len(self.frames), most or len(self.frames))
+        frames = [self.frames[number] for number in numbers]
         where = str(self.path)
         check_sizes([(frame.name, frame.noisy_mm.shape) for frame in frames], where)
         for frame in frames:
@@ -116,7 +114,7 @@ class Recording:
         Raises DatasetError as ``read`` does, for a single frame, for a scene that changes, and if
         some frames only have infrared.
         """
-        if len(self.files) < 2:
+        if len(self.frames) < 2:
             raise DatasetError(
                 f"{self.path}: has one frame only; noise is measured between frames: record at "
                 "least 30 frames of a scene in which nothing moves"
@@ -136,15 +134,34 @@ class Recording:
             )
         return frames
 
-    def frame(self, number: int) -> DepthFrame:
-        """Read one frame. Raises DatasetError if it cannot be read."""
-        file = self.files[number]
-        if isinstance(file, DepthFrame):
-            return file
-        depth, light = file.depth_mm(), file.infrared()
-        layers = {"noisy_mm": depth} if light is None else {"noisy_mm": depth, "infrared": light}
-        key, camera = FrameKey("", file.name, number), self.camera_of(depth.shape)
-        return DepthFrame(key, camera, layers, step_mm=file.quantum_mm, name=file.name)
+
+@dataclass(frozen=True)
+class _Loader:
+    """Reads the frames of files: see ``open_recording`` for unit_mm and mirror."""
+
+    reader: FrameReader
+    unit_mm: float
+    mirror: bool
+    stated: StatedCamera
+
+    def __call__(self, number: int) -> DepthFrame:
+        depth_mm, step_mm = self.reader.depth(number, self.unit_mm)
+        light, name = self.reader.infrared(number), self.reader.name(number)
+        layers = {"noisy_mm": depth_mm} | ({} if light is None else {"infrared": light})
+        if self.mirror:
+            layers = {layer: image[:, ::-1].copy() for layer, image in layers.items()}
+        camera = camera_of(self.stated.intrinsics, depth_mm.shape)
+        return DepthFrame(FrameKey("", name, number), camera, layers, step_mm=step_mm, name=name)
+
+    def frames(self) -> Frames:
+        return Frames(len(self.reader), self)
+
+
+def camera_of(stated: Intrinsics | None, shape: tuple[int, ...]) -> Intrinsics:
+    """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
+    if stated is not None and (stated.height, stated.width) == shape:
+        return stated
+    return load_sensor(DEFAULT_SENSOR).rig.for_map((shape[0], shape[1])).intrinsics
 
 
 def open_recording(
@@ -185,17 +202,20 @@ def open_recording(
     lights = [infrared_beside(file) for file in maps]
     if infrared is not None:
         lights = list(infrared_files(maps, infrared))
-    frames: list[FrameFile] = []
+    places: list[FramePlace] = []
     for file, light in zip(maps, lights, strict=True):
         count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
-        if len(frames) + count > _MAX_FRAMES:
+        if len(places) + count > _MAX_FRAMES:
             raise DatasetError(f"{file}: the recording has more than {_MAX_FRAMES} frames")
-        frames += _frames_of(file, count, light, unit, mirror)
-    shape = frames[0].depth_mm().shape  # a folder of colour pictures is refused here
+        names = [f"{file.stem}_{k:05d}" for k in range(count)] if count > 1 else [file.stem]
+        places += [FramePlace(name, file, light, k) for k, name in enumerate(names)]
+    reader = FrameFiles(places)
+    depth_mm, _ = reader.depth(0, unit)  # a folder of colour pictures is refused here
     if stated_by is not None and stated_by.name == CAMERA_FILE:
-        check_size(stated, shape, stated_by)
-    kind = found[0][0]
-    return Recording(given[0], kind, tuple(frames), _mirrored(stated, mirror), stated_by)
+        check_size(stated, depth_mm.shape, stated_by)
+    stated = _mirrored(stated, mirror)
+    frames = _Loader(reader, unit, mirror, stated).frames()
+    return Recording(given[0], found[0][0], frames, reader, stated, stated_by)
 
 
 def read_frames(
@@ -215,14 +235,6 @@ def read_frames(
     return Frames.of([frame.changed(intrinsics=camera) for frame in frames], frames.title)
 
 
-def _frames_of(
-    file: Path, count: int, light: Path | None, unit_mm: float, mirror: bool
-) -> list[FrameFile]:
-    """Return the frame of a file, or the frames of a stack."""
-    names = [f"{file.stem}_{number:05d}" for number in range(count)] if count > 1 else [file.stem]
-    return [FrameFile(n, file, light, k, unit_mm, mirror) for k, n in enumerate(names)]
-
-
 def _dataset_recording(path: Path) -> Recording:
     dataset = open_dataset(path)
     if len(dataset) == 0:
@@ -230,7 +242,7 @@ def _dataset_recording(path: Path) -> Recording:
     dataset.require("noisy")
     frames = dataset.frames()
     stated = StatedCamera(frames.intrinsics, unit_mm=dataset.depth_unit_mm)
-    return Recording(path, "data set", frames, stated)
+    return Recording(path, "data set", frames, None, stated)
 
 
 def _stream_recording(
@@ -243,17 +255,15 @@ def _stream_recording(
         raise DatasetError(f"{path}: the recording has more than {_MAX_FRAMES} frames")
     given, file = stated_camera(path.parent, path if path.is_dir() else path.parent)
     stated = given.over(stream.stated)
-    if file is not None:
-        check_size(stated, stream.depth(0).shape, file)
     unit = unit_mm or stated.unit_mm or 1.0
-    frames = tuple(
-        StreamFrame(f"{path.stem}_{number:06d}", stream, number, unit, mirror)
-        for number in range(len(stream))
-    )
-    frames[0].depth_mm()
+    depth_mm, _ = stream.depth(0, unit)
+    if file is not None:
+        check_size(stated, depth_mm.shape, file)
     kind = STREAMS.get(path.suffix.lower(), "bag")
     notes = stream.notes if given.intrinsics is None else ()
-    return Recording(path, kind, frames, _mirrored(stated, mirror), file or path, notes)
+    stated = _mirrored(stated, mirror)
+    frames = _Loader(stream, unit, mirror, stated).frames()
+    return Recording(path, kind, frames, stream, stated, file or path, notes)
 
 
 def _open_stream(path: Path) -> FrameStream:

@@ -6,7 +6,6 @@ Only one frame is in memory at a time, however long the recording is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -54,14 +53,30 @@ class FrameStream:
     def __len__(self) -> int:
         return len(self._times[self._depth])
 
-    def depth(self, number: int) -> NDArray[np.generic]:
-        """Read (H, W) depth: uint16 in steps of the unit, or float32 metres. DatasetError."""
-        return self._guarded(lambda: self._image(self._depth, number))
+    def name(self, number: int) -> str:
+        """Return the name of a frame, unique in the file."""
+        return f"{self.path.stem}_{number:06d}"
 
-    def infrared(self, number: int) -> NDArray[np.generic] | None:
-        """Read the (H, W) infrared counts of the same moment; None without. DatasetError."""
+    def files(self, number: int) -> tuple[Path, Path | None]:
+        """Return the file of depth and that of infrared, which is the same or None."""
+        return self.path, self.path if self.has_infrared else None
+
+    def depth(self, number: int, unit_mm: float) -> tuple[NDArray[np.float32], float]:
+        """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats (metres).
+
+        Raises DatasetError.
+        """
+        image = self._guarded(lambda: self._image(self._depth, number))
+        check_least_size(image.shape, self.path)
+        step_mm = 0.0 if image.dtype.kind == "f" else unit_mm
+        return depth_in_mm(image, unit_mm, in_metres=True), step_mm
+
+    def infrared(self, number: int) -> NDArray[np.float32] | None:
+        """Read the (H, W) float32 counts of the same moment; None without. Raises DatasetError."""
         own = self._light_of[number]
-        return None if own is None else self._guarded(lambda: self._image(self._light, own))
+        if own is None:
+            return None
+        return self._guarded(lambda: self._image(self._light, own)).astype(np.float32)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file: each process opens its own."""
@@ -92,55 +107,6 @@ class FrameStream:
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
         """Return what the file says about its camera, and notes."""
         raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class StreamFrame:
-    """One frame of a stream, read as a ``FrameFile`` is.
-
-    Attributes:
-        name: unique in the recording, without slashes.
-        stream: it lies in.
-        number: position in the stream.
-        unit_mm: step of integer depths.
-        mirror: flip left and right when it is read.
-    """
-
-    name: str
-    stream: FrameStream
-    number: int
-    unit_mm: float = 1.0
-    mirror: bool = False
-
-    @property
-    def depth_file(self) -> Path:
-        """The file of the stream."""
-        return self.stream.path
-
-    @property
-    def infrared_file(self) -> Path | None:
-        """The file of the stream if it has infrared."""
-        return self.stream.path if self.stream.has_infrared else None
-
-    def depth_mm(self) -> NDArray[np.float32]:
-        """Read (H, W) float32 depth, mm, 0 = no depth. Raises DatasetError."""
-        image = self.stream.depth(self.number)
-        check_least_size(image.shape, self.stream.path)
-        depth = depth_in_mm(image, self.unit_mm, in_metres=True)
-        return depth[:, ::-1].copy() if self.mirror else depth
-
-    def infrared(self) -> NDArray[np.float32] | None:
-        """Read (H, W) float32 infrared counts; None without infrared. Raises DatasetError."""
-        image = self.stream.infrared(self.number)
-        if image is None:
-            return None
-        counts = image.astype(np.float32)
-        return counts[:, ::-1].copy() if self.mirror else counts
-
-    @property
-    def quantum_mm(self) -> float:
-        """The step of stored depths, mm; 0 for floats."""
-        return 0.0 if self.stream.depth(self.number).dtype.kind == "f" else self.unit_mm
 
 
 def is_stream(path: Path) -> bool:

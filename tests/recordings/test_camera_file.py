@@ -67,7 +67,7 @@ def test_a_sensor_of_glsim_gives_what_the_file_leaves_open(tmp_path: Path) -> No
     assert recording.stated.unit_mm == 0.2
     assert recording.stated.baseline_m == pytest.approx(0.018)
     (root / "camera.toml").write_text('sensor = "realsense-d405"\n')
-    assert open_recording(root).files[0].depth_mm()[0, 0] == pytest.approx(300.0)
+    assert open_recording(root).frames[0].noisy_mm[0, 0] == pytest.approx(300.0)
 
 
 def test_an_import_keeps_unit_and_camera(tmp_path: Path) -> None:

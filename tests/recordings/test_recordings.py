@@ -87,7 +87,7 @@ def test_an_import_of_changed_recordings_is_refused(
     whole = file.read_bytes()
     file.write_bytes(encode_png(np.full(SHAPE, 1234, np.uint16)))
     assert _import(root, out) == 2
-    assert f"{file.name} was changed since" in capsys.readouterr().err
+    assert "source 0 kinect2 was changed since" in capsys.readouterr().err
     file.write_bytes(whole)
     assert _import(root, out) == 0
 
@@ -108,11 +108,11 @@ def test_stacks_of_millimetres_and_metres(tmp_path: Path, dtype: type, factor: f
     stack[0, 0, 0] = 0 if dtype is np.uint16 else np.nan
     found = open_recording(_stack(tmp_path / "s", stack, np.stack([LIGHT, LIGHT])))
     assert found.kind == "npy"
-    assert [frame.name for frame in found.files] == ["run_depth_00000", "run_depth_00001"]
-    np.testing.assert_allclose(found.frame(1).noisy_mm, DEPTH + 5, atol=0.01)
-    assert found.frame(0).noisy_mm[0, 0] == 0
-    assert found.frame(0).step_mm == (1.0 if dtype is np.uint16 else 0.0)
-    assert np.array_equal(found.frame(1).infrared, LIGHT)  # type: ignore[arg-type]
+    assert [frame.name for frame in found.frames] == ["run_depth_00000", "run_depth_00001"]
+    np.testing.assert_allclose(found.frames[1].noisy_mm, DEPTH + 5, atol=0.01)
+    assert found.frames[0].noisy_mm[0, 0] == 0
+    assert found.frames[0].step_mm == (1.0 if dtype is np.uint16 else 0.0)
+    assert np.array_equal(found.frames[1].infrared, LIGHT)  # type: ignore[arg-type]
     out = tmp_path / "out"
     assert _import(tmp_path / "s", out) == 0
     pair = open_dataset(out).frames()[1]
@@ -123,7 +123,7 @@ def test_dumps_of_libfreenect2_are_floats_as_in_a_mirror(tmp_path: Path) -> None
     dump = DEPTH.astype("<f4") + 0.25
     write_atomic(dump.tobytes(), tmp_path / "d" / "0001.depth")
     write_atomic(LIGHT.astype("<f4").tobytes(), tmp_path / "d" / "0001.ir")
-    frame = open_recording(tmp_path / "d", mirror=True).frame(0)
+    frame = open_recording(tmp_path / "d", mirror=True).frames[0]
     np.testing.assert_array_equal(frame.noisy_mm, dump[:, ::-1])
     np.testing.assert_array_equal(frame.infrared, LIGHT[:, ::-1])
 
@@ -132,7 +132,7 @@ def test_folders_of_tiff_files_with_infrared_in_a_folder_beside(tmp_path: Path) 
     for layer, image in (("depth", DEPTH), ("ir", LIGHT)):
         (tmp_path / layer).mkdir()
         cv2.imwrite(str(tmp_path / layer / "0001.tiff"), image)
-    frame = open_recording(tmp_path, unit_mm=0.5).frame(0)
+    frame = open_recording(tmp_path, unit_mm=0.5).frames[0]
     np.testing.assert_array_equal(frame.noisy_mm, DEPTH * 0.5)
     np.testing.assert_array_equal(frame.infrared, LIGHT)
 

@@ -30,22 +30,22 @@ def test_a_bag_of_librealsense(tmp_path: Path) -> None:
     file = tmp_path / "a.bag"
     write_bag(file, DEPTHS, LIGHTS, options={"Depth_Units": 1e-4, "Stereo_Baseline": 50.17})
     recording = open_recording(file)
-    assert (recording.kind, len(recording.files)) == ("bag", 6)
+    assert (recording.kind, len(recording.frames)) == ("bag", 6)
     assert recording.stated.unit_mm == 0.1
     assert recording.stated.baseline_m == pytest.approx(0.05017, abs=1e-6)
     assert recording.stated.name == "Intel RealSense D435"
     # ROS counts from the centre of the first pixel, glsim from its corner.
     assert (recording.camera.fx, recording.camera.cx) == (390.4315, 32.5)
     for number in (3, 0, 1, 2, 5, 5):  # in any order
-        frame = recording.frame(number)
+        frame = recording.frames[number]
         np.testing.assert_allclose(frame.noisy_mm, DEPTHS[number] * 0.1, rtol=1e-6)
         np.testing.assert_array_equal(frame.infrared, LIGHTS[number])
-    np.testing.assert_array_equal(open_recording(file, 2.0).frame(1).noisy_mm, DEPTHS[1] * 2.0)
+    np.testing.assert_array_equal(open_recording(file, 2.0).frames[1].noisy_mm, DEPTHS[1] * 2.0)
     again = pickle.loads(pickle.dumps(recording))
-    np.testing.assert_array_equal(again.frame(4).infrared, LIGHTS[4])
+    np.testing.assert_array_equal(again.frames[4].infrared, LIGHTS[4])
     (tmp_path / "camera.toml").write_text("unit_mm = 0.5\n")
     stated = open_recording(tmp_path)  # the folder that holds it
-    np.testing.assert_array_equal(stated.frame(0).noisy_mm, DEPTHS[0] * 0.5)
+    np.testing.assert_array_equal(stated.frames[0].noisy_mm, DEPTHS[0] * 0.5)
     assert stated.camera.fx == 390.4315
 
 
@@ -54,7 +54,7 @@ def test_a_bag_of_a_ros_node_with_depth_in_metres(tmp_path: Path) -> None:
     topics = ("/camera/depth/image_rect_raw", "/camera/infra1/image_rect_raw")
     lights = [light.astype(np.uint16) * 3 for light in LIGHTS]
     write_bag(tmp_path / "a.bag", metres, lights, topics=topics, encoding="32FC1")
-    frame = open_recording(tmp_path / "a.bag").frame(2)
+    frame = open_recording(tmp_path / "a.bag").frames[2]
     np.testing.assert_allclose(frame.noisy_mm, np.where(DEPTHS[2] > 600, DEPTHS[2], 0), rtol=1e-5)
     np.testing.assert_array_equal(frame.infrared, lights[2])
     assert frame.step_mm == 0.0
@@ -78,8 +78,8 @@ def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
             )  # fmt: skip
             bag.write(topic, number * 10**7, types.serialize_cdr(image, kind))
     recording = open_recording(tmp_path / "bag")
-    assert (recording.kind, len(recording.files)) == ("bag", 6)
-    np.testing.assert_array_equal(recording.frame(3).noisy_mm, DEPTHS[3])
+    assert (recording.kind, len(recording.frames)) == ("bag", 6)
+    np.testing.assert_array_equal(recording.frames[3].noisy_mm, DEPTHS[3])
 
 
 def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:
@@ -98,9 +98,9 @@ def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     tracks: dict[str, list[Any]] = {"COLOR": colour, "DEPTH": AZURE, "IR": AZURE_IR}
     write_mkv(file, tracks, azure_calibration(), codec=codec)
     recording = open_recording(file)
-    assert (recording.kind, len(recording.files)) == ("mkv", 4)
+    assert (recording.kind, len(recording.frames)) == ("mkv", 4)
     for number in (2, 0, 1, 3):
-        frame = recording.frame(number)
+        frame = recording.frames[number]
         np.testing.assert_array_equal(frame.noisy_mm, AZURE[number])
         np.testing.assert_array_equal(frame.infrared, AZURE_IR[number])
     camera = recording.camera
@@ -111,7 +111,7 @@ def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     assert recording.distortion[3] == pytest.approx(-7e-5)  # p2
     assert recording.notes == ()
     again = pickle.loads(pickle.dumps(recording))
-    np.testing.assert_array_equal(again.frame(3).noisy_mm, AZURE[3])
+    np.testing.assert_array_equal(again.frames[3].noisy_mm, AZURE[3])
 
 
 def test_binned_modes_have_their_part_of_the_chip(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_binned_modes_have_their_part_of_the_chip(tmp_path: Path) -> None:
     recording = open_recording(tmp_path / "a.mkv")
     assert recording.camera.fx == pytest.approx(0.4928 * 512)
     assert recording.camera.cx == pytest.approx(0.513 * 512 - 96)
-    assert recording.frame(0).infrared is None
+    assert recording.frames[0].infrared is None
 
 
 @pytest.mark.parametrize(
@@ -141,8 +141,8 @@ def test_a_recording_that_was_cut_off_ends_with_its_last_whole_frame(tmp_path: P
     data = file.read_bytes()
     file.write_bytes(data[: len(data) // 2])
     recording = open_recording(file)
-    assert 1 <= len(recording.files) < 4
-    np.testing.assert_array_equal(recording.frame(-1).noisy_mm, AZURE[len(recording.files) - 1])
+    assert 1 <= len(recording.frames) < 4
+    np.testing.assert_array_equal(recording.frames[-1].noisy_mm, AZURE[len(recording.frames) - 1])
 
 
 def test_frames_are_read_one_by_one(tmp_path: Path) -> None:
@@ -153,8 +153,8 @@ def test_frames_are_read_one_by_one(tmp_path: Path) -> None:
         write_bag(file, [np.full((240, 320), 900, np.uint16)] * count)
         tracemalloc.start()
         recording = open_recording(file)
-        for number in range(len(recording.files)):
-            assert recording.frame(number).noisy_mm.any()
+        for number in range(len(recording.frames)):
+            assert recording.frames[number].noisy_mm.any()
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]
