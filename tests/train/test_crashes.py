@@ -50,7 +50,7 @@ def test_a_changed_weight_is_not_resumed_from(tmp_path: Path, share: float) -> N
     data = bytearray(last.read_bytes())
     data[largest.header_offset + 128 + int(share * largest.file_size)] ^= 1
     last.write_bytes(data)
-    with pytest.raises(TrainError, match=r"last\.pt: is damaged: .* differs"):
+    with pytest.raises(TrainError, match=r"last\.pt: is damaged"):
         run(tmp_path, resume=True)
 
 
