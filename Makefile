@@ -1,7 +1,7 @@
 # make demo   a data set of synthetic faces and a contact sheet, in ./demo
 # make check  lint, format and types
 # make test   the same, and the tests of the core
-# make test-all   the same, all other tests (stress, browser, S3, Ray, cards, plug-ins), lint of JavaScript
+# make test-all   the same, all other tests (browser, kills, S3, Ray, cards, plug-ins), lint of JavaScript
 # make docs   the documentation, in docs/_build/html; warnings are errors
 # make bench  pairs per second, against Open3D and pyrender
 # make reproduce         the paper's tables 1 to 3, small, on two cores, in ./reproduced
