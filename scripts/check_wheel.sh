@@ -53,7 +53,7 @@ pathlib.Path("face.obj").write_text(  # a dome of 24 x 24 vertices, metres
 CODE
 "$glsim" info
 "$glsim" render face.obj -o rendered -q
-"$glsim" generate -o data --subjects 3 --frames-per-subject 2 --crop 128 --workers 1 -q
+"$glsim" generate -o data --subjects 3 --frames-per-subject 2 --set output.crop=128 --workers 1 -q
 "$glsim" verify data -q
 noisy=$(find data -name '*_noisy.png' | sort | head -1)
 "$glsim" denoise "$noisy" -o denoised.png -q

@@ -19,8 +19,8 @@ generate() {
     seed=$(printf %s "$name-$source" | cksum | cut -d ' ' -f 1) # of its own for each set
     [ "$source" != ict-facekit ] || root=(--root "$model")
     "$glsim" generate -q -o "$out/$name-$source" --source "$source" "${root[@]}" --subjects "$people" \
-        --frames-per-subject "$frames" --depth-unit-mm 0.1 --split 0.94,0.06,0 --set devices=4096 \
-        --layers clean,expected,noisy --seed "$seed" "$@"
+        --frames-per-subject "$frames" --set output.depth_unit_mm=0.1 --set split=0.94,0.06,0 --set devices=4096 \
+        --set output.layers=clean,expected,noisy --seed "$seed" "$@"
 }
 # Frames of the same camera.
 video=(--set redraw=sequence --set source.frames_per_sequence=8)
@@ -54,7 +54,7 @@ done
 for camera in kinect-v2 any-depth-camera; do
     for room in office living-room; do
         for set in "$room-$camera" "$room-$camera-third"; do
-            generate "$set" people 40 4 --preset $room --sensor $camera --depth-unit-mm 0.2 # beyond 6.5 m
+            generate "$set" people 40 4 --preset $room --sensor $camera --set output.depth_unit_mm=0.2 # beyond 6.5 m
         done
         for _ in 1 2 3; do # a frame of a room has many squares
             stills+=(--data "$out/$room-$camera-people") more+=(--data "$out/$room-$camera-third-people")
@@ -62,7 +62,7 @@ for camera in kinect-v2 any-depth-camera; do
     done
 done
 # Clean frames stay as they are.
-generate ideal procedural 40 8 --sensor ideal --crop 128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
+generate ideal procedural 40 8 --sensor ideal --set output.crop=128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
     --set 'pose.distance_mm={ uniform = [520, 1450] }'
 stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural") live+=(--data "$out/ideal-procedural")
 
@@ -80,7 +80,7 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
             [ $set = "video-$camera" ] || rate=8
             made=("${video[@]}" --set source.frames_per_second=$rate "${config[@]}")
             generate "$set" $source $people 16 "${made[@]}"
-            generate "$set-wall" $source $((people * 2 / 3)) 16 --split 0.8,0.2,0 "${wall[@]}" "${made[@]}"
+            generate "$set-wall" $source $((people * 2 / 3)) 16 --set split=0.8,0.2,0 "${wall[@]}" "${made[@]}"
             videos+=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
         done
     done
@@ -109,7 +109,7 @@ rooms() {
     local name=$1 people=$2 room
     shift 2
     for room in office living-room; do
-        generate "$name-$room" people $people 4 --preset $room "$@" --depth-unit-mm 0.2
+        generate "$name-$room" people $people 4 --preset $room "$@" --set output.depth_unit_mm=0.2
         live+=(--data "$out/$name-$room-people")
         for _ in 1 2 3; do own+=(--data "$out/$name-$room-people"); done
     done
