@@ -270,4 +270,6 @@ class Denoiser:
             )
         if valid.dtype.kind == "f" and not ((valid >= 0) & (valid <= 1)).all():
             raise DenoiserError(f"{self.label}: the probability of depth must lie in [0, 1]")
+        if not all((sigma_mm >= 0).all() for sigma_mm in images[2:]):
+            raise DenoiserError(f"{self.label}: the standard deviation must be 0 mm or more")
         return images

@@ -112,7 +112,7 @@ class NetworkFunction:
     ) -> tuple[Depth, Mask | Probability] | tuple[Depth, Mask | Probability, Depth]:
         if not self.uncertain or sigma_mm is None:
             return depth_mm, valid
-        return depth_mm, valid, np.maximum(sigma_mm, 0)
+        return depth_mm, valid, sigma_mm
 
     def _run(self, stack: Depth) -> dict[str, Depth]:
         """Run the network where there is something to see; return outputs of the stack's size.
