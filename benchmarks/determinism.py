@@ -121,7 +121,11 @@ def make(case: str, way: Way, out: Path) -> tuple[dict[str, str], str]:
     from glsim.dataset import open_dataset
 
     hashes = {
-        f"{frame.key}/{layer}": _hash(frame.layer(layer if layer in frame else f"{layer}_mm"))
+        f"{frame.key.subject}/{frame.key.sequence}/{frame.key.frame}/{layer}": _hash(
+            frame.layer(layer)
+            if layer in frame
+            else np.rint(frame.layer(f"{layer}_mm") / frame.step_mm).astype(np.uint16)
+        )
         for frame in open_dataset(out)
         for layer in LAYERS
     }
