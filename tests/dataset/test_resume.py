@@ -59,9 +59,10 @@ def test_a_killed_worker_is_replaced(
 
 
 def test_a_chunk_that_kills_every_worker_stops_the_run(tmp_path: Path, undisturbed) -> None:
+    others = set(children())  # of tests before, in the same process
     with pytest.raises(DatasetError, match=r"SIGKILL .* for the second time: what is complete is"):
         make(tmp_path, workers=2, faults=(Fault("kill", 77),), **SKIP)
-    assert not children()
+    assert set(children()) <= others
     assert verify(tmp_path)[0].endswith(
         "is not complete: run glsim generate again with the same settings"
     )
