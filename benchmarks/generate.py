@@ -46,7 +46,7 @@ _TURNS = 3
 
 
 def main() -> None:
-    """Run the contenders in turns and print a table."""
+    """Time each program in turn and print a table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )

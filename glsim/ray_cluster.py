@@ -135,7 +135,7 @@ def cluster_cores(ray: Any) -> int:
 
 
 def failure_of(error: Exception) -> WorkerFailure:
-    """Return an error as the result of a task. Errors of other libraries name the machine."""
+    """Turn an exception into a task's result; errors of other libraries get the machine's name."""
     if isinstance(error, GlsimError):
         return WorkerFailure(error)
     failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")

@@ -234,7 +234,7 @@ def _reached(
 
 
 def _form(name: str, known: list[_Known]) -> list[int | str] | None:
-    """Return a shape with names for the sides that follow the frame's; None if it is not known."""
+    """Return a shape in which height and width have names; None if the shape is not known."""
     if any(name not in k.shapes for k in known):
         return None
     sides = zip(*(k.shapes[name] for k in known), strict=True)

@@ -32,7 +32,7 @@ CleanMask = Literal["dense", "as-noisy"]
 
 
 class TrainingGroup(TomlTable):
-    """Recipes that are trained with the same limits, all with the first seed, then the next."""
+    """Recipes trained with the same limits: all recipes with one seed before the next seed."""
 
     recipes: tuple[str, ...] = Field(min_length=1)
     steps: int | None = Field(None, ge=1, description="default: as in the recipe")
@@ -81,7 +81,7 @@ class ReproductionPlan(TomlTable):
         return load_settings(overrides=_merged(self.settings, tree))
 
     def filter_settings(self, sets: FilterSets, mask: str, seed: int) -> Settings:
-        """Return the settings of a data set for table 1 alone."""
+        """Return the settings of the data set that only table 1 scores."""
         tree = {"output": {"clean_mask": mask}, "seed": seed, "split": [0, 0, 1]}
         return self._settings(tree, sets.subjects, sets.frames_per_subject)
 

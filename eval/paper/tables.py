@@ -146,7 +146,7 @@ def paper_table(
 
 
 def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -> list[_Row]:
-    """Return the rows of networks: the paper's, also those without a network, then all others."""
+    """List the rows of networks: each row of the paper, trained or not, then further networks."""
     rows = []
     for name in (*PAPER_ROWS[which], None) if which > 1 else ():
         found = [

@@ -60,7 +60,7 @@ Averaging = Callable[[Array], Array]
 
 
 class Worn(NamedTuple):
-    """A piece of cloth: its (F, 3) triangles, and those of them that cast shadows."""
+    """Triangles of a garment, (F, 3) vertex indices, and the fewer that cast shadows."""
 
     binding: Shell
     faces: NDArray[np.int32]

@@ -128,7 +128,7 @@ def _parts(
 
 @lru_cache(maxsize=256)
 def _solid(name: str, number: int) -> Shape:
-    """Return a part of fixed shape, with its copies, before it is stretched."""
+    """Build a part without random dimensions, mirrored and repeated, before scaling."""
     part = catalogue()["things"][name]["parts"][number]
     if "box" in part:
         shape = box(

@@ -69,7 +69,7 @@ def denoise(frame: FigureFrame, columns: Sequence[Column]) -> dict[str, Depth]:
 
 
 def network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> list[Column]:
-    """Return a column for each row of the paper's tables that has a network: the largest one.
+    """Return one column for each table row with a trained network: that of its largest network.
 
     It shows the first seed; its title says size and steps below the row.
     """
