@@ -126,11 +126,6 @@ class StoredBatches:
         self._train, self._recipe = train, recipe
         self.validation, self.fingerprint = validation, fingerprint
 
-    @property
-    def training_pairs(self) -> PairDataset:
-        """The pairs to train on."""
-        return self._train
-
     def prepare(self, fabric: Fabric) -> int:
         """See ``BatchSource``. Raises ConfigError if a device would get less than one batch."""
         data, batch = self._recipe.data, self._recipe.training.batch

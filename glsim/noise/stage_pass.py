@@ -42,11 +42,6 @@ BOUND: dict[str, Callable[[StageView], object]] = {
 }
 
 
-def bound_values(view: StageView) -> dict[str, object]:
-    """Return the values of the ``u_`` uniforms other than layers for one stage's view, by name."""
-    return {name: value(view) for name, value in BOUND.items()}
-
-
 class LinkedStages:
     """The linked stages of one context, so that a chain with one other stage links one program.
 
