@@ -236,11 +236,6 @@ class Frames(Sequence[DepthFrame]):
         """(T, H, W) measured depth rounded to whole mm, NaN = no return."""
         return np.rint(self.measured_mm)
 
-    @property
-    def encoded(self) -> NDArray[np.uint16]:
-        """(T, H, W) whole mm as files of 16 bits hold them, 0 = no return."""
-        return np.nan_to_num(self.whole_mm).astype(np.uint16)
-
     @cached_property
     def truth_mm(self) -> Stack:
         """(H, W) true depth of a static scene, mm, NaN = no surface."""
@@ -278,23 +273,20 @@ class Frames(Sequence[DepthFrame]):
     def __getitem__(self, number: int | slice) -> DepthFrame | Frames:
         """Return the frame at a position, from the end if negative, or the frames of a slice."""
         if isinstance(number, slice):
-            return self.chosen(range(*number.indices(self._count)))
+            numbers = range(*number.indices(self._count))
+            return Frames(
+                len(numbers),
+                partial(_at, self.load, numbers),
+                partial(_at, self.key, numbers),
+                title=self.title,
+                identity=self.identity,
+                regions=self.regions,
+                protocol=self.protocol,
+            )
         position = number + self._count if number < 0 else number
         if not 0 <= position < self._count:
             raise IndexError(f"{self.title or 'the set'} has {self._count} frames, not {number}")
         return self.load(position)
-
-    def chosen(self, numbers: Sequence[int]) -> Frames:
-        """Return some of the frames, in the order of ``numbers``."""
-        return Frames(
-            len(numbers),
-            partial(_at, self.load, numbers),
-            partial(_at, self.key, numbers),
-            title=self.title,
-            identity=self.identity,
-            regions=self.regions,
-            protocol=self.protocol,
-        )
 
     def changed(
         self,

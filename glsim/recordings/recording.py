@@ -43,7 +43,7 @@ FrameReader = FrameFiles | FrameStream
 
 #: Frames that are measured if a recording has more; more do not change the printed digits.
 DEFAULT_FRAMES = 60
-#: Frames of a static scene that are measured if a recording has more: 0.8 GB with infrared at
+#: Frames of a static scene that are measured if a recording has more: 1.2 GB with infrared at
 #: 848 x 480, and the noise of 1 % in the standard deviation of a pixel is far below its spread.
 MOST_STATIC = 256
 #: Most frames of one recording: two hours at 30 Hz are 216,000.

@@ -27,6 +27,7 @@ from glsim.recordings.recording import open_recording
 from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.validate import VirtualCamera, scenes
+from tests.support.planted_frames import encoded
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 
@@ -71,7 +72,7 @@ def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
     camera = VirtualCamera(sensor, context, seed=3)
     capture = camera.capture(scenes.merge_meshes(*strips), 30, None, changes=changes)
     lights = capture.stack("infrared")
-    for number, (depth, infrared) in enumerate(zip(capture.encoded, lights, strict=True)):
+    for number, (depth, infrared) in enumerate(zip(encoded(capture), lights, strict=True)):
         folder.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(folder / f"{number:04d}_depth.png"), depth)
         cv2.imwrite(str(folder / f"{number:04d}_ir.png"), np.rint(infrared).astype(np.uint16))

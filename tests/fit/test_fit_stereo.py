@@ -26,7 +26,7 @@ from glsim.recordings.recording import open_recording
 from glsim.sensors.sensor import load_sensor
 from glsim.validate import VirtualCamera
 from glsim.validate.scenes import room_corner
-from tests.support.planted_frames import noisy, plane
+from tests.support.planted_frames import encoded, noisy, plane
 from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras
 
 PRODUCT, STEPS = 390.4 * 50.17, 32
@@ -125,16 +125,16 @@ def test_a_changed_sensor_comes_back(context: moderngl.Context, tmp_path: Path) 
     product = 390.4315 * 52.0
     scene = room_corner(product)
     shot = VirtualCamera(str(camera), context, seed=2).capture(scene, 12, None, scene="corner")
-    recording = write(tmp_path / "recording", shot.encoded)
+    recording = write(tmp_path / "recording", encoded(shot))
     out = tmp_path / "fitted.toml"
     assert main(["fit", str(recording), "-o", str(out)]) == 0
     assert tomllib.loads(out.read_text())["extends"] == "realsense-d435-vga"
     rig = load_sensor(str(out)).rig
     assert 1000 * rig.baseline_m * rig.intrinsics.fx == pytest.approx(product, rel=1e-3)
     again = VirtualCamera(str(out), context, seed=5).capture(scene, 12, None, scene="corner")
-    real, own = _noise(shot.encoded, product), _noise(again.encoded, product)
+    real, own = _noise(encoded(shot), product), _noise(encoded(again), product)
     for share in (hole_share_beside_band, flips):
-        found, planted_share = (share(list(with_nan(s.encoded))) for s in (again, shot))
+        found, planted_share = (share(list(with_nan(encoded(s)))) for s in (again, shot))
         assert found == pytest.approx(planted_share, rel=0.5)
     assert own.frame == pytest.approx(real.frame, rel=0.2)
     assert own.static == pytest.approx(real.static, rel=0.25)

@@ -14,6 +14,7 @@ import glsim
 from glsim.cli import main
 from glsim.measures.stacks import Array
 from glsim.validate import VirtualCamera, scenes
+from tests.support.planted_frames import encoded
 from tests.support.stage_harness import Z_MAX, z_correlation
 
 RECORDED, SIMULATED = 24, 6
@@ -44,7 +45,7 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(
 ) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
     (tmp_path / "frames").mkdir()
-    recorded = device.capture(scenes.wall(900), RECORDED, None, scene="recording").encoded
+    recorded = encoded(device.capture(scenes.wall(900), RECORDED, None, scene="recording"))
     for number, depth in enumerate(recorded):
         cv2.imwrite(str(tmp_path / "frames" / f"{number:04d}.png"), depth)
     fitted = tmp_path / "mine.toml"
@@ -75,7 +76,7 @@ def test_a_short_recording_does_not_give_its_noise_to_frames(
 ) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
     (tmp_path / "frames").mkdir()
-    for number, depth in enumerate(device.capture(scenes.wall(900), 3, None).encoded):
+    for number, depth in enumerate(encoded(device.capture(scenes.wall(900), 3, None))):
         cv2.imwrite(str(tmp_path / "frames" / f"{number:04d}.png"), depth)
     fitted = tmp_path / "mine.toml"
     assert main(["fit", str(tmp_path / "frames"), "-o", str(fitted), "--quiet"]) == 0

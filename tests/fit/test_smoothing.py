@@ -19,12 +19,13 @@ from glsim.measures.correlation import LAGS
 from glsim.measures.frame import frames_of
 from glsim.sensors.sensor import SENSOR_FOLDER
 from glsim.validate import VirtualCamera, scenes
+from tests.support.planted_frames import encoded
 
 
 def _frames(context: moderngl.Context, sensor: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     wall = scenes.depth_ramp(1500.0, 1400.0, 700.0)
     shot = VirtualCamera(sensor, context, seed=seed).capture(wall, 12, None, scene="ramp")
-    return shot.encoded, shot.stack("infrared")
+    return encoded(shot), shot.stack("infrared")
 
 
 def _correlation(depths: np.ndarray) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from glsim.geometry.mesh import Mesh
 from glsim.measures.frame import frames_of
 from glsim.recordings.recording import open_recording
 from glsim.validate import VirtualCamera, scenes
+from tests.support.planted_frames import encoded
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 EMITTER_M = (0.045, 0.0, 0.0)
@@ -58,7 +59,7 @@ def test_harmonics_come_back_from_walls_at_several_distances(
     }  # fmt: skip
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(slant_deg), FRAMES, None, changes={"tof_fast": changes})
-    found = measure_recording(frames_of("walls", shot.encoded, camera=IMAGE))
+    found = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert wiggling.planes >= 3
@@ -75,7 +76,7 @@ def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
-    found = measure_recording(frames_of("walls", shot.encoded, camera=IMAGE))
+    found = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert not any(wiggling.known(harmonic) for harmonic in (2, 5))

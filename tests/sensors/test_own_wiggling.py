@@ -15,6 +15,7 @@ from glsim.geometry.camera import Intrinsics
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
 from glsim.validate import VirtualCamera, scenes
+from tests.support.planted_frames import encoded
 
 MHZ = (80.0, 16.0, 120.0)
 HARMONICS = {
@@ -79,7 +80,7 @@ def test_calibration_takes_bias_and_pattern_from_planes(
     truth = {}
     for distance in DISTANCES_MM:
         shot = camera.capture(scenes.wall(distance), 1, None, scene=f"wall {distance}")
-        (frames / f"{distance}.png").write_bytes(encode_png(shot.encoded[0]))
+        (frames / f"{distance}.png").write_bytes(encode_png(encoded(shot)[0]))
         truth[distance] = shot.truth_mm
     for out, extra in (("raw", ()), ("calibrated", ("--device", str(file)))):
         assert main(["denoise", str(frames), "-o", str(tmp_path / out), "-d", "noisy", *extra]) == 0
@@ -110,7 +111,7 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
-    statistics = measure_recording(frames_of("walls", shot.encoded, camera=IMAGE))
+    statistics = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
     wiggling = fit_wiggling(statistics, IMAGE, EMITTER_M)
     assert wiggling is not None
     name, tree = base_sensor()

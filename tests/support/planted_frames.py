@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.depth_frame import Frames
 from glsim.sensors.sensor import load_sensor
 
 Array = NDArray[np.float64]
@@ -43,3 +44,8 @@ def shadowed(
     depth[60:360, 340 : 340 + right_px] = 0.0
     depth[60:360, 340 : 340 + flying_px] = 0.5 * (front_mm + back_mm)
     return depth
+
+
+def encoded(frames: Frames) -> NDArray[np.uint16]:
+    """Return the (T, H, W) whole mm of frames as files of 16 bits hold them, 0 = no return."""
+    return np.nan_to_num(frames.whole_mm).astype(np.uint16)
