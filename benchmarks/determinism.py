@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from glsim.worker_processes import portable_environment
+from glsim.data.worker_processes import portable_environment
 
 #: Compared; depth in steps so small that the last bits of a vertex show.
 LAYERS = ("clean", "noisy", "infrared", "reason")
@@ -118,7 +118,7 @@ def make(case: str, way: Way, out: Path) -> tuple[dict[str, str], str]:
             for image in sorted(out.rglob("*_noisy.png"))[::3]:
                 image.write_bytes(image.read_bytes()[:-9])
         _output([*command, *run.split()], os.environ)
-    from glsim.dataset import open_dataset
+    from glsim.data.reader import open_dataset
 
     hashes = {
         f"{frame.key.subject}/{frame.key.sequence}/{frame.key.frame}/{layer}": _hash(
@@ -141,12 +141,12 @@ def _output(command: Sequence[str], environment: Mapping[str, str]) -> str:
 
 def _script(case: str, *, reverse: bool) -> tuple[dict[str, str], str]:
     """Return the hashes of images that a script makes, and its arithmetic."""
-    from glsim.dataset.arithmetic import fingerprint
-    from glsim.frame import Skipped
+    from glsim.data.arithmetic import fingerprint
     from glsim.gl.context import borrowed_context
-    from glsim.pipeline import open_sources, simulate
-    from glsim.plan.tasks import make_tasks
     from glsim.settings.schema import load_settings
+    from glsim.simulation.frame import Skipped
+    from glsim.simulation.pipeline import open_sources, simulate
+    from glsim.simulation.plan.tasks import make_tasks
 
     preset, source = CASES[case]
     tree: Mapping[str, Any] = {"output": {"layers": list(LAYERS)}}

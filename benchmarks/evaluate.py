@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from glsim.dataset import available_workers
+from glsim.data.worker_processes import available_workers
 from glsim.denoise import PAPER_FILTERS
 from glsim.eval.report.tables import table_markdown
 from glsim.eval.scoring.blocks import ScoringJob

@@ -111,11 +111,11 @@ def _run_glsim(
     sensor: str, frames: int, out: Path, ict_root: Path | None
 ) -> Iterator[tuple[float, float]]:
     """Run simulator and frame writer as a worker does; yield CPU and wall clock at each frame."""
-    from glsim.dataset import write_frame
-    from glsim.frame import Frame
+    from glsim.data.layer_images import write_frame
     from glsim.gl.context import open_context
-    from glsim.pipeline import Simulator
-    from glsim.plan.tasks import make_tasks
+    from glsim.simulation.frame import Frame
+    from glsim.simulation.pipeline import Simulator
+    from glsim.simulation.plan.tasks import make_tasks
 
     settings, source = _faces(sensor, frames + _WARM_UP, ict_root)
     tasks = make_tasks(settings, [source])[: frames + _WARM_UP]
@@ -133,8 +133,8 @@ def _run_peer(
     import cv2
 
     from benchmarks.lean_noise import LeanNoise
-    from glsim.frame import encode_depth
     from glsim.sensors.sensor import sensor_of
+    from glsim.simulation.frame import encode_depth
 
     settings, source = _faces("kinect-v2-paper", frames + _WARM_UP, ict_root)
     rig = sensor_of(settings).rig

@@ -119,7 +119,7 @@ def _problem(command: list[str], out: Path, expected: str) -> str:
         return f"status {done.returncode}: {done.stderr.strip().splitlines()[-1:]}"
     if content_of(out) != expected:
         return "differs from the undisturbed run"
-    # Single files are stale after ten seconds (glsim.files.atomic): a later run removes them.
+    # Single files are stale after ten seconds (glsim.core.files.atomic): a later run removes them.
     return "left temporary files" if any(out.rglob("temporary")) else ""
 
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import SensorRig
+from glsim.core.camera import SensorRig
 
 Image = NDArray[np.float32]
 

@@ -6,9 +6,9 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import SensorRig
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
+from glsim.core.camera import SensorRig
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
 
 #: Least distance, m, by which an occluder must be in front of a point to shadow it: the shader's
 #: order of magnitude.

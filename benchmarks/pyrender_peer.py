@@ -6,9 +6,9 @@ import numpy as np
 import pyrender
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import SensorRig
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
+from glsim.core.camera import SensorRig
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
 
 #: As in `benchmarks/open3d_peer.py`.
 _SHADOW_BIAS_M = 0.003

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.data.map_files import read_map_mm
 from glsim.denoise import GRIDS, Denoiser, load_denoiser
 from glsim.denoise.registry import tuning_specs
-from glsim.map_files import read_map_mm
 
 #: Side of the tiles that planes are fitted to, px: wider than any noise, narrower than what the
 #: calibration of the cameras bends. Chosen.

@@ -27,9 +27,9 @@ from rich.table import Table
 from glsim import Frame, load_settings, open_context, open_sources
 from glsim.noise.registry import shipped_stages
 from glsim.noise.semi_global import match
-from glsim.pipeline import Simulator
-from glsim.plan.tasks import make_tasks
 from glsim.sensors.sensor import load_sensor
+from glsim.simulation.pipeline import Simulator
+from glsim.simulation.plan.tasks import make_tasks
 
 #: What the others are compared with, and they.
 BASE = "kinect-v2"

@@ -13,78 +13,81 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from glsim.corrupt import Corrupter
-    from glsim.dataset import generate, open_dataset, verify, webdataset_decoder
+    from glsim.bench.validate.report import Band, Check, Measurement, validation_check
+    from glsim.core.camera import Intrinsics, SensorRig
+    from glsim.core.errors import GlsimError
+    from glsim.core.mesh import Mesh
+    from glsim.core.reason import Reason
+    from glsim.data.driver import generate
+    from glsim.data.export import export_dataset, push_dataset
+    from glsim.data.export.base import Export
+    from glsim.data.layer_images import webdataset_decoder
+    from glsim.data.reader import open_dataset
+    from glsim.data.verification import verify
     from glsim.denoise import load_denoiser
-    from glsim.errors import GlsimError
     from glsim.eval.metrics.metric import Metric
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.run import evaluate
-    from glsim.exports import export_dataset, push_dataset
-    from glsim.exports.base import Export
     from glsim.faces.base import Face, FaceKey, FaceSettings, FaceSource
+    from glsim.faces.meshes import load_mesh
     from glsim.faces.one_mesh import OneMesh
-    from glsim.frame import Frame, Skipped
-    from glsim.geometry.camera import Intrinsics, SensorRig
-    from glsim.geometry.mesh import Mesh
     from glsim.gl.context import open_context
-    from glsim.meshio import load_mesh
     from glsim.noise.realsense_filters import filter_sequence
     from glsim.noise.stage import array_stage
-    from glsim.pipeline import Simulator, frames, open_sources, simulate
-    from glsim.plan.tasks import make_tasks
-    from glsim.reason import Reason
     from glsim.sensors.pattern_map import remove_fixed_pattern
     from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
     from glsim.settings.schema import Settings, load_settings
-    from glsim.validate.report import Band, Check, Measurement, validation_check
+    from glsim.simulation.corrupt import Corrupter
+    from glsim.simulation.frame import Frame, Skipped
+    from glsim.simulation.pipeline import Simulator, frames, open_sources, simulate
+    from glsim.simulation.plan.tasks import make_tasks
 
 __version__: str
 
 _HOME = {
-    "Band": "glsim.validate.report",
-    "Check": "glsim.validate.report",
-    "Corrupter": "glsim.corrupt",
-    "Export": "glsim.exports.base",
+    "Band": "glsim.bench.validate.report",
+    "Check": "glsim.bench.validate.report",
+    "Corrupter": "glsim.simulation.corrupt",
+    "Export": "glsim.data.export.base",
     "Face": "glsim.faces.base",
     "FaceKey": "glsim.faces.base",
     "FaceSettings": "glsim.faces.base",
     "FaceSource": "glsim.faces.base",
-    "Frame": "glsim.frame",
-    "GlsimError": "glsim.errors",
-    "Intrinsics": "glsim.geometry.camera",
-    "Measurement": "glsim.validate.report",
-    "Mesh": "glsim.geometry.mesh",
+    "Frame": "glsim.simulation.frame",
+    "GlsimError": "glsim.core.errors",
+    "Intrinsics": "glsim.core.camera",
+    "Measurement": "glsim.bench.validate.report",
+    "Mesh": "glsim.core.mesh",
     "Metric": "glsim.eval.metrics.metric",
     "OneMesh": "glsim.faces.one_mesh",
-    "Reason": "glsim.reason",
+    "Reason": "glsim.core.reason",
     "ScoringJob": "glsim.eval.scoring.blocks",
     "Sensor": "glsim.sensors.sensor",
-    "SensorRig": "glsim.geometry.camera",
+    "SensorRig": "glsim.core.camera",
     "Settings": "glsim.settings.schema",
-    "Simulator": "glsim.pipeline",
-    "Skipped": "glsim.frame",
+    "Simulator": "glsim.simulation.pipeline",
+    "Skipped": "glsim.simulation.frame",
     "array_stage": "glsim.noise.stage",
     "evaluate": "glsim.eval.scoring.run",
-    "export_dataset": "glsim.exports",
+    "export_dataset": "glsim.data.export",
     "filter_sequence": "glsim.noise.realsense_filters",
-    "frames": "glsim.pipeline",
-    "generate": "glsim.dataset",
+    "frames": "glsim.simulation.pipeline",
+    "generate": "glsim.data.driver",
     "load_denoiser": "glsim.denoise",
-    "load_mesh": "glsim.meshio",
+    "load_mesh": "glsim.faces.meshes",
     "load_sensor": "glsim.sensors.sensor",
     "load_settings": "glsim.settings.schema",
-    "make_tasks": "glsim.plan.tasks",
+    "make_tasks": "glsim.simulation.plan.tasks",
     "open_context": "glsim.gl.context",
-    "open_dataset": "glsim.dataset",
-    "open_sources": "glsim.pipeline",
-    "push_dataset": "glsim.exports",
+    "open_dataset": "glsim.data.reader",
+    "open_sources": "glsim.simulation.pipeline",
+    "push_dataset": "glsim.data.export",
     "remove_fixed_pattern": "glsim.sensors.pattern_map",
     "sensor_names": "glsim.sensors.sensor",
-    "simulate": "glsim.pipeline",
-    "validation_check": "glsim.validate.report",
-    "verify": "glsim.dataset",
-    "webdataset_decoder": "glsim.dataset",
+    "simulate": "glsim.simulation.pipeline",
+    "validation_check": "glsim.bench.validate.report",
+    "verify": "glsim.data.verification",
+    "webdataset_decoder": "glsim.data.layer_images",
 }
 
 __all__ = [

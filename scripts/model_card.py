@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim import Frame, load_settings, simulate
+from glsim.core.errors import GlsimError
+from glsim.core.files.markdown import markdown_table
 from glsim.denoise import Denoiser, load_denoiser
-from glsim.errors import GlsimError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score
-from glsim.files.markdown import markdown_table
 
 Depth = NDArray[np.float32]
 

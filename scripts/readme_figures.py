@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from glsim import Frame, load_denoiser, load_settings, simulate
-from glsim.files.atomic import write_atomic
-from glsim.preview import Picture, brightness, shaded
+from glsim.core.files.atomic import write_atomic
+from glsim.data.preview import Picture, brightness, shaded
 
 _FIGURES: Final = Path(__file__).resolve().parents[1] / "docs" / "figures"
 #: Sensor -> its caption and the distance of the face, mm: where each camera is used.

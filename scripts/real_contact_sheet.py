@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim import Corrupter, load_settings
-from glsim.files.atomic import write_atomic
-from glsim.map_files import read_map_mm
+from glsim.core.files.atomic import write_atomic
+from glsim.data.map_files import read_map_mm
+from glsim.data.preview import Picture, shaded
 from glsim.noise.realsense_filters import fill_holes
-from glsim.preview import Picture, shaded
 
 #: Side of a detail, px, and how much larger it is drawn.
 _DETAIL_PX, _LARGER = 160, 3

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.mesh import Mesh
+from glsim.core.mesh import Mesh
 from glsim.gl.context import make_current, open_context
 from tests.support.scenes import face_mesh
 

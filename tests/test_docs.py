@@ -29,7 +29,7 @@ PAGES = [
 ]
 SCRIPTS = sorted([*(DOCS / "tutorials").glob("*.py"), *(DOCS / "gallery").glob("*.py")])
 #: Where a user imports from; nothing deeper.
-PUBLIC = ("glsim", "glsim.train", "glsim.transforms")
+PUBLIC = ("glsim", "glsim.train", "glsim.simulation.transforms")
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -88,7 +88,7 @@ def test_scripts_import_public_names_only(script: Path) -> None:
 
 
 def test_wrong_imports_commands_and_links_are_found(tmp_path: Path) -> None:
-    assert private_imports("from glsim.meshio.load import load_mesh")
+    assert private_imports("from glsim.faces.meshes.load import load_mesh")
     assert private_imports("from glsim import no_such_name")
     assert wrong_option("glsim generat -o data") == "no command generat"
     assert wrong_option("glsim generate -o data --sujects 3") == "glsim generate has no --sujects"

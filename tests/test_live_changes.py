@@ -11,16 +11,16 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError, ShaderError
+from glsim.core.errors import ConfigError, ShaderError
 from glsim.faces.one_mesh import OneMesh
-from glsim.frame import Frame
 from glsim.noise import stage_pass
 from glsim.noise.stage_pass import StagePass
-from glsim.pipeline import Simulator, simulate
-from glsim.plan.tasks import Task, make_tasks
 from glsim.render.renderer import Renderer
 from glsim.settings.schema import Settings, load_settings, with_assignments
 from glsim.settings.source_settings import parse_source
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import Simulator, simulate
+from glsim.simulation.plan.tasks import Task, make_tasks
 from tests.support.scenes import face_mesh
 
 SENSOR = """

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.files.png import encode_png
+from glsim.data.map_files import encode_map
 from glsim.faces.people.fetch import FETCH, has_people
-from glsim.files.png import encode_png
-from glsim.map_files import encode_map
 from tests.support import page_command
 from tests.support.eval_scenes import write_pairs
 from tests.support.imports import ROOT

@@ -24,7 +24,7 @@ from torch.utils.data import (
     TensorDataset,
 )
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
 from glsim.train.data.checks import (
     fingerprint,

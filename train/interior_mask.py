@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from glsim.geometry.edges import BAND_PX, JUMP_MM
+from glsim.core.edges import BAND_PX, JUMP_MM
 
 
 def interior_mask(clean_mm: Tensor) -> Tensor:

@@ -15,10 +15,10 @@ from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 from numpy.typing import NDArray
 from torch import Tensor
 
-from glsim.files.atomic import write_atomic
-from glsim.files.png import write_picture
-from glsim.geometry.camera import Intrinsics
-from glsim.preview import difference, shaded
+from glsim.core.camera import Intrinsics
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.png import write_picture
+from glsim.data.preview import difference, shaded
 
 METRICS_FILE: Final = "metrics.csv"
 RUN_FILE: Final = "run.json"

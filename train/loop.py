@@ -15,9 +15,9 @@ from lightning_fabric import Fabric
 from torch import Tensor
 from torch.utils.data import DataLoader
 
+from glsim.core.errors import ConfigError, TrainError
+from glsim.core.seeds import stable_seed
 from glsim.denoise import checkpoint
-from glsim.errors import ConfigError, TrainError
-from glsim.settings.seeds import stable_seed
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
 from glsim.train.data.pairs import Batch
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples

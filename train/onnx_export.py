@@ -15,12 +15,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from glsim.core.errors import DenoiserError, TrainError
+from glsim.core.files.atomic import write_atomic
 from glsim.denoise.inference import TorchNetwork, load_model
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.onnx_file import OpenCvNetwork, read_content, read_onnx, record_entries
 from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
-from glsim.errors import DenoiserError, TrainError
-from glsim.files.atomic import write_atomic
 from glsim.train.models.base import DepthModel
 from glsim.train.models.named_outputs import NamedOutputs, named_outputs
 from glsim.train.models.registry import build_model

@@ -27,8 +27,8 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from glsim.depth_protocol import DepthProtocol
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.settings.tables import TomlTable, assign, parse_table, read_toml, split_assignment
 
 RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"

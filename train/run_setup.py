@@ -14,11 +14,11 @@ import torch
 from lightning_fabric import Fabric
 from lightning_fabric.utilities.exceptions import MisconfigurationException
 
+from glsim.core.errors import ConfigError, TrainError
+from glsim.core.files.atomic import file_checksum, wrap_write_errors
+from glsim.core.files.lock import locked
 from glsim.denoise import checkpoint
 from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX, is_shipped, shipped_file
-from glsim.errors import ConfigError, TrainError
-from glsim.files.atomic import file_checksum, wrap_write_errors
-from glsim.files.lock import locked
 from glsim.settings.tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
 from glsim.train.state import WeightsOf

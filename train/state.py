@@ -12,8 +12,8 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
+from glsim.core.errors import ConfigError, TrainError
 from glsim.denoise.inputs import DEPTH_ALONE
-from glsim.errors import ConfigError, TrainError
 from glsim.train.losses.base import Loss
 from glsim.train.losses.registry import build_loss
 from glsim.train.models.base import DepthModel, channels_last

@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from glsim.core.edges import BAND_PX
 from glsim.eval.metrics.metric import Direction, Metric
 from glsim.eval.metrics.prediction import FLYING_MM, PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
-from glsim.geometry.edges import BAND_PX
 
 #: A normal with a smaller error, degrees, counts as good.
 _GOOD_DEG: Final = 10.0

@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_map import central_normals
+from glsim.core.edges import BAND_PX, JUMP_MM
+from glsim.core.errors import DenoiserError
 from glsim.denoise.interface import Depth, Mask
-from glsim.errors import DenoiserError
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
-from glsim.geometry.depth_map import central_normals
-from glsim.geometry.edges import BAND_PX, JUMP_MM
 
 #: A depth with a larger error, mm, is a flying pixel.
 FLYING_MM: Final = 50.0

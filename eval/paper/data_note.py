@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
-from glsim.dataset import Dataset
-from glsim.plan.paper_sources import PAPER_SOURCES, STAND_IN, missing_counts
+from glsim.data.reader import Dataset
+from glsim.simulation.plan.paper_sources import PAPER_SOURCES, STAND_IN, missing_counts
 
 _NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURCES.items()}}
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from glsim.measures.depth_errors import PAPER_BASELINE_MSE
+from glsim.bench.measures.depth_errors import PAPER_BASELINE_MSE
 
 
 class PrintedRow(NamedTuple):

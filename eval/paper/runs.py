@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from glsim.core.errors import ConfigError, DatasetError, DenoiserError
+from glsim.core.files.atomic import read_json
 from glsim.denoise import load_denoiser
-from glsim.errors import ConfigError, DatasetError, DenoiserError
-from glsim.files.atomic import read_json
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from glsim.dataset import open_dataset
-from glsim.dataset.disk_format import HEADER
+from glsim.core.errors import ConfigError, DatasetError, DenoiserError
+from glsim.data.disk_format import HEADER
+from glsim.data.reader import open_dataset
 from glsim.denoise import PAPER_FILTERS
-from glsim.errors import ConfigError, DatasetError, DenoiserError
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.runs import find_trained_runs, group_by_network
 from glsim.eval.paper.tables import PAPER_ROWS, paper_table

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from glsim.core.depth_protocol import MEANING
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
-from glsim.depth_protocol import MEANING
 from glsim.eval.metrics.ssim import PRESETS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network, with_twins

@@ -1,8 +1,8 @@
 """The 39 values that the paper prints beside ours, in four cases, with a verdict by one rule.
 
 The paper does not say where depths are counted from, nor whether its clean maps have holes. So all
-is scored in four cases: a protocol (``glsim.depth_protocol``) times a mask of the clean maps, which
-are dense, or BlenSor's: without depth where the noisy map has none.
+is scored in four cases: a protocol (``glsim.core.depth_protocol``) times a mask of the clean maps,
+which are dense, or BlenSor's: without depth where the noisy map has none.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import wrap_read_errors, write_atomic
 from glsim.denoise import PAPER_FILTERS
-from glsim.depth_protocol import DepthProtocol
-from glsim.errors import ConfigError, DatasetError
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.runs import find_trained_runs, group_by_network, with_twins
 from glsim.eval.paper.tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
 from glsim.eval.report.document import Document, TextTable
 from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import TABLE_METRICS, format_number
-from glsim.files.atomic import wrap_read_errors, write_atomic
 
 #: Folder of the filters' data sets and scores in that of a reproduction.
 FILTERS_FOLDER: Final = "filters"

@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.measures.boards import Board, plane_residual
+from glsim.bench.measures.frame import surface_mm, surfaces
+from glsim.bench.measures.silhouettes import STEP_MM, find_edges
+from glsim.bench.measures.temporal import still_difference
+from glsim.core.depth_frame import DepthFrame
 from glsim.denoise.interface import Depth, Mask
-from glsim.depth_frame import DepthFrame
-from glsim.measures.boards import Board, plane_residual
-from glsim.measures.frame import surface_mm, surfaces
-from glsim.measures.silhouettes import STEP_MM, find_edges
-from glsim.measures.temporal import still_difference
 
 Array = NDArray[np.float64]
 #: Sums by (measure, unit, bin): "pair", "paper", "board", "shift" (pixels, sums), "edges".

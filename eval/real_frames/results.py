@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.measures.stacks import ratio
+from glsim.core.files.atomic import without_nan
 from glsim.eval.real_frames.frame_truth import (
     BINS_M,
     EDGE_SUMS,
@@ -20,8 +22,6 @@ from glsim.eval.real_frames.frame_truth import (
     Tally,
 )
 from glsim.eval.scoring.statistics import resampled
-from glsim.files.atomic import without_nan
-from glsim.measures.stacks import ratio
 
 if TYPE_CHECKING:
     from glsim.eval.real_frames.split import SplitRecording

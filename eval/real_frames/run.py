@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glsim.bench.measures.boards import find_board
+from glsim.core.errors import ConfigError, DenoiserError
+from glsim.data.recordings.board_corners import board_corners
+from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise import Denoiser, load_denoiser
-from glsim.errors import ConfigError, DenoiserError
 from glsim.eval.real_frames.frame_truth import FrameTruth, ScoredFrame
 from glsim.eval.real_frames.results import RealScores, add_up
 from glsim.eval.real_frames.split import Source, SplitRecording, split_recording
 from glsim.eval.scoring.blocks import warned_already
 from glsim.eval.scoring.run import ScoringProgress
-from glsim.measures.boards import find_board
-from glsim.recordings.board_corners import board_corners
-from glsim.worker_processes import available_workers, run_tasks
 
 #: Label of the first row, the raw frames.
 RAW = "raw"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from glsim.core.errors import ConfigError
 from glsim.denoise import GRIDS
 from glsim.denoise.registry import tuning_specs
-from glsim.errors import ConfigError
 from glsim.eval.real_frames.results import RealScores, add_up
 from glsim.eval.real_frames.run import RealJob, run_frames
 from glsim.eval.real_frames.split import SplitRecording

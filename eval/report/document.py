@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from glsim.files.markdown import markdown_table
+from glsim.core.files.markdown import markdown_table
 
 #: A cell that starts with a number, also a bold one: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
 _NUMBER: Final = re.compile(r"\W{0,3}\d")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
-from glsim.errors import GlsimError
+from glsim.core.errors import GlsimError
 from glsim.eval.report.document import CaptionedPng, Document
 
 if TYPE_CHECKING:

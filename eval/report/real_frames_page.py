@@ -9,13 +9,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
+from glsim.core.files.atomic import write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.results import EDGES, Interval, RealMeasures, RealScores
 from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
 from glsim.eval.report.page import html_page
 from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.run import write_csv
-from glsim.files.atomic import write_atomic
 
 #: Headings of EDGES, in order, and their factor: shares are printed in %.
 _EDGE_HEADS: Final = {

@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from glsim.core.depth_frame import Frames
+from glsim.core.errors import DatasetError
+from glsim.core.files.atomic import write_atomic
 from glsim.denoise import load_denoiser
 from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
-from glsim.depth_frame import Frames
-from glsim.errors import DatasetError
 from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
 from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels
@@ -28,7 +29,6 @@ from glsim.eval.report.tables import (
 )
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.run import Evaluation
-from glsim.files.atomic import write_atomic
 
 #: Largest number of methods side by side in a figure, which is as wide as a paper page.
 _COLUMNS: Final = 5

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from glsim.depth_protocol import MEANING
+from glsim.core.depth_protocol import MEANING
 from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.metrics.regions import REGION_METRICS

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_frame import Frames
+from glsim.core.errors import DatasetError
 from glsim.denoise.interface import Depth
-from glsim.depth_frame import Frames
-from glsim.errors import DatasetError
 
 
 def _shifted(depth: Depth, columns: int) -> Depth:

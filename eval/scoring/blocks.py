@@ -13,12 +13,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from glsim.core.depth_frame import Frames
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import DatasetError, DenoiserError
 from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
-from glsim.depth_frame import Frames
-from glsim.depth_protocol import DepthProtocol
-from glsim.errors import DatasetError, DenoiserError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.score import score
@@ -73,8 +73,8 @@ class ScoringJob:
         stride: score only every n-th frame.
         device: sensor file whose fixed pattern and wiggling are subtracted from the input of all
             denoisers.
-        protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the files
-            are stored.
+        protocol: where depths are counted from, see ``glsim.core.depth_protocol``; default: as the
+            files are stored.
     """
 
     dataset: Path

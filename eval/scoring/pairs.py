@@ -12,18 +12,18 @@ from typing import Literal
 
 import numpy as np
 
-from glsim.dataset import open_dataset
-from glsim.dataset.disk_format import HEADER
-from glsim.dataset.header import is_dataset
-from glsim.dataset.layer_images import decode_layer
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
+from glsim.core.depth_protocol import MEANING, DepthProtocol
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
+from glsim.core.files.regular import read_regular
+from glsim.data.disk_format import HEADER
+from glsim.data.header import is_dataset
+from glsim.data.layer_images import decode_layer
+from glsim.data.reader import open_dataset
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
 from glsim.denoise.interface import Depth
-from glsim.depth_frame import DepthFrame, FrameKey, Frames, Layer
-from glsim.depth_protocol import MEANING, DepthProtocol
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
-from glsim.files.regular import read_regular
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 

@@ -18,16 +18,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
+from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise import load_denoiser
-from glsim.depth_protocol import DepthProtocol
-from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.score import metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
-from glsim.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
-from glsim.worker_processes import available_workers, run_tasks
 
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25

@@ -15,11 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from glsim.dataset import GenerateProgress, generate
-from glsim.dataset.disk_format import HEADER
-from glsim.errors import CPU_TORCH, DatasetError, GlsimError, TrainError
+from glsim.core.errors import CPU_TORCH, DatasetError, GlsimError, TrainError
+from glsim.core.files.atomic import read_json, to_json, write_atomic
+from glsim.data.disk_format import HEADER
+from glsim.data.driver import generate
+from glsim.data.progress import GenerateProgress
 from glsim.eval.scoring.run import ScoringProgress
-from glsim.files.atomic import read_json, to_json, write_atomic
 from glsim.settings.schema import Settings
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from glsim.core.errors import DatasetError
 from glsim.denoise import DEFAULT_COMPOSITE, GRIDS, load_denoiser
-from glsim.errors import DatasetError
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.grid_search import tune_filters
 from glsim.eval.scoring.run import Evaluation, evaluate

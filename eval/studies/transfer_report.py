@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from glsim.core.files.atomic import write_atomic
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, format_number
 from glsim.eval.scoring.bias import (
@@ -25,7 +26,6 @@ from glsim.eval.scoring.grid_search import SURFACE
 from glsim.eval.scoring.run import write_csv
 from glsim.eval.scoring.statistics import SubjectSums, ratio_interval
 from glsim.eval.studies.transfer_study import Cell, TransferStudy
-from glsim.files.atomic import write_atomic
 
 #: The input, as a method.
 NOISY: Final = "noisy"

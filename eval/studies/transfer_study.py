@@ -29,7 +29,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import Field, StringConstraints, model_validator
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.faces.people.fetch import data_folder
 from glsim.sensors.sensor import sensor_names
 from glsim.settings.schema import Settings, load_settings

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from glsim.errors import ConfigError, GlsimError
+from glsim.core.errors import ConfigError, GlsimError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -327,7 +327,7 @@ def print_json(content: object) -> None:
 
 def check_outputs(*files: Path | None) -> None:
     """Raise DatasetError for a file that cannot be written; None and ``STDOUT`` are skipped."""
-    from glsim.files.atomic import check_can_write
+    from glsim.core.files.atomic import check_can_write
 
     for file in files:
         if file is not None and file != STDOUT:
@@ -342,14 +342,14 @@ def write_json(content: object, file: Path) -> list[Path]:
     if file == STDOUT:
         print_json(content)
         return []
-    from glsim.files.atomic import write_atomic
+    from glsim.core.files.atomic import write_atomic
 
     write_atomic(_json(content).encode(), file)
     return [file]
 
 
 def _json(content: object) -> str:
-    from glsim.files.atomic import without_nan
+    from glsim.core.files.atomic import without_nan
 
     return json.dumps(without_nan(content), indent=1, allow_nan=False) + "\n"
 

@@ -84,11 +84,11 @@ def compare(
     light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
     unless -o is given.
     """
-    from glsim.compare.replay import replay
-    from glsim.compare.run import compare_sets
-    from glsim.errors import ConfigError, require_package
-    from glsim.files.atomic import write_atomic
-    from glsim.recordings.recording import read_frames
+    from glsim.bench.compare.replay import replay
+    from glsim.bench.compare.run import compare_sets
+    from glsim.core.errors import ConfigError, require_package
+    from glsim.core.files.atomic import write_atomic
+    from glsim.data.recordings.recording import read_frames
 
     if (second is None) == (replay_sensor is None):
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")

@@ -18,7 +18,7 @@ from glsim.cli.common import (
     print_message,
     two_numbers,
 )
-from glsim.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,13 +72,13 @@ def corrupt(
     """
     import numpy as np
 
-    from glsim.corrupt import Corrupter
+    from glsim.core.files.atomic import flush_outputs, write_atomic
+    from glsim.core.files.png import encode_png, read_depth_png, stated_unit_mm
+    from glsim.data.map_files import check_stated_unit, encode_map, format_of, read_map_mm
+    from glsim.data.recordings.names import left_out_text
     from glsim.denoise.depth_files import left_out_of
-    from glsim.files.atomic import flush_outputs, write_atomic
-    from glsim.files.png import encode_png, read_depth_png, stated_unit_mm
-    from glsim.map_files import check_stated_unit, encode_map, format_of, read_map_mm
-    from glsim.recordings.names import left_out_text
     from glsim.settings.schema import load_settings
+    from glsim.simulation.corrupt import Corrupter
 
     settings = load_settings(
         config,

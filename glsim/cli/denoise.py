@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glsim.cli.common import MORE, CalibratedDeviceOption, console, print_message
-from glsim.errors import ConfigError, DatasetError, DepthRangeError, did_you_mean
+from glsim.core.errors import ConfigError, DatasetError, DepthRangeError, did_you_mean
 
 if TYPE_CHECKING:
     from glsim.denoise import Denoiser
@@ -137,6 +137,10 @@ def denoise(
     used. Maps of a data set with an offset (--protocol paper) are denoised at their distance from
     the camera and written with the same offset.
     """
+    from glsim.core.depth_protocol import check_protocol
+    from glsim.core.files.atomic import flush_outputs
+    from glsim.data.map_files import FORMATS
+    from glsim.data.recordings.names import left_out_text
     from glsim.denoise import load_denoiser
     from glsim.denoise.depth_files import (
         find_maps,
@@ -146,10 +150,6 @@ def denoise(
         output_step_mm,
     )
     from glsim.denoise.frames import MapReader
-    from glsim.depth_protocol import check_protocol
-    from glsim.files.atomic import flush_outputs
-    from glsim.map_files import FORMATS
-    from glsim.recordings.names import left_out_text
 
     if form is not None and form not in FORMATS:
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
@@ -190,10 +190,10 @@ def _denoise_maps(
     """Denoise files and write the results; return the number of files that could not be read."""
     import numpy as np
 
+    from glsim.core.files.atomic import write_atomic
+    from glsim.core.files.png import encode_png
+    from glsim.data.map_files import encode_map, format_of
     from glsim.denoise.frames import Stacks
-    from glsim.files.atomic import write_atomic
-    from glsim.files.png import encode_png
-    from glsim.map_files import encode_map, format_of
 
     stacks = Stacks(maps.frames(), denoiser.before, denoiser.after)
     alone, failures = len(pairs) == 1, 0

@@ -12,7 +12,7 @@ import typer
 from glsim.cli.common import MORE, WorkersOption, check_outputs, print_message, print_written
 from glsim.cli.figures import figures_wanted
 from glsim.cli.progress import scoring_progress
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
     from glsim.eval.scoring.blocks import ScoringJob
@@ -139,7 +139,7 @@ def evaluate(
     Frames that cannot be scored are reported and skipped; the exit status is then 1. Without
     --denoiser the paper's filters are scored. Nothing is trained.
     """
-    from glsim.depth_protocol import check_protocol
+    from glsim.core.depth_protocol import check_protocol
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.pairs import TruthLayer
 
@@ -178,8 +178,8 @@ def score_and_write(
         workers: as ``--workers``.
         tune: adds denoisers to the job, given the folder and the number of workers.
     """
+    from glsim.data.worker_processes import worker_count
     from glsim.eval.paper.score import score_tables
-    from glsim.worker_processes import worker_count
 
     count = worker_count(workers)
     check_outputs(out / "table.md")

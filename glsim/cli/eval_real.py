@@ -19,7 +19,7 @@ from glsim.cli.common import (
 from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption
 from glsim.cli.figures import figures_wanted
 from glsim.cli.progress import scoring_progress
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from glsim.eval.real_frames import RealScores
@@ -58,10 +58,10 @@ def evaluate_real(
     Measures static pairs, a chessboard's plane, the shift of surfaces, losses and fills at edges.
     Without --denoiser the shipped network is scored.
     """
+    from glsim.data.worker_processes import worker_count
     from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs
     from glsim.eval.real_frames.split import Source
     from glsim.eval.report.real_frames_page import write_real_frames
-    from glsim.worker_processes import worker_count
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
     check_outputs(out / "table.md")

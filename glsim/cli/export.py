@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message, print_written, split_names
-from glsim.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
-from glsim.files.cloud import cloud_url
+from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
+from glsim.core.files.cloud import cloud_url
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -95,7 +95,7 @@ def export(
 
 
 def _push(source: Path, repository: str, public: bool) -> None:
-    from glsim.exports import push_dataset
+    from glsim.data.export import push_dataset
 
     if not source.is_dir():
         raise ConfigError(f"{source}: no such folder: --hf pushes a data set on this machine")
@@ -110,8 +110,8 @@ def _export_frames(
     split: str | None,
     frames: int | None,
 ) -> None:
-    from glsim.dataset import open_dataset
-    from glsim.exports import export_dataset
+    from glsim.data.export import export_dataset
+    from glsim.data.reader import open_dataset
 
     if out.exists() and not out.is_dir():
         raise DatasetError(f"-o {out}: is a file: give a folder")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 
 EXAMPLES = """
 [bold]Examples[/bold]

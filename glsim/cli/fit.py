@@ -18,14 +18,14 @@ from glsim.cli.common import (
     print_message,
     print_written,
 )
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.fit.noise_model import InfraredLaw, NoiseModel
-    from glsim.fit.recording_statistics import RecordingStatistics
-    from glsim.fit.smoothing import Smoothing
-    from glsim.fit.wiggling import Wiggling
-    from glsim.geometry.camera import Intrinsics
+    from glsim.bench.fit.noise_model import InfraredLaw, NoiseModel
+    from glsim.bench.fit.recording_statistics import RecordingStatistics
+    from glsim.bench.fit.smoothing import Smoothing
+    from glsim.bench.fit.wiggling import Wiggling
+    from glsim.core.camera import Intrinsics
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -84,12 +84,9 @@ def fit(
 
     import numpy as np
 
-    from glsim.cli.fit_stereo import fit_stereo_recording, stereo_base
-    from glsim.depth_frame import Frames
-    from glsim.files.atomic import write_atomic
-    from glsim.fit.noise_model import fit_infrared, fit_noise_model
-    from glsim.fit.recording_statistics import measure_recording
-    from glsim.fit.sensor_file import (
+    from glsim.bench.fit.noise_model import fit_infrared, fit_noise_model
+    from glsim.bench.fit.recording_statistics import measure_recording
+    from glsim.bench.fit.sensor_file import (
         base_profile,
         base_sensor,
         base_taps,
@@ -98,9 +95,17 @@ def fit(
         sensor_toml,
         unplaced_parameters,
     )
-    from glsim.fit.smoothing import find_smoothing, has_filter, smoothed_values, with_smoothing
-    from glsim.fit.wiggling import fit_wiggling
-    from glsim.recordings.recording import open_recording
+    from glsim.bench.fit.smoothing import (
+        find_smoothing,
+        has_filter,
+        smoothed_values,
+        with_smoothing,
+    )
+    from glsim.bench.fit.wiggling import fit_wiggling
+    from glsim.cli.fit_stereo import fit_stereo_recording, stereo_base
+    from glsim.core.depth_frame import Frames
+    from glsim.core.files.atomic import write_atomic
+    from glsim.data.recordings.recording import open_recording
     from glsim.sensors.sensor import load_sensor
 
     if out.suffix.lower() != ".toml":
@@ -168,7 +173,7 @@ def _camera(
     own: Intrinsics, stated: Intrinsics | None, frames: Intrinsics, focal_px: float | None
 ) -> Intrinsics:
     """Choose the intrinsics: with ``focal_px``, else the recording's, else the base sensor's."""
-    from glsim.geometry.camera import Intrinsics
+    from glsim.core.camera import Intrinsics
 
     size = width, height = frames.width, frames.height
     known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
@@ -236,7 +241,7 @@ def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> list[tuple[str, 
 
 
 def _map_text(statistics: RecordingStatistics) -> str:
-    from glsim.fit.sensor_file import LEAST_PATTERN_FRAMES, knows_pattern
+    from glsim.bench.fit.sensor_file import LEAST_PATTERN_FRAMES, knows_pattern
 
     text = f"{100 * statistics.pattern.known_share:.0f} % of the pixels, those on flat surfaces"
     if not knows_pattern(statistics):

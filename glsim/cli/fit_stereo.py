@@ -12,13 +12,13 @@ from glsim.cli.common import (
     print_message,
     print_written,
 )
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.fit.stereo_sensor import StereoFit
-    from glsim.fit.stereo_statistics import StereoStatistics
-    from glsim.geometry.camera import Intrinsics
-    from glsim.recordings.recording import Recording
+    from glsim.bench.fit.stereo_sensor import StereoFit
+    from glsim.bench.fit.stereo_statistics import StereoStatistics
+    from glsim.core.camera import Intrinsics
+    from glsim.data.recordings.recording import Recording
     from glsim.sensors.sensor import Sensor
 
 #: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
@@ -37,9 +37,9 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
     Raises:
         ConfigError: the named sensor does not match images.
     """
-    from glsim.fit.sensor_file import BASES
-    from glsim.fit.stereo_sensor import check_base, matches_images
-    from glsim.fit.stereo_statistics import find_lattice
+    from glsim.bench.fit.sensor_file import BASES
+    from glsim.bench.fit.stereo_sensor import check_base, matches_images
+    from glsim.bench.fit.stereo_statistics import find_lattice
 
     if base is not None:
         if base in BASES:
@@ -75,9 +75,9 @@ def fit_stereo_recording(
         ConfigError: an option is wrong.
         DatasetError: the recording is not static, or shows no planes.
     """
-    from glsim.files.atomic import write_atomic
-    from glsim.fit.stereo_sensor import check_base, fit_stereo, matcher_value, stereo_toml
-    from glsim.fit.stereo_statistics import FRAMES, find_lattice, measure_stereo
+    from glsim.bench.fit.stereo_sensor import check_base, fit_stereo, matcher_value, stereo_toml
+    from glsim.bench.fit.stereo_statistics import FRAMES, find_lattice, measure_stereo
+    from glsim.core.files.atomic import write_atomic
     from glsim.gl.context import open_context
 
     sensor = check_base(base)
@@ -118,7 +118,7 @@ def _camera(
     focal_px: float | None,
 ) -> Intrinsics:
     """Choose the intrinsics: of options, the recording, the base sensor, or its baseline."""
-    from glsim.geometry.camera import Intrinsics
+    from glsim.core.camera import Intrinsics
 
     size = width, height = statistics.size
     own, stated = sensor.rig.intrinsics, recording.camera

@@ -19,7 +19,7 @@ from glsim.cli.common import (
     print_message,
 )
 from glsim.cli.progress import generation_progress, print_summary
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -110,8 +110,8 @@ def generate(
     A seed gives the same bytes on all x86-64 processors since 2013. Everything that has no option
     here is a setting: see --set, --config and docs/reference/settings.
     """
+    from glsim.data.worker_processes import worker_count
     from glsim.settings.schema import load_settings
-    from glsim.worker_processes import worker_count
 
     faces = overrides(
         kind=source, root=root, subjects=subjects, frames_per_subject=frames_per_subject
@@ -128,8 +128,9 @@ def generate(
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
     if part is not None and ray is not None:
         raise ConfigError("--part and --ray exclude each other: give one of them")
-    from glsim.dataset import generate as make_all
-    from glsim.dataset import generate_part, parse_part
+    from glsim.data.driver import generate as make_all
+    from glsim.data.driver import generate_part
+    from glsim.data.parts import parse_part
 
     count = worker_count(workers)
     if part is None:

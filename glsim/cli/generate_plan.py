@@ -28,10 +28,10 @@ def print_plan(settings: Settings, workers: int) -> None:
         settings: of the data set.
         workers: number of processes that share the work.
     """
-    from glsim.pipeline import open_sources
-    from glsim.plan.tasks import make_tasks
     from glsim.sensors.sensor import sensor_code, sensor_of
     from glsim.settings.schema import SPLIT_NAMES
+    from glsim.simulation.pipeline import open_sources
+    from glsim.simulation.plan.tasks import make_tasks
 
     if not sensor_code(settings):  # a plan runs none
         sensor_of(settings)

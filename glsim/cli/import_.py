@@ -53,8 +53,8 @@ def biwi(
 ) -> None:
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
     from glsim.cli.progress import generation_progress, print_summary
-    from glsim.recordings.import_biwi import import_biwi
-    from glsim.worker_processes import worker_count
+    from glsim.data.recordings.import_biwi import import_biwi
+    from glsim.data.worker_processes import worker_count
 
     with generation_progress() as progress:
         summary = import_biwi(
@@ -98,8 +98,8 @@ def kinect2(
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
     from glsim.cli.progress import generation_progress, print_summary
-    from glsim.recordings.import_kinect2 import import_recordings
-    from glsim.worker_processes import worker_count
+    from glsim.data.recordings.import_kinect2 import import_recordings
+    from glsim.data.worker_processes import worker_count
 
     with generation_progress() as progress:
         summary = import_recordings(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_table
-from glsim.errors import ConfigError, DeviceError
+from glsim.core.errors import ConfigError, DeviceError
 
 EXAMPLES = """
 [bold]Examples[/bold]

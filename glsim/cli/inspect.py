@@ -14,10 +14,10 @@ from glsim.cli.common import (
     print_json,
     print_written,
 )
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 
 if TYPE_CHECKING:
-    from glsim.inspection import FaceSetReport
+    from glsim.data.inspection import FaceSetReport
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -52,9 +52,9 @@ def inspect(
     as_json: JsonOption = False,
 ) -> None:
     """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces."""
-    from glsim import inspection
-    from glsim.files.png import write_picture
-    from glsim.preview import gallery
+    from glsim.core.files.png import write_picture
+    from glsim.data import inspection
+    from glsim.data.preview import gallery
 
     if not path.exists():
         raise ConfigError(f"{path}: no such file or folder")

@@ -19,7 +19,7 @@ from glsim.cli.eval import (
     score_and_write,
 )
 from glsim.cli.progress import study_displays
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 app = typer.Typer(
     help="Reproduce the paper: its data, networks, tables and figures.", no_args_is_help=True
@@ -88,10 +88,10 @@ def reproduce(
     1 mm), mask_as-noisy/ those with BlenSor's mask. Rows with artefact removal are their partners'
     networks. A finished step is not repeated: delete its folder to do it again.
     """
+    from glsim.data.worker_processes import worker_count
     from glsim.eval.paper.reproduce import load_plan
     from glsim.eval.paper.reproduce import reproduce as run
     from glsim.eval.studies.runner import Runner
-    from glsim.worker_processes import worker_count
 
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
@@ -121,7 +121,7 @@ def tables(
     Nothing is trained: tables 2 and 3 contain the networks in --runs and list the rows that are
     missing there.
     """
-    from glsim.depth_protocol import check_protocol
+    from glsim.core.depth_protocol import check_protocol
     from glsim.eval.scoring.blocks import ScoringJob
 
     job = ScoringJob(dataset, split, tuple(denoiser or ()), protocol=check_protocol(protocol))

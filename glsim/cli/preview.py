@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_written
-from glsim.errors import DatasetError
+from glsim.core.errors import DatasetError
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -35,11 +35,11 @@ def preview(
     Writes contact_sheet.png (shaded clean, shaded noisy, difference, invalid mask) and summary.md.
     Of a data set without clean maps, such as a recording, it draws the noisy maps and the infrared.
     """
-    from glsim.dataset import open_dataset
-    from glsim.files.atomic import write_atomic
-    from glsim.files.png import write_picture
-    from glsim.measures.depth_errors import measure_errors, noise_table, recording_table
-    from glsim.preview import PreviewFrame, contact_sheet
+    from glsim.bench.measures.depth_errors import measure_errors, noise_table, recording_table
+    from glsim.core.files.atomic import write_atomic
+    from glsim.core.files.png import write_picture
+    from glsim.data.preview import PreviewFrame, contact_sheet
+    from glsim.data.reader import open_dataset
 
     opened = open_dataset(dataset)
     pairs = opened.frames() if split is None else opened.split(split)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glsim.cli.common import console, options, print_message
-from glsim.errors import DatasetError
+from glsim.core.errors import DatasetError
 
 if TYPE_CHECKING:
-    from glsim.dataset import GenerateProgress, GenerateSummary
+    from glsim.data.progress import GenerateProgress, GenerateSummary
     from glsim.eval.scoring.run import ScoringProgress
     from glsim.eval.studies.runner import Displays
 

@@ -57,15 +57,15 @@ def render(
 
     Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png.
     """
-    from glsim.dataset import write_frame
+    from glsim.core.files.png import write_picture
+    from glsim.data.layer_images import write_frame
+    from glsim.data.preview import PreviewFrame, contact_sheet
+    from glsim.faces.meshes.load import load_mesh
     from glsim.faces.one_mesh import OneMesh
-    from glsim.files.png import write_picture
-    from glsim.frame import LAYERS, Frame
-    from glsim.meshio.load import load_mesh
-    from glsim.pipeline import simulate
-    from glsim.preview import PreviewFrame, contact_sheet
     from glsim.settings.schema import load_settings
     from glsim.settings.source_settings import parse_source
+    from glsim.simulation.frame import LAYERS, Frame
+    from glsim.simulation.pipeline import simulate
 
     given = overrides(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm

@@ -10,8 +10,8 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import JsonOption, print_json, print_table
-from glsim.errors import ConfigError
-from glsim.files.atomic import write_atomic
+from glsim.core.errors import ConfigError
+from glsim.core.files.atomic import write_atomic
 
 if TYPE_CHECKING:
     from glsim.sensors.sensor import Sensor

@@ -19,7 +19,7 @@ from glsim.cli.common import (
     overrides,
     print_message,
 )
-from glsim.errors import CPU_TORCH, ConfigError, TrainError
+from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -129,7 +129,7 @@ def train(
     ] = False,
 ) -> None:
     """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images."""
-    from glsim.depth_protocol import check_protocol
+    from glsim.core.depth_protocol import check_protocol
     from glsim.train.recipe import load_recipe
 
     if list_recipes:

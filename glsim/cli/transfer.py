@@ -10,7 +10,7 @@ import typer
 
 from glsim.cli.common import WorkersOption, print_message, print_written
 from glsim.cli.progress import study_displays
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -74,10 +74,10 @@ def transfer(
     noisy input, the best tuned filter and the network, for each sensor, source of faces and scene.
     Test people are never in training.
     """
+    from glsim.data.worker_processes import worker_count
     from glsim.eval.studies.runner import Runner
     from glsim.eval.studies.transfer import run_transfer
     from glsim.eval.studies.transfer_study import load_study
-    from glsim.worker_processes import worker_count
 
     chosen, left_out = load_study(study, ict_root)
     trainings = chosen.trainings(leave or (), train_on or ())

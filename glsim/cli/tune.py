@@ -80,15 +80,15 @@ def tune(
     which listens on this machine alone unless --host is given. A page that is opened again has its
     last settings.
     """
-    from glsim.errors import ConfigError, require_package
+    from glsim.core.errors import ConfigError, require_package
 
     for needed in ("nicegui", "tomlkit"):
         require_package(needed, "glsim tune", "tune")
+    from glsim.cli.tune_page.access import listen
+    from glsim.cli.tune_page.session import open_session
+    from glsim.data.worker_processes import available_workers
     from glsim.sensors.sensor import sensor_of
     from glsim.settings.schema import load_settings
-    from glsim.tune.access import listen
-    from glsim.tune.session import open_session
-    from glsim.worker_processes import available_workers
 
     if face is not None and (source is not None or root is not None):
         raise ConfigError("give --face or --source, not both")
@@ -112,6 +112,6 @@ def tune(
     # 5 ms each of many short NumPy calls would wait that long for the interpreter.
     sys.setswitchinterval(0.0005)
     session.prepare()
-    from glsim.tune.server import serve  # takes seconds, while the first frame is drawn
+    from glsim.cli.tune_page.server import serve  # takes seconds, while the first frame is drawn
 
     serve(session, address)

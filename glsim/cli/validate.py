@@ -22,7 +22,7 @@ from glsim.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from glsim.validate.report import ValidationReport
+    from glsim.bench.validate.report import ValidationReport
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -61,8 +61,8 @@ def validate(
     that was measured on devices, is a data sheet's, or was derived. The exit status is 0 if every
     check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
     """
-    from glsim.files.atomic import write_atomic
-    from glsim.validate import validate_sensor
+    from glsim.bench.validate import validate_sensor
+    from glsim.core.files.atomic import write_atomic
 
     check_outputs(json_file, markdown_file)
     report = validate_sensor(sensor, seed=seed, frames=frames, backend=backend)
@@ -80,7 +80,7 @@ def validate(
 
 
 def _print(report: ValidationReport) -> None:
-    from glsim.validate.report import COLUMNS
+    from glsim.bench.validate.report import COLUMNS
 
     table = Table(*COLUMNS, title=f"{report.title}\nchecks of the {report.sheet}")
     for result in report.results:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_message
-from glsim.errors import DatasetError, GlsimError, printable
+from glsim.core.errors import DatasetError, GlsimError, printable
 
 EXAMPLES = """
 [bold]Examples[/bold]
@@ -46,8 +46,8 @@ def verify(
 
     Prints one line a problem. The exit status is 1 if there is any. Nothing is changed.
     """
-    from glsim.dataset import open_dataset
-    from glsim.dataset import verify as find_problems
+    from glsim.data.reader import open_dataset
+    from glsim.data.verification import verify as find_problems
 
     problems = find_problems(dataset, deep=deep)
     if as_json:
@@ -76,8 +76,8 @@ def repair_command(dataset: Path) -> str:
 
     Raises DatasetError if neither dataset.json nor the plan in .glsim can be read.
     """
-    from glsim.dataset.disk_format import HEADER, STATE
-    from glsim.files.atomic import read_json
+    from glsim.core.files.atomic import read_json
+    from glsim.data.disk_format import HEADER, STATE
 
     failures = []
     for file in (dataset / HEADER, dataset / STATE / "plan.json"):

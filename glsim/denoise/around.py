@@ -11,10 +11,10 @@ from typing import Final
 import cv2
 import numpy as np
 
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.filters.windows import pieces
 from glsim.denoise.interface import Depth, Mask
 from glsim.denoise.tiles import Box, box_around
-from glsim.errors import ConfigError, did_you_mean
 
 #: What ``around`` may be.
 AROUND: Final = ("face",)

@@ -19,9 +19,9 @@ from typing import IO, Any, Final
 
 import torch
 
-from glsim.errors import DatasetError, TrainError
-from glsim.files.atomic import write_atomic
-from glsim.files.regular import open_regular
+from glsim.core.errors import DatasetError, TrainError
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.regular import open_regular
 
 FORMAT: Final = "glsim-checkpoint"
 VERSION: Final = 1

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.denoise.record import UNLIKELY
-from glsim.errors import ConfigError, did_you_mean
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.
 COMPOSITES: Final = {
@@ -32,7 +32,8 @@ DEFAULT_COMPOSITE: Final = "measured"
 #: A pixel is doubtful if its probability of depth is at most this.
 DOUBT: Final = 0.5
 #: Largest difference between neighbours on one surface, mm and mm per m of distance; as in
-#: ``glsim.measures.silhouettes``. Derived: the last pixel of a head's rim at 0.9 m is 21 mm behind.
+#: ``glsim.bench.measures.silhouettes``. Derived: the last pixel of a head's rim at 0.9 m is 21 mm
+#: behind.
 SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
 #: Radius of the neighbourhood, px, and width of the widest hole that is closed.
 REACH_PX: Final = 2

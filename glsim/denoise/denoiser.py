@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_protocol import MEANING, DepthProtocol, check_protocol
+from glsim.core.errors import ConfigError, DenoiserError, GlsimError
 from glsim.denoise.around import check_around, head_box
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
@@ -21,9 +24,6 @@ from glsim.denoise.interface import (
     Mask,
     Probability,
 )
-from glsim.depth_protocol import MEANING, DepthProtocol, check_protocol
-from glsim.errors import ConfigError, DenoiserError, GlsimError
-from glsim.geometry.camera import Intrinsics
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ class Denoiser:
 
         Args:
             depth_mm: (H, W), float or integer millimetres, 0 = no return. A network of the protocol
-                paper takes maps with their nearest point at 1 mm, see ``glsim.depth_protocol``.
+                paper takes maps with their nearest point at 1 mm, see ``core.depth_protocol``.
             infrared: (H, W) counts of the same pixels, for denoisers that use them.
             intrinsics: intrinsics of a crop of the device's image.
 

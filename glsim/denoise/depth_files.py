@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal
 
-from glsim.dataset.disk_format import FORMAT, HEADER
-from glsim.dataset.header import read_header
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import read_json
-from glsim.files.png import read_depth_png, stated_unit_mm
-from glsim.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, format_of, is_map
-from glsim.recordings.names import depth_pngs, infrared_beside, left_out
-from glsim.recordings.names import infrared_files as named_infrared_files
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import read_json
+from glsim.core.files.png import read_depth_png, stated_unit_mm
+from glsim.data.disk_format import FORMAT, HEADER
+from glsim.data.header import read_header
+from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, format_of, is_map
+from glsim.data.recordings.names import depth_pngs, infrared_beside, left_out
+from glsim.data.recordings.names import infrared_files as named_infrared_files
 from glsim.settings.schema import SPLIT_NAMES
 
 #: Step of denoised maps where a reader can know it, mm: rounding to it adds 0.03 mm, and depth up
@@ -88,7 +88,7 @@ def check_name(out: Path, form: str | None = None) -> None:
 def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
     """Return the infrared image of each depth map: beside it, or as ``given`` says.
 
-    given: see ``glsim.recordings.names.infrared_files``. Raises ConfigError if one is missing.
+    given: see ``glsim.data.recordings.names.infrared_files``. Raises ConfigError if one is missing.
     """
     if given is not None:
         try:

@@ -9,23 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
-from glsim.dataset.header import read_header
-from glsim.dataset.reader import open_dataset
-from glsim.denoise.calibration import DeviceCalibration
-from glsim.denoise.depth_files import dataset_root
-from glsim.denoise.interface import MIN_MEASURED_MM, Depth
-from glsim.depth_frame import DepthFrame, FrameKey, Frames, Layer
-from glsim.depth_protocol import (
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
+from glsim.core.depth_protocol import (
     NEAREST_MM,
     DepthProtocol,
     offset_to_nearest,
     stored_protocol,
     subtract_offset,
 )
-from glsim.errors import DatasetError
-from glsim.files.png import read_depth_png
-from glsim.geometry.camera import Intrinsics
-from glsim.map_files import read_map_mm
+from glsim.core.errors import DatasetError
+from glsim.core.files.png import read_depth_png
+from glsim.data.header import read_header
+from glsim.data.map_files import read_map_mm
+from glsim.data.reader import open_dataset
+from glsim.denoise.calibration import DeviceCalibration
+from glsim.denoise.depth_files import dataset_root
+from glsim.denoise.interface import MIN_MEASURED_MM, Depth
 
 #: A frame with its nearest point at 1 mm and a smaller median depth, mm, is in whole metres.
 _METRES_MM = 10.0

@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 import torch
 
+from glsim.core.depth_protocol import check_protocol
+from glsim.core.errors import DenoiserError, GlsimError
 from glsim.denoise import checkpoint
 from glsim.denoise.interface import Depth
 from glsim.denoise.network import NetworkFunction
 from glsim.denoise.record import NetworkRecord
-from glsim.depth_protocol import check_protocol
-from glsim.errors import DenoiserError, GlsimError
 from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.named_outputs import named_outputs
 from glsim.train.models.registry import build_model

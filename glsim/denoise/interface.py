@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 
 #: A smaller depth, mm, is none from a camera: no depth camera measures nearer.
 MIN_MEASURED_MM: Final = 50.0

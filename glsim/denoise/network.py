@@ -8,13 +8,13 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.errors import DenoiserError
 from glsim.denoise.composites import calibrated
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.denoise.record import UNLIKELY, NetworkRecord
 from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
 from glsim.denoise.tiles import box_around, run_tiled
-from glsim.errors import DenoiserError
 
 #: Frames are padded with holes, to the right and below, to multiples of this, pixels: the shipped
 #: architectures halve the size three or four times, and an ONNX graph cannot pad by itself.

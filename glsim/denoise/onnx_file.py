@@ -18,14 +18,14 @@ from typing import Any, Final, Literal, NamedTuple
 import cv2
 import numpy as np
 
+from glsim.core.depth_protocol import check_protocol
+from glsim.core.errors import ConfigError, DenoiserError
+from glsim.core.files.regular import read_regular
 from glsim.denoise.composites import DOUBT
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
 from glsim.denoise.interface import Depth
 from glsim.denoise.network import NetworkFunction, Runner
 from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
-from glsim.depth_protocol import check_protocol
-from glsim.errors import ConfigError, DenoiserError
-from glsim.files.regular import read_regular
 
 Runtime = Literal["onnxruntime", "opencv"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from glsim.depth_protocol import DepthProtocol
+from glsim.core.depth_protocol import DepthProtocol
 
 #: Holes around depth that a network still sees, px. Measured: with 48 px the shipped networks give
 #: the depth of the whole frame to 0.004 mm, and probabilities to 1e-4; with 32 px depth differs by

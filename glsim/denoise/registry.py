@@ -19,13 +19,19 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+from glsim.core.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean
+from glsim.core.plugins import (
+    announce_code,
+    load_plugin,
+    module_names,
+    plugin_names,
+    shipped_module,
+)
 from glsim.denoise import shipped
 from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.inputs import MAX_NEIGHBOURS
 from glsim.denoise.interface import build, parameter
-from glsim.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean
-from glsim.plugins import announce_code, load_plugin, module_names, plugin_names, shipped_module
 
 _FOLDER: Final = "denoise/filters"
 _MODULES: Final = [shipped_module(_FOLDER, name) for name in module_names(_FOLDER)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces.base import FaceSettings, FaceSource
 from glsim.settings.source_settings import SourceSettings
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 
 _PAIRED: Final[Mapping[str, Mapping[str, float]]] = {  # unit -> shapes without their side
     "AU1": {"browInnerUp": 1.0},  # inner brow raiser

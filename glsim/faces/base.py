@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
+from glsim.core.mesh import Mesh
 from glsim.faces.neck import Neck
-from glsim.geometry.mesh import Mesh
 from glsim.settings.source_settings import SourceSettings
 
 
@@ -154,7 +154,7 @@ class FaceSource(Protocol):
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
         """Return name -> hash of all files that the frames of these subjects depend on.
 
-        A data set is not resumed after a change (see ``glsim.files.contents``).
+        A data set is not resumed after a change (see ``glsim.core.files.contents``).
         """
         return {}
 

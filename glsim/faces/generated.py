@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.seeds import rng_for
 from glsim.faces.base import ComputedKeys, FaceKey, FaceSettings, FaceSource, Topology
 from glsim.faces.performance import performance_for, sequence_name, sequence_number
-from glsim.settings.seeds import rng_for
 
 #: Frames of a generated sequence, unless the settings say otherwise.
 DEFAULT_SEQUENCE: Final = 30

@@ -13,10 +13,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from glsim.core.pose import pose_matrix
+from glsim.core.products import product
+from glsim.core.seeds import rng_for
 from glsim.faces.neck import Neck, pivot_mm
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.products import product
-from glsim.settings.seeds import rng_for
 
 #: Band of the motion, Hz. Sway of the head is slow (0.34-0.39 Hz on average, 20 standing adults,
 #: "Head movement recording and significance"). The limits are chosen: slower drifts of posture and

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.products import product
 from glsim.faces.base import FaceSource
-from glsim.geometry.products import product
 
 LANDMARKS: Final = 68
 

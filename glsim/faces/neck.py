@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.products import norm, product
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.products import norm, product
 
 #: Centre of rotation of head and neck, mm from the centre of the face: between the
 #: atlanto-occipital joint (near (0, -25, -85) on the embedded heads) and the last cervical vertebra

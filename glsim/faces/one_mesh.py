@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource
-from glsim.geometry.mesh import Mesh
 
 
 class OneMesh(FaceSource):

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.settings.seeds import rng_for
+from glsim.core.seeds import rng_for
 
 # Action units of one sequence, joined by "+"; a trailing L or R means one side.
 CODES: tuple[str, ...] = (

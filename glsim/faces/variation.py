@@ -14,12 +14,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.mesh import SKIN_ALBEDO
+from glsim.core.products import product
+from glsim.core.seeds import keyed_rng
 from glsim.faces.base import Face
-from glsim.geometry.mesh import SKIN_ALBEDO
-from glsim.geometry.products import product
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import VariationSettings
-from glsim.settings.seeds import keyed_rng
 
 #: Wavelengths, mm, from a head's width to an ear's. Amplitudes are proportional to wavelengths, so
 #: that all waves have the same slope. A warp folds space where its strain reaches -1: in 200 fields

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.pose import rotation
-from glsim.geometry.products import product
+from glsim.core.pose import rotation
+from glsim.core.products import product
 
 #: Largest angles of the directions. Chosen: more than cameras see of a face.
 _YAW_DEG: Final = 85.0

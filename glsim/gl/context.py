@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 import moderngl
 
-from glsim.errors import DeviceError, did_you_mean
+from glsim.core.errors import DeviceError, did_you_mean
 
 log = logging.getLogger(__name__)
 

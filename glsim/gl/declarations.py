@@ -19,8 +19,8 @@ from fractions import Fraction
 from math import ceil, floor, isfinite
 from pathlib import Path
 
-from glsim.errors import ShaderError
-from glsim.geometry.rect import Rect
+from glsim.core.errors import ShaderError
+from glsim.core.rect import Rect
 from glsim.gl.includes import Line
 
 UNIFORM = re.compile(

@@ -7,9 +7,10 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from glsim import reason, shaders
-from glsim.errors import ShaderError
-from glsim.files.regular import read_regular
+from glsim import shaders
+from glsim.core import reason
+from glsim.core.errors import ShaderError
+from glsim.core.files.regular import read_regular
 
 #: The folder of the shipped shaders. Includes are searched beside the file, then here.
 SHADER_ROOT = Path(shaders.__path__[0]).resolve()

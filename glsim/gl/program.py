@@ -7,7 +7,7 @@ from typing import Any
 
 import moderngl
 
-from glsim.errors import ShaderError
+from glsim.core.errors import ShaderError
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from glsim.errors import ShaderError
+from glsim.core.errors import ShaderError
 from glsim.gl.declarations import (
     OUT,
     SPARSE,

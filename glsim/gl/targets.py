@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 
 _BYTES_PER_NUMBER = 4

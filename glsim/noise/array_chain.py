@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.noise.earlier_frames import draws_earlier, earlier_depth, twin_of
 from glsim.noise.frame_context import FrameContext, StageView
 from glsim.noise.layer_names import EARLIER_LAYER, EXPECTED_LAYER, FINE_LAYERS, INITIAL_LAYERS

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.stage import array_stage
-from glsim.reason import Reason
 
 __all__ = ["despeckle"]
 

@@ -10,8 +10,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, did_you_mean
-from glsim.geometry.camera import SensorRig
+from glsim.core.camera import SensorRig
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.gl.declarations import Layer
 from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool

@@ -14,13 +14,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.seeds import stable_seed
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import EARLIER_LAYER, INFRARED
 from glsim.noise.registry import shipped_stages
 from glsim.noise.rig_checks import MATCHER
 from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
-from glsim.settings.seeds import stable_seed
 
 
 def twin_of(stage: Stage) -> ArrayFunction | None:

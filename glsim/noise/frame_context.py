@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import Distortion, Point, SensorRig
-from glsim.geometry.rect import Rect
-from glsim.settings.seeds import stage_seed
+from glsim.core.camera import Distortion, Point, SensorRig
+from glsim.core.rect import Rect
+from glsim.core.seeds import stage_seed
 
 #: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
 Layers = Mapping[str, NDArray[np.float32]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.reason import Reason
+from glsim.core.reason import Reason
 
 #: The layers that exist before the first stage.
 INITIAL_LAYERS = ("clean", "depth", "normal", "albedo", "lit", "reason", "rays", "expected")

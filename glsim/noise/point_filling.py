@@ -14,12 +14,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.random import random_bits
 from glsim.noise.stage import array_stage
 from glsim.noise.stereo_matching import is_other_surface
-from glsim.reason import Reason
 
 __all__ = ["fill_from_points"]
 

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.layer_names import EARLIER_LAYER
 from glsim.noise.stage import array_stage, own_pixel
-from glsim.reason import Reason
 
 __all__ = ["hole_filling", "spatial_filter", "temporal_filter", "threshold_filter"]
 

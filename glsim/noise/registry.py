@@ -14,13 +14,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from glsim.errors import ConfigError, ShaderError, did_you_mean
-from glsim.files.regular import read_regular
+from glsim.core.errors import ConfigError, ShaderError, did_you_mean
+from glsim.core.files.regular import read_regular
+from glsim.core.plugins import announce_code, load_plugin, plugin_file, plugin_names
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source, parse_source
 from glsim.noise import array_stages, point_filling, realsense_filters, stereo_matching
 from glsim.noise.stage import StageSpec, array_parameter
-from glsim.plugins import announce_code, load_plugin, plugin_file, plugin_names
 
 #: The folders of the shipped shader stages, below shaders/.
 STAGE_FOLDERS = ("noise", "tof", "stereo")

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
 
-from glsim.errors import ConfigError
-from glsim.geometry.camera import Distortion, SensorRig
+from glsim.core.camera import Distortion, SensorRig
+from glsim.core.errors import ConfigError
 from glsim.noise.stage import ENABLED, Stage
 
 #: Metres per second, the value in the Kinect V2's decoder: its tables hold half wavelengths of

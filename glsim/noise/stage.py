@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, ShaderError, did_you_mean
+from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.declarations import Parameter, slider_of
 from glsim.gl.shader_source import ShaderSource
 from glsim.noise.frame_context import Layers, StageView

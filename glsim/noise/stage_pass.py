@@ -8,7 +8,7 @@ from weakref import WeakValueDictionary
 
 import moderngl
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link
 from glsim.gl.shader_source import ShaderSource

@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import Point
-from glsim.geometry.rect import Rect
+from glsim.core.camera import Point
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.image_alignment import STEPS_PER_PX
 from glsim.noise.layer_names import DISPARITY_LAYER
@@ -30,7 +31,6 @@ from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
 from glsim.noise.semi_global import NO_MATCH, match, reject_unlit
 from glsim.noise.stage import array_stage
-from glsim.reason import Reason
 
 __all__ = ["match_stereo"]
 

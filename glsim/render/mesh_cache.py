@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
+from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.draw import index_buffer
 
 #: Number of topologies kept on the GPU: those of the sources, of what a person wears and of the

@@ -10,8 +10,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import SensorRig
-from glsim.geometry.rect import Rect
+from glsim.core.camera import SensorRig
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes, index_buffer
 from glsim.gl.program import link_files

@@ -25,7 +25,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.bounds import (
+from glsim.core.bounds import (
     FieldOfView,
     bounding_corners,
     image_window,
@@ -34,10 +34,10 @@ from glsim.geometry.bounds import (
     vertex_frustum,
     widened,
 )
-from glsim.geometry.camera import Point, SensorRig
-from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
+from glsim.core.camera import Point, SensorRig
+from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
 from glsim.gl.program import link_files

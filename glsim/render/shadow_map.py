@@ -17,9 +17,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.bounds import FieldOfView, Frustum, emitter_frustum
-from glsim.geometry.camera import Emitter, Intrinsics, Point, SensorRig
-from glsim.geometry.rect import Rect
+from glsim.core.bounds import FieldOfView, Frustum, emitter_frustum
+from glsim.core.camera import Emitter, Intrinsics, Point, SensorRig
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
 from glsim.gl.program import link_files

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 
 import moderngl
 
-from glsim.geometry.bounds import union
-from glsim.geometry.rect import Rect
+from glsim.core.bounds import union
+from glsim.core.rect import Rect
 from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool

@@ -11,8 +11,8 @@ from contextlib import AbstractContextManager
 
 import moderngl
 
-from glsim.geometry.exposure import TAPS, SubExposure
-from glsim.geometry.rect import Rect
+from glsim.core.exposure import TAPS, SubExposure
+from glsim.core.rect import Rect
 from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import moderngl
 
-from glsim.geometry.camera import SensorRig
-from glsim.geometry.rect import Rect
+from glsim.core.camera import SensorRig
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass
 from glsim.gl.includes import SHADER_ROOT

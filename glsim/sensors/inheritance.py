@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.settings.tables import merge_tables, read_toml
 
 #: The key that names the other file.

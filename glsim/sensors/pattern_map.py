@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
-from glsim.files.npy import map_npy
+from glsim.core.errors import ConfigError
+from glsim.core.files.npy import map_npy
 from glsim.noise.layer_names import NO_PATTERN
 
 #: Errors beyond this are no fixed pattern but depth in another unit, mm: the limit of the stage's

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
-from glsim.files.png import MAX_IMAGE_BYTES, decode_png, image_size
-from glsim.files.regular import read_regular
+from glsim.core.errors import ConfigError
+from glsim.core.files.png import MAX_IMAGE_BYTES, decode_png, image_size
+from glsim.core.files.regular import read_regular
 
 #: Smallest and largest side of an image, pixels. Chosen: beyond the largest a pixel is finer than
 #: a sixth of a D435's pixel.

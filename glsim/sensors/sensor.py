@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from glsim.errors import ConfigError, did_you_mean
-from glsim.geometry.camera import SensorRig
+from glsim.core.camera import SensorRig
+from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.plugins import load_plugin, plugin_file, plugin_names
 from glsim.noise.chain import check_chain
 from glsim.noise.layer_names import PATTERN_LAYER, PROJECTOR_LAYER
 from glsim.noise.registry import find_stage, is_code
 from glsim.noise.rig_checks import check_light, check_triangulation
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
-from glsim.plugins import load_plugin, plugin_file, plugin_names
 from glsim.sensors.inheritance import read_sensor_tree
 from glsim.sensors.pattern_map import PatternMap, read_pattern_map
 from glsim.sensors.projector_image import ProjectorImage, read_projector_image

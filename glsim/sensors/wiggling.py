@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.geometry.camera import FloatArray
+from glsim.core.camera import FloatArray
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
 from glsim.noise.stage import ENABLED, Stage
 

@@ -20,7 +20,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from glsim.settings.seeds import keyed_rng
+from glsim.core.seeds import keyed_rng
 from glsim.settings.tables import TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]

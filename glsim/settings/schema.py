@@ -43,7 +43,7 @@ from pydantic import (
     model_validator,
 )
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
@@ -68,7 +68,7 @@ DEFAULT_FRAMES = 30
 DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
-"""The split by images instead of people, see glsim.plan.paper_split."""
+"""The split by images instead of people, see glsim.simulation.plan.paper_split."""
 FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
 """Largest depth of 16-bit files in the coarsest step, mm."""
 POSE_LIMITS = {"motion": (0.0, 5.0)}

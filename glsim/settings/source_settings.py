@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from glsim.plugins import load_plugin, module_names, plugin_names, shipped_module
+from glsim.core.plugins import load_plugin, module_names, plugin_names, shipped_module
 from glsim.settings.tables import TomlTable
 
 _GROUP: Final = "sources"

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from glsim.errors import ConfigError, did_you_mean
-from glsim.files.regular import read_regular
+from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.files.regular import read_regular
 
 #: Largest TOML file, bytes; those that glsim ships have 4,000.
 _MAX_BYTES = 1 << 20

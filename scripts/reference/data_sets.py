@@ -8,10 +8,10 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from glsim.dataset import disk_format
-from glsim.dataset.record_schema import FrameRecord, HeaderRecord
+from glsim.core.reason import Reason
+from glsim.data import disk_format
+from glsim.data.record_schema import FrameRecord, HeaderRecord
 from glsim.faces.regions import KNOWN_REGIONS
-from glsim.reason import Reason
 from scripts.reference.markdown import block, code, plain, table
 
 _INTRODUCTION = f"""\

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from glsim.files.markdown import markdown_table
+from glsim.core.files.markdown import markdown_table
 
 #: Characters of plain text that Markdown would take for markup.
 _MARKUP = str.maketrans({c: f"\\{c}" for c in "|*_<>[]`^$~#"})

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.dataset import verify
-from glsim.frame import LAYERS
+from glsim.data.verification import verify
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.simulation.frame import LAYERS
 from tests.support.people import needs_anny
 from tests.support.scenes import face_mesh
 

@@ -17,7 +17,7 @@ import pytest
 from glsim.cli import main
 from glsim.cli.common import options, run_command_line
 from glsim.cli.progress import rate_text
-from glsim.files.png import encode_png
+from glsim.core.files.png import encode_png
 from tests.support.imports import ROOT
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
-from glsim.dataset import chunks, verify
+from glsim.data import chunks
+from glsim.data.verification import verify
 from tests.support.dataset_fakes import contents
 from tests.support.imports import ROOT
 

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from glsim.cli import main
-from glsim.files.png import encode_png
+from glsim.core.files.png import encode_png
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.user_rights import ordinary_user
 

@@ -16,9 +16,9 @@ import torch
 from glsim import generate, load_settings
 from glsim.cli import main
 from glsim.cli.train import stopping
+from glsim.core.files.png import read_depth_png
 from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
-from glsim.files.png import read_depth_png
 from tests.support.imports import loaded_after
 
 TINY = """

@@ -9,13 +9,13 @@ import pytest
 
 from glsim import Frame, load_settings, simulate
 from glsim.cli import main
+from glsim.core.errors import ConfigError
+from glsim.core.files.png import encode_png, read_depth_png
 from glsim.denoise import load_denoiser
 from glsim.denoise.around import head_box
 from glsim.denoise.interface import Depth
 from glsim.denoise.record import AROUND_PX
 from glsim.denoise.tiles import GRID_PX, box_around
-from glsim.errors import ConfigError
-from glsim.files.png import encode_png, read_depth_png
 
 
 def head(wall_mm: float | None = None, distance_mm: float = 900.0, seed: int = 4) -> Depth:

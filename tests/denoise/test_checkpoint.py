@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 
 from glsim.cli import main
+from glsim.core.errors import DenoiserError, TrainError
+from glsim.core.files.atomic import AtomicFile
 from glsim.denoise import checkpoint, load_denoiser
 from glsim.denoise.inference import load_network
-from glsim.errors import DenoiserError, TrainError
-from glsim.files.atomic import AtomicFile
 from tests.support.eval_scenes import dome, noisy
 from tests.support.networks import build, frames, write_checkpoint
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from glsim import Frame, load_settings, simulate
+from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.silhouettes import find_edges
+from glsim.core.camera import Intrinsics
+from glsim.core.files.png import read_depth_png
 from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.composites import BESIDE_PX, composed
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.network import NetworkFunction
-from glsim.files.png import read_depth_png
-from glsim.geometry.camera import Intrinsics
-from glsim.measures.frame import frames_of
-from glsim.measures.silhouettes import find_edges
 from tests.support.runners import Runs
 
 #: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import glsim
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import ConfigError, DenoiserError
+from glsim.core.files.png import encode_png
 from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.interface import Depth
-from glsim.errors import ConfigError, DenoiserError
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.run import evaluate
-from glsim.files.png import encode_png
-from glsim.geometry.camera import Intrinsics
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.png import encode_png, read_depth_png, stated_unit_mm
+from glsim.data.map_files import read_map_mm
 from glsim.denoise.depth_files import find_maps, input_step_mm
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.png import encode_png, read_depth_png, stated_unit_mm
-from glsim.map_files import read_map_mm
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 DEPTH_MM = 900 + np.random.default_rng(0).normal(0, 2, (40, 48)).astype(np.float32)

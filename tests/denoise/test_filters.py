@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from glsim.core.errors import ConfigError, DenoiserError
 from glsim.denoise import (
     COMPOSITES,
     DEFAULT_COMPOSITE,
@@ -19,7 +20,6 @@ from glsim.denoise import (
     load_denoiser,
 )
 from glsim.denoise.registry import CLEANUPS, tuning_specs
-from glsim.errors import ConfigError, DenoiserError
 from tests.support.eval_scenes import Array, dome, noisy
 
 CLEAN, NOISY = dome(), noisy(dome())

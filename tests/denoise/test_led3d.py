@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from glsim.core.errors import ConfigError
 from glsim.denoise import load_denoiser
 from glsim.denoise.filters.led3d import enclosed_holes, largest_piece, outliers
-from glsim.errors import ConfigError
 from tests.support.eval_scenes import Array, dome, noisy
 
 

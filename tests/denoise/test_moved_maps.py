@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
+from glsim.core.errors import ConfigError
 from glsim.denoise import load_denoiser
-from glsim.depth_protocol import offset_to_nearest, subtract_offset
-from glsim.errors import ConfigError
 from tests.support.eval_scenes import dome
 from tests.support.moved_sets import write_both_protocols
 

@@ -21,7 +21,7 @@ from glsim.denoise.safeguards import (
     is_dithered,
     trusted_mask,
 )
-from glsim.frame import Frame
+from glsim.simulation.frame import Frame
 from tests.support.real_cameras import needs_real_cameras, real_depths
 from tests.support.runners import Runs
 

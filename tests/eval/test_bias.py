@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.errors import DatasetError
+from glsim.core.errors import DatasetError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.scoring.bias import (
     ENOUGH_PIXELS,

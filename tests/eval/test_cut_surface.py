@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from glsim.core.camera import SensorRig
+from glsim.core.depth_map import surface
 from glsim.eval.report.figures.cut_surface import cut_surface
-from glsim.geometry.camera import SensorRig
-from glsim.geometry.depth_map import surface
 from tests.support.eval_scenes import CAMERA, Array
 
 RIG = SensorRig(CAMERA)

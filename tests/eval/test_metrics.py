@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.metrics import mean_squared_error, peak_signal_noise_ratio, structural_similarity
 
-from glsim.errors import DenoiserError
+from glsim.core.errors import DenoiserError
 from glsim.eval.metrics.prediction import Truth, angles_deg
 from glsim.eval.metrics.score import METRICS, score
 from tests.support.eval_scenes import ADVERSARIAL, CAMERA, SIZE, Array, dome, noisy

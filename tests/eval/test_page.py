@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from glsim.errors import GlsimError
+from glsim.core.errors import GlsimError
 from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
 from glsim.eval.report.page import _template, html_page
 

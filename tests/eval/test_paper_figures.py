@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.dataset import Dataset, open_dataset
+from glsim.data.reader import Dataset, open_dataset
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.figures import write
 from glsim.eval.paper.figures.frames import choose_frame

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
-from glsim.errors import DatasetError
+from glsim.core.errors import DatasetError
 from glsim.eval.metrics.prediction import psnr_db
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
 from glsim.eval.paper.tables import PAPER_ROWS

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.dataset import open_dataset
-from glsim.depth_protocol import DepthProtocol
-from glsim.errors import ConfigError, DatasetError
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.data.reader import open_dataset
 from glsim.eval.report.results import example_frame
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.pairs import open_frames

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from glsim.bench.measures.boards import find_board, find_corners
+from glsim.bench.measures.frame import frames_of
 from glsim.cli import main
 from glsim.denoise import DEFAULT_COMPOSITE
 from glsim.eval.real_frames import RealScores, score_recording, split_recording, tune_on_pairs
 from glsim.eval.real_frames.split import Source
 from glsim.eval.report.figures.real_frames import measures_figure
-from glsim.measures.boards import find_board, find_corners
-from glsim.measures.frame import frames_of
 from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.recordings import (

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.dataset import write_dataset
+from glsim.core.depth_map import central_normals
+from glsim.data.driver import write_dataset
 from glsim.eval.metrics.prediction import Truth, angles_deg, whole_windows
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.score import metrics_with_regions, score
@@ -20,10 +21,9 @@ from glsim.eval.report.document import Heading, TextTable
 from glsim.eval.report.tables import _region_document
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.faces.regions import region_numbers
-from glsim.geometry.depth_map import central_normals
-from glsim.pipeline import simulate
-from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import load_settings
+from glsim.simulation.pipeline import simulate
+from glsim.simulation.plan.tasks import make_tasks
 from tests.support.eval_scenes import ADVERSARIAL, CAMERA, SIZE, dome, noisy
 from tests.support.face_models import Board
 

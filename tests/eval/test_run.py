@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
-from glsim.errors import ConfigError, DatasetError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import METRICS, score
 from glsim.eval.report.tables import format_number

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval, ratio_interval
 from glsim.eval.studies.transfer_report import (
     METRICS,

@@ -8,12 +8,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces import open_source
 from glsim.faces.sources.board import Board
-from glsim.frame import Frame
-from glsim.pipeline import simulate
 from glsim.settings.source_settings import parse_source
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
 from tests.support.scenes import settings_for
 
 

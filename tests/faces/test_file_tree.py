@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces.scans import file_tree
 from glsim.faces.scans.file_tree import find_meshes
 

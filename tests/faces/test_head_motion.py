@@ -8,15 +8,15 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.core.pose import pose_matrix
 from glsim.faces.base import FaceSource
 from glsim.faces.head_motion import BAND_HZ, WAVES, head_motion, move_pose
 from glsim.faces.neck import NECK_PIVOT_MM
 from glsim.faces.sources.procedural import ProceduralFaces
-from glsim.frame import Frame
-from glsim.geometry.pose import pose_matrix
-from glsim.pipeline import simulate
-from glsim.plan.tasks import make_tasks
 from glsim.settings.schema import load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
+from glsim.simulation.plan.tasks import make_tasks
 from tests.support.scenes import TwoSequences, face_mesh
 
 NAMES = ("yaw_deg", "pitch_deg", "roll_deg", "x_mm", "y_mm", "distance_mm")

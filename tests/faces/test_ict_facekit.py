@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.base import Face, FaceKey, Topology
 from glsim.faces.ict_facekit.load import load_model, model_folder
 from glsim.faces.ict_facekit.model import KNOWN_SHAPES, MorphableModel
@@ -187,5 +187,5 @@ def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_mo
 
 
 def test_importing_the_source_is_light() -> None:
-    names = "glsim.faces.sources.ict_facekit, glsim.faces.sources.folder, glsim.meshio.load"
+    names = "glsim.faces.sources.ict_facekit, glsim.faces.sources.folder, glsim.faces.meshes.load"
     assert not loaded_after(f"import {names}") & {"trimesh", "cv2", "moderngl", "scipy"}

@@ -17,9 +17,9 @@ from glsim import frames, load_settings
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.ict_facekit.load import load_model
 from glsim.faces.ict_facekit.triangles import FACE_PARTS, label_triangles
+from glsim.faces.meshes.alignment import estimate_alignment
+from glsim.faces.meshes.obj import read_obj
 from glsim.faces.sources.ict_facekit import IctFaceKit
-from glsim.meshio.alignment import estimate_alignment
-from glsim.meshio.obj import read_obj
 
 pytestmark = pytest.mark.long  # the small model has the quick tests
 

@@ -8,13 +8,13 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core import depth_map
+from glsim.core.errors import ConfigError
 from glsim.faces.base import FaceSource, Topology
 from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.one_mesh import OneMesh
-from glsim.frame import Frame
-from glsim.geometry import depth_map
-from glsim.pipeline import simulate
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
 from tests.support.scenes import face_mesh, settings_for
 
 POSE = {"distance_mm": 900, "yaw_deg": 20, "pitch_deg": -5, "x_mm": 12}

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
 from glsim.faces.head_motion import move_pose
 from glsim.faces.neck import NECK_DEG, Neck, bend_neck, head_share, trunk_angles
 from glsim.faces.procedural.model import head_model
 from glsim.faces.procedural.parameters import mean_identity
 from glsim.faces.procedural.subject import neutral_head
 from glsim.faces.sources.procedural import ProceduralFaces
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
 
 Array = np.ndarray
 NECK = Neck(head_share)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.mesh import vertex_normals
 from glsim.faces.base import Face
 from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.procedural.model import REGIONS, head_model
@@ -28,7 +29,6 @@ from glsim.faces.procedural.subject import (
     subject_of,
 )
 from glsim.faces.sources.procedural import ProceduralFaces
-from glsim.geometry.mesh import vertex_normals
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 
 MODEL = head_model()

@@ -10,10 +10,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.appearance.dress import WORN_REGIONS
-from glsim.dataset import open_dataset, verify, write_dataset
-from glsim.dataset.reader import Dataset
-from glsim.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.mesh import Mesh
+from glsim.data.driver import write_dataset
+from glsim.data.reader import Dataset, open_dataset
+from glsim.data.verification import verify
 from glsim.faces.base import FaceSource, Topology
 from glsim.faces.ict_facekit.triangles import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
@@ -21,13 +22,13 @@ from glsim.faces.people.model import REGIONS as PEOPLE_REGIONS
 from glsim.faces.procedural.model import REGIONS
 from glsim.faces.regions import KNOWN_REGIONS, region_numbers
 from glsim.faces.sources.procedural import ProceduralFaces
-from glsim.frame import Frame
-from glsim.geometry.mesh import Mesh
-from glsim.pipeline import simulate
-from glsim.plan.tasks import make_tasks
+from glsim.looks.dress import WORN_REGIONS
+from glsim.looks.room.scenery import ROOM_REGIONS
 from glsim.render.region_pass import majority_last
-from glsim.scene.scenery import ROOM_REGIONS
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
+from glsim.simulation.plan.tasks import make_tasks
 from tests.support.dataset_fakes import contents
 from tests.support.face_models import Board
 

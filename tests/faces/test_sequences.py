@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces import open_source
 from glsim.faces.generated import PerformanceKeys
 from glsim.faces.performance import performance_for

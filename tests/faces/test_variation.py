@@ -6,14 +6,14 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.variation import vary
-from glsim.frame import Frame
-from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
-from glsim.pipeline import simulate
-from glsim.plan.tasks import make_tasks
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, VariationSettings, load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
+from glsim.simulation.plan.tasks import make_tasks
 from tests.support.scenes import TwoSequences, face_mesh, settings_for
 
 KEYS = DrawKeys(frame=1, sequence=2, subject=3)

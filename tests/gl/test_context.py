@@ -11,10 +11,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.frame import Frame
 from glsim.gl.context import borrowed_context, open_context
-from glsim.pipeline import open_sources, simulate
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import open_sources, simulate
 
 
 def settings(sensor: str = "ideal") -> Settings:
@@ -115,7 +115,7 @@ def test_backends_do_not_share(backend: str) -> None:
 _EGL_ENDS = """
 import ctypes, numpy
 from glsim import Corrupter, load_settings, simulate
-from glsim.errors import DeviceError
+from glsim.core.errors import DeviceError
 from glsim.gl.context import open_context
 source = {"kind": "procedural", "subjects": 1}
 settings = load_settings(overrides={"sensor": "ideal", "source": source, "output": {"crop": 64}})

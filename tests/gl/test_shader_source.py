@@ -10,14 +10,14 @@ from typing import Any
 import moderngl
 import pytest
 
-from glsim import reason
-from glsim.errors import ShaderError
+from glsim.core import reason
+from glsim.core.errors import ShaderError
+from glsim.core.reason import Reason
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.program import link
 from glsim.gl.shader_source import load_source
 from glsim.noise.layer_names import IMAGE_CONSTANTS
 from glsim.noise.registry import shipped_stages
-from glsim.reason import Reason
 
 HEAD = "#version 330 core\n// mine: a stage of my own\n"
 MAIN = "uniform sampler2D u_depth;\nout float depth;\nvoid main() { depth = gain; }\n"

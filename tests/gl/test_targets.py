@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, TargetPool
 

@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
-from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.distribution import DrawKeys
 from tests.support.stage_harness import (

@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
 from glsim.noise.array_stages import despeckle
 from glsim.noise.registry import find_stage
-from glsim.reason import Reason
 from glsim.sensors.sensor import load_sensor
 from tests.support.scenes import frames_of, plate, sensor_file, settings_for
 from tests.support.stage_harness import frame

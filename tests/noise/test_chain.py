@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError, ShaderError
-from glsim.frame import Frame
-from glsim.reason import Reason
+from glsim.core.errors import ConfigError, ShaderError
+from glsim.core.reason import Reason
 from glsim.sensors.sensor import load_sensor
+from glsim.simulation.frame import Frame
 from tests.support.scenes import frames_of, plate, sensor_file, settings_for
 
 ADD = """#version 330 core

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.noise.registry import declared_stage, find_stage, is_code
 from glsim.sensors.sensor import load_sensor, sensor_code
 from glsim.settings.schema import load_settings

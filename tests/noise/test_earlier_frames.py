@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import glsim
+from glsim.core.seeds import stable_seed
 from glsim.faces.one_mesh import OneMesh
-from glsim.frame import Frame
-from glsim.pipeline import Simulator
-from glsim.plan.tasks import Task, make_tasks
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.seeds import stable_seed
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import Simulator
+from glsim.simulation.plan.tasks import Task, make_tasks
 from tests.support.scenes import face_mesh
 
 RIG = """

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import glsim
-from glsim.corrupt import Corrupter
-from glsim.errors import ConfigError
+from glsim.bench.validate import VirtualCamera, scenes
+from glsim.core.errors import ConfigError
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.settings.schema import load_settings
-from glsim.validate import VirtualCamera, scenes
+from glsim.simulation.corrupt import Corrupter
 
 SHAPE = (424, 512)
 HOLE = np.s_[150:260, 200:240]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import shipped_stages
-from glsim.reason import Reason
 from tests.support.stage_harness import HEIGHT, WIDTH, Image, crop, flat, frame, layers_of, values
 
 STAGE = "fill_from_points"

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.program import link
 from glsim.gl.shader_source import load_source

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from tests.support.stage_harness import frame, layers_of, run_twin
 
 REAL = Path(__file__).resolve().parents[3] / "shared/data/real-cameras/d435_wall_2frames"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import glsim
-from glsim.corrupt import Corrupter
 from glsim.sensors import sensor
+from glsim.simulation.corrupt import Corrupter
 from tests.support.scenes import (
     face_mesh,
     frames_of,

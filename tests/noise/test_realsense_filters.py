@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
 from glsim.noise.layer_names import EARLIER_LAYER
 from glsim.noise.realsense_filters import (
     fill_holes,
@@ -19,7 +20,6 @@ from glsim.noise.realsense_filters import (
     temporal_filter,
 )
 from glsim.noise.registry import find_stage
-from glsim.reason import Reason
 from tests.support.stage_harness import FOCAL_BASELINE, Image, frame
 
 #: A view of a rig of 365 px and 75 mm.

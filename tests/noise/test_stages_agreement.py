@@ -8,11 +8,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages
-from glsim.reason import Reason
 from tests.support.stage_harness import FRAME, Image, crop, frame, run_shader, run_twin, scene
 
 #: Stages of time of flight and of imagers have layers of their own: test_tof_agreement and

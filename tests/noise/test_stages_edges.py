@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from glsim.reason import Reason
+from glsim.core.reason import Reason
 from tests.support.stage_harness import (
     HEIGHT,
     WIDTH,

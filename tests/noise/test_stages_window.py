@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.numpy_twins.dots import dot_place, place_pixel
-from glsim.reason import Reason
 from tests.support.stage_harness import (
     FOCAL_BASELINE,
     HEIGHT,

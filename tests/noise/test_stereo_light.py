@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Optics
 from glsim.noise.numpy_twins.random import pcg_word
 from glsim.noise.numpy_twins.stereo import dots

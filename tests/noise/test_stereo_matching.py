@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Optics
 from glsim.noise.registry import find_stage
 from glsim.noise.semi_global import match
 from glsim.noise.stereo_matching import match_stereo, warp_to_camera
-from glsim.reason import Reason
 
 FOCAL_PX, BASELINE_M = 400.0, 0.05
 HEIGHT, WIDTH = 120, 320

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from tests.support.tof_harness import QUIET, Camera, face_scenes, quad
 
 SENSORS = ["kinect-v2", "kinect-v2-fast", "azure-kinect", "azure-kinect-wfov"]

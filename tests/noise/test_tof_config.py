@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.noise.rig_checks import half_waves_m, unambiguous_m
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.settings.distribution import Distribution

@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.numpy_twins.tof_turns import unwrapped_cycles
-from glsim.reason import Reason
 from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 
 CROP = Rect(215, 165, 80, 80)

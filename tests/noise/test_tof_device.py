@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from tests.support.stage_harness import Z_MAX, z_mean
 from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 

@@ -6,10 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.measures.frame import frames_of
-from glsim.measures.silhouettes import find_edges
+from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.silhouettes import find_edges
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
 from tests.support.tof_harness import Camera, Image, Placed, quad
 
 OFF = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}

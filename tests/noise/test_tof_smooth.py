@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
-from glsim.reason import Reason
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from tests.support.stage_harness import Z_MAX
 from tests.support.tof_harness import QUIET, Camera, merged, quad
 

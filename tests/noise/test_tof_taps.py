@@ -8,9 +8,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.numpy_twins.tof_taps import CONTRAST_MULTIPLIER, companded
-from glsim.reason import Reason
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 

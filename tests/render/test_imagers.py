@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
-from glsim.frame import Frame
-from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
+from glsim.bench.validate.scenes import occluder
+from glsim.core.camera import Emitter, Intrinsics, SensorRig
+from glsim.core.errors import ConfigError
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.rect import Rect
 from glsim.gl.targets import Readback
-from glsim.pipeline import open_sources, simulate
-from glsim.plan.tasks import make_tasks
 from glsim.render.renderer import Renderer
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import load_settings, with_assignments
-from glsim.validate.scenes import occluder
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import open_sources, simulate
+from glsim.simulation.plan.tasks import make_tasks
 
 IMAGE = Intrinsics(200, 150, 180.0, 180.0, 100.0, 75.0)
 RIG = SensorRig(

@@ -7,7 +7,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.camera import Distortion
+from glsim.core.camera import Distortion
 from tests.support.scenes import V2, V2_LENS, Plane, layers_of, rectangle, rig
 
 RAW = rig((0.075, 0, 0), distortion=V2_LENS, deliver="raw")

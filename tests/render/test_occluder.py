@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.core.mesh import Mesh
+from glsim.core.occluder import KEPT_SHARE, occluder_of
 from glsim.faces.base import Face
 from glsim.faces.sources.procedural import ProceduralFaces
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.occluder import KEPT_SHARE, occluder_of
 from glsim.render.renderer import Renderer
 from tests.support.scenes import face_mesh, layers_of, rectangle, rig, sheet
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
 from tests.support.scenes import V2, interior, layers_of, rig
 
 POSES = [

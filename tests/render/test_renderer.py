@@ -9,11 +9,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import MeshError
-from glsim.geometry.camera import Intrinsics
-from glsim.geometry.mesh import SKIN_ALBEDO, Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import MeshError
+from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.rect import Rect
 from glsim.render.renderer import Rendered, Renderer
 from tests.support.scenes import (
     AT_CAMERA,

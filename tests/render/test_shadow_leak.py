@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.geometry import depth_map
-from glsim.geometry.camera import Emitter, Intrinsics, SensorRig
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.rect import Rect
+from glsim.core import depth_map
+from glsim.core.camera import Emitter, Intrinsics, SensorRig
+from glsim.core.mesh import Mesh
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.numpy_twins import TWINS
 from glsim.noise.registry import find_stage

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.geometry import depth_map
-from glsim.geometry.mesh import Mesh
+from glsim.core import depth_map
+from glsim.core.mesh import Mesh
 from glsim.render.renderer import Renderer
 from tests.support.scenes import V2, Plane, face_mesh, interior, layers_of, rectangle, rig, sphere
 

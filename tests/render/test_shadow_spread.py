@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry import depth_map
-from glsim.geometry.camera import Emitter, SensorRig
+from glsim.core import depth_map
+from glsim.core.camera import Emitter, SensorRig
 from tests.support.scenes import V2, layers_of, rectangle
 
 BASELINE_M, SPREAD_M, FRONT_M = 0.045, 0.015, 0.9

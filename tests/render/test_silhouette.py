@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.render.silhouette import Silhouette
 from tests.support.tof_harness import Camera, Placed, face_scenes, quad
 

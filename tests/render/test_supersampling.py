@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ShaderError
+from glsim.core.errors import ShaderError
 from glsim.gl.includes import SHADER_ROOT
 from glsim.render import supersampling
 from tests.support.scenes import V2_LENS, Plane, interior, layers_of, rectangle, rig

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
-from glsim.measures.tiles import WIDE_PX, plane_tiles
-from glsim.validate.checks.azure_kinect import (
+from glsim.bench.measures.tiles import WIDE_PX, plane_tiles
+from glsim.bench.validate.checks.azure_kinect import (
     COUNTS,
     DIM,
     noise_law_mm,
     rim_measurements,
 )
-from glsim.validate.run import sheets
+from glsim.bench.validate.run import sheets
+from glsim.core.rect import Rect
 from tests.support.tof_harness import QUIET, Camera, quad
 
 #: pyk4a's test recording (MIT): a mug at 0.2 to 0.3 m before a wall at 1.5 to 2 m.

@@ -8,13 +8,13 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
-from glsim.errors import ConfigError
-from glsim.files.png import encode_png, read_depth_png
-from glsim.geometry.camera import Intrinsics
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import ConfigError
+from glsim.core.files.png import encode_png, read_depth_png
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
-from glsim.validate import VirtualCamera, scenes
 from tests.support.planted_frames import encoded
 
 MHZ = (80.0, 16.0, 120.0)
@@ -102,11 +102,11 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     context: moderngl.Context, tmp_path: Path
 ) -> None:
     """Phases that differ between the frequencies have no place in a stage, but in the file."""
-    from glsim.fit.recording_statistics import measure_recording
-    from glsim.fit.sensor_file import base_sensor, sensor_toml
-    from glsim.fit.wiggling import fit_wiggling
-    from glsim.measures.frame import frames_of
-    from tests.fit.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
+    from glsim.bench.fit.recording_statistics import measure_recording
+    from glsim.bench.fit.sensor_file import base_sensor, sensor_toml
+    from glsim.bench.fit.wiggling import fit_wiggling
+    from glsim.bench.measures.frame import frames_of
+    from tests.bench.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
 
     changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.files.png import encode_png
 from glsim.faces.one_mesh import OneMesh
-from glsim.files.png import encode_png
-from glsim.frame import Frame
-from glsim.pipeline import simulate
 from glsim.sensors.projector_image import read_projector_image
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
 from tests.support.scenes import face_mesh
 
 RIG = """

@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
-from glsim.reason import Reason
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
 from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
 from glsim.settings.schema import load_settings
 from tests.support.scenes import face_mesh, frames_of, sensor_file, settings_for

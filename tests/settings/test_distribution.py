@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.settings.distribution import Distribution, DrawKeys
 from glsim.settings.schema import load_settings
 from tests.support.stage_harness import Z_MAX, z_mean, z_rate, z_sd

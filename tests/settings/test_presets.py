@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.settings.presets import preset_names, preset_title
 from glsim.settings.schema import load_settings
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.settings.distribution import constant
 from glsim.settings.schema import Settings, load_settings, parse_assignment
 from glsim.settings.source_settings import parse_source

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from glsim.errors import DenoiserError
+from glsim.core.errors import DenoiserError
 
 
 @dataclass

@@ -15,18 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from glsim.dataset import GenerateSummary, write_dataset
-from glsim.errors import MeshError
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import MeshError
+from glsim.core.files import atomic
+from glsim.core.files.atomic import checksum, file_checksum
+from glsim.core.rect import Rect
+from glsim.core.seeds import stable_seed
+from glsim.data.driver import write_dataset
+from glsim.data.progress import GenerateSummary
 from glsim.faces.base import FaceKey
-from glsim.files import atomic
-from glsim.files.atomic import checksum, file_checksum
-from glsim.frame import Frame, Skipped
-from glsim.geometry.camera import Intrinsics
-from glsim.geometry.rect import Rect
-from glsim.plan.tasks import Task
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.seeds import stable_seed
+from glsim.simulation.frame import Frame, Skipped
+from glsim.simulation.plan.tasks import Task
 
 CAMERA = Intrinsics(32, 24, 40.0, 40.0, 16.0, 12.0)
 WINDOW = Rect(4, 2, 20, 18)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.camera import Intrinsics
+from glsim.core.camera import Intrinsics
 
 Array = NDArray[np.float32]
 SIZE = (40, 48)

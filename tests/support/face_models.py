@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.ict_facekit.model import KNOWN_SHAPES
-from glsim.geometry.mesh import Mesh
 
 ROWS, COLUMNS = 61, 49
 

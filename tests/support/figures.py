@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
-from glsim.geometry.mesh import Mesh
-from glsim.scene.shapes import box
+from glsim.looks.room.shapes import box
 
 #: Height of the face above the floor, mm.
 FACE_MM = 1600.0

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from glsim.dataset import write_dataset
-from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
-from glsim.frame import Frame
-from glsim.geometry.rect import Rect
-from glsim.plan.tasks import Task
+from glsim.core.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
+from glsim.core.rect import Rect
+from glsim.data.driver import write_dataset
 from glsim.settings.schema import Settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.plan.tasks import Task
 from tests.support.dataset_fakes import SENSOR, fake_frame, make_settings, make_tasks
 from tests.support.eval_scenes import CAMERA, SIZE, dome, noisy
 

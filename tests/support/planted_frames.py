@@ -1,11 +1,11 @@
-"""Depth frames with planted noise, patterns and shadows, for the tests of glsim.measures."""
+"""Depth frames with planted noise, patterns and shadows, for the tests of glsim.bench.measures."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.depth_frame import Frames
+from glsim.core.depth_frame import Frames
 from glsim.sensors.sensor import load_sensor
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from glsim.files import flush
+from glsim.core.files import flush
 
 #: What a folder holds on the disk: name -> inode, or None for a folder.
 _Names = dict[str, int | None]

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.files.atomic import write_atomic
-from glsim.files.png import encode_png
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.png import encode_png
 from tests.support.planted_frames import SHAPE, noisy, plane
 
 Array = NDArray[np.float64]

@@ -11,18 +11,18 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.camera import Distortion, Emitter, Intrinsics, SensorRig
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.rect import Rect
 from glsim.faces.base import FaceKey
 from glsim.faces.one_mesh import OneMesh
-from glsim.frame import Frame
-from glsim.geometry.camera import Distortion, Emitter, Intrinsics, SensorRig
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
 from glsim.gl.context import make_current
 from glsim.gl.targets import Readback
-from glsim.pipeline import simulate
 from glsim.render.renderer import Renderer
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
 
 Array = NDArray[np.floating[Any]]
 

@@ -11,7 +11,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext
@@ -20,7 +21,6 @@ from glsim.noise.numpy_twins import TWINS
 from glsim.noise.numpy_twins.dots import cells
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage_pass import StagePass
-from glsim.reason import Reason
 
 Image = NDArray[np.float32]
 Layers = Mapping[str, Image]

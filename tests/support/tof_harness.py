@@ -9,21 +9,21 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.rect import Rect
 from glsim.faces.base import Face
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.pose import pose_matrix
-from glsim.geometry.rect import Rect
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_twins
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
-from glsim.pipeline import open_sources
-from glsim.plan.tasks import make_tasks
 from glsim.render.renderer import Rendered, Renderer
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import load_settings
+from glsim.simulation.pipeline import open_sources
+from glsim.simulation.plan.tasks import make_tasks
 
 Image = NDArray[np.float32]
 Placed = tuple[Mesh, NDArray[np.float32]]

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.appearance.dress import Dresser
 from glsim.faces.base import Face, WornPart
 from glsim.faces.sources.procedural import ProceduralFaces
+from glsim.looks.dress import Dresser
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import load_settings

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.pipeline import simulate
-from glsim.reason import Reason
+from glsim.core.reason import Reason
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.pipeline import simulate
 
 MEASURED = [reason for reason in Reason if reason.has_depth]
 FOLDER = Path(__file__).parents[2] / "train" / "data"

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
+from glsim.core.errors import TrainError
+from glsim.core.files import flush
 from glsim.denoise import checkpoint
-from glsim.errors import TrainError
-from glsim.files import flush
 from glsim.train.logs import RunLogs
 from glsim.train.loop import StepStatus, fit
 from glsim.train.run_setup import make_fabric

@@ -13,10 +13,10 @@ import pytest
 import torch
 from torch.utils.data import DataLoader
 
-from glsim.dataset import open_dataset
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.png import read_depth_png
+from glsim.data.reader import open_dataset
 from glsim.denoise.inputs import NetworkInputs
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.png import read_depth_png
 from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign

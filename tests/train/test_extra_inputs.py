@@ -11,10 +11,10 @@ import torch
 from torch import Tensor
 from torch.utils.data import Subset
 
-from glsim.dataset import open_dataset
+from glsim.core.errors import ConfigError
+from glsim.data.reader import open_dataset
 from glsim.denoise import checkpoint
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.errors import ConfigError
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs

@@ -15,8 +15,8 @@ import pytest
 import torch
 from torch.utils.data import DataLoader
 
+from glsim.core.errors import ConfigError, TrainError
 from glsim.denoise import checkpoint
-from glsim.errors import ConfigError, TrainError
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score
 from glsim.train.batches import EpochSampler, StoredBatches

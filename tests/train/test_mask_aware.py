@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.train.models.features import FILTERS, OTHER_CHANNELS, FilterName, depth_features
 from glsim.train.models.mask_aware import MaskAware
 from glsim.train.models.registry import build_model

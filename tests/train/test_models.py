@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import nn
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.train.models.dncnn import DnCNN
 from glsim.train.models.registry import build_model, parameter_count
 from glsim.train.models.restormer import TransposedAttention

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from glsim.cli import main
+from glsim.core.errors import DenoiserError, TrainError
 from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.inference import TorchNetwork
 from glsim.denoise.inputs import DEPTH_ALONE
@@ -29,7 +30,6 @@ from glsim.denoise.onnx_file import (
 )
 from glsim.denoise.record import DEFAULT_RECORD
 from glsim.denoise.registry import shipped_file
-from glsim.errors import DenoiserError, TrainError
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
 from glsim.train.models.warm_start import NOT_COPIED

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.train.losses.registry import build_loss
 from glsim.train.models.registry import build_model
 from glsim.train.recipe import ScheduleSettings, load_recipe, recipe_names

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.train.losses.registry import build_loss
 from glsim.train.losses.self_supervised import Recorrupted
 from glsim.train.models.base import Prediction

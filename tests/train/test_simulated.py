@@ -10,12 +10,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from glsim.dataset import generate, open_dataset
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
+from glsim.data.driver import generate
+from glsim.data.reader import open_dataset
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
-from glsim.frame import Skipped
-from glsim.pipeline import open_sources, simulate
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.frame import Skipped
+from glsim.simulation.pipeline import open_sources, simulate
 from glsim.train import SimulatedPairs, StoredPairs, randomised
 from glsim.train.data.stream import BATCHES_PER_BLOCK, LANES, BatchStream, split_people
 from tests.support.scenes import face_mesh

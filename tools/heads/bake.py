@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.occluder import occluder_of
 from glsim.faces.procedural.lids import Lids
 from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.sparse_shapes import SparseShapes
-from glsim.geometry.occluder import occluder_of
 from tools.heads.actions import ACTION_UNITS
 from tools.heads.falloff import Array
 from tools.heads.fields import ANCHORS, RigidParts, make_field_points, make_rigid_parts

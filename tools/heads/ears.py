@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.geometry.products import product
+from glsim.core.products import product
 from tools.heads.falloff import Array, IntArray, bump, smoothstep
 
 EAR_ROOT = (67.5, -1.0, -78.0)  # the front attachment, level with the ear's middle

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.geometry.mesh import vertex_normals
+from glsim.core.mesh import vertex_normals
 from tools.heads import mouth
 from tools.heads.ears import EAR_ROOT
 from tools.heads.falloff import Array, Vec3, smoothstep

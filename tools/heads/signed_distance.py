@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.geometry.products import product
+from glsim.core.products import product
 from tools.heads.falloff import Array, Vec3
 
 MAX_STEP_MM = 7.0  # longest step of a ray, so that it does not jump across a gap

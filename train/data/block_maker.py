@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import MeshError
+from glsim.core.seeds import pcg_rng
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.depth_protocol import DepthProtocol
-from glsim.errors import MeshError
-from glsim.frame import Frame, Skipped, to_mm
-from glsim.settings.seeds import pcg_rng
+from glsim.simulation.frame import Frame, Skipped, to_mm
 from glsim.train.data.checks import Target, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.stream import BatchStream

@@ -9,13 +9,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset import Dataset
-from glsim.dataset.disk_format import MANIFEST
+from glsim.core.depth_frame import Frames
+from glsim.core.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import file_checksum
+from glsim.data.disk_format import MANIFEST
+from glsim.data.reader import Dataset
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
-from glsim.depth_frame import Frames
-from glsim.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import file_checksum
 from glsim.settings.schema import SPLIT_NAMES
 
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.dataset.arithmetic import Machine, this_machine
-from glsim.pipeline import Simulator
-from glsim.ray_cluster import (
+from glsim.data.arithmetic import Machine, this_machine
+from glsim.data.ray_cluster import (
     TASKS_PER_CORE,
     LostResultError,
     cancel_tasks,
@@ -24,9 +23,10 @@ from glsim.ray_cluster import (
     start_task,
     task_result,
 )
+from glsim.data.worker_processes import WorkerFailure
+from glsim.simulation.pipeline import Simulator
 from glsim.train.data.block_maker import BlockMaker
 from glsim.train.data.stream import LANES, BatchPlace
-from glsim.worker_processes import WorkerFailure
 
 
 class RayBlocks:

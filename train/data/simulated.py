@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from glsim.core.depth_protocol import DepthProtocol, stored_protocol
+from glsim.core.errors import ConfigError
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
-from glsim.depth_protocol import DepthProtocol, stored_protocol
-from glsim.errors import ConfigError
-from glsim.frame import Frame, Skipped
-from glsim.pipeline import open_sources, simulate
-from glsim.plan.tasks import Task
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.frame import Frame, Skipped
+from glsim.simulation.pipeline import open_sources, simulate
+from glsim.simulation.plan.tasks import Task
 from glsim.train.data.block_maker import BlockMaker
 from glsim.train.data.checks import (
     Target,
@@ -101,8 +101,8 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             target: as in ``StoredPairs``.
             protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
             ray: address of a cluster of Ray whose nodes render, see
-                ``glsim.ray_cluster.ray_cluster``; this process gets the pairs. The batches are the
-                same. Then ``loader`` needs no workers.
+                ``glsim.data.ray_cluster``; this process gets the pairs. The batches are the same.
+                Then ``loader`` needs no workers.
         """
         for name, value, least in (("batch", batch, 1), ("reuse", reuse, 1), ("start", start, 0)):
             if value < least:

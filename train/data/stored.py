@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import get_worker_info
 
-from glsim.dataset import open_dataset
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.seeds import pcg_rng
+from glsim.data.reader import open_dataset
 from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
-from glsim.depth_frame import DepthFrame
-from glsim.depth_protocol import DepthProtocol
-from glsim.frame import to_mm
-from glsim.settings.seeds import pcg_rng
+from glsim.simulation.frame import to_mm
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.data.pairs import PairDataset
@@ -84,8 +84,8 @@ class StoredPairs(PairDataset):
             seed: seed of ``augmentation`` and random crops.
             target: the layer that a network learns to give; "expected" leaves the sensor's
                 systematic error.
-            protocol: where depths are counted from, see ``glsim.depth_protocol``; default: as the
-                data set's files.
+            protocol: where depths are counted from, see ``glsim.core.depth_protocol``; default: as
+                the data set's files.
             cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
                 files in every epoch. Only the process that made this object has a cache: the
                 workers of a DataLoader always read, because each would hold a copy.

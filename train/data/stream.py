@@ -15,13 +15,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.seeds import device_key, pcg_rng, stable_seed
 from glsim.faces.base import FaceSource
-from glsim.plan.split import split_subjects
-from glsim.plan.tasks import Task
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
-from glsim.settings.seeds import device_key, pcg_rng, stable_seed
+from glsim.simulation.plan.split import split_subjects
+from glsim.simulation.plan.tasks import Task
 
 #: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.settings.tables import parse_table
 from glsim.train.losses.base import Loss
 from glsim.train.losses.self_supervised import Recorrupted

@@ -10,8 +10,8 @@ import torch
 from pydantic import TypeAdapter, ValidationError
 from torch import nn
 
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.inputs import NetworkInputs
-from glsim.errors import ConfigError, did_you_mean
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel
 from glsim.train.models.dncnn import DnCNN

@@ -14,7 +14,7 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.train.models.backbone import Backbone, Blocks, Width, init_zero, pad_to_multiple
 
 Levels = tuple[Blocks, Blocks, Blocks, Blocks]

@@ -13,7 +13,7 @@ from typing import Final
 import torch
 from torch import Tensor
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.train.models.mask_aware import MaskAware
 
 #: Median of |x| for a standard normal x.

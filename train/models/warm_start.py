@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from torch import Size, Tensor, nn
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 
 #: Buffers that describe a trained network; a new training begins without them.
 NOT_COPIED = ("sigma_scale",)

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glsim.dataset import Dataset
+from glsim.core.camera import SensorRig
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.errors import DatasetError
+from glsim.data.reader import Dataset
 from glsim.denoise import load_denoiser
 from glsim.denoise.interface import Depth
-from glsim.depth_frame import DepthFrame
-from glsim.errors import DatasetError
 from glsim.eval.paper.runs import SeedGroup
-from glsim.geometry.camera import SensorRig
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings
 

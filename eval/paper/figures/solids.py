@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_map import lit_by_marching, normals
 from glsim.denoise.interface import Depth
 from glsim.eval.paper.figures.frames import FigureFrame
 from glsim.eval.report.figures.cut_surface import cut_surface
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
-from glsim.geometry.camera import Intrinsics
-from glsim.geometry.depth_map import lit_by_marching, normals
 
 Points = NDArray[np.floating[Any]]
 _TEXT_SIZE: Final = 7

@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.dataset import Dataset, open_dataset
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.files.atomic import write_atomic
+from glsim.data.reader import Dataset, open_dataset
 from glsim.eval.paper.data_note import data_note, source_name
 from glsim.eval.paper.figures.frames import (
     Column,
@@ -24,7 +25,6 @@ from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.page import html_page
-from glsim.files.atomic import write_atomic
 
 #: Folder of the figures in that of the reproduction.
 FOLDER: Final = "paper_figures"

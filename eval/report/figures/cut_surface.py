@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.camera import SensorRig
+from glsim.core.depth_map import surface
+from glsim.core.mesh import Mesh
 from glsim.denoise.interface import Depth
-from glsim.geometry.camera import SensorRig
-from glsim.geometry.depth_map import surface
-from glsim.geometry.mesh import Mesh
 
 #: Triangles that the sensor saw at a larger angle are cut, degrees. Chosen by eye: at 88 cheeks and
 #: ears are bridged by fins, at 80 the noise of kinect-v2-paper tears holes into foreheads.
@@ -26,7 +26,7 @@ _RIM_PASSES: Final = 2
 def cut_surface(depth_mm: Depth, rig: SensorRig) -> Mesh | None:
     """Return the surface of an (H, W) map in mm, cut at jumps; None without any.
 
-    Vertices as ``glsim.geometry.depth_map.surface`` returns them.
+    Vertices as ``glsim.core.depth_map.surface`` returns them.
     """
     mesh = surface(depth_mm / np.float32(1000), rig, STEEPEST_DEG)
     if mesh is None:

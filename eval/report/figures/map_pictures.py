@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_map import normals
 from glsim.denoise.interface import Depth
 from glsim.eval.report.figures.style import matplotlib
-from glsim.geometry.camera import Intrinsics
-from glsim.geometry.depth_map import normals
 
 #: Range of the signed-error colours, mm, in every figure.
 ERROR_RANGE_MM: Final = 10.0

@@ -12,9 +12,10 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_protocol import add_offset
+from glsim.core.errors import DeviceError
 from glsim.denoise.interface import Depth
-from glsim.depth_protocol import add_offset
-from glsim.errors import DeviceError
 from glsim.eval.report.figures.map_pictures import (
     colour_legend,
     depth_colours,
@@ -28,7 +29,6 @@ from glsim.eval.report.figures.map_pictures import (
 )
 from glsim.eval.report.figures.side_view import TURN_DEG, half_width_mm, side_view
 from glsim.eval.report.figures.style import add_note, new_figure
-from glsim.geometry.camera import Intrinsics
 
 PanelRow = Literal["depth", "error", "normals", "side", "scan"]
 #: Row -> label at its left end.

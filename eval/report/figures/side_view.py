@@ -8,18 +8,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.camera import Intrinsics, SensorRig
+from glsim.core.pose import pose_matrix
+from glsim.data.preview import shaded
 from glsim.denoise.interface import Depth
 from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.report.figures.cut_surface import cut_surface
 from glsim.eval.report.figures.map_pictures import FLYING
 from glsim.eval.report.figures.style import matplotlib
 from glsim.faces.one_mesh import OneMesh
-from glsim.frame import Frame
-from glsim.geometry.camera import Intrinsics, SensorRig
-from glsim.geometry.pose import pose_matrix
-from glsim.pipeline import simulate
-from glsim.preview import shaded
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
 
 #: Yaw of the head in the side view, degrees.
 TURN_DEG: Final = 30.0

@@ -10,7 +10,7 @@ import textwrap
 from types import ModuleType
 from typing import Any
 
-from glsim.errors import GlsimError
+from glsim.core.errors import GlsimError
 
 
 def matplotlib(part: str) -> ModuleType:

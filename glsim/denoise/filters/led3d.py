@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from glsim.core.errors import ConfigError
 from glsim.denoise.filters.windows import around, fill, pieces
 from glsim.denoise.interface import Denoised, Depth, Mask, parameter
-from glsim.errors import ConfigError
 
 #: Neighbours that an outlier is compared with; the default of the authors' tool.
 _NEIGHBOURS = 4

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from glsim.core.errors import ConfigError
 from glsim.denoise.interface import Denoised, Depth, Mask, parameter
-from glsim.errors import ConfigError
 
 
 def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:

@@ -11,18 +11,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
+from glsim.core.files.cache_folder import cache_folder
+from glsim.core.seeds import rng_for
 from glsim.faces.base import Topology
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, KNOWN_SHAPES, MorphableModel
 from glsim.faces.ict_facekit.triangles import FACE_PARTS, REGION_NAMES, label_triangles
 from glsim.faces.landmarks import LANDMARKS
+from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.faces.meshes.limits import check_size
+from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.model_cache import Arrays, cached_arrays
 from glsim.faces.visible_part import find_visible_faces
-from glsim.files.cache_folder import cache_folder
-from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
-from glsim.meshio.limits import check_size
-from glsim.meshio.obj import read_obj, read_vertices
-from glsim.settings.seeds import rng_for
 
 _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.occluder import occluder_of
 from glsim.faces.action_units import SHAPES, shape_weights
 from glsim.faces.base import Topology
-from glsim.geometry.occluder import occluder_of
 
 IDENTITY_MODES: Final = 100
 

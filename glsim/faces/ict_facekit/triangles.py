@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import MeshError
-from glsim.meshio.obj import ObjFile
+from glsim.core.errors import MeshError
+from glsim.faces.meshes.obj import ObjFile
 
 _Array = NDArray[np.float64]
 _Ints = NDArray[np.int64]

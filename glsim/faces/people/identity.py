@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from glsim.settings.seeds import rng_for
+from glsim.core.seeds import rng_for
 
 #: Phenotype -> its extremes and their places in [0, 1]. Babies below one year are left out, and
 #: firmness of the breast is always average, with which the average cup is the body of the universal

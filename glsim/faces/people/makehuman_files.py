@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import MeshError
+from glsim.core.errors import MeshError
 from glsim.faces.people.fetch import BASE_MESH, FETCH
 from glsim.faces.people.model import Skeleton
 from glsim.faces.people.refinement import LinearMap

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.occluder import occluder_of
+from glsim.core.products import product
 from glsim.faces.model_cache import Arrays
 from glsim.faces.sparse_shapes import SparseShapes
-from glsim.geometry.occluder import occluder_of
-from glsim.geometry.products import product
 
 _Floats = NDArray[np.float32]
 

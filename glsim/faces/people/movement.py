@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.pose import rotation
-from glsim.settings.seeds import rng_for
+from glsim.core.pose import rotation
+from glsim.core.seeds import rng_for
 
 _Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.pose import rotation
-from glsim.geometry.products import norm, product
-from glsim.settings.seeds import rng_for
+from glsim.core.pose import rotation
+from glsim.core.products import norm, product
+from glsim.core.seeds import rng_for
 
 _Array = NDArray[np.float64]
 

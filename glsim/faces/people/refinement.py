@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.products import solve
+from glsim.core.products import solve
 
 _Ints = NDArray[np.int64]
 _Floats = NDArray[np.float64]

@@ -17,14 +17,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.products import product
+from glsim.core.seeds import rng_for
 from glsim.faces.action_units import shape_weights
+from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.people.identity import BodyIdentity, sample_identity
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.movement import movement
 from glsim.faces.people.posture import BodyShape, Posture, draw_posture
-from glsim.geometry.products import product
-from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
-from glsim.settings.seeds import rng_for
 
 _Floats = NDArray[np.float32]
 

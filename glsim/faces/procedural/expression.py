@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.products import product
 from glsim.faces.procedural.lids import lid_closure
 from glsim.faces.procedural.model import HeadModel
 from glsim.faces.sparse_shapes import SparseShapes
-from glsim.geometry.products import product
 
 TMJ_MM: Final = (0.0, -1.0, -78.0)  # axis of the temporomandibular joint, in front of the tragus
 JAW_LIMIT_DEG: Final = 22.0  # about 45 mm between the incisors; normal maximum 40-55 mm

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.settings.seeds import rng_for
+from glsim.core.seeds import rng_for
 
 #: Factors of a person, each of mean 0 and sd 1: sex (+1 male, -1 female), size of the body, body
 #: fat, age (-1 about 20 years, +2 about 70), and two axes of differences between populations: broad

@@ -15,12 +15,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.products import product
+from glsim.core.seeds import rng_for
 from glsim.faces.procedural.expression import expression_weights, own_shapes
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.sparse_shapes import SparseShapes
-from glsim.geometry.products import product
-from glsim.settings.seeds import rng_for
 
 _Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import MeshError
-from glsim.geometry.camera import Intrinsics
-from glsim.meshio.limits import check_size
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import MeshError
+from glsim.faces.meshes.limits import check_size
 
 _MAX_SIDE: Final = 2048
 _MAX_TEXT: Final = 10_000

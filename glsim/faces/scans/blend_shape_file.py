@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import MeshError
+from glsim.core.errors import MeshError
 
 SHAPES: Final = 47
 """The neutral face and 46 expressions. A reader that takes 46 as the total loses the last one."""

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from glsim.errors import ConfigError, GlsimError, MeshError, did_you_mean
+from glsim.core.errors import ConfigError, GlsimError, MeshError, did_you_mean
+from glsim.core.files.contents import content_hash
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.meshes.alignment import check_axes, check_unit
 from glsim.faces.scans.file_tree import check_root, list_names
-from glsim.files.contents import content_hash
-from glsim.meshio.alignment import check_axes, check_unit
 
 _T = TypeVar("_T")
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from glsim.errors import ConfigError
-from glsim.meshio.limits import EXTENSIONS
+from glsim.core.errors import ConfigError
+from glsim.faces.meshes.limits import EXTENSIONS
 
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
 _LOG = logging.getLogger(__name__)

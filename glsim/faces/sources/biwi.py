@@ -23,16 +23,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
+from glsim.core.mesh import Mesh
+from glsim.core.products import product
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.meshes.alignment import Alignment
+from glsim.faces.meshes.limits import check_size
+from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, read_mesh
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces
 from glsim.faces.scans.file_tree import last_number, list_names
-from glsim.geometry.mesh import Mesh
-from glsim.geometry.products import product
-from glsim.meshio.alignment import Alignment
-from glsim.meshio.limits import check_size
-from glsim.meshio.load import check_head_size, find_alignment_in_format, read_mesh
 
 AXES: Final = "+x-y-z"
 FRAMES_PER_SECOND: Final = 30.0

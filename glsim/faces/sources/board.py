@@ -8,9 +8,9 @@ from typing import ClassVar, Final
 import numpy as np
 from pydantic import Field
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.mesh import Mesh
 from glsim.faces.base import ComputedKeys, Face, FaceKey, FaceSettings, FaceSource
-from glsim.geometry.mesh import Mesh
 
 
 class BoardSettings(FaceSettings):

@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.base import FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.meshes.alignment import Alignment
+from glsim.faces.meshes.load import FileMesh, find_alignment_in_format, read_mesh
 from glsim.faces.scans.file_source import one_bad_file
 from glsim.faces.sources.folder import Folder
-from glsim.meshio.alignment import Alignment
-from glsim.meshio.load import FileMesh, find_alignment_in_format, read_mesh
 
 AXES: Final = "+x+y+z"
 REGISTRATIONS: Final = "d3dfacs_alignments"

@@ -26,17 +26,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
+from glsim.core.mesh import Mesh
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.meshes.alignment import Alignment
+from glsim.faces.meshes.limits import check_size
+from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
+from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.scans.blend_shape_file import SHAPES, open_blend_shapes
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
 from glsim.faces.scans.file_tree import list_names
 from glsim.faces.scans.head_scale import mm_per_unit
-from glsim.geometry.mesh import Mesh
-from glsim.meshio.alignment import Alignment
-from glsim.meshio.limits import check_size
-from glsim.meshio.load import check_head_size, drop_degenerate, find_alignment_in_format
-from glsim.meshio.obj import read_obj, read_vertices
 
 AXES: Final = "+x+y+z"
 FRAMES_PER_SECOND: Final = 30.0

@@ -24,8 +24,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.meshes.alignment import Alignment
+from glsim.faces.meshes.limits import EXTENSIONS
+from glsim.faces.meshes.load import (
+    FileMesh,
+    check_head_size,
+    find_alignment,
+    manifest_notes,
+    merge_patches,
+    read_mesh,
+)
 from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 from glsim.faces.scans.file_tree import (
     UniqueNames,
@@ -33,16 +43,6 @@ from glsim.faces.scans.file_tree import (
     is_mesh,
     last_number,
     list_names,
-)
-from glsim.meshio.alignment import Alignment
-from glsim.meshio.limits import EXTENSIONS
-from glsim.meshio.load import (
-    FileMesh,
-    check_head_size,
-    find_alignment,
-    manifest_notes,
-    merge_patches,
-    read_mesh,
 )
 
 MAIN_SEQUENCE: Final = "main"

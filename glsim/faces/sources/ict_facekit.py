@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.mesh import Mesh
+from glsim.core.seeds import rng_for
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
 from glsim.faces.ict_facekit.load import load_model, model_folder
 from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
 from glsim.faces.ict_facekit.triangles import ALBEDO, REGION_NAMES
-from glsim.geometry.mesh import Mesh
-from glsim.settings.seeds import rng_for
 
 _MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger ones give unreal faces
 _DRAWS: Final = 4  # the probability that all four exceed the limit is 5e-11

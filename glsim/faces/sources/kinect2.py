@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces.base import FaceSettings, FaceSource
 
 

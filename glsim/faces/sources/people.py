@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
+from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
+from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.neck import Neck
 from glsim.faces.neck import head_share as neck_share
 from glsim.faces.people.fetch import data_folder
 from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import FRAMINGS, BodySubject
-from glsim.geometry.mesh import Mesh
-from glsim.meshio.alignment import ORIGIN_BEHIND_NOSE_MM
 
 #: |x| from which vertices follow the head less, and no more, mm: beside ears and hair. Chosen.
 _ASIDE_MM: Final = (130.0, 190.0)

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import GeneratedFaces, GeneratorSettings
 from glsim.faces.neck import Neck, head_share
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import sample_identity
 from glsim.faces.procedural.subject import HeadSubject, make_subject
-from glsim.geometry.mesh import Mesh
 
 
 class ProceduralSettings(GeneratorSettings):

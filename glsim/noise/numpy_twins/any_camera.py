@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import moved_by_mm
 from glsim.noise.numpy_twins.lattice import lattice_noise, normal_share
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, mix, pixels
 from glsim.noise.numpy_twins.random import normal_pair, pcg_word, random_bits, uniform01
-from glsim.reason import Reason
 
 _ZERO, _ONE, _HALF, _MM = (np.float32(n) for n in (0.0, 1.0, 0.5, 0.001))
 _TWO_PI, _FAR, _MOST_HAZE_M = np.float32(6.28318530718), np.float32(1e4), np.float32(0.04)

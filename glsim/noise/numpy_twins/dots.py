@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.noise.numpy_twins.random import random_bits
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, mix, pixels, reasons_of_taken
 from glsim.noise.numpy_twins.random import normal_pair, random_bits, uniform01
 from glsim.noise.numpy_twins.values import angle_ratio, angle_to_axis
-from glsim.reason import Reason
 
 _MM = np.float32(0.001)
 

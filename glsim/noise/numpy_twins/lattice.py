@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.noise.numpy_twins.layers import Image, pixels
 from glsim.noise.numpy_twins.random import Words, pcg_word, uniform01
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import Layers
-from glsim.reason import Reason
 
 Image = NDArray[np.float32]
 #: Parameter values by their GLSL names.

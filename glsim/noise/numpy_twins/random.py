@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 
 Words = NDArray[np.uint32]
 

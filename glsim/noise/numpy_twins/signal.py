@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
-from glsim.reason import Reason
 
 
 def infrared(_view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:

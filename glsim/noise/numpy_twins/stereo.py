@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.geometry.camera import Point
+from glsim.core.camera import Point
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.layer_names import PROJECTOR_LAYER
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import moved_by_mm
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
@@ -19,7 +20,6 @@ from glsim.noise.numpy_twins.tof_turns import (
     phases,
     unwrapped_cycles,
 )
-from glsim.reason import Reason
 
 _STEEPEST = np.float32(12.0)
 LOG2_E = np.float32(1.442695)

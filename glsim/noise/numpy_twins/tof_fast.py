@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import moved_by_mm
 from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
@@ -21,7 +22,6 @@ from glsim.noise.numpy_twins.tof_decode import LOG2_E, decoded, floor_variance
 from glsim.noise.numpy_twins.tof_light import expected_depth, phasors
 from glsim.noise.numpy_twins.tof_taps import CONTRAST_MULTIPLIER
 from glsim.noise.numpy_twins.tof_turns import TWO_PI, frequencies, half_wave_m_mhz
-from glsim.reason import Reason
 
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _BLUR = {0: np.float32(0.8), 1: np.float32(0.1)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.geometry.rect import Rect
+from glsim.core.rect import Rect
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
 from glsim.noise.numpy_twins.random import pcg_word, uniform01

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.layers import Image, Parameters
-from glsim.reason import Reason
 
 _REACH_PX = 3
 _TINY = np.float32(1e-20)

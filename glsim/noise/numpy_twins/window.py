@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.reason import Reason
 from glsim.noise.frame_context import Layers, StageView
 from glsim.noise.numpy_twins.depth import disparity_px
 from glsim.noise.numpy_twins.dots import CELL_PX, cells, dot_place, place_pixel
 from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels, reasons_of_taken
-from glsim.reason import Reason
 
 _REACH_PX = 4  # 9x9
 _REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of its cell

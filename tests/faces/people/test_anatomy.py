@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces.action_units import SHAPES, shape_weights, shapes_of
 from glsim.faces.people.identity import sample_identity
 from glsim.faces.people.load import load_model

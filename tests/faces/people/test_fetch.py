@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.people import fetch
 from glsim.faces.people.build import build_model
 from glsim.faces.people.fetch import data_folder, has_people

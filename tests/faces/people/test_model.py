@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.people import load as loading
 from glsim.faces.people.fetch import data_folder
 from glsim.faces.people.identity import ORIGINS, phenotype_targets, phenotype_weights

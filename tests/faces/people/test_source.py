@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces import open_source
 from glsim.faces.base import Face, FaceKey
 from glsim.faces.people.model import REGIONS

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from glsim.errors import GlsimError
+from glsim.core.errors import GlsimError
 from glsim.faces import open_source
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.meshes.load import read_mesh
 from glsim.faces.sources import folder as folder_source
 from glsim.faces.sources.folder import Folder
-from glsim.frame import Frame, Skipped
-from glsim.meshio.load import read_mesh
-from glsim.pipeline import simulate
 from glsim.settings.schema import load_settings
+from glsim.simulation.frame import Frame, Skipped
+from glsim.simulation.pipeline import simulate
 from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
 
 MESH = obj_bytes(FACE, TRIANGLES)

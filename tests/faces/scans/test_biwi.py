@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import settings as quick
 from hypothesis import strategies as st
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace, Face
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import PEOPLE, Biwi
-from glsim.geometry.camera import Intrinsics
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     CALIBRATION,

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces.base import BadFace, Face
+from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
-from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
 from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import FACE, TRIANGLES, all_keys, obj_bytes, ply_bytes, put

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as quick
 from hypothesis import strategies as st
 
-from glsim.errors import MeshError
+from glsim.core.errors import MeshError
 from glsim.faces.base import BadFace, Face, FaceSource
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import Biwi

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.base import BadFace
 from glsim.faces.scans.blend_shape_file import open_blend_shapes
 from glsim.faces.scans.head_scale import FACE_WIDTH_MM, mm_per_unit

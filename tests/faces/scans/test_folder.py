@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from glsim.errors import ConfigError
+from glsim.core.errors import ConfigError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.folder import Folder
-from glsim.meshio.alignment import rotation
 from tests.support.face_models import analytic_face
 from tests.support.face_sets import all_keys, good_faces
 from tests.support.user_rights import ordinary_user

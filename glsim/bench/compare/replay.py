@@ -1,0 +1,159 @@
+"""Replay real frames: render their own surfaces through a sensor, so that the scenes agree.
+
+Real and simulated frames of different scenes differ by the scenes. A replay takes the surfaces,
+silhouettes and reflectivity from each real frame (``surfaces``), renders them once through the
+sensor at the place of the real camera, and so leaves the camera as the only difference.
+Reflectivity is the real infrared over that of the same surfaces at an even reflectivity; without
+infrared it is that of skin everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.compare.surfaces import ReplaySurfaces, find_surfaces, measure_noise_floor, mesh_of
+from glsim.bench.measures.disparity import LAGS_PX, measure_disparity_noise, to_disparity
+from glsim.bench.measures.silhouettes import measure_silhouettes
+from glsim.bench.measures.static import view_numbers
+from glsim.bench.validate.virtual_camera import VirtualCamera
+from glsim.core.camera import SensorRig
+from glsim.core.depth_frame import DepthFrame, Frames
+from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.gl.context import borrowed_context
+from glsim.sensors.sensor import load_sensor
+
+Array = NDArray[np.float64]
+
+#: Standard deviation of the window that removes a frame's noise, over the distance at which its
+#: correlation is one half; and its limits, px. Chosen: a Kinect V2's noise is alike over 1.5 px and
+#: leaves a fifth of itself in the surfaces at 3 px, a D435's over 5 px at 8.
+_SMOOTH_OVER_CORRELATION, _SMOOTH_PX = 1.6, (3.0, 10.0)
+#: Even reflectivity of the first capture: no surface beyond 0.3 m is saturated by it.
+_EVEN_ALBEDO = 0.25
+#: Reflectivity stays in this range; surfaces that shine back at the lens are brighter. Chosen.
+_LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
+#: Standard deviation of the smoothing of infrared images before their ratio is taken, px, and
+#: infrared of a dark surface that it is still taken from, counts; chosen: noise is smaller.
+_LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
+#: Frames that the noise is measured on; more do not change the smoothing.
+_SOME_FRAMES = 8
+#: Widest hole of a surface that is closed, px, without and with infrared. Chosen: infrared says how
+#: dark the surface is there, so that the sensor may lose it too; without it a hole may be anything.
+_WIDEST_HOLE_PX = (12, 80)
+
+
+def replay(real: Frames, sensor: str, *, seed: int = 0, assignments: Sequence[str] = ()) -> Frames:
+    """Render the surfaces of real frames through a sensor.
+
+    Frames that are static in ``real`` show one scene here too. Frames whose shadows are on the
+    other side than the sensor's are mirrored, as libfreenect2 delivers them, and stay so. Raises
+    ConfigError for an unknown sensor.
+
+    Args:
+        real: the frames; their camera replaces that of the sensor.
+        sensor: name of a sensor, or a sensor file.
+        seed: of the device and its noise.
+        assignments: parameters of the sensor's stages, as of ``--set``.
+
+    Returns:
+        Frames with the names, size and order of ``real``.
+
+    """
+    mirrored = _is_mirrored(real, load_sensor(sensor).rig)
+    camera = real.intrinsics
+    rig = {
+        "width": camera.width,
+        "height": camera.height,
+        "focal_px": [camera.fx, camera.fy],
+        "centre_px": [camera.width - camera.cx if mirrored else camera.cx, camera.cy],
+    }
+    frames = [_mirror(frame) if mirrored else frame for frame in real]
+    some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
+    smooth_px = _smoothing_px(some)
+    noise = measure_noise_floor(some, smooth_px)
+    with borrowed_context(None) as context:
+        virtual = VirtualCamera(sensor, context, seed=seed, rig=rig, assignments=assignments)
+
+        def scene(frame: DepthFrame) -> Mesh | None:
+            """Return the surfaces of a frame with their reflectivity; None without depth."""
+            holes_px = _WIDEST_HOLE_PX[frame.infrared is not None]
+            found = find_surfaces(frame.measured_mm, smooth_px, holes_px, noise.variance(frame))
+            if not np.isfinite(found.front_mm).any():
+                return None
+            albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
+            if frame.infrared is not None:
+                albedo = _albedo(virtual, found, frame.infrared)
+            return mesh_of(found, virtual.rig.intrinsics, albedo)
+
+        made = []
+        for frame, view in zip(frames, view_numbers(real), strict=True):
+            rendered = _render(virtual, scene(frames[view]), frame)
+            made.append((_mirror(rendered) if mirrored else rendered).changed(intrinsics=camera))
+    return Frames.of(made, f"{sensor}, replay")
+
+
+def _render(virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame) -> DepthFrame:
+    """Render the counterpart of a frame, with its step of depth; no depth without a mesh."""
+    if mesh is None:
+        return frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)})
+    shot = virtual.capture(mesh, 1, None, scene=f"replay {frame.name}")[0]
+    depth_mm = (np.rint(shot.noisy_mm / frame.step_mm) * frame.step_mm).astype(np.float32)
+    light = {} if frame.infrared is None else {"infrared": shot.layer("infrared")}
+    return frame.changed({"noisy_mm": depth_mm, **light})
+
+
+def _mirror(frame: DepthFrame) -> DepthFrame:
+    """Return the frame with left and right exchanged; its camera stays."""
+    turned = {
+        name: np.ascontiguousarray(frame.layer(name)[:, ::-1])
+        for name in ("noisy_mm", "infrared")
+        if name in frame
+    }
+    return frame.changed(turned)
+
+
+def _albedo(
+    virtual: VirtualCamera, surfaces: ReplaySurfaces, infrared: NDArray[np.float32]
+) -> Array:
+    """Return (H, W) the reflectivity with which the sensor's infrared is the real one."""
+    even = mesh_of(surfaces, virtual.rig.intrinsics, np.full(infrared.shape, _EVEN_ALBEDO))
+    lit = virtual.capture(even, 1, None, scene="light")[0].infrared
+    assert lit is not None
+    real, simulated = (
+        cv2.GaussianBlur(image.astype(np.float64), (0, 0), _LIGHT_PX) for image in (infrared, lit)
+    )
+    usable = simulated > _LEAST_COUNTS
+    ratio = np.where(usable, _EVEN_ALBEDO * real / np.maximum(simulated, _LEAST_COUNTS), 0.0)
+    ratio = np.clip(ratio, _LEAST_ALBEDO, _MOST_ALBEDO)
+    # In simulated shadows nothing is known of a surface: it has what is typical of it.
+    label = np.where(usable, surfaces.label, -1)
+    for number in np.unique(surfaces.label[~usable & (surfaces.label >= 0)]):
+        seen = ratio[label == number]
+        typical = float(np.median(seen)) if seen.size else SKIN_ALBEDO
+        ratio[~usable & (surfaces.label == number)] = typical
+    return np.asarray(ratio)
+
+
+def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
+    """Choose the smoothing of surfaces by how far the noise of planes is alike."""
+    noise = measure_disparity_noise([to_disparity(frame.measured_mm) for frame in frames])
+    alike = 0.5 * (np.array(noise.rows) + np.array(noise.columns))
+    if not np.isfinite(alike).all():
+        return _SMOOTH_PX[0]
+    half = float(np.interp(-0.5, -alike, LAGS_PX))
+    return float(np.clip(_SMOOTH_OVER_CORRELATION * half, *_SMOOTH_PX))
+
+
+def _is_mirrored(real: Frames, rig: SensorRig) -> bool:
+    """Say whether the frames' shadows are on the other side than the sensor's."""
+    measured = measure_silhouettes(real)
+    widths = measured.left.width_mean_px, measured.right.width_mean_px
+    hidden = [*rig.imagers_m[1:], *(emitter.position_m for emitter in rig.emitters)]
+    if not np.isfinite(widths).all() or not hidden or hidden[0][0] == 0:
+        return False
+    # What stands on the right of the lens does not see the left of a foreground's background.
+    return ("left" if hidden[0][0] > 0 else "right") != measured.shadow_side

@@ -1,0 +1,432 @@
+"""The surfaces of one real frame without its noise, as a replay renders them.
+
+A frame is cut into surfaces where neighbouring depths jump (tiny ones are flying pixels). Each is
+smoothed by local planes in 1/z, down to the relief that is rougher than the camera's noise. A gap
+between a near and a far surface is given to the far one (it is a shadow, or the rim that cameras
+leave), a gap within a surface is closed as a hole, and the far surface goes on behind the rim of
+the near one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.surfaces import step_limit_mm
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import grid_triangles
+from glsim.core.mesh import Mesh
+
+Array = NDArray[np.float64]
+Labels = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+#: Where noise is large, neighbours on one surface differ by up to this many times the median
+#: difference at their distance; distances between which it is measured, mm. Chosen.
+_STEP_NOISE, _BINS_MM = 8.0, np.geomspace(200.0, 8000.0, 17)
+#: Fewest pixels of a surface; smaller ones are flying pixels and speckle. Chosen.
+_LEAST_PX = 40
+#: Step between slabs of the smoothing, share of the depth (a plane is fitted to three of them), and
+#: least share of a window that has depth in its slab. Chosen: a rail of 5 px has half.
+_SLAB, _LEAST_NEIGHBOURS = 0.06, 0.2
+#: Depths at the ends of a gap are of two surfaces if they differ by more than this many times what
+#: neighbours on one surface may; chosen.
+_APART = 3.0
+#: The rim of a near surface is its last measured pixel plus this many; chosen: half of the gap of
+#: two to three pixels that all cameras leave on the side without shadow.
+_RIM_PX = 1
+#: Widest gap that is given to a surface, px: a head at 0.6 m before a wall at 3 m has 24. Widest
+#: empty band at the image's border onto which a surface goes on, px: a D435's at 0.4 m.
+_WIDEST_GAP_PX, _WIDEST_BAND_PX = 80, 60
+#: How far a far surface goes on behind a near one, px: more than any camera here sees around it.
+_BEHIND_PX = 60
+#: Classes of the noise: bounds of infrared, counts, or of depth, mm, without infrared; fewest
+#: pixels; the smoothest surfaces are the lower quarter. Chosen.
+_CLASSES, _LEAST_CLASS_PX, _SMOOTHEST = np.geomspace(100.0, 65_000.0, 34), 500, 0.25
+#: Times the noise variance below which no relief is kept. The lower quarter is 0.8 of the variance
+#: of noise alone in a window of 3 px, so that three quarters of a plane keep nothing; chosen.
+_KEPT_ABOVE = 1.7
+#: Distance from a rim within which no relief is kept, px: flying pixels are no relief. Chosen.
+_RELIEF_RIM_PX = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ReplaySurfaces:
+    """Surfaces of one frame.
+
+    Attributes:
+        front_mm: (H, W) smoothed depth of what the camera sees, mm; NaN where nothing is known.
+        behind_mm: (H, W) depth of what goes on behind the rim of a nearer surface; NaN elsewhere.
+        label: (H, W) number of the surface of ``front_mm``; -1 = none.
+        light_from: (H, W) flat index of the pixel whose reflectivity a pixel has: its own, or, in
+            gaps, that of the surface which the gap was given to.
+        behind_from: (H, W) the same of ``behind_mm``.
+
+    """
+
+    front_mm: Array
+    behind_mm: Array
+    label: Labels
+    light_from: Labels
+    behind_from: Labels
+
+
+def find_surfaces(
+    depth_mm: NDArray[np.float32],
+    smooth_px: float,
+    widest_hole_px: int,
+    noise_mm2: Array | None = None,
+) -> ReplaySurfaces:
+    """Find the surfaces of a depth map.
+
+    Args:
+        depth_mm: (H, W) mm, NaN where there is no depth.
+        smooth_px: standard deviation of the Gaussian window of the smoothing, px.
+        widest_hole_px: holes within a surface are closed up to this width.
+        noise_mm2: (H, W) variance of the camera's noise, mm^2: relief that is rougher is kept.
+            None: no relief is kept.
+
+    """
+    label, front = smooth_surfaces(depth_mm, smooth_px)
+    if noise_mm2 is not None:
+        front = keep_relief(depth_mm, front, label, noise_mm2, smooth_px)
+    index = np.arange(front.size, dtype=np.int64).reshape(front.shape)
+    light_from = index.copy()
+    _fill_rows(front, label, light_from, widest_hole_px)
+    _fill_rows(front.T, label.T, light_from.T, widest_hole_px)
+    behind, place = _behind_rows(front, index)
+    below, place_below = (part.T for part in _behind_rows(front.T, index.T))
+    by_rows = np.isfinite(behind)
+    behind_from = light_from.ravel()[np.where(by_rows, place, place_below)]
+    return ReplaySurfaces(front, np.where(by_rows, behind, below), label, light_from, behind_from)
+
+
+def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh:
+    """Join the pixels of all surfaces into one mesh, in the camera frame, mm.
+
+    Raises MeshError if there is no surface.
+
+    Args:
+        camera: of the depth map.
+        albedo: (H, W) of each pixel, relative to a white wall.
+
+    """
+    rays = camera.rays().astype(np.float64)
+    front = surfaces.front_mm, surfaces.label, surfaces.light_from
+    behind = surfaces.behind_mm, None, surfaces.behind_from
+    vertices, faces, lights = [], [], []
+    count = 0
+    for depth, label, light_from in (front, behind):
+        used, corners = _triangles(depth, label)
+        points = np.concatenate([rays * depth[..., None], depth[..., None]], axis=-1)
+        vertices.append(points.reshape(-1, 3)[used])
+        lights.append(albedo.ravel()[light_from.ravel()[used]])
+        faces.append(corners + count)
+        count += len(used)
+    return Mesh(
+        np.concatenate(vertices).astype(np.float32),
+        np.concatenate(faces).astype(np.int32),
+        np.concatenate(lights).astype(np.float32),
+    )
+
+
+def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.int32]]:
+    """Return the used pixels (flat indices) and the triangles between them, facing the camera."""
+    corners = grid_triangles(depth.shape)
+    z = depth.ravel()[corners]
+    low, high = z.min(axis=1), z.max(axis=1)
+    with np.errstate(invalid="ignore"):
+        joined = high - low <= step_limit_mm(low)
+    if label is not None:
+        of = label.ravel()[corners]
+        joined |= (of[:, 0] == of[:, 1]) & (of[:, 1] == of[:, 2])
+    used, faces = np.unique(corners[np.isfinite(low) & joined], return_inverse=True)
+    return used, faces.reshape(-1, 3).astype(np.int32)
+
+
+# --- surfaces and their smoothing ---------------------------------------------------------------
+
+
+def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[Labels, Array]:
+    """Number the surfaces of a depth map and smooth each.
+
+    Returns:
+        (H, W) number of the surface, -1 = none, and (H, W) smoothed depth, mm, NaN there.
+
+    """
+    label = _connected(depth_mm)
+    smooth = _smoothed(depth_mm, label >= 0, smooth_px)
+    return np.where(np.isfinite(smooth), label, -1), smooth
+
+
+def _connected(depth_mm: NDArray[np.float32]) -> Labels:
+    """Number the connected surfaces; -1 where there is no depth or a surface is tiny."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    z = depth_mm.astype(np.float64)
+    across, down = np.abs(np.diff(z, axis=1)), np.abs(np.diff(z, axis=0))
+    differences = np.concatenate([across.ravel(), down.ravel()])
+    at = np.concatenate([z[:, :-1].ravel(), z[:-1].ravel()])
+    limit = _limit_mm(np.nan_to_num(z), differences, at)
+    index = np.arange(z.size).reshape(z.shape)
+    with np.errstate(invalid="ignore"):
+        right, below = across <= limit[:, :-1], down <= limit[:-1]
+    first = np.concatenate([index[:, :-1][right], index[:-1][below]])
+    second = np.concatenate([index[:, 1:][right], index[1:][below]])
+    graph = coo_matrix((np.ones(first.size, np.bool_), (first, second)), shape=(z.size, z.size))
+    label = connected_components(graph, directed=False)[1]
+    kept = (np.bincount(label)[label] >= _LEAST_PX) & np.isfinite(z.ravel())
+    return np.asarray(np.where(kept, label, -1).reshape(z.shape), np.int64)
+
+
+def _limit_mm(depth_mm: Array, differences: Array, at: Array) -> Array:
+    """Return the largest difference of neighbours on one surface, for each depth."""
+    near = np.isfinite(differences)
+    place = np.digitize(at[near], _BINS_MM)
+    medians = np.full(len(_BINS_MM) + 1, np.nan)
+    for k in np.unique(place):
+        chosen = differences[near][place == k]
+        if chosen.size >= 100:
+            medians[k] = np.median(chosen)
+    known = np.isfinite(medians)
+    rule = step_limit_mm(depth_mm)
+    if not known.any():
+        return rule
+    centres = np.concatenate([_BINS_MM[:1], np.sqrt(_BINS_MM[1:] * _BINS_MM[:-1]), _BINS_MM[-1:]])
+    noise = np.interp(depth_mm, centres[known], medians[known])
+    return np.asarray(np.maximum(rule, _STEP_NOISE * noise))
+
+
+def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Array:
+    """Smooth a depth map within slabs of depth, by planes in inverse depth.
+
+    A plane is fitted to the pixels of a slab of depths alone, so that a near and a far surface that
+    touch elsewhere are not mixed. NaN where nothing is known, and for flying pixels, which have few
+    neighbours in their slab.
+    """
+    if not known.any():
+        return np.full(depth_mm.shape, np.nan)
+    level = np.where(known, np.log(np.where(known, depth_mm, 1.0)) / _SLAB, -10.0)
+    lower = np.floor(level)
+    above = level - lower  # share of the slab above, for a smooth change from slab to slab
+    total, weight = np.zeros(depth_mm.shape), np.zeros(depth_mm.shape)
+    pad = int(np.ceil(3 * sigma_px))
+    for centre in range(int(lower[known].min()), int(lower[known].max()) + 2):
+        share = np.where(lower == centre, 1.0 - above, np.where(lower == centre - 1, above, 0.0))
+        mask = np.abs(level - centre) < 1.5
+        if not share.any():
+            continue
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        inside = mask[part]
+        d = np.where(inside, 1000.0 / np.where(inside, depth_mm[part], 1.0), 0.0)
+        fitted, near = _local_planes(np.pad(d, pad), np.pad(inside, pad) * 1.0, sigma_px)
+        inner = np.s_[pad : pad + inside.shape[0], pad : pad + inside.shape[1]]
+        dense = share[part] * (near[inner] > _LEAST_NEIGHBOURS)
+        total[part] += dense * fitted[inner]
+        weight[part] += dense
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(weight > 0.5, 1000.0 * weight / total, np.nan)
+
+
+def _local_planes(values: Array, mask: Array, sigma_px: float) -> tuple[Array, Array]:
+    """Fit a plane around every pixel, weighted by a Gaussian and a mask.
+
+    Returns:
+        Its value at the pixel, and the share of the window that the mask has.
+    """
+    y, x = np.mgrid[: values.shape[0], : values.shape[1]].astype(np.float64)
+    known = mask > 0
+    offset = float(values[known].mean())
+    d = np.where(known, values - offset, 0.0)
+    weight = np.maximum(_blur(mask, sigma_px), 1e-12)
+    mean_x, mean_y, mean = (_blur(mask * v, sigma_px) / weight for v in (x, y, d))
+    xx = _blur(mask * x * x, sigma_px) / weight - mean_x**2 + 0.05
+    yy = _blur(mask * y * y, sigma_px) / weight - mean_y**2 + 0.05
+    xy = _blur(mask * x * y, sigma_px) / weight - mean_x * mean_y
+    xd = _blur(mask * x * d, sigma_px) / weight - mean_x * mean
+    yd = _blur(mask * y * d, sigma_px) / weight - mean_y * mean
+    scale = np.maximum(xx * yy - xy * xy, 1e-9)
+    slope_x, slope_y = (xd * yy - yd * xy) / scale, (yd * xx - xd * xy) / scale
+    return offset + mean + slope_x * (x - mean_x) + slope_y * (y - mean_y), weight
+
+
+def _blur(image: Array, sigma_px: float) -> Array:
+    blurred = cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(blurred, np.float64)
+
+
+# --- relief -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFloor:
+    """Variance of what smoothing takes from the smoothest surfaces: that of the camera's noise.
+
+    Attributes:
+        at: (N,) infrared, counts, or depth, mm, in the middle of each class.
+        variance_mm2: (N,) of the difference from the smoothed depth, mm^2; empty without enough
+            pixels.
+
+    """
+
+    at: Array
+    variance_mm2: Array
+
+    def variance(self, frame: DepthFrame) -> Array:
+        """Return the (H, W) variance of a frame's noise, mm^2; infinite if nothing was measured."""
+        if self.at.size == 0:
+            return np.full(frame.measured_mm.shape, np.inf)
+        driver = np.maximum(_driver(frame), _CLASSES[0])
+        return np.asarray(np.interp(np.log(driver), np.log(self.at), self.variance_mm2))
+
+
+def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseFloor:
+    """Measure the noise of the smoothest surfaces over infrared, or over depth without infrared.
+
+    Args:
+        frames: all with infrared, or all without.
+        sigma_px: standard deviation of the Gaussian window of the smoothing, px.
+
+    """
+    variances, drivers = [], []
+    for frame in frames:
+        label, smooth = smooth_surfaces(frame.measured_mm, sigma_px)
+        inner = _far_from_rims(label)
+        variances.append(_local_variance(frame.measured_mm - smooth, label >= 0, sigma_px)[inner])
+        drivers.append(_driver(frame)[inner])
+    variance, driver = np.concatenate(variances), np.concatenate(drivers)
+    place = np.digitize(driver, _CLASSES)
+    at, floor = [], []
+    for k in range(1, len(_CLASSES)):
+        chosen = variance[place == k]
+        if chosen.size >= _LEAST_CLASS_PX:
+            at.append(np.sqrt(_CLASSES[k - 1] * _CLASSES[k]))
+            floor.append(np.quantile(chosen, _SMOOTHEST))
+    return NoiseFloor(np.array(at), np.array(floor))
+
+
+def keep_relief(
+    depth_mm: NDArray[np.float32],
+    smooth_mm: Array,
+    label: Labels,
+    variance_mm2: Array,
+    sigma_px: float,
+) -> Array:
+    """Give smoothed depth the relief back that is rougher than noise: cloth, hair, print.
+
+    The noise is that of the real frames, so that a sensor with too little of it gains nothing.
+
+    Args:
+        depth_mm: (H, W) measured depth, mm.
+        smooth_mm: (H, W) smoothed depth, mm, NaN where unknown.
+        label: (H, W) number of the surface of each pixel; -1 = none.
+        variance_mm2: (H, W) of the camera's noise, mm^2.
+        sigma_px: standard deviation of the Gaussian window, px.
+
+    Returns:
+        (H, W) mm: the share of the difference that the variance beyond the noise's has of all.
+
+    """
+    difference = depth_mm - smooth_mm
+    variance = _local_variance(difference, label >= 0, sigma_px)
+    share = np.clip(1.0 - _KEPT_ABOVE * variance_mm2 / np.maximum(variance, 1e-9), 0.0, 1.0)
+    return np.asarray(smooth_mm + np.where(_far_from_rims(label), share * difference, 0.0))
+
+
+def _driver(frame: DepthFrame) -> Array:
+    """Return what the noise of a frame depends on: (H, W) infrared, or depth without infrared."""
+    source = frame.measured_mm if frame.infrared is None else frame.infrared
+    return np.nan_to_num(source.astype(np.float64))
+
+
+def _far_from_rims(label: Labels) -> Mask:
+    """Return the (H, W) pixels around which all are of one surface."""
+    window = np.ones((2 * _RELIEF_RIM_PX + 1, 2 * _RELIEF_RIM_PX + 1), np.uint8)
+    image = label.astype(np.float32)  # a frame has fewer surfaces than 2^24
+    return np.asarray((cv2.erode(image, window) == cv2.dilate(image, window)) & (label >= 0))
+
+
+def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array:
+    """Return the (H, W) variance within a Gaussian window, of known pixels."""
+    weight = np.maximum(_blur(known.astype(np.float64), sigma_px), 1e-6)
+    filled: Array = np.where(known, difference_mm, 0.0).astype(np.float64)
+    mean = _blur(filled, sigma_px) / weight
+    return np.maximum(_blur(filled * filled, sigma_px) / weight - mean * mean, 0.0)
+
+
+# --- gaps ---------------------------------------------------------------------------------------
+
+
+def _fill_rows(z: Array, label: Labels, light_from: Labels, widest_hole_px: int) -> None:
+    """Give the gaps of each row to the surfaces at their ends, in place (all (H, W))."""
+    for own in zip(z, label, light_from, strict=True):
+        known = np.flatnonzero(np.isfinite(own[0]))
+        ends = np.concatenate([[-1], known, [len(own[0])]])
+        for k in np.flatnonzero(np.diff(ends) > 1) if known.size else ():
+            _fill_gap(*own, int(ends[k]), int(ends[k + 1]), widest_hole_px)
+
+
+def _fill_gap(
+    z: Array, label: Labels, light_from: Labels, a: int, b: int, widest_hole_px: int
+) -> None:
+    """Fill the pixels between a and b of a row; -1 and its length stand for the borders."""
+    width = len(z)
+    if a < 0 or b >= width:  # the band at the border: the surface goes on
+        chosen, end = (slice(0, b), b) if a < 0 else (slice(a + 1, width), a)
+        parts = [(chosen, end)] if b - a - 1 <= _WIDEST_BAND_PX else []
+    elif b - a - 1 > _WIDEST_GAP_PX:
+        parts = []
+    else:
+        near_left = z[a] < z[b]
+        near, far = (a, b) if near_left else (b, a)
+        if z[far] - z[near] <= _APART * step_limit_mm(z[near]):
+            if b - a - 1 <= widest_hole_px:
+                share = (np.arange(a + 1, b) - a) / (b - a)
+                z[a + 1 : b] = 1.0 / ((1 - share) / z[a] + share / z[b])
+                label[a + 1 : b] = label[a]
+            return
+        rim = min(_RIM_PX, b - a - 1)
+        fronts = slice(a + 1, a + 1 + rim) if near_left else slice(b - rim, b)
+        backs = slice(a + 1 + rim, b) if near_left else slice(a + 1, b - rim)
+        parts = [(fronts, near), (backs, far)]
+    for chosen, end in parts:
+        z[chosen], label[chosen], light_from[chosen] = z[end], label[end], light_from[end]
+
+
+def _behind_rows(front: Array, index: Labels) -> tuple[Array, Labels]:
+    """Continue far surfaces behind the rims of near ones, along rows.
+
+    Args:
+        front: (H, W) depth that the camera sees, mm, NaN = none.
+        index: (H, W) flat index of each pixel.
+
+    Returns:
+        (H, W) depth behind it, mm, and of the far surface's own last pixel; NaN elsewhere. And the
+        index of that last pixel, whose reflectivity the continued surface has.
+    """
+    out, place = np.full(front.shape, np.nan), np.zeros(front.shape, np.int64)
+    width = front.shape[1]
+    with np.errstate(invalid="ignore"):
+        change = np.diff(front, axis=1)
+        limit = _APART * step_limit_mm(np.minimum(front[:, 1:], front[:, :-1]))
+        rows, columns = np.nonzero(np.abs(change) > limit)
+    for row, column in zip(rows, columns, strict=True):
+        z = front[row]
+        leftwards = z[column] < z[column + 1]
+        near, far, way = (column, column + 1, -1) if leftwards else (column + 1, column, 1)
+        span = np.arange(near, np.clip(near + way * _BEHIND_PX, -1, width), way)
+        with np.errstate(invalid="ignore"):
+            open_from = np.flatnonzero(~(z[span] < z[far] - 1.0))
+        span = span[: open_from[0]] if open_from.size else span
+        span = span[~(out[row, span] <= z[far])]  # NaN: nothing was continued there yet
+        # The two meshes overlap by a pixel.
+        out[row, span], place[row, span] = z[far], index[row, far]
+        out[row, far], place[row, far] = z[far], index[row, far]
+    return out, place

@@ -1,0 +1,316 @@
+"""Fit the noise model of a time-of-flight camera to a recording: amplitude and floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.fit.recording_statistics import RecordingStatistics
+from glsim.bench.measures.frame import lit, mean_frame, radius_px
+from glsim.bench.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame, Frames
+from glsim.sensors.kinect_v2 import (
+    COUNTS_PER_AMPLITUDE,
+    TAP_READ_LSB2,
+    TAP_SHOT_LSB,
+    white_sigma_mm,
+)
+
+Array = NDArray[np.float64]
+
+#: Number of classes of equal light, and least number of pixels of one.
+_CLASSES = 40
+_LEAST_CLASS = 50
+_AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
+
+#: Distance of the neighbours that give a normal, px; chosen.
+_LAG_PX = 4
+
+#: Least cosine between normal and light.
+_LEAST_FACING = 0.5
+
+#: Least amplitude at which phases are Gaussian, as the model assumes (measured).
+_LEAST_AMPLITUDE = 15.0
+
+#: Derived: noise reduction of libfreenect2's 3 x 3 filter, and variance of rounding a tap.
+FILTER_GAIN = 2.99
+_TAP_ROUNDING_LSB2 = 1.0 / 12.0
+
+#: Bright surfaces: quantile of the light of smooth pixels.
+_BRIGHT_SHARE = 0.95
+#: Pairs of frames for noise over infrared; more change no printed digit.
+_PAIRS = 12
+
+
+@dataclass(frozen=True)
+class TapNoise:
+    """Noise of a tap: variance without light, LSB^2, and its growth per LSB of light, LSB."""
+
+    read_lsb2: float = TAP_READ_LSB2
+    shot_lsb: float = TAP_SHOT_LSB
+
+
+@dataclass(frozen=True)
+class LightProfile:
+    """Light over the image, by the tangent t of the angle to the axis; the default is even.
+
+    (tail + (1 - tail) exp(min(flat_to - t, 0) / fall_off)) cos^vignetting.
+    """
+
+    flat_to: float = 10.0
+    fall_off: float = 1.0
+    tail: float = 0.0
+    vignetting: float = 0.0
+
+    def share(self, tangent: Array) -> Array:
+        """Return the light relative to that on the axis, at tangents of any shape."""
+        fall = np.exp(np.minimum(self.flat_to - tangent, 0.0) / self.fall_off)
+        cosine = 1.0 / np.sqrt(1.0 + tangent**2)
+        return np.asarray((self.tail + (1.0 - self.tail) * fall) * cosine**self.vignetting)
+
+
+@dataclass(frozen=True)
+class InfraredLaw:
+    """Light and noise over infrared counts.
+
+    Attributes:
+        gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
+            surface near the centre.
+        law: sigma^2 = a^2 + (b / IR)^2.
+        floor_mm: noise beside that of the taps, independent of light.
+        noise_error: standard error of the taps' noise, a share; infinite if all surfaces are
+            equally bright.
+        tap_scale: variance of the taps relative to the base sensor's.
+
+    """
+
+    gain: float
+    law: NoiseLaw
+    floor_mm: float
+    noise_error: float
+    tap_scale: float
+
+    @property
+    def knows_noise(self) -> bool:
+        """Whether the recording determines the noise of the taps."""
+        return self.noise_error < 0.3
+
+
+def fit_infrared(
+    statistics: RecordingStatistics, frames: Frames, albedo: float, taps: TapNoise
+) -> InfraredLaw:
+    """Fit gain and noise law to a recording with infrared.
+
+    Args:
+        statistics: of the frames.
+        frames: the recording.
+        albedo: of its brightest surfaces, relative to white.
+        taps: noise of the base sensor's taps.
+
+    """
+    mean = mean_frame(frames)
+    assert mean.infrared is not None
+    usable = statistics.smooth & lit(mean)
+    bright = light_at_one_metre(mean)[usable & (radius_px(mean) < EVEN_PX)]
+    bright = bright[np.isfinite(bright)]
+    gain = float("nan")
+    if bright.size >= _LEAST_CLASS:
+        gain = float(np.quantile(bright, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
+    law = measure_noise_law(*_some_pairs(frames))
+    nothing = InfraredLaw(gain, law, float("nan"), float("inf"), float("nan"))
+    if usable.sum() < _LEAST_CLASS:
+        return nothing
+    squared = 1.0 / (_rays(frames.intrinsics) ** 2).sum(axis=-1)
+    x, cosine2, variance, weight = _classes(
+        mean.infrared[usable].astype(np.float64),
+        squared[usable],
+        statistics.variance_mm2[usable],
+        statistics.frames,
+    )
+    strong = x >= COUNTS_PER_AMPLITUDE * _LEAST_AMPLITUDE
+    x, cosine2, variance, weight = (c[strong] for c in (x, cosine2, variance, weight))
+    if len(x) < 3:
+        return nothing
+    variance = variance - frames[0].step_mm ** 2 / 12.0
+    amplitude = x / COUNTS_PER_AMPLITUDE
+    shape = white_sigma_mm(amplitude, FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
+    rounding = white_sigma_mm(amplitude, FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
+    floor2, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
+    return InfraredLaw(
+        gain,
+        law,
+        float(np.sqrt(max(floor2, 0.0))),
+        error / scale if scale > 0 else float("inf"),
+        scale,
+    )
+
+
+def _some_pairs(frames: Frames) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
+    """Choose up to _PAIRS pairs of successive frames, evenly; return frames and their numbers."""
+    count = len(frames)
+    starts = np.unique(np.linspace(0, count - 2, min(_PAIRS, count // 2)).astype(int))
+    chosen = [frames[k] for start in starts for k in (start, start + 1)]
+    return chosen, [(2 * k, 2 * k + 1) for k in range(len(starts))]
+
+
+def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
+    """Fit y = a + b x by weighted least squares, robustly: a, b and the standard error of b."""
+    design = np.column_stack([np.ones_like(x), x])
+    robust = np.ones_like(x)
+    for _ in range(5):
+        root = np.sqrt(weight * robust)
+        fit = np.linalg.lstsq(root[:, None] * design, root * y, rcond=None)[0]
+        misfit = np.abs(y - design @ fit) * np.sqrt(weight)
+        limit = 2.0 * max(1.4826 * float(np.median(misfit)), 1e-9)
+        robust = np.minimum(1.0, limit / np.maximum(misfit, 1e-12))
+    covariance = np.linalg.pinv((root[:, None] * design).T @ (root[:, None] * design))
+    spread = float((weight * robust * (y - design @ fit) ** 2).sum()) / max(len(x) - 2, 1)
+    return float(fit[0]), float(fit[1]), float(np.sqrt(covariance[1, 1] * max(spread, 1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """Noise of depth: sigma^2 = floor^2 + (white(a) cosine)^2 + unit^2 / 12, a = amplitude * light.
+
+    The cosine between ray and axis projects the noise of the light, white(a), to depth.
+
+    Attributes:
+        amplitude: that of a white wall at 1 m (libfreenect2's infrared units).
+        amplitude_error: its standard error, a share; infinite if it is undetermined.
+        floor_mm: noise independent of light.
+        light: (N,) light of classes of pixels, relative to a facing wall at 1 m.
+        sigma_mm: (N,) noise of these classes.
+
+    """
+
+    amplitude: float
+    amplitude_error: float
+    floor_mm: float
+    light: Array
+    sigma_mm: Array
+
+    @property
+    def knows_amplitude(self) -> bool:
+        """Whether the recording determines the amplitude."""
+        return self.amplitude_error < 0.3
+
+
+def fit_noise_model(
+    statistics: RecordingStatistics,
+    image: Intrinsics,
+    albedo: float,
+    unit_mm: float,
+    profile: LightProfile,
+    emitter_m: tuple[float, float, float],
+    taps: TapNoise | None = None,
+) -> NoiseModel:
+    """Fit amplitude and floor by weighted least squares over classes of equal light.
+
+    Args:
+        statistics: of a recording.
+        image: its intrinsics.
+        albedo: of the scene, relative to a white wall.
+        unit_mm: step of the depth files.
+        profile: light over the image.
+        emitter_m: position of the emitter in the camera frame.
+        taps: noise of the base sensor's taps; default: that of the published phase noise.
+
+    """
+    taps = taps or TapNoise()
+    cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
+    light = albedo * facing_light(statistics.mean_mm, image, profile, emitter_m)
+    used = statistics.smooth & np.isfinite(light) & (light > 0)
+    x, squared, variance, weight = _classes(
+        light[used], cosine[used] ** 2, statistics.variance_mm2[used], statistics.frames
+    )
+    rounding = unit_mm**2 / 12.0
+    best, error, floor = _search(x, squared, variance - rounding, weight, taps)
+    strong = best * x >= _LEAST_AMPLITUDE
+    if 3 <= strong.sum() < len(x):
+        best, error, floor = _search(
+            x[strong], squared[strong], (variance - rounding)[strong], weight[strong], taps
+        )
+    return NoiseModel(best, error, floor, x, np.sqrt(variance))
+
+
+def _search(
+    light: Array, squared: Array, variance: Array, weight: Array, taps: TapNoise
+) -> tuple[float, float, float]:
+    """Return the amplitude of least misfit, its standard error as a share, and its floor, mm."""
+    misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
+    for number, amplitude in enumerate(_AMPLITUDES):
+        white = (
+            squared
+            * white_sigma_mm(
+                amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, taps.read_lsb2, taps.shot_lsb
+            )
+            ** 2
+        )
+        floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
+        misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
+    best = int(misfit.argmin())
+    # One standard error away the misfit has risen by the mean misfit of a class.
+    freedom = len(light) - 2
+    rise = max(misfit[best] / freedom, 1.0) if freedom > 0 else np.inf
+    good = np.flatnonzero(misfit <= misfit[best] + rise)
+    step = float(np.log(_AMPLITUDES[1] / _AMPLITUDES[0]))
+    error = 0.5 * max(float(np.log(_AMPLITUDES[good[-1]] / _AMPLITUDES[good[0]])), step)
+    if good[0] == 0 or good[-1] == len(_AMPLITUDES) - 1:
+        error = float("inf")
+    return float(_AMPLITUDES[best]), error, float(np.sqrt(floors[best]))
+
+
+def _rays(image: Intrinsics) -> Array:
+    """Return the (H, W, 3) rays of the pixels with z = 1."""
+    flat = image.rays().astype(np.float64)
+    return np.concatenate([flat, np.ones((*flat.shape[:2], 1))], axis=-1)
+
+
+def facing_light(
+    mean_mm: Array, image: Intrinsics, profile: LightProfile, emitter_m: tuple[float, float, float]
+) -> Array:
+    """Compute the (H, W) light of each pixel relative to a facing wall at 1 m.
+
+    NaN where neighbours are missing, and on slanted surfaces, where noise has other causes too.
+    """
+    rays = _rays(image)
+    points = rays * mean_mm[..., None] / 1000.0
+    along, down = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
+    along[:, _LAG_PX:-_LAG_PX] = points[:, 2 * _LAG_PX :] - points[:, : -2 * _LAG_PX]
+    down[_LAG_PX:-_LAG_PX] = points[2 * _LAG_PX :] - points[: -2 * _LAG_PX]
+    normal = np.cross(down, along)
+    from_emitter = points - np.asarray(emitter_m)
+    distance = np.linalg.norm(from_emitter, axis=-1)
+    length = distance * np.linalg.norm(normal, axis=-1)
+    facing = np.abs((normal * from_emitter).sum(axis=-1)) / np.where(length > 0, length, np.nan)
+    facing[~(facing > _LEAST_FACING)] = np.nan
+    distance = np.where(distance > 0, distance, np.nan)
+    return np.asarray(facing / distance**2 * profile.share(np.hypot(rays[..., 0], rays[..., 1])))
+
+
+def _classes(
+    light: Array, squared: Array, variance: Array, frames: int
+) -> tuple[Array, Array, Array, Array]:
+    """Average classes of equal light; each (N,): light, squared cosine, variance, weight."""
+    edges = np.geomspace(light.min() * 0.999, light.max() * 1.001, _CLASSES + 1)
+    which = np.digitize(light, edges) - 1
+    rows = []
+    for k in range(_CLASSES):
+        own = variance[which == k]
+        if own.size < _LEAST_CLASS:
+            continue
+        # Outliers are other materials and hidden edges. The variance of few frames scatters too,
+        # by sqrt(2 / degrees) of its mean, with a lower median.
+        own_light, own_squared = light[which == k], squared[which == k]
+        degrees = max(frames - 1, 1)
+        middle = (1.0 - 2.0 / (9.0 * degrees)) ** 3  # Wilson and Hilferty 1931
+        kept = own <= (1.0 + 6.0 * np.sqrt(2.0 / degrees)) / middle * np.median(own)
+        mean = float(own[kept].mean())
+        # Nine neighbours share their noise: independent samples are about two ninths (0.22).
+        samples = kept.sum() * max(frames - 1, 1) * 0.22
+        weight = samples / max(2.0 * mean**2, 1e-12)
+        rows.append((own_light[kept].mean(), own_squared[kept].mean(), mean, weight))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))  # type: ignore[return-value]

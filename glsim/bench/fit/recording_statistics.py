@@ -1,0 +1,170 @@
+"""Measure the noise of a camera on a recording of a static scene, for the fit of a sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.fit.fixed_pattern import DevicePattern, describe_pattern
+from glsim.bench.measures.cells import Cell, Samples
+from glsim.bench.measures.correlation import correlation_of, lagged_sums, without_local_mean
+from glsim.bench.measures.frame import mean_frame, radius_px
+from glsim.bench.measures.stacks import moments
+from glsim.core.depth_frame import Frames
+from glsim.core.errors import DatasetError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Least share of the frames in which a pixel has depth.
+_LEAST_VALID = 0.9
+#: Step of an edge, mm, that of libfreenect2's filter.
+_EDGE_MM = 100.0
+#: Least distance of a flying pixel from the surfaces on both sides of its edge, mm; chosen.
+_FLYING_MM = 20.0
+#: Lag of second differences, px: beyond the reach of two 3 x 3 filters, and even, so that an
+#: alternation of rows cancels.
+_LAG_PX = 4
+_LEAST_PIXELS = 100
+#: Flat and even surfaces: largest second difference over 2 x 8 px, mm, and largest variation of the
+#: infrared in 9 x 9 px, as a share. Chosen so that an office gives the rows and columns of a board.
+_MOST_BEND_MM, _MOST_UNEVEN = 1.0, 0.08
+_LEAST_FLAT_PX = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingStatistics:
+    """Noise of one recording.
+
+    Attributes:
+        frames: number of frames.
+        mean_mm: (H, W) mean over time, NaN where depth is rare.
+        variance_mm2: (H, W) variance over time, NaN where depth is rare.
+        smooth: (H, W) pixels of smooth, complete surfaces.
+        table: temporal noise by distance and radius, rounding subtracted.
+        correlation: of the temporal noise between pixels, at LAGS.
+        pattern: fixed pattern.
+        edge_pixels: number of pixels per frame beside depth edges.
+        invalid_share: share of them without depth; NaN if there are none.
+        flying_share: share of them between the surfaces; NaN if there are none.
+
+    """
+
+    frames: int
+    mean_mm: Array
+    variance_mm2: Array
+    smooth: Mask
+    table: tuple[Cell, ...]
+    correlation: tuple[float, ...]
+    pattern: DevicePattern
+    edge_pixels: int
+    invalid_share: float
+    flying_share: float
+
+
+def measure_recording(frames: Frames) -> RecordingStatistics:
+    """Measure a static recording. Raises DatasetError if no part of the scene is smooth enough."""
+    count, mean, variance = moments([frame.measured_mm for frame in frames])
+    steady = count >= max(2.0, _LEAST_VALID * len(frames))
+    smooth = _smooth_mask(np.where(steady, mean, np.nan))
+    if smooth.sum() < _LEAST_PIXELS:
+        raise DatasetError(
+            f"{frames.title}: only {int(smooth.sum())} pixels belong to smooth surfaces with "
+            "depth in nearly all frames: record walls, a floor, a table, and do not move"
+        )
+    noise = np.where(steady, variance / np.maximum(count, 1), 0.0)
+    # Only well-lit pixels: the noise of far walls would hide the pattern.
+    lit = smooth & (noise <= 2.0 * np.median(noise[smooth]))
+    whole = mean_frame(frames)
+    flat = lit & _flat_mask(whole.infrared, mean, steady)
+    used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
+    halves = [mean_frame(frames[start::2]) for start in (0, 1)]
+    edge, invalid, flying = _edges(frames, mean, steady)
+    samples = Samples()
+    quantum = frames[0].step_mm ** 2 / 12.0
+    samples.add(mean, radius_px(whole), np.where(smooth, variance - quantum, np.nan))
+    return RecordingStatistics(
+        frames=len(frames),
+        mean_mm=np.where(steady, mean, np.nan),
+        variance_mm2=np.where(steady, variance, np.nan),
+        smooth=smooth,
+        table=samples.root_cells(),
+        correlation=_correlation(frames, smooth),
+        pattern=describe_pattern(halves, mean, used),
+        edge_pixels=edge,
+        invalid_share=invalid,
+        flying_share=flying,
+    )
+
+
+def _smooth_mask(mean: Array) -> Mask:
+    """Find pixels whose 9 x 9 neighbourhood is complete and, except for noise, linear in depth."""
+    bends = [second_difference(mean, axis, _LAG_PX) for axis in (0, 1)]
+    known = np.isfinite(bends[0]) & np.isfinite(bends[1])
+    if not known.any():
+        return known
+    bend = np.where(known, np.maximum(np.abs(bends[0]), np.abs(bends[1])), np.inf)
+    # The median bend is the noise of a wall; curved surfaces bend more than six times as much.
+    limit = max(6.0 * float(np.median(bend[known])), 2.0)
+    kernel = np.ones((2 * _LAG_PX + 1,) * 2, np.uint8)
+    flat = (bend < limit).astype(np.uint8)
+    return np.asarray(cv2.erode(flat, kernel, borderValue=0) > 0)
+
+
+def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) -> Mask:
+    """Find pixels around which the surface is flat and evenly bright: no cloth, seams or print.
+
+    Depth is averaged over 5 x 5 first, which leaves little of the pattern to select by.
+    """
+    even = cv2.blur(np.where(steady, mean, 0.0), (5, 5))
+    bends = [np.abs(second_difference(np.asarray(even), axis, 2 * _LAG_PX)) for axis in (0, 1)]
+    flat = (bends[0] < _MOST_BEND_MM) & (bends[1] < _MOST_BEND_MM)
+    if infrared is None:
+        return np.asarray(flat)
+    counts = infrared.astype(np.float64)
+    level = cv2.blur(counts, (9, 9))
+    spread = np.sqrt(np.maximum(cv2.blur(counts**2, (9, 9)) - level**2, 0.0))
+    return np.asarray(flat & (spread < _MOST_UNEVEN * level))
+
+
+def _correlation(frames: Frames, smooth: Mask) -> tuple[float, ...]:
+    """Correlate the differences of successive frames, which hold temporal noise only."""
+    sums = []
+    for before, after in pairwise(frames):
+        noise = np.where(smooth, after.measured_mm.astype(np.float64) - before.measured_mm, np.nan)
+        sums.append(lagged_sums(without_local_mean(noise)))
+    return correlation_of(sums)
+
+
+def second_difference(image: Array, axis: int, lag: int) -> Array:
+    """Compute image[i - lag] - 2 image[i] + image[i + lag]; NaN at the border."""
+    moved = np.moveaxis(image, axis, 0)
+    out = np.full(moved.shape, np.nan)
+    out[lag:-lag] = moved[: -2 * lag] - 2 * moved[lag:-lag] + moved[2 * lag :]
+    return np.moveaxis(out, 0, axis)
+
+
+def _edges(frames: Frames, mean: Array, steady: Mask) -> tuple[int, float, float]:
+    """Count the pixels of a frame beside depth edges, and the shares without depth and flying.
+
+    An edge lies where steady pixels within 5 x 5 differ by more than _EDGE_MM; pixels beside it are
+    at most one pixel away from the end of the nearer surface.
+    """
+    kernel = np.ones((5, 5), np.uint8)
+    low = cv2.erode(np.where(steady, mean, 1e6), kernel, borderValue=1e6)
+    high = cv2.dilate(np.where(steady, mean, 0.0), kernel, borderValue=0.0)
+    low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
+    edge = (low < 1e6) & (high > 0) & (high - low > _EDGE_MM)
+    nearer = (steady & (mean < 0.5 * (low + high))).astype(np.uint8)
+    beside = edge & (cv2.dilate(nearer, np.ones((3, 3), np.uint8)) > 0)
+    beside &= cv2.erode(nearer, np.ones((3, 3), np.uint8)) == 0
+    pixels = int(beside.sum())
+    if pixels == 0:
+        return 0, float("nan"), float("nan")
+    values = np.stack([frame.measured_mm[beside] for frame in frames])
+    between = (values > low[beside] + _FLYING_MM) & (values < high[beside] - _FLYING_MM)
+    return pixels, float(np.isnan(values).mean()), float(between.mean())

@@ -1,0 +1,262 @@
+"""Fit the wiggling of a camera: the error of depth that is periodic in distance.
+
+A plane is known up to three numbers; what bends it with the periods of the harmonics is wiggling.
+The recording must show undistorted planes that cover 0.65 m of distance together, along the rays:
+a wall at a slant, a floor, or several walls. The more they cover, the smaller is the error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.fit.recording_statistics import RecordingStatistics
+from glsim.core.camera import Intrinsics
+from glsim.sensors.kinect_v2 import FREQUENCIES_MHZ, FUSION_MM_PER_RAD
+from glsim.sensors.wiggling import CYCLES, Wave
+
+Array = NDArray[np.float64]
+
+#: Half a wavelength at 1 MHz, mm: speed of light / 2.
+_HALF_WAVE_MM_MHZ = 149_896.229
+
+#: Frequencies of the result, MHz: at 16 MHz a cycle is 3.1 m, longer than the planes of a room. Its
+#: waves are fitted too, held to the usual size, so that they do not bias the others.
+FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
+
+#: Waves that are fitted, and the frequency of each coefficient: cosines, then sines.
+_WAVES = len(CYCLES) * len(FREQUENCIES_MHZ)
+_MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
+#: Usual size of a wave, mm, measured on a Kinect V2.
+_USUAL_MM = 1.5
+#: Side of the tiles of the jackknife, px; chosen.
+_TILE_PX = 64
+
+#: Least range of distances of the planes, mm: the longest period of the result, 625 mm.
+_LEAST_SPAN_MM = 650.0
+_LEAST_PIXELS = 5000
+#: Most planes; chosen above the number in a room, each takes a search of 0.1 s.
+_MOST_PLANES = 8
+_STEP_MM = 10.0
+_INLIER_MM = 12.0
+_TRIALS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Wiggling:
+    """Harmonics of the correlation, as libfreenect2's fusion shows them in depth.
+
+    A harmonic of size h and phase p moves depth by -110.5 mm h sin(c - p), with c = 3 (second) or 6
+    (fifth) times the phase of the light.
+
+    Attributes:
+        amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ.
+        phase_rad: harmonic -> (len(FITTED_MHZ),) phases.
+        error: harmonic -> standard error of the size.
+        span_mm: nearest and farthest point of the planes, along the ray.
+        planes: number of planes.
+        sizes: harmonic -> (len(FITTED_MHZ),) sizes.
+
+    """
+
+    amplitude: dict[int, float]
+    phase_rad: dict[int, Array]
+    error: dict[int, float]
+    span_mm: tuple[float, float]
+    planes: int
+    sizes: dict[int, Array]
+
+    def known(self, harmonic: int) -> bool:
+        """Whether the harmonic is significant: at least four standard errors."""
+        return self.amplitude[harmonic] >= 4.0 * self.error[harmonic]
+
+    def waves(self) -> tuple[Wave, ...]:
+        """Return the waves of the significant harmonics for a sensor file."""
+        return tuple(
+            Wave(
+                harmonic=2 if harmonic == 2 else 5,
+                modulation_mhz=mhz,
+                size=float(f"{min(size, 0.2):.5g}"),
+                phase_deg=float(f"{math.degrees(phase):.5g}"),
+            )
+            for harmonic in self.amplitude
+            if self.known(harmonic)
+            for mhz, size, phase in zip(
+                FITTED_MHZ, self.sizes[harmonic], self.phase_rad[harmonic], strict=True
+            )
+        )
+
+
+def fit_wiggling(
+    statistics: RecordingStatistics,
+    image: Intrinsics,
+    emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Wiggling | None:
+    """Fit the harmonics to all planes of the scene together.
+
+    Args:
+        statistics: of a recording without lens distortion, which bends planes more than harmonics.
+        image: its intrinsics.
+        emitter_m: position of the emitter in the camera frame.
+
+    Returns:
+        The harmonics; None if the planes cover too short a range of distances along the rays.
+
+    """
+    flat = image.rays().astype(np.float64)
+    usable = statistics.smooth & np.isfinite(statistics.mean_mm)
+    depth, x, y = statistics.mean_mm[usable], flat[..., 0][usable], flat[..., 1][usable]
+    planes = _planes(np.column_stack([np.ones_like(x), x, y]), depth)
+    points = depth[:, None] * np.column_stack([x, y, np.ones_like(x)])
+    back = np.linalg.norm(points, axis=1)
+    # Half the way of the light, from the emitter and back: its phase is what wiggles.
+    distance = 0.5 * (back + np.linalg.norm(points - 1000.0 * np.asarray(emitter_m), axis=1))
+    span = _covered_mm([distance[inside] for inside in planes])
+    if span < _LEAST_SPAN_MM:
+        return None
+    blocks = _Blocks()
+    tile = np.flatnonzero(usable)
+    tile = tile // image.width // _TILE_PX * image.width + tile % image.width // _TILE_PX
+    for inside in planes:
+        design = np.column_stack([np.ones_like(inside), x[inside], y[inside]])
+        lever = depth[inside] * back[inside] / 1000.0
+        blocks.add(design, depth[inside], distance[inside], lever, tile[inside])
+    fit, error_mm = blocks.solve()
+    amplitude: dict[int, float] = {}
+    sizes: dict[int, Array] = {}
+    phase: dict[int, Array] = {}
+    error: dict[int, float] = {}
+    for number, harmonic in enumerate(CYCLES):
+        first = number * len(FREQUENCIES_MHZ)
+        own = first + np.array([FREQUENCIES_MHZ.index(f) for f in FITTED_MHZ])
+        # Inverse depth falls where depth grows.
+        a, b = -fit[own], -fit[own + _WAVES]
+        size = np.hypot(a, b)  # mm: a cos c + b sin c = -size sin(c - phase)
+        sizes[harmonic] = size / FUSION_MM_PER_RAD
+        amplitude[harmonic] = float(sizes[harmonic].mean())
+        phase[harmonic] = np.arctan2(a, -b)
+        squares = 0.5 * (error_mm[own] ** 2 + error_mm[own + _WAVES] ** 2)
+        error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
+    every = np.concatenate([distance[inside] for inside in planes])
+    near, far = (float(np.quantile(every, q)) for q in (0.01, 0.99))
+    return Wiggling(amplitude, phase, error, (near, far), len(planes), sizes)
+
+
+class _Blocks:
+    """Normal equations of the harmonics, one block for each tile of each plane."""
+
+    def __init__(self) -> None:
+        self._squares: list[Array] = []
+        self._products: list[Array] = []
+        self._left = self._pixels = 0.0
+
+    def add(
+        self,
+        design: Array,
+        depth_mm: Array,
+        distance_mm: Array,
+        weight: Array,
+        tile: NDArray[np.intp],
+    ) -> None:
+        """Add a plane.
+
+        Args:
+            design: (N, 3) 1, x/z and y/z of its pixels.
+            depth_mm: (N,).
+            distance_mm: (N,) half the way of the light.
+            weight: (N,) an error along the ray moves inverse depth, 1 / m, by minus the error over
+                the weight.
+            tile: (N,) number of the tile.
+
+        """
+        cycles = np.array([n * f for n in CYCLES.values() for f in FREQUENCIES_MHZ])
+        angle = 2 * np.pi * distance_mm[:, None] * cycles / _HALF_WAVE_MM_MHZ
+        waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        target = weight * 1000.0 / depth_mm
+        # The harmonics are fitted to the residual of the plane.
+        basis = np.linalg.qr(weight[:, None] * design)[0]
+        waves = waves - basis @ (basis.T @ waves)
+        target = target - basis @ (basis.T @ target)
+        for number in np.unique(tile):
+            own = tile == number
+            self._squares.append(waves[own].T @ waves[own])
+            self._products.append(waves[own].T @ target[own])
+        self._left += float((target**2).sum())
+        self._pixels += len(target)
+
+    def solve(self) -> tuple[Array, Array]:
+        """Return the coefficients, cosines then sines, mm, and their standard errors.
+
+        The error is the larger of that of noise, alike over the filter's 3 x 3 pixels, and that of
+        a jackknife over tiles, which also counts what is not flat.
+        """
+        squares, products = np.sum(self._squares, axis=0), np.sum(self._products, axis=0)
+        noise = 9.0 * self._left / self._pixels
+        # Other frequencies are held to the usual size.
+        prior = np.zeros(2 * _WAVES)
+        prior[[k for k in range(2 * _WAVES) if _MHZ_OF[k] not in FITTED_MHZ]] = noise / _USUAL_MM**2
+        whole = squares + np.diag(prior)
+        fit = np.linalg.lstsq(whole, products, rcond=None)[0]
+        by_noise = np.sqrt(noise * np.linalg.pinv(whole).diagonal())
+        parts = [
+            np.linalg.lstsq(whole - s, products - p, rcond=None)[0]
+            for s, p in zip(self._squares, self._products, strict=True)
+        ]
+        count = len(parts)
+        by_tiles = np.sqrt((count - 1) * np.var(parts, axis=0))
+        return np.asarray(fit), np.asarray(np.maximum(by_noise, by_tiles))
+
+
+def _planes(design: Array, depth_mm: Array) -> list[NDArray[np.intp]]:
+    """Find up to _MOST_PLANES planes, the largest first: the numbers of the pixels of each."""
+    rest = np.arange(len(depth_mm))
+    found: list[NDArray[np.intp]] = []
+    while len(found) < _MOST_PLANES and len(rest) >= _LEAST_PIXELS:
+        inside = _largest_plane(design[rest], depth_mm[rest])
+        if inside.sum() < _LEAST_PIXELS:
+            break
+        found.append(rest[inside])
+        rest = rest[~inside]
+    return found
+
+
+def _covered_mm(distances: list[Array]) -> float:
+    """Return the length of distance that the planes cover together, mm, overlaps counted once."""
+    steps = np.arange(0.0, 20_000.0, _STEP_MM)
+    covered = np.zeros(len(steps), np.bool_)
+    for own in distances:
+        near, far = (float(np.quantile(own, q)) for q in (0.01, 0.99))
+        covered |= (steps >= near) & (steps < far)
+    return float(covered.sum()) * _STEP_MM
+
+
+def _largest_plane(design: Array, depth_mm: Array) -> NDArray[np.bool_]:
+    """Find the pixels of the plane that holds most of them, by random triples and two refits."""
+    rng = np.random.default_rng(0)  # the same file gives the same fit
+    some = rng.permutation(len(depth_mm))[:4000]
+    best: Array = np.zeros(3)
+    most = -1
+    for _ in range(_TRIALS):
+        chosen = rng.choice(some, 3, replace=False)
+        try:
+            plane = np.linalg.solve(design[chosen], 1000.0 / depth_mm[chosen])
+        except np.linalg.LinAlgError:
+            continue
+        count = int(_near_plane(design[some], depth_mm[some], plane).sum())
+        if count > most:
+            best, most = plane, count
+    for _ in range(2):
+        inside = _near_plane(design, depth_mm, best)
+        if inside.sum() < 3:
+            return inside
+        weight = depth_mm[inside] ** 2
+        columns, target = weight[:, None] * design[inside], weight * 1000.0 / depth_mm[inside]
+        best = np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], np.float64)
+    return _near_plane(design, depth_mm, best)
+
+
+def _near_plane(design: Array, depth_mm: Array, plane: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(design @ plane * depth_mm - 1000.0) * depth_mm < 1000.0 * _INLIER_MM)

@@ -1,0 +1,128 @@
+"""Chessboards in frames: their corners, the pixels of the board, and the plane through them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.frame import SATURATED, lit
+from glsim.core.depth_frame import DepthFrame
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Inner corners along the short and the long side, of the board of iai_kinect2.
+PATTERN = (5, 7)
+#: Width of the part outside the corners that counts as board, squares; chosen, since the outer half
+#: of the outermost squares may be hidden.
+_MARGIN_SQUARES = 0.5
+#: Pixels beside a printed edge mix paper and print; so many are left out.
+_EDGE_PX = 1
+#: Outliers of the plane: beyond so many robust standard deviations, found in so many rounds.
+_CLIP, _LEAST_SIGMA_MM, _ROUNDS = 5.0, 0.5, 10
+#: Least number of pixels of a plane.
+LEAST_PIXELS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Board:
+    """The board in one frame.
+
+    A time-of-flight camera measures dark print some mm too far, so that only the paper is plane.
+
+    Attributes:
+        on_plane: (H, W) pixels of the board with depth.
+        paper: (H, W) the white ones of them.
+        distance_mm: median depth of the paper.
+
+    """
+
+    on_plane: Mask
+    paper: Mask
+    distance_mm: float
+
+
+def find_corners(infrared: NDArray[np.float32], pattern: tuple[int, int] = PATTERN) -> Array | None:
+    """Find the inner corners of a board in an infrared image, (N, 2) px; None if there is none."""
+    lit = infrared[(infrared > 0) & (infrared < SATURATED)]
+    if lit.size == 0:
+        return None
+    # The root of the counts spreads the dark half of the image; the top 0.5 % are reflexes.
+    top = float(np.percentile(lit, 99.5))
+    image = (255.0 * np.sqrt(np.clip(infrared / top, 0.0, 1.0))).astype(np.uint8)
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
+    found, corners = cv2.findChessboardCornersSB(image, pattern, flags=flags)
+    return np.asarray(corners, np.float64).reshape(-1, 2) if found else None
+
+
+def find_board(
+    frame: DepthFrame, corners_px: Array, pattern: tuple[int, int] = PATTERN
+) -> Board | None:
+    """Find the pixels of a board with depth; None if the plane has too few of them."""
+    centre = corners_px.mean(axis=0)
+    grow = 1.0 + 2.0 * _MARGIN_SQUARES / (max(pattern) - 1)
+    hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
+    hull = np.rint(centre + grow * (hull - centre)).astype(np.int32)
+    inside = np.zeros(frame.measured_mm.shape, np.uint8)
+    cv2.fillConvexPoly(inside, hull, 1)
+    known = (inside > 0) & np.isfinite(frame.measured_mm)
+    if known.sum() < LEAST_PIXELS:
+        return None
+    residual = plane_residual(frame.measured_mm, frame.rays, known)
+    on_plane = known & (np.abs(residual) <= _limit(residual[known]))
+    paper = on_plane & _bright(frame, inside > 0)
+    if paper.sum() < LEAST_PIXELS:
+        return None
+    return Board(on_plane, paper, float(np.median(frame.measured_mm[paper])))
+
+
+def plane_residual(depth_mm: NDArray[np.floating], rays: NDArray[np.floating], part: Mask) -> Array:
+    """Fit a plane robustly: 1 / z is linear in the rays, and weights z^2 make residuals mm.
+
+    Args:
+        depth_mm: (H, W) depth, finite in ``part``.
+        rays: (H, W, 2) x/z and y/z of the pixels.
+        part: (H, W) pixels of the plane; outliers among them are left out of the fit.
+
+    Returns:
+        (H, W) depth minus plane, mm.
+
+    """
+    z = depth_mm.astype(np.float64)
+    design = np.concatenate([np.ones((*z.shape, 1)), rays.astype(np.float64)], axis=-1)
+    used = part
+    residual = np.full(z.shape, np.nan)
+    for _ in range(_ROUNDS):
+        weight = z[used] ** 2
+        terms, wanted = design[used] * weight[:, None], z[used]
+        plane = np.linalg.lstsq(terms, wanted, rcond=None)[0]
+        with np.errstate(divide="ignore"):
+            residual = z - 1.0 / (design @ plane)
+        closer = part & (np.abs(residual) <= _limit(residual[used]))
+        if (closer == used).all():
+            break
+        used = closer
+    return residual
+
+
+def _limit(residual: Array) -> float:
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return _CLIP * max(spread, _LEAST_SIGMA_MM)
+
+
+def _bright(frame: DepthFrame, inside: Mask) -> Mask:
+    """Return the paper: brighter than Otsu's threshold, print and its edges left out."""
+    if frame.infrared is None:
+        return np.ones_like(inside)
+    seen = inside & lit(frame)
+    if not seen.any():
+        return np.zeros_like(inside)
+    top = float(frame.infrared[seen].max())
+    grey = np.clip(255.0 * frame.infrared / top, 0, 255).astype(np.uint8)
+    threshold, _ = cv2.threshold(grey[seen][None], 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    side = 2 * _EDGE_PX + 1
+    bright = cv2.erode((grey > threshold).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    return np.asarray(bright & seen)

@@ -1,0 +1,247 @@
+"""Noise of disparity: what a stereo or structured-light camera measures before it says a depth.
+
+Disparity is focal length times baseline over depth, px; where the product is not known, 1 / depth
+stands for it, in 1/m. A plane is linear in both. Tiles of 40 x 40 px with depth in 97 % of the
+pixels are compared with their own robust plane; the spread about it, its part that stays from frame
+to frame, and the correlation between pixels describe the matcher.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.correlation import correlation_of, lagged_sums
+from glsim.bench.measures.stacks import with_nan
+
+Array = NDArray[np.float64]
+
+#: Distances at which the correlation is given, px. Chosen: a matcher's support region of 13 to 15
+#: px has its half at 5 and its end at 14.
+LAGS_PX = (1, 2, 3, 4, 6, 8, 12)
+#: Side of a tile, px, and least share of its pixels with depth. Chosen: three support regions.
+TILE_PX, LEAST_SHARE = 40, 0.97
+#: Outliers of a plane: beyond _CLIP robust deviations, found in at most _ROUNDS rounds; chosen.
+_CLIP, _ROUNDS = 4.0, 10
+#: Outliers of the difference of two frames, robust deviations; chosen.
+_CLIP_DIFFERENCE = 5.0
+#: Fewest tiles of a figure. Chosen: the median of five is known to about 20 %.
+LEAST_TILES = 5
+
+
+@dataclass(frozen=True)
+class DisparityNoise:
+    """Noise of disparity, px, or 1/m where no focal length and baseline are known.
+
+    Attributes:
+        tiles: number of tiles, all frames together.
+        residual: median of the tiles' standard deviation about their plane.
+        rows: (7,) correlation of that residual along rows at LAGS_PX, mean of the tiles.
+        columns: (7,) the same along columns.
+        pairs: number of static pairs of frames.
+        frame: median standard deviation of one frame in time, from differences over sqrt 2.
+        static: median root of the covariance of the residuals of two frames: what stays.
+        frame_rows: (7,) correlation of the difference along rows, all tiles together.
+        frame_columns: (7,) the same along columns.
+
+    A figure of fewer than LEAST_TILES tiles is NaN.
+
+    """
+
+    tiles: int
+    residual: float
+    rows: tuple[float, ...]
+    columns: tuple[float, ...]
+    pairs: int
+    frame: float
+    static: float
+    frame_rows: tuple[float, ...]
+    frame_columns: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """Square parts of one image in which nearly every pixel has depth, and their noise.
+
+    Attributes:
+        top: (N,) row of the first pixel.
+        left: (N,) column of the first pixel.
+        level: (N,) median disparity.
+        residual: (N, S, S) disparity minus the robust plane, NaN for outliers.
+        sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.
+
+    """
+
+    top: NDArray[np.int64]
+    left: NDArray[np.int64]
+    level: Array
+    residual: Array
+    sigma: Array
+
+
+def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
+    """Convert depth, mm, to disparity, px, or to its inverse, 1/m.
+
+    Args:
+        depth_mm: any shape, 0 or NaN = no depth.
+        focal_baseline_px_mm: focal length times baseline, px mm; None: it is not known.
+
+    Returns:
+        Disparity of the same shape, px, or 1 / depth in 1/m; NaN = no depth.
+
+    """
+    scale = 1000.0 if focal_baseline_px_mm is None else focal_baseline_px_mm
+    return np.asarray(scale / with_nan(depth_mm))
+
+
+def find_tiles(disparity: Array, side_px: int = TILE_PX) -> Tiles:
+    """Cut an image into squares, keep those with disparity, and fit a robust plane to each.
+
+    Args:
+        disparity: (H, W), NaN = none.
+        side_px: side of a tile.
+
+    """
+    height, width = (size - size % side_px for size in disparity.shape)
+    squares = disparity[:height, :width].reshape(
+        height // side_px, side_px, width // side_px, side_px
+    )
+    blocks = squares.swapaxes(1, 2).reshape(-1, side_px * side_px)
+    rows, columns = np.mgrid[: height // side_px, : width // side_px] * side_px
+    full = np.isfinite(blocks).mean(axis=1) >= LEAST_SHARE
+    values = blocks[full]
+    residual = _plane_residual(values, side_px)
+    count = np.maximum(np.isfinite(residual).sum(axis=1) - 3, 1)
+    sigma = np.sqrt(np.nansum(residual**2, axis=1) / count)
+    level = np.nanmedian(values, axis=1) if len(values) else np.zeros(0)
+    images = residual.reshape(-1, side_px, side_px)
+    return Tiles(rows.ravel()[full], columns.ravel()[full], level, images, sigma)
+
+
+def _plane_residual(values: Array, side_px: int) -> Array:
+    """Subtract its robust plane from each of (N, S * S) tiles; outliers and holes become NaN."""
+    y, x = np.mgrid[:side_px, :side_px] - (side_px - 1) / 2
+    design = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
+    known = np.isfinite(values)
+    filled = np.where(known, values, 0.0)
+    used = known
+    residual = values
+    for _ in range(_ROUNDS):
+        weight = used.astype(np.float64)
+        normal = np.einsum("np,pi,pj->nij", weight, design, design, optimize=True)
+        right = (weight * filled) @ design
+        plane = np.linalg.solve(normal, right[..., None])[..., 0]
+        residual = filled - plane @ design.T
+        inside = np.where(used, residual, np.nan)
+        if inside.size == 0:
+            break
+        # A third of the rms is the least deviation: of quantised planes the median is often 0.
+        spread = np.fmax(
+            1.4826 * np.nanmedian(np.abs(inside), axis=1),
+            np.sqrt(np.nanmean(inside**2, axis=1)) / 3.0,
+        )
+        closer = known & (np.abs(residual) <= _CLIP * spread[:, None] + 1e-12)
+        if (closer == used).all():
+            break
+        used = closer
+    return np.where(used, residual, np.nan)
+
+
+def measure_disparity_noise(
+    disparity: Sequence[Array],
+    pairs: Sequence[tuple[int, int]] = (),
+    side_px: int = TILE_PX,
+) -> DisparityNoise:
+    """Measure the noise of frames.
+
+    Args:
+        disparity: (H, W) of each frame, NaN = none.
+        pairs: numbers of two frames of one view each, as ``static_pairs`` finds them.
+        side_px: side of a tile; smaller ones hide more of the slow noise.
+
+    """
+    tiles = [find_tiles(image, side_px) for image in disparity]
+    sigma = np.concatenate([t.sigma for t in tiles])
+    residual = np.concatenate([t.residual for t in tiles])
+    frame, static, squares = [], [], []
+    for first, second in pairs:
+        own = _pair_tiles(disparity[first], disparity[second], tiles[first], side_px)
+        frame.append(own[0])
+        static.append(_shared_variance(tiles[first], tiles[second]))
+        squares.append(own[1])
+    differences = np.concatenate(squares) if squares else np.zeros((0, side_px, side_px))
+    shared = _median(static)
+    return DisparityNoise(
+        int(sigma.size),
+        _median([sigma]),
+        tile_correlation(residual, 1),
+        tile_correlation(residual, 0),
+        len(pairs),
+        _median(frame),
+        float(np.sqrt(max(shared, 0.0))) if np.isfinite(shared) else shared,
+        _pooled_correlation(differences, 1),
+        _pooled_correlation(differences, 0),
+    )
+
+
+def tile_correlation(tiles: Array, axis: int) -> tuple[float, ...]:
+    """Return the mean correlation of (N, S, S) tiles at LAGS_PX; axis 1 is along rows.
+
+    Each tile counts alike, so that a few tiles that are no planes do not decide.
+    """
+    if len(tiles) < LEAST_TILES:
+        return (float("nan"),) * len(LAGS_PX)
+    sums = lagged_sums(tiles, _lags(axis))
+    with np.errstate(invalid="ignore"):
+        each = sums[..., 0] / sums[..., 1]
+    return tuple(float(np.nanmean(c)) if np.isfinite(c).any() else float("nan") for c in each.T)
+
+
+def _pooled_correlation(tiles: Array, axis: int) -> tuple[float, ...]:
+    if len(tiles) < LEAST_TILES:
+        return (float("nan"),) * len(LAGS_PX)
+    return correlation_of([lagged_sums(tiles, _lags(axis))])
+
+
+def _lags(axis: int) -> list[tuple[int, int]]:
+    return [(0, lag) if axis == 1 else (lag, 0) for lag in LAGS_PX]
+
+
+def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tuple[Array, Array]:
+    """Return the noise of each tile in time, and (N, S, S) differences over sqrt 2, mean 0."""
+    difference = (second - first) / np.sqrt(2.0)
+    parts = []
+    for top, left in zip(tiles.top, tiles.left, strict=True):
+        part = difference[top : top + side_px, left : left + side_px]
+        known = part[np.isfinite(part)]
+        if known.size < LEAST_SHARE**2 * part.size:
+            continue
+        middle = float(np.median(known))
+        spread = 1.4826 * float(np.median(np.abs(known - middle)))
+        spread = max(spread, float(np.sqrt(((known - middle) ** 2).mean())) / 3.0)
+        near = np.abs(part - middle) <= _CLIP_DIFFERENCE * spread + 1e-12
+        part = np.where(near, part, np.nan)
+        parts.append(part - np.nanmean(part))
+    squares = np.stack(parts) if parts else np.zeros((0, side_px, side_px))
+    count = np.maximum(np.isfinite(squares).sum(axis=(1, 2)) - 1, 1)
+    return np.sqrt(np.nansum(squares**2, axis=(1, 2)) / count), squares
+
+
+def _shared_variance(first: Tiles, second: Tiles) -> Array:
+    """Return the covariance of the residuals of tiles that two frames share."""
+    places = {place: n for n, place in enumerate(zip(second.top, second.left, strict=True))}
+    shared = []
+    for number, place in enumerate(zip(first.top, first.left, strict=True)):
+        if place in places:
+            products = first.residual[number] * second.residual[places[place]]
+            count = max(int(np.isfinite(products).sum()) - 3, 1)
+            shared.append(float(np.nansum(products)) / count)
+    return np.array(shared)
+
+
+def _median(parts: Sequence[Array]) -> float:
+    values = np.concatenate(parts) if parts else np.zeros(0)
+    return float(np.median(values)) if values.size >= LEAST_TILES else float("nan")

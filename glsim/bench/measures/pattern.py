@@ -1,0 +1,164 @@
+"""Fixed pattern: the error that every frame repeats, by rows, columns and single pixels.
+
+The residual of a quadric in 11 x 11 pixels is averaged per pixel over the even and over the odd
+frames. The covariance of the two averages is the pattern's variance, free of temporal noise. Rows
+are means along rows, columns means along columns, the rest is what remains; the known share that
+the quadric follows is restored. If the view never moves, the scene's roughness counts as fixed
+pattern.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.frame import lit
+from glsim.bench.measures.surfaces import fit_surfaces
+from glsim.core.depth_frame import DepthFrame
+
+Array = NDArray[np.float64]
+
+_SIZE = 11
+#: Weights of a quadratic in 11 points at its centre, from the centre out (Savitzky and Golay 1964).
+_WEIGHTS = np.array([89, 84, 69, 44, 9, -36]) / 429.0
+#: Share that the quadric leaves of an alternation of rows, and of the variance of white rows.
+_LEFT_ALTERNATION = 1.0 - (_WEIGHTS[0] + 2 * (_WEIGHTS[1:] * [-1, 1, -1, 1, -1]).sum())
+_LEFT_ROWS = 1.0 - _WEIGHTS[0]
+#: Share of the variance of single pixels that the quadric leaves, and correlation at 1 px of its
+#: residual: for white pixels, and for pixels smooth over 3 x 3. Derived from the weights h of the
+#: centre: 1 - 2 h r + h R h with the correlations r, R of the pixels.
+_LEFT_WHITE, _LEFT_SMOOTH = 0.9705, 0.7285
+_CORRELATION_WHITE, _CORRELATION_SMOOTH = -0.032, 0.552
+#: Least pixels of a row or column in each half of the frames, and least number of rows.
+_LEAST_PIXELS = 30
+_LEAST_ROWS = 60
+#: Bands of the image in which the alternation is averaged.
+BANDS = 8
+#: Residuals beyond this many mm are texture and edges.
+_CLIP_MM = 5.0
+
+
+@dataclass(frozen=True)
+class FixedPattern:
+    """Fixed pattern of a set, NaN with too few pixels on smooth surfaces.
+
+    Attributes:
+        frames: number of frames.
+        rows_mm: standard deviation of the rows, with the alternation.
+        columns_mm: standard deviation of the columns.
+        rest_mm: standard deviation of single pixels.
+        alternation_mm: (BANDS,) half the step from even to odd rows in bands from the top; positive
+            if odd rows are farther.
+        alternation_rms_mm: rms of that half step.
+        rest_correlation: between neighbours along x in the residual of the rest; 0 for white
+            pixels, 0.55 for pixels smooth over 3 x 3.
+
+    """
+
+    frames: int
+    rows_mm: float
+    columns_mm: float
+    rest_mm: float
+    alternation_mm: tuple[float, ...]
+    alternation_rms_mm: float
+    rest_correlation: float
+
+
+def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
+    """Measure the fixed pattern on two frames or more of surfaces within 1.6 m.
+
+    Temporal noise hides the pattern on farther surfaces.
+    """
+    nan = float("nan")
+    nothing = FixedPattern(len(frames), nan, nan, nan, (nan,) * BANDS, nan, nan)
+    shape = frames[0].measured_mm.shape
+    sums, counts = np.zeros((2, *shape)), np.zeros((2, *shape))
+    for number, frame in enumerate(frames):
+        s = fit_surfaces(frame.measured_mm, frame.rays, _SIZE)
+        limit = 1.5 * np.nanmedian(s.rough_mm) if s.smooth.any() else 0.0
+        used = s.smooth & lit(frame) & (s.rough_mm < limit) & (np.abs(s.residual_mm) < _CLIP_MM)
+        used &= frame.measured_mm < 1600.0
+        sums[number % 2] += np.where(used, s.residual_mm, 0.0)
+        counts[number % 2] += used
+    if len(frames) < 2:
+        return nothing
+    rows = _line_means(sums, counts, axis=2)
+    columns = _line_means(sums, counts, axis=1)
+    if np.isfinite(rows).all(axis=0).sum() < _LEAST_ROWS or not np.isfinite(columns).any():
+        return nothing
+    halves = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+    own_rows, own_columns = _centred(rows), _centred(columns)
+    rest = halves - np.nan_to_num(own_rows)[:, :, None] - np.nan_to_num(own_columns)[:, None, :]
+    total = _covariance(rest[0], rest[1])
+    side = 0.5 * (
+        _covariance(rest[0, :, 1:], rest[1, :, :-1]) + _covariance(rest[0, :, :-1], rest[1, :, 1:])
+    )
+    alternation = _alternation(own_rows.mean(axis=0))
+    alternating = _covariance(
+        _smoothed_alternation(own_rows[0]), _smoothed_alternation(own_rows[1]), centre=False
+    )
+    other = _covariance(own_rows[0], own_rows[1]) - alternating
+    rms = np.sqrt(max(alternating, 0.0)) / _LEFT_ALTERNATION
+    likeness = side / total if total > 0 else nan
+    left = np.interp(
+        np.nan_to_num(likeness),
+        (_CORRELATION_WHITE, _CORRELATION_SMOOTH),
+        (_LEFT_WHITE, _LEFT_SMOOTH),
+    )
+    return FixedPattern(
+        len(frames),
+        float(np.sqrt(rms**2 + max(other, 0.0) / _LEFT_ROWS)),
+        float(np.sqrt(max(_covariance(own_columns[0], own_columns[1]), 0.0) / _LEFT_ROWS)),
+        float(np.sqrt(max(total, 0.0) / left)),
+        tuple(float(a) / _LEFT_ALTERNATION for a in alternation),
+        float(rms),
+        likeness,
+    )
+
+
+def _line_means(sums: Array, counts: Array, axis: int) -> Array:
+    """Average each half (2, H, W) along rows (axis 2) or columns (axis 1); NaN where rare."""
+    count = counts.sum(axis=axis)
+    enough = (count >= _LEAST_PIXELS).all(axis=0)
+    return np.where(enough, sums.sum(axis=axis) / np.maximum(count, 1), np.nan)
+
+
+def _centred(lines: Array) -> Array:
+    """Subtract the running mean of 31 lines, which is slow change."""
+    return np.stack([line - _running_mean(line, 31) for line in lines])
+
+
+def _smoothed_alternation(rows: Array) -> Array:
+    """Return (H,) the local half step between odd and even rows: a mean over 41 rows."""
+    return _running_mean(rows * _alternating_sign(rows.size), 41, least=20)
+
+
+def _alternating_sign(rows: int) -> Array:
+    return np.where(np.arange(rows) % 2 == 1, 1.0, -1.0)
+
+
+def _running_mean(line: Array, size: int, least: int = 1) -> Array:
+    """Average the known values of a window around each; NaN with fewer than ``least``."""
+    known, kernel = np.isfinite(line), np.ones(size)
+    total = np.convolve(np.where(known, line, 0.0), kernel, "same")
+    count = np.convolve(known.astype(float), kernel, "same")
+    return np.where(count >= least, total / np.maximum(count, 1.0), np.nan)
+
+
+def _alternation(rows: Array) -> list[float]:
+    """Return half the mean difference of even and odd rows, in BANDS bands from top to bottom."""
+    bands = np.array_split(rows * _alternating_sign(rows.size), BANDS)
+    return [float(np.nanmean(b)) if np.isfinite(b).sum() >= 10 else float("nan") for b in bands]
+
+
+def _covariance(first: Array, second: Array, centre: bool = True) -> float:
+    both = np.isfinite(first) & np.isfinite(second)
+    if both.sum() < 10:
+        return 0.0
+    a, b = first[both], second[both]
+    if centre:
+        a, b = a - a.mean(), b - b.mean()
+    return float((a * b).mean())

@@ -1,0 +1,235 @@
+"""Silhouettes along rows: the gap between a foreground and the background, on either side.
+
+A run is five or more pixels of a row with depth, each near its neighbour. Where the ends of two
+successive runs differ by more than 100 mm, the nearer run is the foreground and the pixels between
+them are the gap; "right" and "left" say on which side of the foreground it lies. The shadow of the
+emitter, S = f (1/z_front - 1/z_back) B px wide for a baseline of B m, widens the gaps of one side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.depth_frame import DepthFrame
+
+Array = NDArray[np.float64]
+
+#: Least step in depth between the two runs of a silhouette, mm.
+STEP_MM = 100.0
+#: Largest difference of neighbours in a run, mm and mm per m of distance.
+_SAME_MM, _SAME_MM_PER_M = 15.0, 15.0
+#: Least pixels of a run; flying pixels make shorter ones.
+_LEAST_RUN = 5
+#: Least width of foreground and background, px; chosen to leave out thin chair legs.
+_LEAST_FRONT, _LEAST_BACK = 10, 12
+#: Widest gap, px; a wider one is a hole or an object without depth.
+_MOST_GAP = 40
+#: Largest shift of an edge from one row to the next, px: within 63 degrees of upright.
+_MOST_SLANT = 2.0
+#: Width of the band outside the foreground, px.
+BAND_PX = 8
+#: Depth counts as behind the background if it is farther by this much, mm.
+_BEHIND_MM = 50.0
+#: Range of S of the edges that are measured, px per m of baseline. Chosen: 200 is a head at 0.9 m
+#: before a wall at 1.8 m; below the range a shadow is no wider than the gap on the lit side.
+HEAD_SHIFTS = (100.0, 500.0)
+_LEAST_EDGES = 50
+#: Steps of reweighted least squares, and the residual below which all points weigh alike. Chosen.
+_FIT_STEPS, _LEAST_RESIDUAL = 30, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The silhouettes of one frame; (N,) arrays with an entry per row and side.
+
+    Attributes:
+        side: 0 for a gap to the left of the foreground, 1 to the right.
+        row: row of the last foreground pixel.
+        column: column of the last foreground pixel.
+        width: pixels of the gap.
+        invalid: pixels of the gap without depth.
+        band_invalid: share of the BAND_PX pixels outside without depth.
+        band_behind: share of them behind the background.
+        front_mm: depth at the end of the foreground.
+        back_mm: depth at the end of the background.
+        shift_px_per_m: S for a baseline of 1 m.
+
+    """
+
+    side: NDArray[np.int64]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    width: Array
+    invalid: Array
+    band_invalid: Array
+    band_behind: Array
+    front_mm: Array
+    back_mm: Array
+    shift_px_per_m: Array
+
+
+@dataclass(frozen=True)
+class Side:
+    """The gaps on one side, of edges with S within HEAD_SHIFTS.
+
+    Attributes:
+        edges: their number.
+        width_px: median width.
+        width_mean_px: mean width.
+        invalid_px: median number of pixels without depth.
+        band_invalid: share of the BAND_PX pixels outside without depth.
+        band_behind: share of them behind the background.
+        offset_px: constant of width = offset + slope S, fitted to edges of any S.
+        slope_mm: slope of that line, the baseline that acts on this side.
+
+    """
+
+    edges: int
+    width_px: float
+    width_mean_px: float
+    invalid_px: float
+    band_invalid: float
+    band_behind: float
+    offset_px: float
+    slope_mm: float
+
+
+@dataclass(frozen=True)
+class Silhouettes:
+    """Both sides; ``shadow_side`` is the one with the wider gaps, "left" or "right"."""
+
+    left: Side
+    right: Side
+    shadow_side: str
+
+
+def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
+    """Measure the gaps on both sides; NaN on a side with fewer than 50 edges."""
+    found = [find_edges(frame) for frame in frames]
+    left, right = (_side(found, number) for number in (0, 1))
+    wider = "left" if np.nan_to_num(left.width_mean_px) > np.nan_to_num(right.width_mean_px) else ""
+    return Silhouettes(left, right, wider or "right")
+
+
+def find_edges(frame: DepthFrame) -> Edges:
+    """Find the silhouettes of a frame along its rows."""
+    depth = frame.measured_mm
+    rows = [entry for r in range(depth.shape[0]) for entry in _row_edges(depth[r], r)]
+    table = np.array(rows, np.float64).reshape(-1, 9)
+    table = table[_continues(table)]
+    side, row, column, width, invalid, band_invalid, behind, front, back = table.T
+    shift = frame.intrinsics.fx * (1000.0 / front - 1000.0 / back)
+    return Edges(
+        side.astype(int), row.astype(int), column.astype(int),
+        width, invalid, band_invalid, behind, front, back, shift,
+    )  # fmt: skip
+
+
+def _row_edges(z: NDArray[np.float32], row: int) -> list[tuple[float, ...]]:
+    known = np.isfinite(z)
+    same = known[1:] & known[:-1]
+    same &= np.abs(np.diff(z)) <= _SAME_MM + _SAME_MM_PER_M * np.nan_to_num(z[1:]) / 1000.0
+    # Runs of pixels that are joined: starts and ends (exclusive).
+    joined = np.concatenate([[False], same, [False]])
+    starts = np.flatnonzero(joined[1:] & ~joined[:-1])
+    ends = np.flatnonzero(~joined[1:] & joined[:-1]) + 1
+    long = ends - starts >= _LEAST_RUN
+    starts, ends = starts[long], ends[long]
+    edges: list[tuple[float, ...]] = []
+    for k in range(len(starts) - 1):
+        a, b = int(ends[k]), int(starts[k + 1])
+        near, far = _end_depth(z, a, -1), _end_depth(z, b, 1)
+        if abs(far - near) <= STEP_MM or b - a > _MOST_GAP:
+            continue
+        right = near < far  # the foreground is on the left, the gap on its right
+        front = ends[k] - starts[k] if right else ends[k + 1] - starts[k + 1]
+        back = ends[k + 1] - starts[k + 1] if right else ends[k] - starts[k]
+        if front < _LEAST_FRONT or back < _LEAST_BACK:
+            continue
+        z_front, z_back = min(near, far), max(near, far)
+        gap = z[a:b]
+        band = z[a : a + BAND_PX] if right else z[max(b - BAND_PX, 0) : b]
+        if len(band) < BAND_PX:
+            continue
+        behind = float((np.nan_to_num(band) > z_back + _BEHIND_MM).mean())
+        edges.append(
+            (
+                float(right), float(row), float(a - 1 if right else b), float(b - a),
+                float((~np.isfinite(gap)).sum()), float((~np.isfinite(band)).mean()), behind,
+                z_front, z_back,
+            )
+        )  # fmt: skip
+    return edges
+
+
+def _end_depth(z: NDArray[np.float32], at: int, step: int) -> float:
+    """Return the median of the four pixels of a run next to its end, the outermost left out."""
+    part = np.sort(z[at - 5 : at - 1] if step < 0 else z[at + 1 : at + 5])
+    return 0.5 * float(part[1] + part[2])
+
+
+def _continues(table: Array) -> NDArray[np.bool_]:
+    """Keep edges that go on in the row above or below, at most _MOST_SLANT px away."""
+    keep = np.zeros(len(table), np.bool_)
+    if len(table) == 0:
+        return keep
+    for step in (-1, 1):
+        order = np.lexsort((table[:, 2], table[:, 1], table[:, 0]))
+        key = table[:, 0] * 1e7 + table[:, 1] * 1e3 + table[:, 2]
+        ordered = key[order]
+        wanted = key + step * 1e3
+        place = np.searchsorted(ordered, wanted)
+        for neighbour in (place - 1, place):
+            inside = np.clip(neighbour, 0, len(ordered) - 1)
+            keep |= np.abs(ordered[inside] - wanted) <= _MOST_SLANT
+    return keep
+
+
+def _side(found: Sequence[Edges], number: int) -> Side:
+    def column(name: str) -> Array:
+        return np.concatenate([getattr(e, name)[e.side == number] for e in found])
+
+    shift, widths = column("shift_px_per_m"), column("width")
+    used = (shift >= HEAD_SHIFTS[0]) & (shift <= HEAD_SHIFTS[1])
+    width = widths[used]
+    if width.size < _LEAST_EDGES:
+        return Side(int(width.size), *(float("nan"),) * 7)
+    offset, slope = _line(shift, widths)
+    return Side(
+        int(width.size),
+        _median_of_counts(width),
+        float(width.mean()),
+        _median_of_counts(column("invalid")[used]),
+        float(column("band_invalid")[used].mean()),
+        float(column("band_behind")[used].mean()),
+        offset,
+        1000.0 * slope,
+    )
+
+
+def _median_of_counts(counts: Array) -> float:
+    """Return the median of integers, each spread evenly over +-0.5."""
+    middle = float(np.median(counts))
+    below, same = float((counts < middle).mean()), float((counts == middle).mean())
+    return middle - 0.5 + (0.5 - below) / same if same > 0 else middle
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Fit y = offset + slope x by least absolute deviations, as half of the points may be outliers.
+
+    NaN for few points or if x hardly varies.
+    """
+    if x.size < _LEAST_EDGES or float(np.subtract(*np.percentile(x, (90, 10)))) < 30.0:
+        return float("nan"), float("nan")
+    design = np.column_stack([np.ones_like(x), x])
+    weight: Array = np.ones_like(x)
+    fit: Array = np.zeros(2)
+    for _ in range(_FIT_STEPS):
+        solved = np.linalg.lstsq(design * weight[:, None], y * weight, rcond=None)
+        fit = np.asarray(solved[0], np.float64)
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(y - design @ fit), _LEAST_RESIDUAL))
+    return float(fit[0]), float(fit[1])

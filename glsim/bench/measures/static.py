@@ -1,0 +1,74 @@
+"""Which frames show one static view: between them depth changes by noise alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.correlation import lagged_sums
+from glsim.bench.measures.stacks import ratio
+from glsim.core.depth_frame import DepthFrame
+
+#: Two frames show different views if their median absolute difference is above _MOST_MEDIAN_MM and
+#: pixels _APART_PX apart change alike (correlation above _MOST_ALIKE), or if it is above
+#: _MOST_SHARE of the depth. Noise is uncorrelated at that distance, however large it is: cameras
+#: that match windows have the widest, 0.44 at 8 px and 0.08 at 16 px on a wall before a D435 (two
+#: frames at rest of another: 0.41 and 0.12). Where the camera moved it is 0.29 (the slowest pair of
+#: a D435 on a robot) to 0.84, of a Kinect V2 0.47 to 0.84 (docs/real_frames.md).
+_MOST_MEDIAN_MM, _MOST_ALIKE, _MOST_SHARE = 3.0, 0.2, 0.05
+_APART_PX = 16
+#: Pixels with depth in both frames that are needed, and their share of those with depth in one.
+_LEAST_PIXELS, _LEAST_SHARED = 100, 0.5
+#: Images of more pixels are compared by every eighth pixel along both axes.
+_THINNED_FROM, _EVERY_PX = 50_000, 8
+#: Above this number of frames only neighbours in time are compared.
+_ALL_PAIRS_BELOW = 80
+
+
+def static_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
+    """Find static pairs: (first, second) numbers of frames, each frame with the next static one."""
+    thin = [_thinned(frame.measured_mm) for frame in frames]
+    pairs = []
+    for first in range(len(frames)):
+        last = len(frames) if len(frames) <= _ALL_PAIRS_BELOW else min(first + 2, len(frames))
+        for second in range(first + 1, last):
+            if not _change(*thin[first], thin[second][0]):
+                pairs.append((first, second))
+                break
+    return pairs
+
+
+def view_numbers(frames: Sequence[DepthFrame]) -> list[int]:
+    """Number the views of frames: frames of one static view have one number."""
+    views = list(range(len(frames)))
+    for first, second in static_pairs(frames):
+        views[second] = views[first]
+    return views
+
+
+def view_change(first: DepthFrame, second: DepthFrame) -> str:
+    """Return what shows that the view changed between two frames; "" for a static pair."""
+    return _change(*_thinned(first.measured_mm), _thinned(second.measured_mm)[0])
+
+
+def _thinned(depth_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
+    """Return the pixels to compare, and _APART_PX in these pixels."""
+    step = _EVERY_PX if depth_mm.size > _THINNED_FROM else 1
+    return depth_mm[::step, ::step], _APART_PX // step
+
+
+def _change(first: NDArray[np.float32], lag: int, second: NDArray[np.float32]) -> str:
+    change = second.astype(np.float64) - first
+    known = change[np.isfinite(change)]
+    seen = min(int(np.isfinite(first).sum()), int(np.isfinite(second).sum()))
+    if known.size < max(_LEAST_PIXELS, _LEAST_SHARED * seen):
+        return f"only {100 * known.size / max(seen, 1):.0f} % of the depths are in both"
+    median_mm = float(np.median(np.abs(known)))
+    moved = median_mm > _MOST_SHARE * float(np.median(first[np.isfinite(change)]))
+    if not moved and median_mm > _MOST_MEDIAN_MM:
+        limit = 5.0 * median_mm
+        products, squares = lagged_sums(np.clip(change, -limit, limit), ((lag, 0), (0, lag))).T
+        moved = ratio(float(products.sum()), float(squares.sum())) > _MOST_ALIKE
+    return f"half of the pixels change by more than {median_mm:.0f} mm" if moved else ""

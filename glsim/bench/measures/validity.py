@@ -1,0 +1,68 @@
+"""Pixels without depth: their share over the radius, and how many change between frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.frame import radius_px
+from glsim.core.depth_frame import DepthFrame
+
+#: Bounds of the rings, px of a Kinect V2 (its corners are at 330).
+RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)
+
+
+def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, float], ...]:
+    """Return (inner px, outer px, share without depth) of each ring; NaN outside the image."""
+    missing = np.zeros(len(RINGS_PX) - 1)
+    pixels = np.zeros(len(RINGS_PX) - 1)
+    for frame in frames:
+        invalid = ~np.isfinite(frame.measured_mm)
+        for k, (inner, outer) in enumerate(pairwise(RINGS_PX)):
+            ring = (radius_px(frame) >= inner) & (radius_px(frame) < outer)
+            missing[k] += invalid[ring].sum()
+            pixels[k] += ring.sum()
+    share = np.where(pixels > 0, missing / np.maximum(pixels, 1), np.nan)
+    return tuple(
+        (inner, outer, float(s))
+        for (inner, outer), s in zip(pairwise(RINGS_PX), share, strict=True)
+    )
+
+
+def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
+    """Return the share of holes to the right of the left border's band, of all images together.
+
+    The band of a stereo camera is as wide as the disparity there: what a room holds decides it, not
+    the matcher. It is what stands before the first pixel with depth of each row; a row without any
+    counts as holes.
+
+    Args:
+        images: (H, W) depth or disparity of each frame, NaN = none.
+    """
+    holes, pixels = 0, 0
+    for image in images:
+        known = np.isfinite(image)
+        right = np.maximum.accumulate(known, axis=1) | ~known.any(axis=1, keepdims=True)
+        holes += int((right & ~known).sum())
+        pixels += int(right.sum())
+    return holes / pixels
+
+
+def flip_share(images: Sequence[NDArray[np.floating]], pairs: Sequence[tuple[int, int]]) -> float:
+    """Return the share of pixels that have depth (not NaN) in one frame of a pair only.
+
+    Args:
+        images: (H, W) depth or disparity of each frame.
+        pairs: numbers of two frames of one view each.
+
+    Returns:
+        The mean over the pairs; NaN without pairs.
+
+    """
+    if not pairs:
+        return float("nan")
+    flips = [(np.isnan(images[a]) != np.isnan(images[b])).mean() for a, b in pairs]
+    return float(np.mean(flips))

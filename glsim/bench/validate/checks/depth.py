@@ -1,0 +1,188 @@
+"""Checks 22, 23, 25, 26, 28, 29, A1: quantisation, validity, range, wiggle, unwrapping, offsets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from glsim.bench.measures import stacks as measure
+from glsim.bench.measures.stacks import Array
+from glsim.bench.validate import scenes
+from glsim.bench.validate.captures import Captures
+from glsim.bench.validate.report import Measurement, validation_check
+from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE
+
+#: Allowed periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half
+#: wavelength; and the period of four taps at 80 MHz, which must be absent.
+WIGGLE_PERIODS_MM = (3125.0, 1562.0, 625.0, 417.0, 312.0, 208.0)
+FOUR_TAP_PERIOD_MM = 468.0
+
+#: Frames of each of the 121 walls for the wiggling, and side of their window, px.
+_WIGGLE_FRAMES = 6
+_WIGGLE_PX = 40
+
+#: Albedo of skin relative to white.
+_SKIN, _DARK = 0.6, 0.4
+
+
+@validation_check("kinect-v2")
+def quantisation(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 22 and anti-check A1: rounding to mm, levels of depth on a ramp."""
+    levels = captures.levels_on_ramp()
+    wall = captures.wall(900)
+    fine = wall.measured_mm[np.isfinite(wall.measured_mm)]
+    # Depth is float32: a difference of up to 0.001 mm from a whole number is no fraction.
+    fractions = float((np.abs(fine - np.rint(fine)) > 1e-3).mean()) if fine.size else float("nan")
+    variance, note = None, "the chain's rounding cannot be switched off"
+    if captures.ablations.no_rounding is not None:
+        exact = captures.wall(900, changes=captures.ablations.no_rounding)
+        added = wall.whole_mm - exact.measured_mm
+        variance, note = measure.mean_of((added - measure.mean_of(added)) ** 2), ""
+    values = {"fractions": fractions, "levels": float(levels), "variance": variance}
+    return {
+        "22": Measurement(values, note),
+        "A1": Measurement({"missing": 100.0 * (101 - levels) / 101}),
+    }
+
+
+def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
+    """Measure the share of valid pixels over the amplitude; None for a sensor without infrared.
+
+    Returns (N,) amplitudes, the (N,) share at each, and the share at amplitudes of 11 and above.
+    The scene is one wall at 3 m whose albedo grows from left to right; the amplitude is a pixel's
+    measured infrared over 16, noise included, as that of the real frames.
+    """
+    z, half_px = 3000.0, 64
+    half_mm = half_px * z / captures.camera.rig.intrinsics.fx
+    bright = float(captures.wall(z).centre(16, 16).stack("infrared").mean()) / COUNTS_PER_AMPLITUDE
+    if bright <= 0:
+        return None
+    low, high = 1.0 / bright, min(17.0 / bright, 1.0)
+    capture = captures.camera.capture(
+        scenes.albedo_ramp(z, half_mm, low, high), crop=2 * half_px, at_mm=(0, 0, z),
+        scene="albedo ramp", frames=captures.scene_frames,
+    ).centre(2 * half_px - 4, 96)  # fmt: skip
+    amplitude = capture.stack("infrared").ravel() / COUNTS_PER_AMPLITUDE
+    valid = np.isfinite(capture.whole_mm).ravel()
+    bins = np.arange(1.0, 17.0, 0.5)
+    which = np.digitize(amplitude, bins) - 1
+    used = np.unique(which[(which >= 0) & (which < len(bins))])
+    x = np.array([amplitude[which == b].mean() for b in used])
+    y = np.array([valid[which == b].mean() for b in used])
+    above = (amplitude >= 11) & (amplitude < 17)
+    return x, y, measure.mean_of(valid[above].astype(np.float64))
+
+
+@validation_check("kinect-v2")
+def validity(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 23: the amplitude at which half of the pixels are valid."""
+    curve = validity_curve(captures)
+    if curve is None:
+        return {"23": Measurement(why_not="the sensor gives no infrared")}
+    amplitude, share, above = curve
+    half_valid = measure.crossing(amplitude, share, 0.5)
+    return {"23": Measurement({"a*": half_valid, "valid": 100 * above})}
+
+
+@validation_check("kinect-v2")
+def ranges(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 25 on walls on both sides of both range gates.
+
+    The walls are at least 30 mm away from the gates, so that noise has no effect. They are so dark
+    that none saturates: paper of real frames is lost beyond 63,000 counts, a wall of albedo 0.6 at
+    530 mm, facing the camera, has 64,700.
+    """
+    outside = max(captures.valid_percent(z, _DARK) for z in (300, 470, 4530, 5500))
+    inside = min(captures.valid_percent(z, _DARK) for z in (530, 2000, 4470))
+    return {"25": Measurement({"outside": outside, "inside": inside})}
+
+
+def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
+    """Measure the mean error of skin-like walls, 0.6 to 3 m every 20 mm: distances, errors, mm."""
+    distances = np.arange(600.0, 3001.0, 20.0)
+    errors = []
+    for z in distances:
+        capture = captures.camera.capture(
+            scenes.wall(float(z), _SKIN),
+            _WIGGLE_FRAMES,
+            _WIGGLE_PX,
+            at_mm=(0, 0, float(z)),
+            scene=f"wiggle {z:g}",
+        )
+        errors.append(measure.mean_of(capture.measured_mm - capture.truth_mm))
+    return distances, np.array(errors)
+
+
+@validation_check("kinect-v2")
+def wiggle(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 26: the ripple of the mean error over distance.
+
+    other: power of the residual of a fit of all allowed periods, over the power before the fit.
+    """
+    z, error = wiggle_curve(captures)
+    if not np.isfinite(error).all():
+        return {"26": Measurement({}, f"no depth at {z[~np.isfinite(error)][0]:.0f} mm")}
+    ripple = measure.without_trend(z, error)
+    noise = captures.temporal_sigma_mm(2000) / np.sqrt(_WIGGLE_FRAMES * _WIGGLE_PX**2 / 9)
+    _, _, residual = measure.sinusoids(z, error, WIGGLE_PERIODS_MM)
+    amplitudes, _, _ = measure.sinusoids(z, error, (*WIGGLE_PERIODS_MM, FOUR_TAP_PERIOD_MM))
+    rms = float(np.sqrt((ripple**2).mean()))
+    largest = float(amplitudes[:-1].max())
+    return {
+        "26": Measurement(
+            {
+                "peak": float(np.abs(ripple).max()),
+                "other": 100.0 * max(residual**2 - noise**2, 0.0) / max(rms**2, 1e-12),
+                "468 mm": 100.0 * float(amplitudes[-1] ** 2) / max(largest**2, 1e-12),
+            },
+            ", ".join(
+                f"{p:.0f} mm: {a:.2f}" for p, a in zip(WIGGLE_PERIODS_MM, amplitudes, strict=False)
+            )
+            + " (amplitudes, mm)",
+        )
+    }
+
+
+@validation_check("kinect-v2")
+def unwrapping(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 28 on walls over the whole range, each so dark that its amplitude is 15."""
+    gross = total = 0
+    for z in (520, 750, 1000, 1250, 1500, 1750, 2000, 2500, 3000, 3500, 4000, 4450):
+        near = captures.wall(900, _SKIN).stack("infrared").mean() / _SKIN
+        bright = float(near) / COUNTS_PER_AMPLITUDE * (900 / z) ** 2
+        capture = captures.camera.capture(
+            scenes.wall(z, min(1.0, 15.0 / max(bright, 15.0))), captures.scene_frames,
+            at_mm=(0, 0, z), scene=f"dark {z}",
+        )  # fmt: skip
+        residual = capture.residual_mm
+        gross += int((np.abs(residual) > 300).sum())
+        total += int(np.isfinite(residual).sum())
+    share = gross / total if total else float("nan")
+    return {"28": Measurement({"gross": share}, f"{gross} of {total} valid pixels")}
+
+
+@validation_check("kinect-v2")
+def offsets(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 29: the mean error of eight devices (seeds), its change over frames, skin.
+
+    The bias of skin is relative to the same wall without the option for skin.
+    """
+    means = []
+    first = captures.camera.seed
+    for device in range(first, first + 8):
+        capture = captures.camera.capture(
+            scenes.wall(900), 4, 128, at_mm=(0, 0, 900), scene="offset", seed=device
+        )
+        means.append([measure.mean_of(frame) for frame in capture.measured_mm - capture.truth_mm])
+    errors = np.array(means)
+    values: dict[str, float | None] = {
+        "skin": None,
+        "offset": float(errors.mean(axis=1)[np.abs(errors.mean(axis=1)).argmax()]),
+        "change": float(errors.std(axis=1, ddof=1).max()),
+    }
+    note = f"largest of {len(errors)} devices"
+    if captures.ablations.skin is not None:
+        plain = captures.mean_error_mm(900, 0.6)
+        values["skin"] = captures.mean_error_mm(900, 0.6, captures.ablations.skin) - plain
+    else:
+        note += "; the chain has no option for skin"
+    return {"29": Measurement(values, note)}

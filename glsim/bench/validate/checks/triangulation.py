@@ -1,0 +1,167 @@
+"""The sheets of cameras that triangulate: D4xx stereo, TrueDepth, and the Kinect V1 by its dots.
+
+Rows are those of real frames (docs/explanation/stereo.md): noise of planes in disparity, what of it
+stays, its correlation, the lattice of depths, the gaps beside a foreground, holes, and pixels that
+have depth in some frames only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
+from glsim.bench.measures.disparity_steps import (
+    between_share,
+    border_band,
+    find_steps,
+    measure_gaps,
+)
+from glsim.bench.measures.lattice import on_lattice
+from glsim.bench.measures.validity import flip_share, hole_share_beside_band
+from glsim.bench.validate import scenes
+from glsim.bench.validate.captures import Captures
+from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.mesh import Mesh
+
+#: Distances between pixels at which correlation is compared: LAGS_PX of the measures without 12.
+_LAGS = (1, 2, 3, 4, 6, 8)
+#: Frames of a plane: enough for six differences in time.
+_FRAMES = 4
+#: Tilt of the planes, degrees: disparities cross several whole pixels.
+_TILT_DEG = 10.0
+_ALBEDO = 0.6
+
+
+def _plane(captures: Captures, z_mm: float) -> tuple[DisparityNoise, NDArray[np.float64]]:
+    """Capture a tilted plane; return the noise of its disparity, px, and its depths, mm."""
+    camera = captures.camera
+    mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
+    shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm}")
+    disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
+    pairs = [(k, k + 1) for k in range(_FRAMES - 1)]
+    return measure_disparity_noise(list(disparity), pairs), np.nan_to_num(shot.measured_mm)
+
+
+def _noise_rows(
+    captures: Captures, distances_m: Sequence[float], scale: float
+) -> tuple[dict[str, dict[str, float | None]], NDArray[np.float64]]:
+    """Measure planes; return residual, frame, static and correlation, and the last one's depths.
+
+    Args:
+        scale: of the noise's unit over pixels.
+    """
+    rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
+    found = []
+    for distance in distances_m:
+        noise, depth = _plane(captures, 1000 * distance)
+        found.append(noise)
+        for name, row in rows.items():
+            row[f"{distance:g} m"] = scale * float(getattr(noise, name))
+    rows["correlation"] = {
+        f"{way} {lag}": float(np.mean([getattr(n, way)[k] for n in found]))
+        for way in ("rows", "columns")
+        for k, lag in enumerate(_LAGS)
+    }
+    return rows, depth
+
+
+def lattice_share(depth_mm: NDArray[np.floating], constant_mm: float, unit_mm: float) -> float:
+    """Return the share of depths that are round(constant / n) units for a whole n.
+
+    Args:
+        depth_mm: any shape, 0 = none.
+        constant_mm: f B times the steps per pixel, px mm.
+        unit_mm: step of the depths.
+    """
+    units = np.rint(depth_mm[depth_mm > 0] / unit_mm)
+    return float(on_lattice(units, constant_mm / unit_mm).mean())
+
+
+def _step_rows(
+    captures: Captures, near_mm: float, far_mm: float, half_mm: float, *, upright: bool
+) -> Mapping[str, float]:
+    """Capture a square before a wall; return its gaps, the pixels between, and the left band."""
+    camera = captures.camera
+    mesh = scenes.occluder(near_mm, far_mm, half_mm, _ALBEDO)
+    shot = camera.capture(mesh, 2, None, scene=f"step {near_mm} {far_mm}")
+    disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
+    found = [find_steps(image.T if upright else image) for image in disparity]
+    before, behind = (measure_gaps(found, right) for right in (False, True))
+    return {
+        "before": before.relative,
+        "behind": behind.relative,
+        "behind px": behind.width_px,
+        "between": between_share(found),
+        "band": border_band(list(disparity))[1],
+    }
+
+
+def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, float]:
+    """Capture a static scene; return its holes beside the left band, and flips, percent."""
+    shot = captures.camera.capture(mesh, _FRAMES, None, scene=scene)
+    frames = list(shot.whole_mm)
+    flips = flip_share(frames, [(k, k + 1) for k in range(_FRAMES - 1)])
+    return {"holes": 100 * hole_share_beside_band(frames), "flips": 100 * flips}
+
+
+@validation_check("realsense-d435")
+def stereo(captures: Captures) -> dict[str, Measurement]:
+    """Measure planes and a step with a stereo camera."""
+    rows, depth = _noise_rows(captures, (0.5, 0.9, 1.7), 1.0)
+    step = _step_rows(captures, 700, 1500, 150, upright=False)
+    values = {s.name: s.settings for s in captures.camera.sensor.stages}["match_stereo"]
+    steps, unit = (values[n].bounds()[0] for n in ("subpixel_steps", "depth_unit_mm"))
+    share = lattice_share(depth, captures.focal_baseline_px_mm * steps, unit)
+    corner = _validity_rows(
+        captures, scenes.room_corner(captures.focal_baseline_px_mm), "room corner"
+    )
+    return {
+        "1": Measurement(rows["residual"]),
+        "2": Measurement(rows["frame"]),
+        "3": Measurement(rows["static"]),
+        "4": Measurement(rows["correlation"], note="mean of three distances"),
+        "5": Measurement({"share": share}),
+        "6": Measurement({"ratio": step["before"]}),
+        "7": Measurement({"width": step["behind px"]}),
+        "8": Measurement({"width": step["band"]}),
+        "9": Measurement({"share": step["between"]}),
+        "10": Measurement({"share": corner["holes"]}),
+        "11": Measurement({"share": corner["flips"]}),
+    }
+
+
+@validation_check("truedepth")
+def truedepth(captures: Captures) -> dict[str, Measurement]:
+    """Measure planes and a step with a TrueDepth camera."""
+    rows, _ = _noise_rows(captures, (0.2, 0.35, 1.2), 1000 / captures.focal_baseline_px_mm)
+    step = _step_rows(captures, 300, 600, 60, upright=True)
+    board = _validity_rows(captures, scenes.wall(200, _ALBEDO), "board")
+    return {
+        "1": Measurement(rows["residual"]),
+        "2": Measurement({"0.2 m": rows["frame"]["0.2 m"]}),
+        "3": Measurement(rows["correlation"], note="mean of three distances"),
+        "4": Measurement({"ratio": step["before"]}),
+        "5": Measurement({"ratio": step["behind"]}),
+        "6": Measurement({"share": step["between"]}),
+        "7": Measurement({"share": board["holes"]}),
+        "8": Measurement({"share": board["flips"]}),
+    }
+
+
+@validation_check("kinect-v1-pattern")
+def kinect_v1(captures: Captures) -> dict[str, Measurement]:
+    """Measure planes and a step with a Kinect V1 that matches its dots."""
+    rows, depth = _noise_rows(captures, (0.7, 1.2), 1.0)
+    step = _step_rows(captures, 700, 1500, 150, upright=False)
+    along = {k: v for k, v in rows["correlation"].items() if k.startswith("rows")}
+    share = lattice_share(depth, 8 * captures.focal_baseline_px_mm, 1.0)
+    return {
+        "1": Measurement(rows["residual"]),
+        "2": Measurement(along, note="mean of two distances"),
+        "3": Measurement({"share": share}),
+        "4": Measurement({"width": step["behind px"]}),
+        "5": Measurement({"share": step["between"]}),
+    }

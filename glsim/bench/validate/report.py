@@ -1,0 +1,228 @@
+"""Checks with their bands, measurements and results, and the report as JSON and Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from glsim.core.files.atomic import without_nan
+from glsim.core.files.markdown import markdown_table
+
+#: States of a result, in the order of summaries.
+STATES = ("pass", "exception", "FAIL", "n/a")
+#: Columns of the table of a report.
+COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
+
+
+@dataclass(frozen=True)
+class Band:
+    """The interval in which one measured number must lie.
+
+    Attributes:
+        key: name of the number in the measurement.
+        low: least value, in ``unit``.
+        high: largest value.
+        unit: of the number.
+
+    """
+
+    key: str
+    low: float
+    high: float
+    unit: str = ""
+
+    def holds(self, value: float) -> bool:
+        """Return whether a value lies inside; NaN does not."""
+        return self.low <= value <= self.high
+
+    @property
+    def text(self) -> str:
+        """The band as text, such as: 1.3 to 2.1 mm."""
+        if self.low == self.high:
+            number = f"{self.low:.4g}"
+        elif math.isinf(self.high):
+            number = f">= {self.low:.4g}"
+        elif math.isinf(self.low):
+            number = f"<= {self.high:.4g}"
+        else:
+            number = f"{self.low:.4g} to {self.high:.4g}"
+        return f"{number} {self.unit}".strip()
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of a validation sheet.
+
+    Attributes:
+        number: of the check.
+        description: the checked quantity.
+        bands: of its numbers.
+        source: origin of the bands.
+        kind: of that source: "measured" on devices, "datasheet" (also a decoder's source), or
+            "derived" from these or from physics.
+
+    """
+
+    number: str
+    description: str
+    bands: tuple[Band, ...]
+    source: str
+    kind: str = "derived"
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Measured numbers of a check.
+
+    Attributes:
+        values: key of the band -> number; None if it does not apply to this sensor.
+        note: remark for the reader.
+        why_not: reason why the whole check does not apply.
+        exception: measured reason why a failure is not the sensor's fault.
+
+    """
+
+    values: Mapping[str, float | None] = field(default_factory=dict)
+    note: str = ""
+    why_not: str = ""
+    exception: str = ""
+
+
+#: A decorated function: takes the captures of a sensor, returns check number -> measurement.
+CheckFunction = Callable[[Any], dict[str, Measurement]]
+
+
+def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], CheckFunction]:
+    """Declare a function that measures checks.
+
+    Args:
+        sheet: the sensor whose validation sheet has the checks.
+        checks: those that no file of ``glsim/bench/validate/sheets`` holds; the function takes the
+            ``Captures`` of a sensor and returns a measurement for the number of each check.
+    """
+
+    def mark(function: CheckFunction) -> CheckFunction:
+        function.sheet, function.checks = sheet, checks  # type: ignore[attr-defined]
+        return function
+
+    return mark
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """A check with its measurement."""
+
+    check: Check
+    measured: Measurement
+
+    @property
+    def bands(self) -> list[Band]:
+        """The bands that apply to this sensor."""
+        if self.measured.why_not:
+            return []
+        return [b for b in self.check.bands if self.measured.values.get(b.key, 0) is not None]
+
+    def value(self, band: Band) -> float:
+        """Return the number for a band; NaN if it could not be measured."""
+        value = self.measured.values.get(band.key)
+        return math.nan if value is None else float(value)
+
+    @property
+    def state(self) -> str:
+        """One of STATES: a check passes if every number that applies lies in its band."""
+        if self.measured.why_not:
+            return "n/a"
+        if all(band.holds(self.value(band)) for band in self.bands):
+            return "pass"
+        return "exception" if self.measured.exception else "FAIL"
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The texts of COLUMNS; a number outside its band is marked with !."""
+        measured = []
+        for band in self.bands:
+            value = self.value(band)
+            number = "?" if math.isnan(value) else f"{value:.3g}"
+            measured.append(f"{band.key} {number}{'' if band.holds(value) else ' !'}")
+        accepted = self.measured.exception if self.state == "exception" else ""
+        notes = (self.measured.why_not, accepted, self.measured.note)
+        return (
+            self.check.number,
+            self.check.description,
+            "\n".join(measured),
+            "\n".join(band.text for band in self.bands),
+            self.check.source,
+            self.check.kind,
+            self.state,
+            "; ".join(note for note in notes if note),
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Convert to values for JSON; a number that is not finite is null."""
+        numbers = [
+            {
+                "key": band.key,
+                "measured": self.value(band),
+                "low": band.low,
+                "high": band.high,
+                "unit": band.unit,
+                "inside": band.holds(self.value(band)),
+            }
+            for band in self.bands
+        ]
+        return {
+            "number": self.check.number,
+            "check": self.check.description,
+            "source": self.check.source,
+            "kind": self.check.kind,
+            "state": self.state,
+            "note": self.cells[-1],
+            "numbers": without_nan(numbers),
+        }
+
+
+@dataclass(frozen=True)
+class ValidationReport:
+    """Results of all checks of one sensor; ``sheet`` is the title of its validation sheet."""
+
+    sensor: str
+    title: str
+    sheet: str
+    seed: int
+    frames: int
+    seconds: float
+    results: tuple[CheckResult, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no check failed, except documented exceptions."""
+        return all(result.state != "FAIL" for result in self.results)
+
+    @property
+    def summary(self) -> str:
+        """One line with the counts of all states."""
+        counts = {state: sum(r.state == state for r in self.results) for state in STATES}
+        text = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+        return f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s)"
+
+    def as_json(self) -> dict[str, Any]:
+        """Convert to values for a JSON file."""
+        return {
+            "sensor": self.sensor,
+            "title": self.title,
+            "sheet": self.sheet,
+            "seed": self.seed,
+            "frames": self.frames,
+            "passed": self.passed,
+            "checks": [result.as_json() for result in self.results],
+        }
+
+    def as_markdown(self) -> str:
+        """Return a Markdown table with a row per check."""
+        rows = [
+            [cell.replace("|", "\\|").replace("\n", "<br>") for cell in result.cells]
+            for result in self.results
+        ]
+        return "\n".join(markdown_table(COLUMNS, rows)) + "\n"

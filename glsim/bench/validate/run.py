@@ -1,0 +1,124 @@
+"""Run the validation sheet of a sensor."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from glsim.bench.validate.captures import Captures
+from glsim.bench.validate.report import (
+    Band,
+    Check,
+    CheckFunction,
+    CheckResult,
+    Measurement,
+    ValidationReport,
+)
+from glsim.bench.validate.virtual_camera import VirtualCamera
+from glsim.core.errors import ConfigError
+from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
+from glsim.gl.context import borrowed_context
+from glsim.sensors.sensor import Sensor
+from glsim.settings.tables import read_toml
+
+#: Files of checks, by the name of the sensor.
+_SHEETS = Path(__file__).parent / "sheets"
+
+
+@dataclass(frozen=True)
+class ValidationSheet:
+    """Checks and the functions that measure them.
+
+    Args:
+        title: device or authors of the checks.
+    """
+
+    title: str
+    checks: tuple[Check, ...]
+    functions: tuple[CheckFunction, ...]
+
+
+@cache
+def sheets() -> dict[str, ValidationSheet]:
+    """Return the sheets by name of the sensor: the checks of glsim and of other packages."""
+    functions = shipped_objects("bench/validate/checks", _is_check)
+    functions += [load_plugin("checks", name, _is_check) for name in plugin_names("checks")]
+    names = [file.stem for file in sorted(_SHEETS.glob("*.toml"))]
+    return {
+        name: _sheet(name, tuple(f for f in functions if f.sheet == name))
+        for name in dict.fromkeys([*names, *(function.sheet for function in functions)])
+    }
+
+
+def _sheet(name: str, functions: tuple[Any, ...]) -> ValidationSheet:
+    """Join the checks of a file with those that the functions of a plug-in declare."""
+    file = _SHEETS / f"{name}.toml"
+    tree: dict[str, Any] = read_toml(file) if file.is_file() else {"title": name, "check": []}
+    checks = [_check(table) for table in tree["check"]]
+    checks += [check for function in functions for check in function.checks]
+    return ValidationSheet(tree["title"], tuple(checks), functions)
+
+
+def _check(table: dict[str, Any]) -> Check:
+    unit = table.get("unit", "")
+    bands = tuple(
+        Band(key, low, high, *own or (unit,)) for key, (low, high, *own) in table["bands"].items()
+    )
+    return Check(table["number"], table["check"], bands, table["source"], table["kind"])
+
+
+def _is_check(value: Any) -> bool:
+    return callable(value) and isinstance(getattr(value, "checks", None), tuple)
+
+
+def sheet_of(sensor: Sensor) -> ValidationSheet:
+    """Return the sheet of a sensor: its own, or that of the cameras that measure as it does."""
+    name = sensor.name
+    if name not in sheets():
+        alike = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
+        name = alike[min(len(sensor.rig.imagers_m), 2)]
+    return sheets()[name]
+
+
+def validate_sensor(
+    sensor: str, *, seed: int = 0, frames: int = 64, backend: str | None = None
+) -> ValidationReport:
+    """Run all checks of a sensor: a shipped name or a .toml file.
+
+    A sensor without a sheet of its own is checked as a D435 if it has two imagers, as
+    kinect-v1-pattern if it has one, and otherwise as a Kinect V2.
+
+    Raises what simulate raises.
+
+    Args:
+        sensor: its name or file.
+        seed: of the device and its noise.
+        frames: number of frames of each wall; more make the numbers more precise.
+        backend: as of ``open_context``.
+    """
+    with borrowed_context(backend) as context:
+        return run_checks(Captures(VirtualCamera(sensor, context, seed, frames)))
+
+
+def run_checks(captures: Captures) -> ValidationReport:
+    """Run the sheet of the sensor of these captures. Raises ConfigError for a check left out."""
+    started = time.perf_counter()
+    camera = captures.camera
+    sheet = sheet_of(camera.sensor)
+    measured: dict[str, Measurement] = {}
+    for function in sheet.functions:
+        measured |= function(captures)
+    if missing := [check.number for check in sheet.checks if check.number not in measured]:
+        raise ConfigError(f"no measurement for the checks {', '.join(missing)}")
+    return ValidationReport(
+        camera.name,
+        camera.sensor.title,
+        sheet.title,
+        camera.seed,
+        camera.frames,
+        time.perf_counter() - started,
+        tuple(CheckResult(check, measured[check.number]) for check in sheet.checks),
+    )

@@ -1,0 +1,192 @@
+"""Scenes for the validation of sensors: meshes in the camera frame (x right, y down), mm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from glsim.core.mesh import Mesh
+from glsim.faces.base import Face
+from glsim.faces.sources.procedural import ProceduralFaces
+
+#: Albedos: painted walls and boards; cloth; black plastic and cloth. Chosen.
+_CORNER, _CLOTH, _BLACK = 0.8, 0.4, 0.06
+#: Focal length times baseline of the device that made the frames, px mm.
+_FOCAL_BASELINE_PX_MM = 626_823 / 32
+#: Albedos that give the real frame's counts: 6,000 to 12,000 on the mug, 500 to 700 on the walls.
+_MUG_ALBEDO, _HANDLE_ALBEDO, _WALL_ALBEDO, _SIDE_ALBEDO = 0.5, 0.55, 0.8, 1.0
+#: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
+#: 11 rows, so that it crosses pixels at all positions.
+EDGE_SLANT = 0.09
+
+
+def quad(corners_mm: ArrayLike, albedo: float = 1.0) -> Mesh:
+    """Build a quad from (4, 3) corners: bottom left, bottom right, top right, top left in view."""
+    corners = np.asarray(corners_mm, np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(corners, faces, np.full(4, albedo, np.float32))
+
+
+def merge_meshes(*meshes: Mesh) -> Mesh:
+    """Merge meshes with albedos into one."""
+    starts = np.cumsum([0] + [len(m.vertices_mm) for m in meshes[:-1]])
+    return Mesh(
+        np.concatenate([m.vertices_mm for m in meshes]),
+        np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=True)]).astype(np.int32),
+        np.concatenate([np.asarray(m.albedo, np.float32) for m in meshes]),
+    )
+
+
+def rectangle(
+    x_mm: tuple[float, float], y_mm: tuple[float, float], z_mm: float, albedo: float = 1.0
+) -> Mesh:
+    """Build a rectangle that faces the camera."""
+    (left, right), (top, bottom) = x_mm, y_mm
+    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    return quad([(x, y, z_mm) for x, y in corners], albedo)
+
+
+def wall(z_mm: float, albedo: float = 1.0) -> Mesh:
+    """Build a wall that faces the camera and fills its view."""
+    side = 1.2 * z_mm
+    return rectangle((-side, side), (-side, side), z_mm, albedo)
+
+
+def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 300.0) -> Mesh:
+    """Build a strip through the axis at z, turned about the x axis: its top is nearer.
+
+    An emitter to the side of the camera lights it at the angle at which the camera sees it.
+    """
+    angle = np.radians(angle_deg)
+    y, z = half_mm * np.cos(angle), half_mm * np.sin(angle)
+    x = 0.5 * z_mm
+    far, near = z_mm + z, z_mm - z
+    return quad([(-x, y, far), (x, y, far), (x, -y, near), (-x, -y, near)], albedo)
+
+
+def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: float = 1.0) -> Mesh:
+    """Build a wall whose depth grows from left to right, z - half_range_mm to z + half_range_mm.
+
+    It leans a little, so that the rows have different depths.
+    """
+    x, y, dz = half_x_mm, 0.8 * z_mm, half_range_mm
+    low, high, lean = z_mm - dz, z_mm + dz, 0.1 * dz
+    bottom, top = (
+        [(-x, y, low + lean), (x, y, high + lean)],
+        [(x, -y, high - lean), (-x, -y, low - lean)],
+    )
+    return quad([*bottom, *top], albedo)
+
+
+def ten_centimetres(focal_px: float) -> Mesh:
+    """Build a depth ramp of 12 cm at 3 m, over 88 px; 10 cm of it are evaluated."""
+    return depth_ramp(3000.0, 44 * 3000.0 / focal_px, 60.0)
+
+
+def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
+    """Build a wall whose albedo grows linearly from left to right over +-half_x."""
+    mesh = rectangle((-half_x_mm, half_x_mm), (-0.8 * z_mm, 0.8 * z_mm), z_mm)
+    return Mesh(mesh.vertices_mm, mesh.faces, np.array([low, high, high, low], np.float32))
+
+
+def depth_edge(near_mm: float, far_mm: float | None, albedo: float = 1.0) -> Mesh:
+    """Build a foreground on the left of the axis with a slanted edge, before a wall or nothing.
+
+    The emitter is on the right, so the foreground hides its own shadow: the edge is fully lit.
+    """
+    y = 0.8 * near_mm
+    x = EDGE_SLANT * y
+    left = -1.2 * near_mm
+    front = quad([(left, y, near_mm), (x, y, near_mm), (-x, -y, near_mm), (left, -y, near_mm)],
+                 albedo)  # fmt: skip
+    return front if far_mm is None else merge_meshes(front, wall(far_mm, albedo))
+
+
+def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
+    """Build a square on the axis before a wall."""
+    square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
+    return merge_meshes(square, wall(far_mm, albedo))
+
+
+def faces(count: int, z_mm: float, seed: int) -> list[Mesh]:
+    """Build procedural heads of ``count`` people at z, all with the default skin albedo."""
+    source = ProceduralFaces(seed)
+    keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
+    meshes = []
+    for face in source.load(keys):
+        assert isinstance(face, Face)
+        vertices = face.mesh.vertices_mm * np.array([1, -1, -1], np.float32)
+        meshes.append(Mesh(vertices + np.array([0, 0, z_mm], np.float32), face.mesh.faces))
+    return meshes
+
+
+def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
+    """Build the corner of a room in two real frames of a D435, in plain shapes.
+
+    Distances are read off the frames: a wall at 1.75 m, a board that recedes on the right from 0.35
+    to 1.6 m, a bag in the corner, a dark backpack, a box on the floor, and a frame on the board.
+
+    Args:
+        focal_baseline_px_mm: of the camera that looks at it; the scene grows with it, so that all
+            cameras see the same disparities: 11 px on the wall, up to 98 px on the board.
+    """
+    scale = np.float32(focal_baseline_px_mm / _FOCAL_BASELINE_PX_MM)
+    wall = rectangle((-3000.0, 260.0), (-1500.0, 1500.0), 1750.0, _CORNER)
+    deeper = rectangle((-100.0, 900.0), (-1500.0, 1500.0), 2300.0, _CORNER)
+    side = quad(
+        [(260.0, 1500.0, 1600.0), (290.0, 1500.0, 200.0), (290.0, -1500.0, 200.0),
+         (260.0, -1500.0, 1600.0)], _CORNER,
+    )  # fmt: skip
+    bag = rectangle((120.0, 215.0), (-420.0, -60.0), 1450.0, _CLOTH)
+    backpack = rectangle((-20.0, 190.0), (60.0, 460.0), 1250.0, _BLACK)
+    box = rectangle((-330.0, 120.0), (300.0, 1200.0), 1380.0, _CLOTH)
+    frame = quad(
+        [(245.0, 40.0, 480.0), (250.0, 40.0, 400.0), (250.0, -170.0, 400.0),
+         (245.0, -170.0, 480.0)], _BLACK,
+    )  # fmt: skip
+    mesh = merge_meshes(wall, deeper, side, bag, backpack, box, frame)
+    return Mesh(mesh.vertices_mm * scale, mesh.faces, mesh.albedo)
+
+
+def mug_before_walls() -> Mesh:
+    """Build the scene of the real frame of an Azure Kinect, in plain shapes: a mug before walls.
+
+    Distances are read off the frame: a mug at 0.26 m, its handle at 0.3 m, a wall that recedes on
+    the left, 0.38 m beside the camera, and one behind at 1.55 m.
+    """
+    mug = _cylinder((-71.0, 303.0), 41.0, (-18.0, 88.0), _MUG_ALBEDO)
+    handle = _cylinder((2.0, 306.0), 6.0, (5.0, 75.0), _HANDLE_ALBEDO)
+    left = quad(
+        [(-378, 900, 500), (-378, 900, 1550), (-378, -900, 1550), (-378, -900, 500)], _SIDE_ALBEDO
+    )
+    back = quad(
+        [(-378, 900, 1550), (1500, 900, 1550), (1500, -900, 1550), (-378, -900, 1550)], _WALL_ALBEDO
+    )
+    return merge_meshes(mug, handle, left, back)
+
+
+def _cylinder(
+    axis_mm: tuple[float, float], radius_mm: float, rows_mm: tuple[float, float], albedo: float
+) -> Mesh:
+    """Build the mantle of an upright cylinder.
+
+    Args:
+        axis_mm: (x, z) of its axis.
+        radius_mm: of the mantle.
+        rows_mm: (top, bottom), y.
+        albedo: of it.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, 97)
+    x = axis_mm[0] + radius_mm * np.sin(turn)
+    z = axis_mm[1] - radius_mm * np.cos(turn)
+    count = len(turn)
+    upper = np.column_stack([x, np.full(count, rows_mm[0]), z])
+    lower = np.column_stack([x, np.full(count, rows_mm[1]), z])
+    first = np.arange(count - 1)
+    ring = np.column_stack([count + first, count + first + 1, first + 1, first])
+    faces = np.concatenate([ring[:, [0, 1, 2]], ring[:, [0, 2, 3]]])
+    return Mesh(
+        np.concatenate([upper, lower]).astype(np.float32),
+        faces.astype(np.int32),
+        np.full(2 * count, albedo, np.float32),
+    )

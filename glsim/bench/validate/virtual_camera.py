@@ -1,0 +1,146 @@
+"""A virtual camera that captures frames of a scene through the simulator."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import SensorRig
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
+from glsim.core.mesh import Mesh
+from glsim.faces.one_mesh import OneMesh
+from glsim.sensors.sensor import Sensor, load_sensor
+from glsim.settings.schema import load_settings
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import Simulator
+from glsim.simulation.plan.tasks import make_tasks
+
+#: Signs that turn camera axes into canonical axes: a half turn about x.
+_TO_CANONICAL = np.array([1, -1, -1], np.float32)
+
+#: Simulators to keep; the programs and render targets of each take about 80 MB.
+_KEPT_SIMULATORS = 4
+
+#: Changes to a sensor's stages: stage -> parameter -> value.
+Changes = Mapping[str, Mapping[str, float]]
+
+
+class VirtualCamera:
+    """Captures frames of meshes with one sensor in one GL context."""
+
+    def __init__(
+        self,
+        sensor: str,
+        context: moderngl.Context,
+        seed: int = 0,
+        frames: int = 64,
+        rig: Mapping[str, Any] | None = None,
+        assignments: Sequence[str] = (),
+    ) -> None:
+        """Load the sensor. Raises ConfigError.
+
+        Args:
+            frames: default number of a capture.
+            rig: keys of the sensor's [rig] to override.
+            assignments: settings as of ``--set``, "fixed_pattern.enabled=0".
+        """
+        self.name, self.seed, self.frames = sensor, seed, frames
+        self._assignments = tuple(assignments)
+        self._own_rig = dict(rig or {})
+        self.sensor: Sensor = load_sensor(sensor, rig_overrides=self._own_rig)
+        self._context = context
+        self._simulators: OrderedDict[str, tuple[Simulator | None, _Scene]] = OrderedDict()
+
+    @property
+    def rig(self) -> SensorRig:
+        """The sensor's geometry."""
+        return self.sensor.rig
+
+    def capture(
+        self,
+        mesh: Mesh,
+        frames: int | None = None,
+        crop: int | None = 72,
+        *,
+        at_mm: tuple[float, float, float] = (0.0, 0.0, 1000.0),
+        changes: Changes | None = None,
+        scene: str = "scene",
+        seed: int | None = None,
+        extra: Sequence[str] = (),
+    ) -> Frames:
+        """Capture frames of a mesh: with clean depth, infrared, and depth before rounding.
+
+        Args:
+            mesh: in the camera frame, mm.
+            frames: their number; default: that of the camera.
+            crop: side of the square around the image of ``at_mm``, px; None: the whole image.
+            at_mm: centre of the crop, in the camera frame.
+            changes: parameters of the sensor's stages.
+            scene: name that, with the seed, decides the noise.
+            seed: of the device; default: the camera's.
+            extra: layers of the stages to return as well.
+
+        """
+        x, y, z = at_mm
+        if x == 0 and y == 0:
+            z = 1000.0  # one window for all distances: they share a simulator
+        overrides = {
+            "sensor": self.name,
+            "seed": self.seed if seed is None else seed,
+            "strict": True,
+            "pose": {"x_mm": x, "y_mm": y, "distance_mm": z},
+            "stage": dict(changes or {}),
+            "output": {} if crop is None else {"crop": crop},
+            "rig": self._own_rig,
+        }
+        settings = load_settings(
+            None,
+            self._assignments,
+            overrides,
+            {"subjects": 1, "frames_per_subject": frames or self.frames},
+        )
+        canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL
+        source = _Scene(Mesh(canonical, mesh.faces, mesh.albedo), scene)
+        key = f"{overrides} {tuple(extra)}"
+        simulator, kept = self._simulators.pop(key, (None, source))
+        if simulator is None:
+            simulator = Simulator(settings, [source], self._context, extra)
+        kept.show(source)
+        self._simulators[key] = simulator, kept
+        if len(self._simulators) > _KEPT_SIMULATORS:
+            self._simulators.popitem(last=False)
+        tasks = make_tasks(settings, [kept])
+        made = [f for f in simulator.frames(tasks) if isinstance(f, Frame)]
+        return Frames.of([_measured(f) for f in made], scene)
+
+
+class _Scene(OneMesh):
+    """A mesh that can be replaced; the name of the scene decides the noise."""
+
+    def show(self, other: _Scene) -> None:
+        self._mesh, self._subject = other._mesh, other._subject
+
+
+def _measured(frame: Frame) -> DepthFrame:
+    """Return a simulated frame before rounding, of the delivered image."""
+    shape = (frame.intrinsics.height, frame.intrinsics.width)
+
+    def pasted(layer: NDArray[np.float32]) -> NDArray[np.float32]:
+        out = np.zeros((*shape, *layer.shape[2:]), np.float32)
+        out[frame.window.slices] = layer
+        return out
+
+    layers = {
+        "noisy_mm": pasted(frame.noisy_m) * np.float32(1000),
+        "clean_mm": pasted(frame.clean_m) * np.float32(1000),
+        "infrared": pasted(frame.infrared_counts),
+        **{name: pasted(layer) for name, layer in frame.extra.items()},
+    }
+    return DepthFrame(
+        FrameKey(frame.key.subject, frame.key.sequence, frame.key.frame), frame.intrinsics, layers
+    )

@@ -1,0 +1,229 @@
+"""Who may open the page, and what outlives the command.
+
+As Jupyter does: the page listens on loopback, the printed address holds a token, which a browser
+exchanges for a cookie, and requests of other origins are refused. One file that the user alone can
+read keeps the cookie's secret and the last settings.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import socket
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from glsim.cli.tune_page.tuning import Tuning, tuning_of_link
+from glsim.core.errors import ConfigError
+from glsim.core.files.cache_folder import cache_folder
+from glsim.core.files.contents import text_hash
+from glsim.core.files.regular import read_regular
+from glsim.sensors.sensor import sensor_names
+
+#: A browser keeps its cookie for 30 days, s.
+_COOKIE_S = 30 * 86_400
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
+_EVERY_HOST = ("0.0.0.0", "::")
+#: Largest state file, bytes, and the number of settings in it.
+_LARGEST, _MOST_KEPT = 1 << 22, 20
+
+
+@dataclass
+class PageAddress:
+    """A listening socket, and the token of its page.
+
+    A browser can connect at once: its request waits in the socket until the server is up.
+    """
+
+    host: str
+    listening: socket.socket
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+    @property
+    def port(self) -> int:
+        """The port, which is another one than asked for if that was in use."""
+        return int(self.listening.getsockname()[1])
+
+    @property
+    def url(self) -> str:
+        """The address of the page, with the token."""
+        shown = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{shown}:{self.port}/?token={self.token}"
+
+    def open_browser(self) -> None:
+        """Open the page in the user's browser, through a file that the user alone can read.
+
+        Everybody on the machine can read the arguments of a process.
+        """
+        page = cache_folder() / "tune.html"
+        if _write_private(page, f"<script>location.replace({json.dumps(self.url)})</script>"):
+            threading.Thread(target=webbrowser.open, args=(page.as_uri(),), daemon=True).start()
+
+
+def listen(host: str, port: int) -> PageAddress:
+    """Listen on a host of this machine; on a free port if ``port`` is in use.
+
+    Raises ConfigError for a host that cannot be used.
+    """
+    for wanted in (port, 0):
+        try:
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            listening = socket.create_server((host, wanted), family=family)
+        except OSError as error:
+            failure = error.strerror or error
+        else:
+            # Small answers would wait up to 40 ms for each other.
+            listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return PageAddress(host, listening)
+    raise ConfigError(f"--host {host} --port {port}: {failure}")
+
+
+class AccessCheck:
+    """An ASGI middleware that refuses all but browsers with the token or the cookie."""
+
+    def __init__(self, app: ASGIApp, address: PageAddress, secret: str) -> None:
+        """Guard an application; ``secret`` is the value of the cookie."""
+        self._app, self._address, self._secret = app, address, secret
+        self._cookie = f"glsim_tune_{address.port}"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or answer it with 403."""
+        answer = self._answer(scope) if scope["type"] in ("http", "websocket") else None
+        if answer is None:
+            await self._app(scope, receive, _unframed(send))
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await answer(scope, receive, send)
+
+    def _answer(self, scope: Scope) -> Response | None:
+        """Return the answer to a request that does not reach the page, else None."""
+        request = HTTPConnection(scope)
+        if self._is_own(request):
+            if _equal(request.cookies.get(self._cookie, ""), self._secret):
+                return None
+            if _equal(request.query_params.get("token", ""), self._address.token):
+                # Lax: the browser sends it on this redirection, which a file of another site began.
+                page = RedirectResponse(str(request.url.remove_query_params("token")), 303)
+                page.set_cookie(
+                    self._cookie, self._secret, _COOKIE_S, httponly=True, samesite="lax"
+                )
+                return page
+        return PlainTextResponse("glsim tune: open the address that the command printed\n", 403)
+
+    def _is_own(self, request: HTTPConnection) -> bool:
+        """Whether a request names this host, and comes from no page of another origin.
+
+        A foreign name may lead to 127.0.0.1.
+        """
+        host = request.headers.get("host", "")
+        try:
+            name = urlsplit(f"//{host}").hostname
+            origin = urlsplit(request.headers.get("origin", f"http://{host}")).netloc
+        except ValueError:
+            return False
+        known = name in (*_LOOPBACK, self._address.host) or self._address.host in _EVERY_HOST
+        return known and origin == host
+
+
+def _equal(given: str, wanted: str) -> bool:
+    return secrets.compare_digest(given.encode(), wanted.encode())
+
+
+def _unframed(send: Send) -> Send:
+    """Return a ``send`` that forbids other pages to frame the answer."""
+
+    async def send_with_header(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            policy = (b"content-security-policy", b"frame-ancestors 'none'")
+            message["headers"] = [*message["headers"], policy, (b"referrer-policy", b"no-referrer")]
+        await send(message)
+
+    return send_with_header
+
+
+def brought_by(tuning: Tuning, own_sensor: str) -> list[str]:
+    """List what a link brings that the command did not name; it is opened after a click alone.
+
+    Args:
+        own_sensor: the sensor that the command names.
+    """
+    found = [f"GLSL of {stage}" for stage in tuning.code]
+    if tuning.sensor not in (own_sensor, *sensor_names()):
+        found.append(f"the sensor file {tuning.sensor} with its code")
+    for name, value in tuning.values.items():
+        found += [f"{name} = {text}" for text in _texts(value)]  # a file, such as a pattern
+    return found
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _texts(part)
+
+
+def _write_private(path: Path, text: str) -> bool:
+    """Write a file of mode 0600; return False where the cache folder cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, name = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(name).replace(path)
+    except OSError:
+        return False
+    return True
+
+
+def _read_state() -> dict[str, Any]:
+    try:
+        state = json.loads(read_regular(cache_folder() / "tune.json", _LARGEST))
+    except (OSError, ValueError):
+        return {}
+    return state if isinstance(state, dict) else {}
+
+
+def _write_state(state: dict[str, Any]) -> None:
+    _write_private(cache_folder() / "tune.json", json.dumps(state))
+
+
+def cookie_secret() -> str:
+    """Return the value of the cookie, the same for every start, so that a bookmark works."""
+    state = _read_state()
+    if not isinstance(state.get("secret"), str):
+        state["secret"] = secrets.token_urlsafe(24)
+        _write_state(state)
+    return str(state["secret"])
+
+
+def _start_key(start: Tuning, command: str) -> str:
+    return text_hash("\n".join([str(Path.cwd()), command, start.link()]))
+
+
+def keep_tuning(start: Tuning, command: str, tuning: Tuning) -> None:
+    """Keep the last tuning of a command: of its own tuning, words and folder."""
+    state, key = _read_state(), _start_key(start, command)
+    kept = state.get("tunings", {})
+    others = [(k, v) for k, v in kept.items() if k != key] if isinstance(kept, dict) else []
+    _write_state(state | {"tunings": dict([*others, (key, tuning.link())][-_MOST_KEPT:])})
+
+
+def kept_tuning(start: Tuning, command: str) -> Tuning | None:
+    """Return what ``keep_tuning`` kept last for a command, else None."""
+    try:
+        return tuning_of_link(str(_read_state()["tunings"][_start_key(start, command)]))
+    except (KeyError, TypeError, ConfigError):
+        return None

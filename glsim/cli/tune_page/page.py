@@ -1,0 +1,172 @@
+"""The page of one tab: its elements, and when they show what."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+from nicegui import Client, ui
+
+from glsim.cli.tune_page.access import brought_by, keep_tuning, kept_tuning
+from glsim.cli.tune_page.editor import CodeEditor
+from glsim.cli.tune_page.panel import StageList
+from glsim.cli.tune_page.preview import Picture
+from glsim.cli.tune_page.session import TuneSession
+from glsim.cli.tune_page.tab import TuneTab, figures_of
+from glsim.cli.tune_page.topbar import TopBar
+from glsim.cli.tune_page.tuning import Tuning, tuning_of_link
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
+from glsim.sensors.sensor import Sensor
+
+#: Pause between a painted picture and its figures, and the same while the page plays, seconds:
+#: to show figures takes the browser as long as a picture.
+_REST, _REST_PLAYING = 0.15, 1.5
+
+_HEAD = """
+<link rel="stylesheet" href="/tune/assets/tune.css">
+<script>window.tuneCall = (name, ...given) => window.glsimTune
+  ? window.glsimTune[name](...given) : (window.tuneQueue ??= []).push([name, given]);</script>
+<script type="module" src="/tune/assets/tune.js"></script>
+"""
+
+
+class TunePage(TuneTab):
+    """The page of one open tab."""
+
+    def __init__(self, session: TuneSession, client: Client, link: str) -> None:
+        """Build the elements of a new tab.
+
+        Args:
+            link: of its address, or "" for the last settings.
+        """
+        super().__init__(session, client)
+        self._following = False
+        self._followed: Picture | None = None
+        self._file_times: dict[Path, float] = {}
+        self._asked: Tuning | None = None
+        said = self._open(link)
+        ui.add_head_html(_HEAD)
+        ui.dark_mode(None)
+        ui.on("tune_shown", self._follow)
+        with ui.element("main").classes("tune"):
+            with ui.element("header").classes("top"):
+                self.top = TopBar(self)
+            with ui.element("nav").classes("left").props('aria-label="stages"'):
+                self.stages = StageList(self, lambda: self.editor.new_stage())
+            ui.element("section").classes("view").props('id="tune-view" aria-label="images"')
+            ui.element("aside").classes("figures").props('id="tune-figures" aria-label="figures"')
+            with ui.element("section").classes("code").props('aria-label="code"'):
+                self.editor = CodeEditor(self)
+        if said:
+            ui.notify(said, type="warning", timeout=12_000, close_button="ok")
+        ui.timer(1.0, self._watch)
+
+    def _open(self, link: str) -> str:
+        """Open a link or the last settings; return a message. Undo leads to the command's own."""
+        start, said = self.session.start, ""
+        try:
+            wanted = tuning_of_link(link) if link else kept_tuning(start, self.session.command)
+        except ConfigError as error:
+            return str(error)
+        if wanted is None or wanted == start:
+            return ""
+        if not link:
+            said = "these are your last settings: undo (Ctrl+Z) leads to those of the command"
+        # GLSL of the last settings was typed here.
+        if brought_by(wanted if link else replace(wanted, code={}), start.sensor):
+            self._asked = wanted
+        else:
+            self.history.change(wanted)
+        return said
+
+    async def begin(self) -> None:
+        """Draw the first picture; called when the browser is connected."""
+        reasons = [[r.name.lower(), r.help] for r in Reason]
+        self.call("build", "tune-view", "tune-figures", reasons, self.client.id)
+        await self.refresh()
+        if self._asked is not None:
+            await self._ask(self._asked)
+        await self.session.read_recording()
+        if self.session.recorded:
+            self.call("recording", self.session.recorded, None)
+            self._followed = None
+            await self._follow()
+
+    async def _ask(self, wanted: Tuning) -> None:
+        """Ask whether to open a link that brings files or code."""
+        with self.client, ui.dialog().props("persistent") as dialog, ui.card():
+            ui.label("These settings bring code or files, which would run or be read as yours:")
+            for name in brought_by(wanted, self.session.start.sensor):
+                ui.label(name).classes("file")
+            with ui.row():
+                ui.button("Run it", on_click=lambda: dialog.submit(True)).props("flat")
+                ui.button("Leave it", on_click=lambda: dialog.submit(False)).props("flat")
+        allowed = await dialog
+        dialog.delete()
+        if allowed:
+            self.change(wanted)
+
+    def close(self) -> None:
+        """Draw nothing more; called when the browser has gone."""
+        self.closed, self.playing = True, False
+
+    async def _watch(self) -> None:
+        """Reload the sensor's own files when an editor outside has changed them."""
+        if self.picture is None:
+            return
+        times = _times(self.picture.sensor)
+        known, self._file_times = self._file_times, times
+        if any(t != known[f] if f in known else t > self.drawn_at for f, t in times.items()):
+            self.session.preview.reload()
+            self.stages.reload()
+            await self.refresh()
+
+    def show_settings(self) -> None:
+        """Show the newest picture's settings in the panels."""
+        with self.client:
+            if self.picture is not None:
+                self.stages.refresh(self.picture)
+                self.editor.refresh(self.picture)
+            self.top.refresh()
+
+    def show_problem(self, message: str, *, of_code: bool = False) -> None:
+        """Show a message above the code; an empty one clears it."""
+        with self.client:
+            (self.editor.mark if of_code else self.editor.problem)(message)
+
+    async def _follow(self) -> None:
+        """Show the newest picture's settings and figures, once the browser has painted it."""
+        if self._following:
+            return
+        self._following = True
+        try:
+            while self.picture is not self._followed and not self.closed:
+                self._followed = picture = self.picture
+                self.show_settings()
+                start, command = self.session.start, self.session.command
+                await self.session.measure(keep_tuning, start, command, self.history.now)
+                await asyncio.sleep(_REST_PLAYING if self.playing else _REST)
+                if picture is not None and (picture is self.picture or self.playing):
+                    await self._measure(picture)
+        finally:
+            self._following = False
+
+    async def _measure(self, picture: Picture) -> None:
+        figures = await self.session.measure(figures_of, picture)
+        self.call("statistics", figures, self.other_figures)
+        if self.session.recorded and not self.playing:
+            from glsim.cli.tune_page.figures import tuned_figures
+
+            here = await self.session.measure(tuned_figures, picture.frame)
+            self.call("recording", self.session.recorded, here)
+
+
+def _times(sensor: Sensor) -> dict[Path, float]:
+    """Return when the sensor's file and those of its stages were changed last."""
+    specs = [stage.spec for stage in sensor.stages]
+    sources = [spec.source for spec in specs if spec.source is not None]
+    files = {sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}
+    files = files.union(*(source.files for source in sources))
+    return {file: file.stat().st_mtime for file in files if file.is_file()}

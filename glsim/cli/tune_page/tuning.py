@@ -1,0 +1,191 @@
+"""The changes to a sensor as one plain value, with an undo history.
+
+Names and values are those of ``--set`` in all that the page writes: a command line, Python, a link,
+a sensor file.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import shlex
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from glsim.core.errors import ConfigError
+
+#: A number, a switch, or a distribution such as {"uniform": [1, 3]}.
+Value = Any
+
+#: Steps that can be undone; a step is a few hundred bytes.
+_HISTORY = 200
+#: Most bytes that a link may unpack to: a few stages of 9,000 characters.
+_MAX_UNPACKED = 1 << 20
+
+
+@dataclass(frozen=True)
+class StageCode:
+    """GLSL that replaces a stage's, or a new stage.
+
+    Attributes:
+        before: the stage that a new one precedes.
+    """
+
+    text: str
+    before: str | None = None
+    new: bool = False
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """One state of the page. Equal tunings give equal frames.
+
+    Attributes:
+        sensor: name or file.
+        values: name of ``--set`` -> value.
+        code: stage -> its changed GLSL.
+        frame: number of the frame in the plan.
+    """
+
+    sensor: str
+    values: Mapping[str, Value] = field(default_factory=dict)
+    code: Mapping[str, StageCode] = field(default_factory=dict)
+    frame: int = 0
+
+    def with_value(self, name: str, value: Value) -> Tuning:
+        """Return the tuning with one other value; None takes it back to the sensor's."""
+        values = {k: v for k, v in self.values.items() if k != name}
+        return replace(self, values=values if value is None else {**values, name: value})
+
+    def with_code(self, stage: str, code: StageCode | None) -> Tuning:
+        """Return the tuning with other GLSL of a stage; None takes it back to the sensor's."""
+        kept = {k: v for k, v in self.code.items() if k != stage}
+        if code is None and stage in self.code and self.code[stage].new:
+            values = {k: v for k, v in self.values.items() if not k.startswith(f"{stage}.")}
+            return replace(self, values=values, code=kept)
+        return replace(self, code=kept if code is None else {**kept, stage: code})
+
+    def link(self) -> str:
+        """Pack the tuning into text for an address."""
+        packed = zlib.compress(json.dumps(asdict(self), separators=(",", ":")).encode(), 9)
+        return base64.urlsafe_b64encode(packed).decode().rstrip("=")
+
+
+def tuning_of_link(text: str) -> Tuning:
+    """Unpack ``Tuning.link``. Raises ConfigError for anything else."""
+    try:
+        packed = base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
+        raw = zlib.decompressobj().decompress(packed, _MAX_UNPACKED)
+        return TypeAdapter(Tuning).validate_json(raw)
+    except (ValueError, zlib.error):
+        raise ConfigError("the link holds no settings of glsim tune: copy all of it") from None
+
+
+class History:
+    """The tunings of a page in order; one of them is the current one.
+
+    Until ``settle``, successive changes of one name are one step, so that a single undo reverts a
+    dragged slider.
+    """
+
+    def __init__(self, start: Tuning) -> None:
+        self._steps, self._at, self._open = [start], 0, ""
+
+    @property
+    def now(self) -> Tuning:
+        """The current tuning."""
+        return self._steps[self._at]
+
+    def change(self, tuning: Tuning, what: str = "") -> bool:
+        """Make a tuning the current one; return True if it differs.
+
+        Args:
+            what: name of the change.
+        """
+        if tuning == self.now:
+            return False
+        if what and what == self._open and self._at == len(self._steps) - 1:
+            self._steps[self._at] = tuning
+            return True
+        self._steps = [*self._steps[: self._at + 1], tuning][-_HISTORY:]
+        self._at = len(self._steps) - 1
+        self._open = what
+        return True
+
+    def settle(self) -> None:
+        """End the current step: the next change of the same name starts a new one."""
+        self._open = ""
+
+    def refuse(self, tuning: Tuning) -> bool:
+        """Drop ``tuning`` if it is current and failed to draw; return True if dropped."""
+        if tuning is not self.now or self._at == 0:
+            return False
+        self._steps = self._steps[: self._at]
+        self._at, self._open = self._at - 1, ""
+        return True
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an earlier tuning."""
+        return self._at > 0
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a later tuning."""
+        return self._at < len(self._steps) - 1
+
+    def undo(self) -> Tuning:
+        """Go one step back, if there is one."""
+        self._at, self._open = max(self._at - 1, 0), ""
+        return self.now
+
+    def redo(self) -> Tuning:
+        """Go one step forward, if there is one."""
+        self._at, self._open = min(self._at + 1, len(self._steps) - 1), ""
+        return self.now
+
+
+def toml_value(value: Value) -> str:
+    """Write a value as TOML: a number, true, a string, an array or an inline table."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    return json.dumps(value)
+
+
+def set_options(tuning: Tuning) -> str:
+    """Write the ``--sensor`` and ``--set`` options of a command line that gives the same frames.
+
+    Stages with changed code are left out: they need a saved sensor file.
+    """
+    words = ["--sensor", tuning.sensor]
+    for name, value in tuning.values.items():
+        words += ["--set", f"{name}={toml_value(value)}"]
+    return shlex.join(words)
+
+
+def python_code(tuning: Tuning) -> str:
+    """Write Python that makes the same frames."""
+    lines = [
+        "from glsim import Simulator, load_settings, make_tasks, open_context, open_sources",
+        "",
+        f"settings = load_settings(overrides={{'sensor': {tuning.sensor!r}}})",
+        "sources = open_sources(settings)",
+        "simulator = Simulator(settings, sources, open_context())",
+    ]
+    for stage, code in tuning.code.items():
+        before = f", before={code.before!r}" if code.before else ""
+        lines += [f"simulator = simulator.with_stage({stage!r}, {code.text!r}{before})"]
+    if tuning.values:
+        lines += [f"simulator = simulator.with_values({dict(tuning.values)!r})"]
+    lines += [
+        "tasks = make_tasks(simulator.settings, sources)",
+        f"(frame,) = simulator.frames(tasks[{tuning.frame} : {tuning.frame + 1}])",
+        "frame.clean, frame.noisy, frame.infrared, frame.reason",
+    ]
+    return "\n".join(lines) + "\n"

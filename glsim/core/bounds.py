@@ -1,0 +1,293 @@
+"""Bounds of a mesh: the image window it can touch, and the frustum that an emitter must see."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import SensorRig
+from glsim.core.errors import MeshError
+from glsim.core.products import product
+from glsim.core.rect import Rect
+
+#: Margin of a window on each side, pixels, because stages can move and grow silhouettes. Shipped
+#: shaders reach 8 px at most (lateral jitter is cut there); array stages declare their reach.
+MARGIN_PX = 8
+
+#: Windows start and end at multiples of this, pixels. They then seldom change between frames (a
+#: changed window must be cleared), and layers at 1/3 of the size divide them evenly.
+_ALIGN_PX = 12
+
+
+class Frustum(NamedTuple):
+    """A view frustum: bounds of the directions x/z and y/z, and of the depth z in metres."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    near_m: float
+    far_m: float
+
+    def widened(self, by: float) -> Frustum:
+        """The frustum with its directions widened by ``by`` on each side."""
+        return self._replace(
+            left=self.left - by, top=self.top - by, right=self.right + by, bottom=self.bottom + by
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FieldOfView:
+    """The directions that a rig's pixels see, lens included.
+
+    Args:
+        columns: (W, 2) smallest and largest x/z that a column sees.
+        rows: (H, 2) y/z of a row.
+    """
+
+    rig: SensorRig
+    columns: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+    @staticmethod
+    def of(rig: SensorRig) -> FieldOfView:
+        """The field of view of a rig: its rays, with a margin of 0.5 px (1 px with a lens)."""
+        rays, image = rig.rays().astype(np.float64), rig.intrinsics
+        spread = np.array([-1.0, 1.0]) if rig.keeps_distortion else np.array([-0.5, 0.5])
+        x, y = rays[..., 0], rays[..., 1]
+        return FieldOfView(
+            rig,
+            np.stack([x.min(axis=0), x.max(axis=0)], axis=1) + spread / image.fx,
+            np.stack([y.min(axis=1), y.max(axis=1)], axis=1) + spread / image.fy,
+        )
+
+    def window(self, box: Frustum) -> Rect:
+        """The pixels whose rays enter ``box``; width or height 0 if there are none."""
+        spans = []
+        for directions, low, high in (
+            (self.columns, box.left, box.right),
+            (self.rows, box.top, box.bottom),
+        ):
+            inside = np.flatnonzero((directions[:, 1] > low) & (directions[:, 0] < high))
+            spans.append((int(inside[0]), len(inside)) if len(inside) else (0, 0))
+        (left, width), (top, height) = spans
+        return Rect(left, top, width, height)
+
+
+def bounding_corners(
+    vertices_mm: NDArray[np.float32], view: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """(8, 3) corners of a mesh's bounding box, camera-frame metres.
+
+    Args:
+        vertices_mm: (V, 3) canonical millimetres.
+        view: (4, 4), canonical mm to camera m.
+
+    Raises:
+        MeshError: a vertex that is NaN or infinite.
+    """
+    # By column: NumPy reduces (V, 3) along its long axis ten times slower.
+    columns = np.ascontiguousarray(vertices_mm.T)
+    low, high = columns.min(axis=1), columns.max(axis=1)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        bad = int((~np.isfinite(vertices_mm).all(axis=1)).sum())
+        raise MeshError(f"{bad} vertices are NaN or infinite: repair the mesh")
+    box = np.array(list(itertools.product(*zip(low, high, strict=True))), dtype=np.float64)
+    moved: NDArray[np.float64] = product(box, view[:3, :3].T.astype(np.float64)) + view[:3, 3]
+    return moved
+
+
+def vertex_frustum(
+    vertices_mm: NDArray[np.float32], view: NDArray[np.float32], near_m: float
+) -> Frustum | None:
+    """The frustum of the vertices themselves; None if any is not beyond ``near_m``.
+
+    It can be much smaller than that of their bounding box, e.g. if hands reach forward.
+
+    Args:
+        vertices_mm: (V, 3).
+        view: (4, 4), canonical mm to camera m.
+    """
+    x, y, z = product(view[:3, :3], vertices_mm.T) + view[:3, 3:]
+    nearest = float(z.min())
+    if nearest <= near_m:
+        return None
+    x, y = x / z, y / z
+    seen = (x.min(), y.min(), x.max(), y.max(), nearest, z.max())
+    return Frustum(*(float(value) for value in seen))
+
+
+def bounding_frustum(
+    corners_m: NDArray[np.float64], origin_m: tuple[float, float, float], near_m: float
+) -> Frustum | None:
+    """The frustum of (N, 3) points seen from ``origin_m``; None if any is not beyond ``near_m``."""
+    seen = corners_m - np.asarray(origin_m)
+    z = seen[:, 2]
+    if z.min() <= near_m:
+        return None
+    x, y = seen[:, 0] / z, seen[:, 1] / z
+    return Frustum(*(float(v) for v in (x.min(), y.min(), x.max(), y.max(), z.min(), z.max())))
+
+
+def image_window(
+    corners_m: NDArray[np.float64],
+    field_of_view: FieldOfView,
+    visible: Rect | None,
+    reach_px: int = 0,
+    around: Frustum | None = None,
+) -> Rect:
+    """The window of the image that a mesh can touch, with margin.
+
+    It is the whole image if the mesh crosses the near plane.
+
+    Args:
+        corners_m: (8, 3), the mesh's bounding box.
+        visible: the crop that is delivered, or None.
+        reach_px: how far around the crop stages look, besides the margin.
+        around: a smaller frustum around the mesh than that of its box, or None.
+
+    Raises:
+        MeshError: the mesh is out of view.
+    """
+    image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
+    whole = Rect(0, 0, image.width, image.height)
+    if visible is not None:
+        whole = _grown(visible, whole, MARGIN_PX + reach_px)
+    z = corners_m[:, 2]
+    if z.max() <= near_m:
+        raise MeshError(
+            f"the mesh lies behind the camera or nearer than {near_m * 1000:.0f} mm "
+            f"(z {z.min() * 1000:.0f} to {z.max() * 1000:.0f} mm): check units, axes and distance"
+        )
+    box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
+    if box is None:
+        return whole
+    exact = field_of_view.window(box)
+    if 0 in exact.intersection(visible or whole)[2:]:
+        left, top = box.left * image.fx + image.cx, box.top * image.fy + image.cy
+        right, bottom = box.right * image.fx + image.cx, box.bottom * image.fy + image.cy
+        seen = f"{image.width}x{image.height}"
+        if visible is not None:
+            seen = f"the crop of {visible.width}x{visible.height} at {visible.left}, {visible.top}"
+        raise MeshError(
+            f"the mesh is out of view: it would span columns {left:.0f} to {right:.0f} and rows "
+            f"{top:.0f} to {bottom:.0f} of {seen}"
+        )
+    return _grown(exact, whole, MARGIN_PX)
+
+
+def out_of_view(
+    corners_m: NDArray[np.float64],
+    field_of_view: FieldOfView,
+    visible: Rect | None,
+    around: Frustum | None = None,
+) -> bool:
+    """Whether a mesh lies beside the image, beside the crop ``visible``, or behind the camera.
+
+    Args:
+        corners_m: (8, 3), the mesh's bounding box.
+        around: a smaller frustum around the mesh, or None.
+    """
+    if corners_m[:, 2].max() <= field_of_view.rig.near_m:
+        return True
+    box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
+    if box is None:
+        return False
+    image = field_of_view.rig.intrinsics
+    seen = visible or Rect(0, 0, image.width, image.height)
+    return 0 in field_of_view.window(box).intersection(seen)[2:]
+
+
+def emitter_frustum(
+    corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
+) -> Frustum:
+    """The frustum that an emitter must see to light the image, with the depths of the whole mesh.
+
+    It holds the directions of the points that the camera and the imagers see: what shadows them
+    lies there too. A crop does not narrow it, because the edges of shadows depend on the grid of
+    the shadow map. If the mesh reaches the camera (the legs of a person who looks up), the emitter
+    is in its box: the frustum is then that of the camera's view beyond the near plane.
+
+    Raises:
+        MeshError: the emitter is inside a scene before the camera.
+    """
+    near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
+    whole = bounding_frustum(corners_m, origin_m, near_m)
+    reached_m = field_of_view.rig.near_m
+    if whole is None and corners_m[:, 2].min() <= reached_m and origin_m[2] <= reached_m:
+        return _seen_from(origin_m, field_of_view, float(corners_m[:, 2].max()))
+    if whole is None:
+        raise MeshError(
+            f"the mesh reaches behind the emitter at {origin_m} m or nearer than "
+            f"{near_m * 1000:.0f} mm: check units, axes and distance"
+        )
+    z = np.clip([corners_m[:, 2].min(), corners_m[:, 2].max()], near_m, None)
+    x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
+    seen = _seen_points(field_of_view, x, y, z)
+    lit = bounding_frustum(seen, origin_m, 0.0)
+    if lit is None:
+        return whole
+    return Frustum(
+        max(lit.left, whole.left), max(lit.top, whole.top),
+        min(lit.right, whole.right), min(lit.bottom, whole.bottom),
+        whole.near_m, whole.far_m,
+    )  # fmt: skip
+
+
+def _seen_points(
+    field_of_view: FieldOfView, x: Iterable[float], y: Iterable[float], z: Iterable[float]
+) -> NDArray[np.float64]:
+    """Return (N, 3) points, metres, at the ends of the directions of the camera and the imagers."""
+    eyes = [(0.0, 0.0, 0.0), *field_of_view.rig.imagers_m]
+    return np.array(
+        [(e[0] + a * d, e[1] + b * d, d) for e, d, a, b in itertools.product(eyes, z, x, y)]
+    )
+
+
+def _seen_from(
+    origin_m: tuple[float, float, float], field_of_view: FieldOfView, far_m: float
+) -> Frustum:
+    """The frustum, from ``origin_m``, of all that the camera sees between near plane and far_m."""
+    near_m = field_of_view.rig.near_m
+    x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
+    far_m = max(far_m, 2 * near_m)
+    points = _seen_points(field_of_view, x, y, (near_m, far_m))
+    seen = bounding_frustum(points, origin_m, 0.0)
+    assert seen is not None  # an emitter behind the near plane
+    return seen
+
+
+def union(windows: list[Rect]) -> Rect:
+    """The smallest window that contains all ``windows``."""
+    left, top = min(w.left for w in windows), min(w.top for w in windows)
+    right = max(w.left + w.width for w in windows)
+    bottom = max(w.top + w.height for w in windows)
+    return Rect(left, top, right - left, bottom - top)
+
+
+def widened(window: Rect, field_of_view: FieldOfView, by_px: tuple[int, int, int, int]) -> Rect:
+    """Widen a window by pixels on its left, top, right and bottom side, within the image."""
+    if not any(by_px):
+        return window
+    image = field_of_view.rig.intrinsics
+    left, top, right, bottom = by_px
+    moved = Rect(
+        window.left - left, window.top - top,
+        window.width + left + right, window.height + top + bottom,
+    )  # fmt: skip
+    return _grown(moved, Rect(0, 0, image.width, image.height), 0)
+
+
+def _grown(rect: Rect, limit: Rect, by_px: int) -> Rect:
+    """``rect`` widened by ``by_px`` on each side, aligned to _ALIGN_PX, cut to ``limit``."""
+    left = math.floor((rect.left - by_px) / _ALIGN_PX) * _ALIGN_PX
+    top = math.floor((rect.top - by_px) / _ALIGN_PX) * _ALIGN_PX
+    right = math.ceil((rect.left + rect.width + by_px) / _ALIGN_PX) * _ALIGN_PX
+    bottom = math.ceil((rect.top + rect.height + by_px) / _ALIGN_PX) * _ALIGN_PX
+    return Rect(left, top, right - left, bottom - top).intersection(limit)

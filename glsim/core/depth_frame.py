@@ -1,0 +1,330 @@
+"""One type of a depth frame, whatever it is read from, and one type of a set of them.
+
+Data sets, recordings, folders of files and stacks in memory give ``Frames``; scoring, denoising,
+training, fitting and comparing take them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, lru_cache, partial
+from typing import Any, NamedTuple, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import DatasetError
+
+DepthMap = NDArray[np.float32]
+Stack = NDArray[np.float64]
+
+#: A map, or a function that reads it.
+Layer = NDArray[Any] | Callable[[], NDArray[Any]]
+
+
+class FrameKey(NamedTuple):
+    """Identifies a frame. Statistics are over subjects; a sequence is ordered in time."""
+
+    subject: str
+    sequence: str
+    frame: int
+
+    def __str__(self) -> str:
+        name = f"{self.sequence}_{self.frame:05d}"
+        return f"{self.subject}/{name}" if self.subject else name
+
+
+class DepthFrame(Mapping[str, Any]):
+    """A measured depth map with its camera, and what else is known of it.
+
+    A map that lies in a file is read and checked when it is first used, and raises DatasetError
+    then; so does a map that the frame does not have (``"clean_mm" in frame`` tells). As a mapping,
+    name -> map or part of the key, a frame can be batched by a DataLoader of PyTorch.
+
+    Args:
+        key: subject, sequence and number.
+        intrinsics: the pinhole camera of the maps.
+        layers: name -> (H, W) map, or a function that reads it; "noisy_mm" at least. Depth is
+            float32 millimetres, 0 = none; "infrared" counts; "reason" and "regions" uint8 codes;
+            "normals" (H, W, 3).
+        offset_mm: millimetres that were subtracted from the depths: 0 as measured; NaN if the
+            distance from the camera is unknown.
+        step_mm: step of the stored depths, whose rounding adds step^2 / 12 to a variance; 0: none.
+        record: what a data set says of the frame.
+        name: unique in its set; default: the key.
+    """
+
+    def __init__(
+        self,
+        key: FrameKey,
+        intrinsics: Intrinsics,
+        layers: Mapping[str, Layer],
+        *,
+        offset_mm: float = 0.0,
+        step_mm: float = 1.0,
+        record: Mapping[str, Any] | None = None,
+        name: str = "",
+    ) -> None:
+        self.key, self.intrinsics = key, intrinsics
+        self.offset_mm, self.step_mm = offset_mm, step_mm
+        self.record: Mapping[str, Any] = record or {}
+        self.name = name or str(key)
+        self._layers: dict[str, Any] = dict(layers)
+
+    def __repr__(self) -> str:
+        return f"DepthFrame({self.name})"
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a map or a part of the key. Raises KeyError for what ``keys`` does not list."""
+        if name in self._layers:
+            return self.layer(name)
+        if name in FrameKey._fields:
+            return getattr(self.key, name)
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self._layers, *FrameKey._fields))
+
+    def __len__(self) -> int:
+        return len(self._layers) + len(FrameKey._fields)
+
+    __hash__ = object.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The names of the maps."""
+        return tuple(self._layers)
+
+    def layer(self, name: str) -> NDArray[Any]:
+        """Return a map by its name. Raises DatasetError if there is none, or it cannot be read."""
+        if name not in self._layers:
+            raise DatasetError(
+                f"{self.name}: has no layer {name.removesuffix('_mm')!r}: it has "
+                f"{', '.join(layer.removesuffix('_mm') for layer in self._layers)}"
+            )
+        if callable(self._layers[name]):
+            self._layers[name] = self._layers[name]()
+        found: NDArray[Any] = self._layers[name]
+        return found
+
+    @property
+    def noisy_mm(self) -> DepthMap:
+        """(H, W) float32 measured depth, mm, 0 = no return."""
+        return self.layer("noisy_mm")
+
+    @cached_property
+    def measured_mm(self) -> DepthMap:
+        """(H, W) float32 measured depth, mm, NaN = no return."""
+        return np.where(self.noisy_mm > 0, self.noisy_mm, np.float32(np.nan))
+
+    @property
+    def rays(self) -> DepthMap:
+        """(H, W, 2) float32 x/z and y/z of the pixels."""
+        return _rays(self.intrinsics)
+
+    @property
+    def clean_mm(self) -> DepthMap:
+        """(H, W) float32 true depth, mm, 0 = no surface."""
+        return self.layer("clean_mm")
+
+    @property
+    def expected_mm(self) -> DepthMap:
+        """(H, W) float32 true depth with the sensor's systematic error, mm, 0 = no surface."""
+        return self.layer("expected_mm")
+
+    @property
+    def infrared(self) -> NDArray[Any] | None:
+        """(H, W) infrared counts; None without an infrared image."""
+        return self.layer("infrared") if "infrared" in self._layers else None
+
+    @property
+    def reason(self) -> NDArray[np.uint8]:
+        """(H, W) uint8 codes of ``glsim.Reason``."""
+        return self.layer("reason")
+
+    @property
+    def regions(self) -> NDArray[np.uint8]:
+        """(H, W) uint8 parts of the face, by the numbers of ``Frames.regions``; 0 = none."""
+        return self.layer("regions")
+
+    @property
+    def normals(self) -> DepthMap:
+        """(H, W, 3) float32 unit normals of the true surface, camera frame; 0 = no surface."""
+        return self.layer("normals")
+
+    def changed(
+        self,
+        layers: Mapping[str, Layer] | None = None,
+        *,
+        intrinsics: Intrinsics | None = None,
+        offset_mm: float | None = None,
+    ) -> DepthFrame:
+        """Return the frame with other maps, by their names, another camera or another offset."""
+        return DepthFrame(
+            self.key,
+            intrinsics or self.intrinsics,
+            {**self._layers, **(layers or {})},
+            offset_mm=self.offset_mm if offset_mm is None else offset_mm,
+            step_mm=self.step_mm,
+            record=self.record,
+            name=self.name,
+        )
+
+
+class Frames(Sequence[DepthFrame]):
+    """Depth frames of one camera by number; those of a sequence are consecutive, in time order.
+
+    Args:
+        count: number of frames.
+        load: number -> frame; raises DatasetError if it is missing or damaged.
+        key: number -> its key without reading it; default: that of the loaded frame.
+        title: names the set in tables.
+        identity: a text that changes whenever the frames may have changed.
+        regions: labelled parts of the face, name -> number.
+        protocol: where the depths are counted from.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        load: Callable[[int], DepthFrame],
+        key: Callable[[int], FrameKey] | None = None,
+        *,
+        title: str = "",
+        identity: str = "",
+        regions: Mapping[str, int] | None = None,
+        protocol: DepthProtocol = "depth",
+    ) -> None:
+        self._count, self._load, self._key = count, load, key
+        self.title, self.identity, self.protocol = title, identity, protocol
+        self.regions: Mapping[str, int] = regions or {}
+
+    @classmethod
+    def of(cls, frames: Sequence[DepthFrame], title: str = "") -> Frames:
+        """Return frames in memory as a set."""
+        kept = tuple(frames)
+        return cls(len(kept), kept.__getitem__, title=title)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def key(self, number: int) -> FrameKey:
+        """Return the key of a frame."""
+        return self.load(number).key if self._key is None else self._key(number)
+
+    def load(self, number: int) -> DepthFrame:
+        """Return a frame. Raises DatasetError if it is missing or damaged."""
+        return self._load(number)
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The pinhole camera of the first frame."""
+        return self[0].intrinsics
+
+    @cached_property
+    def measured_mm(self) -> Stack:
+        """(T, H, W) measured depth of frames of one size, mm, NaN = no return."""
+        return np.stack([frame.measured_mm for frame in self]).astype(np.float64)
+
+    @property
+    def whole_mm(self) -> Stack:
+        """(T, H, W) measured depth rounded to whole mm, NaN = no return."""
+        return np.rint(self.measured_mm)
+
+    @cached_property
+    def truth_mm(self) -> Stack:
+        """(H, W) true depth of a static scene, mm, NaN = no surface."""
+        clean = self[0].clean_mm
+        return np.where(clean > 0, clean, np.nan).astype(np.float64)
+
+    @property
+    def residual_mm(self) -> Stack:
+        """(T, H, W) whole mm minus the true depth of a static scene."""
+        return self.whole_mm - self.truth_mm
+
+    def stack(self, layer: str) -> NDArray[Any]:
+        """Return a layer of frames of one size, (T, H, W) or (T, H, W, components)."""
+        return np.stack([frame.layer(layer) for frame in self])
+
+    def centre(self, width: int = 64, height: int | None = None) -> Frames:
+        """Return the frames in memory, cropped to their centre, px (default: a square)."""
+        own = self.intrinsics
+        height = width if height is None else height
+        left, top = (own.width - width) // 2, (own.height - height) // 2
+        part = np.s_[top : top + height, left : left + width]
+        camera = own.cropped(left, top, width, height)
+        cut = (
+            frame.changed(
+                {name: frame.layer(name)[part] for name in frame.layers}, intrinsics=camera
+            )
+            for frame in self
+        )
+        return Frames.of(list(cut), self.title)
+
+    @overload
+    def __getitem__(self, number: int) -> DepthFrame: ...
+    @overload
+    def __getitem__(self, number: slice) -> Frames: ...
+    def __getitem__(self, number: int | slice) -> DepthFrame | Frames:
+        """Return the frame at a position, from the end if negative, or the frames of a slice."""
+        if isinstance(number, slice):
+            numbers = range(*number.indices(self._count))
+            return Frames(
+                len(numbers),
+                partial(_at, self.load, numbers),
+                partial(_at, self.key, numbers),
+                title=self.title,
+                identity=self.identity,
+                regions=self.regions,
+                protocol=self.protocol,
+            )
+        position = number + self._count if number < 0 else number
+        if not 0 <= position < self._count:
+            raise IndexError(f"{self.title or 'the set'} has {self._count} frames, not {number}")
+        return self.load(position)
+
+    def changed(
+        self,
+        change: Callable[[DepthFrame], DepthFrame],
+        identity: str = "",
+        protocol: DepthProtocol | None = None,
+    ) -> Frames:
+        """Return the frames with each changed when it is read.
+
+        Args:
+            change: takes a frame and returns another.
+            identity: of the change.
+            protocol: of the changed maps; default: as they were.
+        """
+        return Frames(
+            self._count,
+            partial(_then, self.load, change),
+            self.key,
+            title=self.title,
+            identity=f"{self.identity} {identity}".strip(),
+            regions=self.regions,
+            protocol=protocol or self.protocol,
+        )
+
+
+@lru_cache(maxsize=2)
+def _rays(camera: Intrinsics) -> DepthMap:
+    return camera.rays()
+
+
+# Functions of the module, because a set of frames is sent to other processes.
+
+
+def _at(get: Callable[[int], Any], numbers: Sequence[int], number: int) -> Any:
+    return get(numbers[number])
+
+
+def _then(
+    load: Callable[[int], DepthFrame], change: Callable[[DepthFrame], DepthFrame], number: int
+) -> DepthFrame:
+    return change(load(number))

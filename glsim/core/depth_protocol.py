@@ -1,0 +1,75 @@
+"""Where depth is counted from: the camera, or the nearest point of the frame.
+
+    depth   as measured: millimetres from the camera
+    paper   each frame is moved along the optical axis until the nearest point of its true depth is
+            at 1 mm, as Kendrick, Yap and Tan position their faces
+
+Data sets record the millimetres that were subtracted from a frame (``depth_offset_mm``), so that
+either protocol can be read from any of them. A protocol decides what training, scoring and
+denoising see; a hole is 0 in both.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.errors import ConfigError, did_you_mean
+
+DepthProtocol = Literal["depth", "paper"]
+#: Depth of the nearest point under ``paper``, mm. Source: the paper's section on training.
+NEAREST_MM: Final = 1.0
+#: Protocol -> what it means, in a line of a report.
+MEANING: Final[dict[DepthProtocol, str]] = {
+    "depth": "depth as measured from the camera",
+    "paper": f"the nearest point of each frame at {NEAREST_MM:g} mm",
+}
+
+_Array = NDArray[np.float32]
+
+
+def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtocol | None:
+    """Return a protocol by its name; None for None. Raises ConfigError for another name."""
+    if text is None:
+        return None
+    for name in get_args(DepthProtocol):
+        if text == name:
+            return name  # type: ignore[no-any-return]
+    raise ConfigError(f"{option} {text}: {did_you_mean(text, get_args(DepthProtocol))}")
+
+
+def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
+    """Return the protocol of a data set's files.
+
+    Args:
+        nearest_to_mm: its setting of that name.
+    """
+    return "paper" if nearest_to_mm == NEAREST_MM else "depth"
+
+
+def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEAREST_MM) -> float:
+    """Return the millimetres to subtract so that the nearest depth is ``nearest_mm``.
+
+    Args:
+        depth_mm: the true depth, any shape, 0 = none. 0 without any depth.
+    """
+    valid = depth_mm[depth_mm > 0]
+    return float(valid.min()) - nearest_mm if valid.size else 0.0
+
+
+def subtract_offset(depth: _Array, offset: float, least: float = NEAREST_MM) -> _Array:
+    """Subtract an offset where there is depth; a pixel with depth keeps at least ``least``.
+
+    Args:
+        depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of
+            the surface is cut off at ``least``, because a depth of 0 would be a hole.
+    """
+    moved = np.maximum(depth - np.float32(offset), np.float32(least))
+    return np.where(depth > 0, moved, np.float32(0.0))
+
+
+def add_offset(depth: _Array, offset: float) -> _Array:
+    """Invert ``subtract_offset``, up to what it cut off."""
+    return np.where(depth > 0, depth + np.float32(offset), np.float32(0.0))

@@ -1,0 +1,327 @@
+"""Atomic file writing with checksums, and JSON in one fixed form.
+
+A file is written under a temporary name and renamed, so that its own name never stands for half a
+file. Data and name are flushed to the disk, unless ``sync`` is false: the images of a data set are
+flushed together, once per chunk (``glsim.core.files.flush``). The size and CRC32 of every file are
+recorded, and compared when a run is resumed.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import secrets
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import numpy as np
+from isal import isal_zlib
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.flush import flush_all, flush_file
+from glsim.core.files.regular import open_regular, read_regular
+
+#: Advice on common file system errors.
+_ADVICE = {
+    errno.ENOSPC: "free some space and run the same command again, it continues",
+    errno.EDQUOT: "free some space and run the same command again, it continues",
+    errno.EACCES: "check the permissions or choose another folder",
+    errno.EPERM: "check the permissions or choose another folder",
+    errno.EROFS: "the file system is read-only, choose another folder",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}
+_BLOCK_BYTES = 1 << 20
+#: Largest file that ``read_json`` reads: forty times MakeHuman's weights, the largest known.
+_MAX_JSON_BYTES = 1 << 26
+
+#: Temporary files beside their target, and temporary folders: PREFIX + random digits + SUFFIX.
+_PREFIX, _SUFFIX = ".glsim-", ".tmp"
+#: A temporary file or folder that is this old, seconds, is left over: nothing is written for days.
+_STALE_S = 86_400.0
+
+
+def _to_plain_value(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} is not a JSON value")
+
+
+_encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_plain_value).encode
+
+
+def to_json(value: object, where: str) -> str:
+    """Encode a value as one line of JSON; NumPy numbers and arrays become numbers and lists.
+
+    Raises DatasetError for NaN and for other types.
+
+    Args:
+        where: names the value in error messages.
+    """
+    try:
+        return _encode(value)
+    except (TypeError, ValueError) as error:
+        raise DatasetError(f"{where}: cannot be written as JSON: {error}") from None
+
+
+def parse_json(data: bytes, where: object) -> dict[str, Any]:
+    """Parse one JSON object. Raises DatasetError, which begins with ``where``, for other bytes."""
+    try:
+        value = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(f"{where}: is damaged: {error}") from None
+    if not isinstance(value, dict):
+        raise DatasetError(f"{where}: is damaged: no JSON object")
+    return value
+
+
+def without_nan(value: Any) -> Any:
+    """Return JSON values with None for NaN and infinity, which JSON lacks; tuples become lists."""
+    if isinstance(value, dict):
+        return {str(key): without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a file that holds one JSON object, of up to 67 MB.
+
+    Raises DatasetError for anything else.
+    """
+    try:
+        return parse_json(read_regular(path, _MAX_JSON_BYTES), path)
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def cannot_write(path: Path, error: OSError) -> DatasetError:
+    """Return the DatasetError for a failed write: path, cause and advice in one line."""
+    advice = _ADVICE.get(error.errno or 0, "what is complete is kept")
+    return DatasetError(f"cannot write {path}: {error.strerror or error}: {advice}")
+
+
+def check_can_write(file: Path) -> None:
+    """Raise DatasetError if a file cannot be written, before the work whose result it takes.
+
+    Its folder need not be there: ``write_atomic`` makes it.
+    """
+    if _is_device(file):
+        return
+    with wrap_write_errors(file):
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        folder = next(parent for parent in file.absolute().parents if os.path.lexists(parent))
+        if not folder.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        if not os.access(folder, os.W_OK | os.X_OK, effective_ids=True):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+@contextmanager
+def wrap_write_errors(path: Path) -> Iterator[None]:
+    """Turn every OSError in the block into a DatasetError that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+@contextmanager
+def wrap_read_errors(path: Path) -> Iterator[None]:
+    """Turn every OSError in the block into a DatasetError about ``path``, a data-set file."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise missing(path) from None
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def missing(where: object) -> DatasetError:
+    """Return the error for a file of a data set that is not there."""
+    return DatasetError(
+        f"{where}: is missing: run glsim generate again with the same settings to restore it"
+    )
+
+
+class AtomicFile:
+    """A file that appears under its name only when it is complete; counts its size and CRC32.
+
+    Use it as a context manager: a normal exit renames the temporary file to ``path``, an error
+    removes it.
+
+    Args:
+        temporary: path for the unfinished file, on the same file system; by default it lies beside
+            ``path``, whose folder is then created, under a random name, and what a killed process
+            left there is removed. The temporary file must not exist.
+        sync: flush data and name to the disk (a few milliseconds). A device, such as /dev/stdout,
+            is written directly.
+    """
+
+    def __init__(self, path: Path, temporary: Path | None = None, *, sync: bool = True) -> None:
+        self.path = path
+        self.size = 0
+        self.crc32 = 0
+        self._sync = sync
+        self._temporary: Path | None = None
+        with wrap_write_errors(path):
+            if _is_device(path):
+                self._file: IO[bytes] = path.open("wb")
+                return
+            if temporary is None:
+                if not path.parent.is_dir():
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    flush_file(path.parent.parent)
+                _remove_stale(path.parent)
+                temporary = path.with_name(_temporary_name())
+            self._file = _create(temporary)
+            self._temporary = temporary
+
+    def write(self, data: bytes) -> int:
+        """Append bytes; return their number."""
+        with wrap_write_errors(self.path):
+            self._file.write(data)
+        self.crc32 = isal_zlib.crc32(data, self.crc32)
+        self.size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes written so far (``tarfile`` needs it)."""
+        return self.size
+
+    @property
+    def checksum(self) -> dict[str, int]:
+        """The recorded form: {"size": bytes, "crc32": CRC32}."""
+        return {"size": self.size, "crc32": self.crc32}
+
+    def __enter__(self) -> AtomicFile:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        complete = False
+        try:
+            with wrap_write_errors(self.path):
+                try:
+                    if kind is None and self._sync and self._temporary is not None:
+                        self._file.flush()
+                        os.fsync(self._file.fileno())
+                finally:
+                    self._file.close()
+                if kind is None and self._temporary is not None:
+                    self._temporary.replace(self.path)
+                    complete = True
+                    if self._sync:
+                        flush_file(self.path.parent)
+        finally:
+            if not complete and self._temporary is not None:
+                self._temporary.unlink(missing_ok=True)
+
+
+def write_atomic(
+    data: bytes, path: Path, *, temporary: Path | None = None, sync: bool = True
+) -> dict[str, int]:
+    """Write a whole file at once: it is complete or absent. Returns its size and CRC32.
+
+    Raises DatasetError.
+
+    Args:
+        temporary, sync: as for AtomicFile.
+    """
+    with AtomicFile(path, temporary, sync=sync) as file:
+        file.write(data)
+    return file.checksum
+
+
+def flush_outputs(folder: Path) -> None:
+    """Flush all files of a folder that were written with ``sync`` false. Raises DatasetError."""
+    if folder.is_dir():
+        with wrap_write_errors(folder):
+            flush_all(folder)
+
+
+def _is_device(path: Path) -> bool:
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _create(temporary: Path) -> IO[bytes]:
+    return temporary.open("xb")
+
+
+def _temporary_name() -> str:
+    return f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}"
+
+
+@contextmanager
+def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
+    """Make a folder for temporary files, which ends with the block, also after an error.
+
+    What killed processes left beside it is removed. Raises DatasetError if it cannot be made.
+
+    Args:
+        inside: the folder that holds it; by default the system's for temporary files.
+    """
+    with wrap_write_errors(inside or Path(os.environ.get("TMPDIR", "/tmp"))):
+        parent = Path(tempfile.gettempdir()) if inside is None else inside
+        _remove_stale(parent)
+        folder = parent / _temporary_name()
+        folder.mkdir(mode=0o700)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@lru_cache(maxsize=4096)
+def _remove_stale(folder: Path) -> None:
+    """Remove this user's temporary files and folders of killed processes, once per process."""
+    for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
+        with suppress(OSError):  # gone, or not ours
+            status = path.lstat()
+            if time.time() - status.st_mtime < _STALE_S or status.st_uid != os.geteuid():
+                continue
+            if stat.S_ISDIR(status.st_mode):
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink()
+
+
+def checksum(data: bytes) -> dict[str, int]:
+    """Return the size and CRC32 of bytes in memory."""
+    return {"size": len(data), "crc32": isal_zlib.crc32(data)}
+
+
+def file_checksum(path: Path) -> dict[str, int] | None:
+    """Return the size and CRC32 of a regular file; None if it cannot be read."""
+    size = crc32 = 0
+    try:
+        with open_regular(path) as file:
+            while block := file.read(_BLOCK_BYTES):
+                crc32 = isal_zlib.crc32(block, crc32)
+                size += len(block)
+    except OSError:
+        return None
+    return {"size": size, "crc32": crc32}

@@ -1,0 +1,407 @@
+"""Stores in object storage (s3://, gs://, az://), through fsspec, with retries and a lock.
+
+An object appears whole or not at all: a file is written on this machine's disk first, uploaded when
+it is complete, and compared with what arrived. What fails for a moment (a timeout, a throttled
+request) is tried again; what cannot succeed is a DatasetError at once.
+
+The lock is an object that only one of several processes can create. A store frees nothing when a
+process dies. Its holder therefore writes the object again and again, and another process that sees
+it unchanged for a while takes it over. No clocks are compared. Two holders at once would do no
+harm, for both write the same bytes; the lock saves their work.
+"""
+
+from __future__ import annotations
+
+import base64
+import logging
+import os
+import random
+import re
+import secrets
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from itertools import islice
+from pathlib import Path
+from typing import IO, Any, TypeVar
+
+from isal import isal_zlib
+from typing_extensions import override
+
+from glsim.core.errors import ConfigError, DatasetError, GlsimError
+from glsim.core.files.atomic import (
+    AtomicFile,
+    checksum,
+    file_checksum,
+    missing,
+    temporary_folder,
+    wrap_write_errors,
+)
+from glsim.core.files.cache_folder import cache_folder
+from glsim.core.files.contents import text_hash
+from glsim.core.files.store import MAX_FIRST_BYTES, Store
+
+log = logging.getLogger(__name__)
+_T = TypeVar("_T")
+_A = TypeVar("_A")
+_B = TypeVar("_B")
+
+#: The package that fsspec needs for each scheme, for messages. "memory" lies in this process.
+_PACKAGES = {
+    **dict.fromkeys(("s3", "s3a"), "s3fs"),
+    **dict.fromkeys(("gs", "gcs"), "gcsfs"),
+    **dict.fromkeys(("az", "abfs", "abfss"), "adlfs"),
+    "memory": "fsspec",
+}
+#: A URL, also with fsspec's caches before it ("blockcache::s3://..."), and also as pathlib writes
+#: it, which joins the slashes: s3:/bucket.
+_URL = re.compile(rf"^((?:[a-z]+::)*(?:{'|'.join(_PACKAGES)})):/+(?=[^/])")
+#: What was meant as a URL: "file:///data", "s3://" without a bucket. One letter is a Windows drive.
+_SCHEME = re.compile(r"^(?:[a-z]+::)*[A-Za-z][A-Za-z0-9+.-]+:(?:/|$)")
+#: Seconds before each further attempt, doubling as every store asks for: half a minute in all.
+RETRY_AFTER_S: tuple[float, ...] = (0.5, 1, 2, 4, 8, 16)
+#: Errors that another attempt does not change. ValueError: a name or an option that is refused.
+_LASTING = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryError, ValueError)
+#: Classes of botocore and google.auth, by name because neither is imported here.
+_NO_ACCESS = ("NoCredentialsError", "DefaultCredentialsError", "PartialCredentialsError")
+_BLOCK_BYTES = 1 << 24
+#: Requests at the same time where there are many: each takes tens of milliseconds.
+CONNECTIONS = 16
+#: Largest object that S3 takes in one request (its documentation: 5 GB).
+_MAX_PUT_BYTES = 5 * 1000**3
+#: Attempts to upload a file whose bytes do not arrive as they were sent.
+_UPLOADS = 3
+#: Seconds between two signs of life of a lock's holder, and without one until the lock is free:
+#: three signs may be lost to a store that is throttled.
+BEAT_S, EXPIRES_S = 10.0, 45.0
+_POLL_S = 1.0
+_MAX_LOCK_BYTES = 4096
+
+
+def open_store(place: Path | str) -> Store:
+    """Return the store at a path, or at a URL such as s3://bucket/faces; nothing is read yet."""
+    url = cloud_url(place)
+    return Store(Path(place)) if url is None else CloudStore(url)
+
+
+def cloud_url(path: Path | str) -> str | None:
+    """Return the URL that a path gives; None for a path on this machine's disks.
+
+    Raises ConfigError for a URL of another kind: it would become a folder that is called "http:".
+    """
+    if match := _URL.match(str(path)):
+        return f"{match[1]}://{str(path)[match.end() :]}"
+    if _SCHEME.match(str(path)) and not Path(path).exists():
+        raise ConfigError(
+            f"{path}: is no URL that glsim reads or writes: name a folder, or a bucket as in "
+            "s3://bucket/faces (also gs://, az://)"
+        )
+    return None
+
+
+class CloudStore(Store):
+    """The store at a URL. Processes that it is sent to connect on their own.
+
+    Credentials and endpoints are the store's usual ones, such as AWS_PROFILE or AWS_ENDPOINT_URL in
+    the environment. Methods raise ConfigError if the package for the scheme is not installed.
+    """
+
+    is_remote = True
+
+    def __init__(self, url: str, temporary: Path | None = None) -> None:
+        """Name the URL, and a folder of this machine for files that are being written."""
+        self.url, self._temporary = url.rstrip("/"), temporary
+        self._connected: tuple[int, Any, str] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_connected": None}
+
+    def __str__(self) -> str:
+        return self.url
+
+    @override
+    def names(self, folder: str) -> list[str]:
+        def ask(fs: Any, path: str) -> list[str]:
+            fs.invalidate_cache()
+            return [str(entry).rstrip("/").rpartition("/")[2] for entry in fs.ls(path, False)]
+
+        return sorted(self._try(folder, ask) or [])
+
+    @override
+    def size(self, name: str) -> int | None:
+        def ask(fs: Any, path: str) -> int:
+            fs.invalidate_cache()  # of listings, which may be older than the object
+            return int(fs.info(path)["size"])
+
+        return self._try(name, ask)
+
+    @override
+    def checksum(self, name: str) -> dict[str, int] | None:
+        """Return the size and CRC32 of an object's bytes; None if there is none.
+
+        S3 computes the CRC32 of what it holds when it takes an object; elsewhere, and for objects
+        that others put there, all bytes are read.
+        """
+
+        def ask(fs: Any, path: str) -> dict[str, int] | None:
+            if not hasattr(fs, "call_s3"):
+                return None
+            bucket, key, _ = fs.split_path(path)
+            head = fs.call_s3("head_object", Bucket=bucket, Key=key, ChecksumMode="ENABLED")
+            code = head.get("ChecksumCRC32")
+            if code is None or head.get("ChecksumType", "FULL_OBJECT") != "FULL_OBJECT":
+                return None
+            crc32 = int.from_bytes(base64.b64decode(code), "big")
+            return {"size": int(head["ContentLength"]), "crc32": crc32}
+
+        found = self._try(name, ask)
+        if found is not None or (size := self.size(name)) is None:
+            return found
+        crc32 = 0
+        for block in self._blocks(name, size):
+            crc32 = isal_zlib.crc32(block, crc32)
+        return {"size": size, "crc32": crc32}
+
+    @override
+    def read(self, name: str, limit: int) -> bytes | None:
+        size = self.size(name)
+        if size is not None and size > limit:
+            raise DatasetError(
+                f"{self.where(name)}: {size / 1e6:.0f} MB are more than the {limit / 1e6:.3g} "
+                "allowed"
+            )
+        return None if size is None else self.read_range(name, 0, size)
+
+    @override
+    def read_range(self, name: str, start: int, size: int) -> bytes:
+        if size == 0:
+            return b""
+        data = self._try(name, lambda fs, path: fs.cat_file(path, start=start, end=start + size))
+        if data is None:
+            raise missing(self.where(name))
+        return bytes(data)
+
+    def _blocks(self, name: str, size: int | None) -> Iterator[bytes]:
+        """Return the bytes of an object in blocks, so that memory does not grow with it."""
+        if size is None:
+            raise missing(self.where(name))
+        starts = range(0, size, _BLOCK_BYTES)
+        return (self.read_range(name, at, min(_BLOCK_BYTES, size - at)) for at in starts)
+
+    @override
+    def open(self, name: str) -> IO[bytes]:
+        blocks = self._blocks(name, self.size(name))
+        file = tempfile.TemporaryFile()  # noqa: SIM115 (the caller closes it)
+        file.writelines(blocks)
+        file.seek(0)
+        return file
+
+    @override
+    def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
+        file = cache_folder() / "cloud" / text_hash(f"{self.url} {key}") / name
+        found = file_checksum(file)
+        if found is not None and found == expected:
+            return file
+        size = self.size(name)
+        if size is not None and expected is not None and size != expected["size"]:
+            raise DatasetError(
+                f"{self.where(name)}: was changed after it was written ({size} bytes, "
+                f"{expected['size']} recorded): run glsim generate again with the same settings "
+                "to repair it"
+            )
+        log.info("%s: copying it to %s", self.where(name), file.parent)
+        with AtomicFile(file, sync=False) as copy:
+            for block in self._blocks(name, size):
+                copy.write(block)
+        return file
+
+    @override
+    def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
+        items = iter(items)
+        with ThreadPoolExecutor(CONNECTIONS) as pool:
+            while batch := list(islice(items, 4 * CONNECTIONS)):
+                yield from pool.map(function, batch)
+
+    @override
+    @contextmanager
+    def writing(self, folder: str) -> Iterator[Store]:
+        with temporary_folder() as temporary:
+            yield CloudStore(self.url, temporary)
+
+    @override
+    @contextmanager
+    def create(self, name: str, *, sync: bool = True) -> Iterator[AtomicFile]:
+        assert self._temporary is not None, "writes in the block of writing() only"
+        local = self._temporary / f"{secrets.token_hex(8)}-{name.rpartition('/')[2]}"
+        with AtomicFile(local, sync=False) as file:
+            yield file
+        for _ in range(_UPLOADS):
+            self._write(name, lambda fs, path: fs.put_file(str(local), path, **_options(fs, local)))
+            if self.checksum(name) == file.checksum:
+                break
+        else:
+            raise DatasetError(f"{self.where(name)}: did not arrive as it was sent: run it again")
+        with wrap_write_errors(local):
+            local.unlink()
+
+    @override
+    def put(self, name: str, data: bytes, *, sync: bool = True) -> dict[str, int]:
+        self._write(name, lambda fs, path: fs.pipe_file(path, data, **_options(fs)))
+        return checksum(data)
+
+    @override
+    def put_first(self, name: str, data: bytes) -> bytes:
+        def send(fs: Any, path: str) -> bool:
+            try:
+                fs.pipe_file(path, data, mode="create")
+            except FileExistsError:
+                return False
+            return True
+
+        while not self._write(name, send):
+            if (found := self.read(name, MAX_FIRST_BYTES)) is not None:
+                return found
+        return data
+
+    @override
+    def flush(self) -> None:
+        """Do nothing: an object is stored when it appears."""
+
+    @override
+    def delete(self, names: Iterable[str]) -> None:
+        with ThreadPoolExecutor(CONNECTIONS) as pool:
+            list(pool.map(lambda name: self._try(name, lambda fs, path: fs.rm_file(path)), names))
+
+    @override
+    def lock(
+        self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
+    ) -> AbstractContextManager[None]:
+        return nullcontext() if shared else self._locked(name, busy, wait)
+
+    @contextmanager
+    def _locked(self, name: str, busy: GlsimError, wait: bool) -> Iterator[None]:
+        holder = f"process {os.getpid()} on {socket.gethostname()}, {secrets.token_hex(8)}"
+
+        def is_ours(content: bytes | None) -> bool:
+            return (content or b"").startswith(holder.encode())
+
+        while not is_ours(found := self.put_first(name, holder.encode())):
+            if self._is_abandoned(name, found):
+                self.delete([name])
+            elif not wait:
+                raise type(busy)(f"{busy} (it is {_holder(found)})")
+        ended = threading.Event()
+
+        def show_life() -> None:
+            beat = 0
+            while not ended.wait(BEAT_S):
+                beat += 1
+                with suppress(DatasetError):  # the next one may arrive
+                    self.put(name, f"{holder}, {beat}".encode())
+
+        thread = threading.Thread(target=show_life, name="lock", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+            with suppress(DatasetError):  # it expires
+                if is_ours(self.read(name, _MAX_LOCK_BYTES)):
+                    self.delete([name])
+
+    def _is_abandoned(self, name: str, seen: bytes) -> bool:
+        """Watch a lock until it changes (False) or has expired (True)."""
+        log.warning(
+            "%s: %s holds the lock: waiting up to %.0f s to see whether it lives",
+            self, _holder(seen), EXPIRES_S,
+        )  # fmt: skip
+        started_s = time.monotonic()
+        while time.monotonic() - started_s < EXPIRES_S:
+            time.sleep(min(_POLL_S, EXPIRES_S))
+            if self.read(name, _MAX_LOCK_BYTES) != seen:
+                return False
+        return True
+
+    # ---------------------------------------------------------------- connection and retries
+
+    def _connect(self) -> tuple[Any, str]:
+        """Return fsspec's file system and our path in it; connections do not survive a fork."""
+        if self._connected is None or self._connected[0] != os.getpid():
+            package = _PACKAGES[self.url.split("://")[0].split("::")[-1]]
+            try:
+                from fsspec.core import url_to_fs
+
+                fs, path = url_to_fs(self.url)
+            except ImportError:
+                raise ConfigError(
+                    f"{self.url}: needs the package {package}: pip install 'glsim[cloud]'"
+                    + ("" if package in ("s3fs", "fsspec") else f" {package}")
+                ) from None
+            except ValueError as error:
+                raise ConfigError(f"{self.url}: {_one_line(error)}") from None
+            self._connected = os.getpid(), fs, str(path).rstrip("/")
+        return self._connected[1:]
+
+    def _write(self, name: str, call: Callable[[Any, str], _T]) -> _T:
+        """Call as ``_try``; a bucket that does not exist is an error."""
+        try:
+            return self._attempt(name, call)
+        except FileNotFoundError:
+            raise DatasetError(
+                f"cannot write {self.where(name)}: there is no such bucket: create it, or name "
+                "another"
+            ) from None
+
+    def _try(self, name: str, call: Callable[[Any, str], _T]) -> _T | None:
+        """Call with the file system and an object's path; None if there is no such object."""
+        try:
+            return self._attempt(name, call)
+        except FileNotFoundError:
+            return None
+
+    def _attempt(self, name: str, call: Callable[[Any, str], _T]) -> _T:
+        fs, root = self._connect()
+        for wait_s in (*RETRY_AFTER_S, None):
+            try:
+                return call(fs, f"{root}/{name}" if name else root)
+            except FileNotFoundError:
+                raise
+            except Exception as error:
+                lasting = isinstance(error, _LASTING) or type(error).__name__ in _NO_ACCESS
+                if wait_s is None or lasting:
+                    advice = (
+                        "check the credentials and what they allow"
+                        if lasting
+                        else "what is complete is kept: run the same command again"
+                    )
+                    raise DatasetError(
+                        f"{self.where(name)}: {_one_line(error)}: {advice}"
+                    ) from error
+                log.info("%s: %s: trying again", self.where(name), _one_line(error))
+                # Jitter, so that workers that were throttled together do not come back together.
+                time.sleep(wait_s * random.uniform(0.5, 1))
+        raise AssertionError("the last attempt returns or raises")
+
+
+def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
+    """Return the options that let S3 check the received bytes and keep their CRC32."""
+    if not hasattr(fs, "call_s3"):
+        return {}
+    options: dict[str, Any] = {"ChecksumAlgorithm": "CRC32"}
+    if file is not None and file.stat().st_size < _MAX_PUT_BYTES:
+        options["chunksize"] = _MAX_PUT_BYTES  # one request: S3 keeps its CRC32
+    return options
+
+
+def _holder(content: bytes) -> str:
+    """Return the process that holds a lock, by the lock's content."""
+    return ascii(content.decode(errors="replace").rpartition(", ")[0][:100])[1:-1]
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300] or type(error).__name__

@@ -1,0 +1,43 @@
+"""Lock a file, so that two runs do not write one folder at the same time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from glsim.core.errors import GlsimError
+from glsim.core.files.atomic import cannot_write
+
+
+@contextmanager
+def locked(
+    file: Path, busy: GlsimError, *, wait: bool = False, shared: bool = False
+) -> Iterator[None]:
+    """Hold a lock for a block; the kernel frees it when the process dies.
+
+    Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
+
+    Args:
+        file: created if it is not there, and left there.
+        busy: raised if another process holds the lock.
+        wait: wait until others free it, instead of raising ``busy``.
+        shared: hold it together with others that do so; it excludes those that hold it alone.
+    """
+    kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
+    try:
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
+    except OSError as error:
+        raise cannot_write(file, error) from error
+    try:
+        try:
+            fcntl.flock(descriptor, kind)
+        except BlockingIOError:
+            raise busy from None
+        except OSError as error:
+            raise cannot_write(file, error) from error
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,35 @@
+"""Read .npy files that others made: plain real numbers, mapped from the disk."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.files.regular import open_regular
+
+
+def map_npy(file: Path) -> NDArray[Any]:
+    """Map an array of real numbers from the disk, read-only: no memory is taken.
+
+    Args:
+        file: a .npy file.
+
+    Returns:
+        The array, of any shape and any type of real numbers; check both before it is copied.
+
+    Raises:
+        OSError: there is no such file, or it is no such array; ``strerror`` says why.
+    """
+    open_regular(file).close()  # a pipe would wait for a writer for ever
+    try:
+        mapped: NDArray[Any] = np.load(file, mmap_mode="r", allow_pickle=False)
+    except Exception as error:  # NumPy parses the header as Python, with all its errors
+        why = " ".join(str(error).split())[:200]
+        raise OSError(errno.EINVAL, f"is no whole .npy file: {why}") from None
+    if not isinstance(mapped, np.ndarray) or mapped.dtype.kind not in "fiub":
+        raise OSError(errno.EINVAL, "its values are no plain real numbers")
+    return np.asarray(mapped)

@@ -1,0 +1,181 @@
+"""Store the files of a data set in a folder of a disk; ``cloud`` has the store of a bucket."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import IO, TypeVar
+
+from glsim.core.errors import DatasetError, GlsimError
+from glsim.core.files.atomic import AtomicFile, file_checksum, wrap_read_errors, wrap_write_errors
+from glsim.core.files.flush import flush_all, flush_file
+from glsim.core.files.lock import locked
+from glsim.core.files.regular import open_regular, read_regular
+
+_A = TypeVar("_A")
+_B = TypeVar("_B")
+#: Largest file that ``put_first`` compares, bytes: far more than a plan has.
+MAX_FIRST_BYTES = 1 << 28
+
+
+class Store:
+    """A folder of files that are whole or absent. It is cheap to send to other processes.
+
+    The name of a file is its path in the folder, with slashes; it leads out of it neither by ".."
+    nor by links. Every method raises DatasetError, which names the file, for what fails.
+
+    Attributes:
+        root: the folder.
+        is_remote: whether each read takes a request over the network.
+    """
+
+    is_remote = False
+
+    def __init__(self, root: Path, temporary: Path | None = None) -> None:
+        """Name the folder, and a folder for temporary files on the same file system."""
+        self.root, self._temporary = root, temporary
+        self._made: set[Path] = set()
+
+    def __str__(self) -> str:
+        return str(self.root)
+
+    def where(self, name: str) -> str:
+        """Return the path or the URL of a file, for messages."""
+        return f"{self}/{name}"
+
+    def names(self, folder: str) -> list[str]:
+        """List the entries of a folder, sorted; empty if there is no such folder."""
+        path = self.root / folder
+        if not path.is_dir():
+            if not folder and path.exists():
+                raise DatasetError(f"{path}: is a file: choose a folder")
+            return []
+        if not path.resolve().is_relative_to(self.root.resolve()):
+            raise DatasetError(f"{path}: leads out of {self.root}")
+        with wrap_read_errors(path):
+            return sorted(os.listdir(path))  # noqa: PTH208 (a million names)
+
+    def size(self, name: str) -> int | None:
+        """Return the size of a file, bytes; None if there is none."""
+        try:
+            with open_regular(self.root / name, inside=self.root) as file:
+                return os.fstat(file.fileno()).st_size
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise DatasetError(f"{self.where(name)}: {error.strerror}") from None
+
+    def checksum(self, name: str) -> dict[str, int] | None:
+        """Return the size and CRC32 of a file; None if there is none."""
+        return file_checksum(self.root / name)
+
+    def read(self, name: str, limit: int) -> bytes | None:
+        """Read a file of at most ``limit`` bytes; None if there is none."""
+        with wrap_read_errors(self.root / name):
+            try:
+                return read_regular(self.root / name, limit, inside=self.root)
+            except (FileNotFoundError, NotADirectoryError):
+                return None
+
+    def read_range(self, name: str, start: int, size: int) -> bytes:
+        """Read ``size`` bytes of a file from ``start``; fewer if it ends before."""
+        with wrap_read_errors(self.root / name), self.open(name) as file:
+            file.seek(start)
+            return file.read(size)
+
+    def open(self, name: str) -> IO[bytes]:
+        """Open a file for reading; of a remote one, a temporary copy."""
+        with wrap_read_errors(self.root / name):
+            return open_regular(self.root / name, inside=self.root)
+
+    def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
+        """Return a file of this machine with the bytes of ``name``; a remote one is copied.
+
+        Args:
+            name: the file.
+            expected: its size and CRC32; a copy that has them is used again.
+            key: names the version of the data set whose copies are kept together.
+        """
+        return self.root / name
+
+    def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
+        """Call a function that reads the store for each item, in order; remote, several at once."""
+        return map(function, items)
+
+    @contextmanager
+    def writing(self, folder: str) -> Iterator[Store]:
+        """Return the store for a block that writes; ``folder`` holds its temporary files."""
+        temporary = self.root / folder
+        with wrap_write_errors(temporary):
+            shutil.rmtree(temporary, ignore_errors=True)
+            temporary.mkdir(parents=True)
+        try:
+            yield Store(self.root, temporary)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+    def create(self, name: str, *, sync: bool = True) -> AbstractContextManager[AtomicFile]:
+        """Open a new file for writing, which appears when the block ends without an error.
+
+        Args:
+            name: the file; one of that name is replaced.
+            sync: flush it to the disk at once, and not by ``flush``.
+        """
+        path = self.root / name
+        if self._temporary is None:
+            return AtomicFile(path, sync=sync)
+        if path.parent not in self._made:
+            with wrap_write_errors(path.parent):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            self._made.add(path.parent)
+        return AtomicFile(path, self._temporary / f"{secrets.token_hex(8)}-{path.name}", sync=sync)
+
+    def put(self, name: str, data: bytes, *, sync: bool = True) -> dict[str, int]:
+        """Write a whole file; return its size and CRC32. Arguments as for ``create``."""
+        with self.create(name, sync=sync) as file:
+            file.write(data)
+        return file.checksum
+
+    def put_first(self, name: str, data: bytes) -> bytes:
+        """Write a file unless it exists; return the bytes that it has then."""
+        with locked(self.root / f"{name}.lock", DatasetError(), wait=True):
+            found = self.read(name, MAX_FIRST_BYTES)
+            if found is None:
+                self.put(name, data)
+            return data if found is None else found
+
+    def flush(self) -> None:
+        """Flush the files that were written with ``sync`` false, and their folders."""
+        with wrap_write_errors(self.root):
+            flush_all(self.root)
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Delete files, if they are there."""
+        folders = set()
+        for path in (self.root / name for name in names):
+            with wrap_write_errors(path):
+                path.unlink(missing_ok=True)
+            folders.add(path.parent)
+        for folder in (folder for folder in folders if folder.is_dir()):
+            with wrap_write_errors(folder):
+                flush_file(folder)
+
+    def lock(
+        self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
+    ) -> AbstractContextManager[None]:
+        """Hold a lock for a block.
+
+        Args:
+            name: the file of the lock.
+            busy: raised if another process holds it.
+            wait: wait for the other process instead.
+            shared: hold it together with others that do so; object storage cannot, and holds none.
+        """
+        file = self.root / name
+        with wrap_write_errors(self.root):
+            file.parent.mkdir(parents=True, exist_ok=True)
+        return locked(file, busy, wait=wait, shared=shared)

@@ -1,0 +1,73 @@
+"""A triangle mesh in the canonical face frame.
+
+Canonical face frame: millimetres, +x the subject's left, +y up, +z out of the face, origin at
+the centre of the face. A sensor at distance d sees it through
+``p_camera = diag(1, -1, -1) p + (0, 0, d)`` (OpenCV camera axes: x right, y down, z forward).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.errors import MeshError
+
+#: Default albedo of a mesh without one: diffuse reflectivity of skin at 860 nm relative to a white
+#: wall, 0.5-0.6 (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
+SKIN_ALBEDO = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh with an optional albedo per vertex.
+
+    Args:
+        vertices_mm: (V, 3) float32, canonical frame, millimetres.
+        faces: (F, 3) int32 vertex indices, counter-clockwise seen from outside. Meshes of one
+            topology should share one array object: the renderer then keeps it on the GPU.
+        albedo: (V,) float32 in [0, 1], diffuse reflectivity at 860 nm relative to a white wall, or
+            None for SKIN_ALBEDO.
+        occluder: (F', 3) int32 fewer triangles that cast the shadows (``occluder_of``), or None for
+            ``faces``.
+    """
+
+    vertices_mm: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    albedo: NDArray[np.float32] | None = None
+    occluder: NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        """Check shapes and sizes. Raises MeshError for a mesh that cannot be rendered."""
+        if self.vertices_mm.ndim != 2 or self.vertices_mm.shape[1] != 3:
+            raise MeshError(f"vertices must be (V, 3), not {self.vertices_mm.shape}")
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            raise MeshError(f"faces must be (F, 3), not {self.faces.shape}")
+        if len(self.vertices_mm) == 0 or len(self.faces) == 0:
+            raise MeshError(
+                f"the mesh has {len(self.vertices_mm)} vertices and {len(self.faces)} triangles: "
+                "there is nothing to render"
+            )
+        if self.albedo is not None and self.albedo.shape != (len(self.vertices_mm),):
+            raise MeshError(
+                f"albedo must be one number per vertex ({len(self.vertices_mm)}), "
+                f"not {self.albedo.shape}"
+            )
+
+
+def vertex_normals(
+    points: NDArray[np.floating], triangles: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """Return (N, 3) unit normals of points: of the triangles around, weighted by their areas.
+
+    Args:
+        points: (N, 3). One without a triangle has the normal 0.
+        triangles: (F, 3), counter-clockwise seen from outside.
+    """
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    corners = triangles.ravel()
+    columns = [np.bincount(corners, facing[:, k], len(points)) for k in range(3)]
+    summed = np.stack(columns, axis=1)
+    return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-9))

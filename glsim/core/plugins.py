@@ -1,0 +1,171 @@
+"""Find the entries of registries: files in folders of glsim, and installed plug-ins.
+
+A registry (of sources, metrics, ...) finds its entries in a folder of glsim, where adding one is
+adding a file, and in other packages, which name theirs as entry points:
+
+    [project.entry-points."glsim.stages"]
+    speckle = "my_lab.stages:speckle"      # an object, or a package that holds a file of that name
+
+The names cost nothing; an entry is imported when something of it is used.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, lru_cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from pkgutil import iter_modules
+from types import ModuleType
+from typing import Any, Final
+
+from glsim.core.errors import ConfigError
+
+log = logging.getLogger(__name__)
+
+#: What a group "glsim.NAME" of entry points holds, for messages.
+GROUPS: Final = {
+    "sources": "a class derived from glsim.FaceSettings",
+    "stages": "a function decorated with @glsim.array_stage, or a package with {name}.glsl",
+    "sensors": "a package with {name}.toml",
+    "denoisers": "a class or function (noisy_mm, valid) -> (depth_mm, valid)",
+    "metrics": "a glsim.Metric",
+    "exports": "a glsim.Export",
+    "checks": "a function decorated with @glsim.validation_check",
+}
+#: Files of a package that decide what its code does.
+_CODE: Final = (".py", ".glsl", ".toml")
+
+
+def module_names(folder: str) -> list[str]:
+    """Return the names of the modules in a folder of glsim, such as "faces/sources", sorted."""
+    package = find_spec(_module(folder))
+    return sorted(
+        m.name for m in iter_modules(package.submodule_search_locations if package else ())
+    )
+
+
+def shipped_module(folder: str, name: str) -> ModuleType:
+    """Import a module of a folder of glsim."""
+    return import_module(f"{_module(folder)}.{name}")
+
+
+def _module(folder: str) -> str:
+    return ".".join(("glsim", *folder.split("/")))
+
+
+def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
+    """Return the entries that the modules of a folder of glsim hold, in order, each once.
+
+    Args:
+        folder: below glsim, such as "exports/formats".
+        wanted: tells whether an object is an entry. Tuples of entries are looked into.
+    """
+    found: dict[int, Any] = {}
+    for name in module_names(folder):
+        for value in vars(shipped_module(folder, name)).values():
+            values = value if isinstance(value, tuple) else (value,)
+            found |= {id(each): each for each in values if wanted(each)}
+    return list(found.values())
+
+
+@cache
+def _entry_points(group: str) -> Mapping[str, EntryPoint]:
+    found: dict[str, EntryPoint] = {}
+    for entry in entry_points(group=f"glsim.{group}"):
+        if (other := found.setdefault(entry.name, entry)) is not entry:
+            raise ConfigError(
+                f"{_place(entry)}: {_package(other)} brings one of this name too: uninstall one of "
+                "the two packages"
+            )
+    return found
+
+
+def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
+    """Return the names that other packages bring, sorted; nothing of them is imported.
+
+    Args:
+        group: one of GROUPS.
+        shipped: glsim's own names, which a plug-in may not take.
+
+    Raises:
+        ConfigError: a name stands twice.
+    """
+    found = _entry_points(group)
+    for name in set(shipped) & set(found):
+        raise ConfigError(
+            f"{_place(found[name])}: glsim has one of this name: rename it in the package, or "
+            "uninstall the package"
+        )
+    return sorted(found)
+
+
+def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
+    """Import the object that an entry point names.
+
+    Args:
+        group: one of GROUPS.
+        name: one of ``plugin_names(group)``.
+        valid: tells whether an object is what the group holds.
+
+    Raises:
+        ConfigError: the import fails, or gives something else.
+    """
+    entry = _entry_points(group)[name]
+    try:
+        found = entry.load()
+    except Exception as error:  # the code of another package may raise anything
+        reason = " ".join(str(error).split())[:200]
+        raise ConfigError(
+            f"{_place(entry)}: {entry.value} cannot be loaded ({type(error).__name__}: {reason}): "
+            "mend or uninstall the package"
+        ) from error
+    if not valid(found):
+        raise ConfigError(
+            f"{_place(entry)}: {entry.value} is not {GROUPS[group].format(name=name)}: mend or "
+            "uninstall the package"
+        )
+    return found
+
+
+def plugin_file(package: object, name: str) -> Path | None:
+    """Return the path of a file in a package, or None without it or for another object."""
+    folders = getattr(package, "__path__", ()) if isinstance(package, ModuleType) else ()
+    return next((Path(f) / name for f in folders if (Path(f) / name).is_file()), None)
+
+
+def plugin_code(group: str, name: str) -> dict[str, Path]:
+    """Return the code files of the package that brings an entry: "package/file.py" -> path.
+
+    Empty for what glsim ships. Files of a data set must be hashed with the code that made them.
+    """
+    entry = _entry_points(group).get(name)
+    if entry is None:
+        return {}
+    package = import_module(entry.module.split(".")[0])
+    if not hasattr(package, "__path__"):
+        files = [Path(str(package.__file__))]
+        return {file.name: file for file in files}
+    return {
+        f"{package.__name__}/{file.relative_to(folder).as_posix()}": file
+        for folder in map(Path, package.__path__)
+        for file in sorted(folder.rglob("*"))
+        if file.suffix in _CODE
+    }
+
+
+def _package(entry: EntryPoint) -> str:
+    return f"package {entry.dist.name}" if entry.dist is not None else "a package"
+
+
+def _place(entry: EntryPoint) -> str:
+    return f"{_package(entry)}: entry point {entry.group}: {entry.name}"
+
+
+@lru_cache(maxsize=1000)  # one line a process, however often the code is loaded
+def announce_code(target: str) -> None:
+    """Log a warning before Python code of a file or module runs that the user named."""
+    log.warning("runs code of %s: name only files whose author you trust", target)

@@ -1,0 +1,46 @@
+"""Pose of the face: the transform from canonical millimetres to camera metres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.products import product
+
+#: Canonical axes (y up, z out of the face) to camera axes (y down, z forward): a half turn about x.
+_FACING = np.diag([1.0, -1.0, -1.0])
+
+
+def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
+    """(4, 4) float32 matrix, canonical mm to camera m.
+
+    The head rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it
+    to its own left, raise it and tilt it to its own left.
+
+    Args:
+        pose: distance_mm, x_mm, y_mm, yaw_deg, pitch_deg, roll_deg; missing entries are 0.
+    """
+    turn = rotation(*(pose.get(f"{angle}_deg", 0.0) for angle in ("yaw", "pitch", "roll")))
+    matrix = np.eye(4)
+    matrix[:3, :3] = product(_FACING, turn) / 1000.0
+    matrix[:3, 3] = [pose.get(n, 0.0) / 1000.0 for n in ("x_mm", "y_mm", "distance_mm")]
+    return matrix.astype(np.float32)
+
+
+def rotation(
+    yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
+) -> NDArray[np.float64]:
+    """Return the (3, 3) rotation to the person's left, then up, then tilted to the left."""
+    yaw, pitch, roll = np.radians(yaw_deg), np.radians(pitch_deg), np.radians(roll_deg)
+    return product(product(_about(1, yaw), _about(0, -pitch)), _about(2, -roll))
+
+
+def _about(axis: int, angle: float) -> NDArray[np.float64]:
+    c, s = np.cos(angle), np.sin(angle)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[j, j] = matrix[k, k] = c
+    matrix[j, k], matrix[k, j] = -s, s
+    return matrix

@@ -1,0 +1,162 @@
+"""Fingerprint of the arithmetic of a machine: processor, libraries and OpenGL driver.
+
+NumPy and the OpenGL driver choose their code by the processor. Two of them give frames that look
+alike and differ in their bytes, so one data set must not be made on both. Products of matrices do
+not count: see ``glsim.core.products``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import socket
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glsim.core.errors import ConfigError, DeviceError
+from glsim.core.occluder import occluder_of
+from glsim.data.worker_processes import WorkerFailure, WorkerProcess
+from glsim.settings.schema import Settings
+from glsim.simulation.frame import Frame, Skipped
+from glsim.simulation.plan.tasks import Task
+
+if TYPE_CHECKING:
+    from glsim.faces.base import FaceSource
+    from glsim.simulation.pipeline import Simulator
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The computer, the OpenGL renderer and the arithmetic of a process.
+
+    Attributes:
+        host: name of the computer.
+        renderer: OpenGL's name of what draws.
+        arithmetic: see ``fingerprint``.
+    """
+
+    host: str
+    renderer: str
+    arithmetic: str
+
+    def refuse_other(self, first: Machine) -> None:
+        """Raise ConfigError unless renderer and arithmetic equal the first machine's."""
+        if (self.renderer, self.arithmetic) != (first.renderer, first.arithmetic):
+            raise ConfigError(
+                f"{self.host}: a worker computes differently from the process that started it "
+                f"({self.renderer}, {self.arithmetic}, not {first.renderer}, {first.arithmetic}): "
+                "give both the same OpenGL driver and NPY_DISABLE_CPU_FEATURES"
+            )
+
+
+def fingerprint(context: Any) -> str:
+    """Return a hash of fixed computations on this machine, in NumPy and in a GL context."""
+    from glsim.gl.arithmetic import shader_arithmetic
+
+    digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)
+    digest.update(shader_arithmetic(context))
+    return digest.hexdigest()
+
+
+def this_machine(context: Any) -> Machine:
+    """Return the host, the renderer and the arithmetic of this process."""
+    from glsim.gl.context import describe
+
+    return Machine(socket.gethostname(), describe(context)["renderer"], fingerprint(context))
+
+
+def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
+    """Return the machine of a worker with these variables. Raises the errors of the worker."""
+    worker = WorkerProcess(_MachineReport(backend), environment)
+    try:
+        answer = worker.connection.recv()
+    except (EOFError, ConnectionError):
+        raise DeviceError(
+            f"a worker process with {dict(environment)} ended with status {worker.process.wait()}"
+        ) from None
+    finally:
+        worker.stop()
+    if isinstance(answer, WorkerFailure):
+        raise answer.error
+    assert isinstance(answer, Machine)
+    return answer
+
+
+@dataclass(frozen=True)
+class _MachineReport:
+    """The job of a worker that reports its machine."""
+
+    backend: str | None
+
+    def run(self, _: Iterator[None]) -> Iterator[Machine]:
+        from glsim.gl.context import borrowed_context
+
+        with borrowed_context(self.backend) as context:
+            yield this_machine(context)
+
+    def doing(self, _: None) -> str:
+        return "computing"
+
+
+@dataclass
+class SameMachineSimulator:
+    """The maker of frames (``FrameMaker``) of a run: it simulates on one kind of machine alone.
+
+    Attributes:
+        machine: the one that began the data set.
+        sources, backend, layers: as for ``glsim.simulation.pipeline.simulate``.
+        keep: keep context and simulator for further calls, as long as the process lives. It is for
+            processes that are given their tasks piece by piece: linking the programs anew takes as
+            long as some ten frames.
+    """
+
+    machine: Machine
+    sources: Sequence[FaceSource]
+    backend: str | None
+    layers: Collection[str]
+    keep: bool = False
+    _kept: tuple[Simulator, ExitStack] | None = field(default=None, init=False)
+
+    def __call__(self, settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
+        """Yield one result per task, in order.
+
+        Raises ConfigError if this process computes differently, and the errors of ``simulate``.
+        """
+        from glsim.gl.context import borrowed_context
+        from glsim.simulation.pipeline import Simulator
+
+        if self._kept is not None:
+            yield from self._kept[0].frames(tasks)
+            return
+        with ExitStack() as stack:
+            context = stack.enter_context(borrowed_context(self.backend))
+            this_machine(context).refuse_other(self.machine)
+            simulator = Simulator(settings, list(self.sources), context, (), self.layers)
+            if self.keep:
+                self._kept = simulator, stack.pop_all()
+            yield from simulator.frames(tasks)
+
+
+@lru_cache(maxsize=1)
+def _numpy_arithmetic() -> bytes:
+    """Return functions and sums of fixed numbers, and the triangles of an occluder, as bytes."""
+    parts: list[Any] = []
+    for kind in (np.float32, np.float64):
+        # The golden section spreads the fractional parts evenly over [0, 1).
+        row: Any = ((np.arange(1, 4097) * 0.6180339887498949) % 1).astype(kind)
+        points = row[:4095].reshape(-1, 3) - kind(0.5)
+        parts += [np.exp(-row), np.log(row + 1), np.sin(9 * row), np.cos(9 * row), np.tan(row)]
+        parts += [np.arctan2(row, row[::-1]), row ** kind(1.7), np.sqrt(row), np.tanh(row)]
+        parts += [np.arcsin(row), np.arccos(row), np.hypot(row, 1)]
+        parts += [np.linalg.norm(points, axis=1), np.einsum("ij,ij->i", points, points)]
+        parts += [np.cumsum(row), row.sum(keepdims=True), points.mean(axis=0)]
+    across, up = np.meshgrid(np.arange(24.0), np.arange(24.0))
+    surface = np.stack([across, up, 3 * np.sin(across / 4) * np.cos(up / 5)], axis=-1)
+    corner = (24 * np.arange(23)[:, None] + np.arange(23)).reshape(-1, 1)
+    triangles = np.concatenate([corner + np.array([0, 1, 24]), corner + np.array([1, 25, 24])])
+    parts.append(occluder_of(surface.reshape(-1, 3), triangles))
+    return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)

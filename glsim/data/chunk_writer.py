@@ -1,0 +1,215 @@
+"""Render and write chunks, in a worker process or, if there are no workers, in the driver."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from typing import IO, Protocol, cast
+
+from glsim.core.errors import DepthRangeError, GlsimError, MeshError
+from glsim.core.files.atomic import AtomicFile, checksum, to_json
+from glsim.core.files.png import encode_png
+from glsim.core.files.store import Store
+from glsim.data.chunks import Chunk
+from glsim.data.identity import InputHashes
+from glsim.data.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
+from glsim.data.run_state import RunState
+from glsim.data.worker_processes import Interim
+from glsim.settings.schema import Settings
+from glsim.simulation.frame import Frame, Skipped
+from glsim.simulation.plan.tasks import Task
+
+
+class FrameMaker(Protocol):
+    """A function that makes frames, such as ``pipeline.simulate``; picklable by its name.
+
+    It yields one result per task, in order. It takes tasks as it needs them, and may take a bounded
+    number in advance: a request beyond the current chunk makes the iterable fetch the next chunk.
+    """
+
+    def __call__(self, settings: Settings, tasks: Iterable[Task], /) -> Iterator[Frame | Skipped]:
+        """Yield a Frame per task, or Skipped if it cannot be made."""
+        ...
+
+
+@dataclass(frozen=True)
+class RenderJob:
+    """The job that all workers of a run share: render, write and record chunks.
+
+    Attributes:
+        settings: of the data set.
+        state: where chunks are recorded.
+        make_frames: the simulator.
+        inputs: hashes of the driver's files; workers on other machines compare theirs.
+    """
+
+    settings: Settings
+    state: RunState
+    make_frames: FrameMaker
+    inputs: InputHashes | None = None
+
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
+        """Render, write and record chunks: the job of a worker. Raises as ``write_chunks``."""
+        for event in write_chunks(self, self.state.store, chunks):
+            if isinstance(event, ChunkRecord):
+                self.state.save_chunk(event)
+                yield event.summary
+            else:
+                yield event
+
+    def doing(self, chunk: Chunk) -> str:
+        """Name a chunk by its first frame."""
+        return f"rendering {chunk.tasks[0].stem} and the next frames"
+
+
+@dataclass(frozen=True)
+class ChunkProgress(Interim):
+    """The number of frames of a chunk that are done so far."""
+
+    chunk: int
+    frames: int
+
+
+ChunkEvent = ChunkProgress | ChunkSummary
+
+
+def write_chunks(
+    job: RenderJob, store: Store, chunks: Iterable[Chunk]
+) -> Iterator[ChunkProgress | ChunkRecord]:
+    """Render chunks and write their files; yield the record of each chunk that is complete.
+
+    A frame that cannot be made, or has a depth beyond 16 bits, is recorded as skipped.
+
+    Raises:
+        MeshError: at the first skipped frame if the settings are strict.
+        DatasetError: a file cannot be written.
+        GlsimError: the simulator omits a result; also the simulator's own errors.
+    """
+    chunks = iter(chunks)
+    taken: deque[Chunk] = deque()
+
+    def tasks() -> Iterator[Task]:
+        for chunk in chunks:
+            taken.append(chunk)
+            yield from chunk.tasks
+
+    results = iter(job.make_frames(job.settings, tasks()))
+    try:
+        for first in results:
+            chunk = taken.popleft()
+            writer = _ChunkWriter(job.settings, store, chunk)
+            with writer.opened():
+                result: Frame | Skipped | None = first
+                for done, task in enumerate(chunk.tasks, start=1):
+                    if result is None or result.key != task.key:
+                        raise GlsimError(f"the simulator gave no result for {task.stem}")
+                    writer.add(task, result)
+                    yield ChunkProgress(chunk.number, done)
+                    if done < len(chunk.tasks):
+                        result = next(results, None)
+            yield writer.finish()
+        forgotten = taken[0] if taken else next(chunks, None)
+        if forgotten is not None:
+            raise GlsimError(f"the simulator gave no result for {forgotten.tasks[0].stem}")
+    finally:
+        close = getattr(results, "close", None)
+        if close is not None:
+            close()
+
+
+class _ChunkWriter:
+    """Writes the frames of a chunk: each image as its own file, or all of them to one shard."""
+
+    def __init__(self, settings: Settings, store: Store, chunk: Chunk) -> None:
+        self._settings, self._store, self._chunk = settings, store, chunk
+        self._frames: list[str] = []
+        self._skipped: list[str] = []
+        self._bytes = 0
+        self._shard: _Shard | None = None
+
+    def opened(self) -> AbstractContextManager[None]:
+        """Open the shard, if there is one, for a block that adds frames."""
+        return self._open_shard() if self._settings.output.format == "webdataset" else nullcontext()
+
+    @contextmanager
+    def _open_shard(self) -> Iterator[None]:
+        name = self._chunk.shard
+        with self._store.create(name, sync=False) as file:
+            stream = cast("IO[bytes]", file)
+            with tarfile.TarFile(mode="w", fileobj=stream, format=tarfile.USTAR_FORMAT) as tar:
+                self._shard = _Shard(name, file, tar)
+                yield
+
+    def add(self, task: Task, result: Frame | Skipped) -> None:
+        if isinstance(result, Skipped):
+            self._skip(task, result)
+            return
+        layers: tuple[str, ...] = self._settings.output.layers
+        try:
+            images = {layer: encode_png(result.image(layer)) for layer in layers}
+        except DepthRangeError as error:  # one far pixel, beyond 16 bits, does not end the set
+            self._skip(task, Skipped(result.key, result.source, str(error)))
+            return
+        files = {layer: self._write(task, layer, data) for layer, data in images.items()}
+        text = to_json(frame_record(task, result, files), task.stem)
+        if self._shard is not None:
+            self._shard.add(f"{task.index:08d}.json", text.encode())
+        self._frames.append(text + "\n")
+        self._bytes += sum(len(data) for data in images.values())
+
+    def _write(self, task: Task, layer: str, data: bytes) -> Record:
+        if self._shard is not None:
+            return self._shard.add(f"{task.index:08d}.{layer}.png", data)
+        name = _image_name(task, layer)
+        return {"name": name} | self._store.put(name, data, sync=False)
+
+    def _skip(self, task: Task, skipped: Skipped) -> None:
+        if self._settings.strict:
+            raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
+        self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
+        if self._shard is None:
+            # A run whose chunks were discarded, for a mesh changed meanwhile, may have made it.
+            names = [_image_name(task, layer) for layer in self._settings.output.layers]
+            self._store.delete(name for name in names if self._store.checksum(name) is not None)
+
+    def finish(self) -> ChunkRecord:
+        frames, skipped = len(self._frames), len(self._skipped)
+        shard = None if self._shard is None else self._shard.record
+        summary = ChunkSummary(self._chunk.number, frames, skipped, self._bytes, shard)
+        self._store.flush()
+        return ChunkRecord(summary, self._frames, self._skipped)
+
+
+def _image_name(task: Task, layer: str) -> str:
+    return f"{task.stem}_{layer}.png"
+
+
+@dataclass(frozen=True)
+class _Shard:
+    """A tar file in the layout of the library webdataset.
+
+    The key of a member is the index: that library cuts names at the first dot, and the name of a
+    sequence may contain one.
+    """
+
+    name: str
+    file: AtomicFile
+    tar: tarfile.TarFile
+
+    @property
+    def record(self) -> Record:
+        """The name and checksum of the shard."""
+        return {"name": self.name} | self.file.checksum
+
+    def add(self, member: str, data: bytes) -> Record:
+        """Append a member with fixed attributes; return its place and checksum."""
+        info = tarfile.TarInfo(member)
+        info.size = len(data)
+        info.mode = 0o644
+        offset = self.file.size + tarfile.BLOCKSIZE
+        self.tar.addfile(info, io.BytesIO(data))
+        return {"name": self.name, "member": member, "offset": offset} | checksum(data)

@@ -1,0 +1,124 @@
+"""Chunks: how the planned frames of a data set are cut into units of work."""
+
+from __future__ import annotations
+
+import hashlib
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from glsim.core.errors import DatasetError
+from glsim.data.record_schema import is_file_name
+from glsim.settings.schema import SPLIT_NAMES
+from glsim.simulation.plan.tasks import Plan, Task, people_of
+
+#: Frames per chunk, by output format. Chunks are small enough that two workers end together and
+#: that little is lost when one dies; a shard (5 to 100 MB) is one chunk. The numbers are part of
+#: the format: with others, shards differ and a partly written data set is rendered again.
+CHUNK_FRAMES = {"png": 32, "webdataset": 512}
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A unit of work: consecutive frames of one split.
+
+    Attributes:
+        number: position among all chunks.
+        order: position among the chunks of the split.
+    """
+
+    number: int
+    split: str
+    order: int
+    tasks: Sequence[Task]
+
+    @property
+    def shard(self) -> str:
+        """The name of the shard that holds these frames in the format "webdataset"."""
+        return f"{self.split}-{self.order:06d}.tar"
+
+
+class ChunkPlan:
+    """All frames of a data set, by split and then in the order of the tasks, cut into chunks.
+
+    It depends only on the tasks and the format, not on the workers or on the files on disk. Chunks
+    are made when they are asked for: memory grows with the people, not with their frames. Raises
+    DatasetError for a split, subject or sequence whose files would lie outside the data set, and
+    for two frames of a plan with the same files.
+    """
+
+    def __init__(self, tasks: Sequence[Task], chunk_frames: int) -> None:
+        self.frames = len(tasks)
+        self._tasks, self._chunk_frames = tasks, chunk_frames
+        stems = tasks.stems() if isinstance(tasks, Plan) else (task.stem for task in tasks)
+        for stem in stems:
+            if not is_file_name(stem) or stem.count("/") != 2:
+                raise DatasetError(
+                    f"{stem!r} does not name a file inside the data set: rename the subject "
+                    "or the sequence"
+                )
+        runs = [(SPLIT_NAMES.index(p.split), p.first, p.frames) for p in people_of(tasks)]
+        split, first, count = np.array(runs, np.int64).reshape(-1, 3).T
+        order = np.argsort(split, kind="stable")
+        #: Index of the first task of each run, by split.
+        self._first = first[order]
+        #: Position of each run's first frame in the data set, and the number of all frames.
+        self._start = np.concatenate([[0], np.cumsum(count[order])])
+        #: Frames of each split, the position of its first one, and the number of its first chunk.
+        self._frames = [int(count[split == n].sum()) for n in range(len(SPLIT_NAMES))]
+        chunks = [-(-frames // chunk_frames) for frames in self._frames]
+        self._before = [sum(self._frames[:n]) for n in range(len(SPLIT_NAMES))]
+        self._chunks = [sum(chunks[:n]) for n in range(len(SPLIT_NAMES) + 1)]
+
+    def __len__(self) -> int:
+        return self._chunks[-1]
+
+    def __getitem__(self, number: int) -> Chunk:
+        split, order, start, stop = self._place(number)
+        return Chunk(number, split, order, self._tasks_between(start, stop))
+
+    def __iter__(self) -> Iterator[Chunk]:
+        return (self[number] for number in range(len(self)))
+
+    def frames_in(self, number: int) -> int:
+        """Return the number of frames of a chunk, without making their tasks."""
+        _, _, start, stop = self._place(number)
+        return stop - start
+
+    def split_of(self, number: int) -> str:
+        """Return the split of a chunk."""
+        return self._place(number)[0]
+
+    def _place(self, number: int) -> tuple[str, int, int, int]:
+        """Return a chunk's split, its position there, and the positions of its frames."""
+        if not 0 <= number < len(self):
+            raise IndexError(f"there are {len(self)} chunks, not one at {number}")
+        split = bisect_right(self._chunks, number) - 1
+        order = number - self._chunks[split]
+        start = self._before[split] + order * self._chunk_frames
+        end = self._before[split] + self._frames[split]
+        return SPLIT_NAMES[split], order, start, min(start + self._chunk_frames, end)
+
+    def _tasks_between(self, start: int, stop: int) -> list[Task]:
+        """Return the tasks at positions of the data set."""
+        tasks: list[Task] = []
+        run = int(np.searchsorted(self._start, start, "right")) - 1
+        while start < stop:
+            end = min(stop, int(self._start[run + 1]))
+            index = int(self._first[run] + start - self._start[run])
+            tasks += self._tasks[index : index + end - start]
+            start, run = end, run + 1
+        return tasks
+
+    def fingerprint(self) -> str:
+        """Return a hash that changes with every frame's name, mesh file, seed and device."""
+        if isinstance(self._tasks, Plan):
+            return self._tasks.fingerprint()
+        digest = hashlib.blake2b(digest_size=16)
+        for chunk in self:
+            for task in chunk.tasks:
+                words = (task.index, task.stem, task.key.path, *task.seeds, task.device)
+                digest.update("\x1f".join(map(str, words)).encode() + b"\n")
+        return digest.hexdigest()

@@ -1,0 +1,232 @@
+"""The steps of a run: which chunks are missing, render them, merge their records.
+
+``run_all`` takes all steps under the lock of the data set. Parts (``glsim.data.part_run``) take
+the first two, each under a lock of its own, and whoever finds all records merges.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import parse_json
+from glsim.core.files.store import Store
+from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
+from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan
+from glsim.data.disk_format import HEADER, SKIPPED
+from glsim.data.identity import InputHashes, make_identity
+from glsim.data.merge import (
+    bounded_lines,
+    merge,
+    merged_files_are_intact,
+    read_merged_chunks,
+    unmerge,
+)
+from glsim.data.parts import Part
+from glsim.data.progress import GenerateSummary, Progress, RunCounts
+from glsim.data.record_schema import (
+    MAX_HEADER_BYTES,
+    MAX_LINE_BYTES,
+    parse_header,
+)
+from glsim.data.records import ChunkRecord, ChunkSummary
+from glsim.data.run_state import RunState
+from glsim.data.worker_processes import run_tasks
+from glsim.settings.schema import Settings
+from glsim.simulation.plan.tasks import Task
+
+log = logging.getLogger(__name__)
+
+#: Renders and writes chunks, in any order, and yields their events. It is closed before the lock
+#: is released: nothing that it started may write afterwards.
+ChunkRenderer = Callable[[RenderJob, Sequence[int], ChunkPlan], Generator[ChunkEvent, None, None]]
+
+
+def in_processes(count: int, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
+    """Return the renderer that uses worker processes, see ``worker_processes.run_tasks``."""
+
+    def render(
+        job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
+    ) -> Generator[ChunkEvent, None, None]:
+        if numbers:
+            chunks = (plan[number] for number in numbers)
+            yield from run_tasks(job, chunks, min(count, len(numbers)), environment)
+
+    return render
+
+
+@dataclass(frozen=True)
+class DatasetRun:
+    """A data set to make and the store that takes it; fields as arguments of ``write_dataset``."""
+
+    settings: Settings
+    tasks: Sequence[Task]
+    store: Store
+    make_frames: FrameMaker
+    sensor: Mapping[str, Any]
+    renderer: str
+    regions: Mapping[str, int] | None = None
+    inputs: Callable[[], InputHashes] | None = None
+    plan: ChunkPlan = field(init=False)
+
+    def __post_init__(self) -> None:
+        if self.store.is_remote and self.settings.output.format != "webdataset":
+            raise ConfigError(
+                f"{self.store}: object storage takes shards: give --format webdataset "
+                "(output.format), or a folder"
+            )
+        plan = ChunkPlan(self.tasks, CHUNK_FRAMES[self.settings.output.format])
+        object.__setattr__(self, "plan", plan)
+
+    @cached_property
+    def found(self) -> InputHashes | None:
+        """The inputs as they were at the first use."""
+        return self.inputs() if self.inputs is not None else None
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """The entries of the header that decide the bytes, see ``glsim.data.identity``."""
+        identity = make_identity(self.settings, self.plan, self.sensor, self.renderer)
+        if self.regions:
+            identity["regions"] = dict(self.regions)  # pixel values of the layer; 0 = none
+        if self.found is not None:
+            identity["inputs"] = self.found.identity()
+        return identity
+
+    @property
+    def state(self) -> RunState:
+        """The state of the data set, which only ``RunState.locked`` lets one change."""
+        return RunState(self.store)
+
+    def numbers(self, part: Part | None) -> range:
+        """Return the numbers of the chunks of a part; None: of all chunks."""
+        chunks = len(self.plan)
+        return range(chunks) if part is None else part.chunks(chunks)
+
+    def counts(self, part: Part | None = None, progress: Progress | None = None) -> RunCounts:
+        """Start to count the frames of a part, or of the whole data set."""
+        if part is None:
+            return RunCounts(self.plan.frames, progress)
+        return RunCounts(sum(map(self.plan.frames_in, self.numbers(part))), progress)
+
+
+def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> GenerateSummary:
+    """Make all chunks with ``render`` under the lock of the data set, and merge them."""
+    counts = run.counts(progress=progress)
+    with run.state.locked(run.identity) as state:
+        make_missing_chunks(run, state, None, render, counts)
+        return finish(state, run.plan, run.identity, counts)
+
+
+def make_missing_chunks(
+    run: DatasetRun, state: RunState, part: Part | None, render: ChunkRenderer, counts: RunCounts
+) -> None:
+    """Render the chunks that the data set lacks. Raises as ``write_dataset``.
+
+    Args:
+        run: what is made.
+        state: as ``RunState.locked`` gives it.
+        part: whose chunks to make; None: all.
+        render: makes the chunks.
+        counts: counts them.
+    """
+    missing = _find_missing_chunks(run, state, run.numbers(part), counts)
+    job = RenderJob(run.settings, state, run.make_frames, run.found)
+    with closing(render(job, missing, run.plan)) as events:
+        for event in events:
+            if isinstance(event, ChunkSummary):
+                counts.complete(event)
+            else:
+                counts.in_progress[event.chunk] = event.frames
+                counts.report()
+    if run.inputs is not None and run.found is not None and missing:
+        now = run.inputs()
+        if now != run.found:  # some of this run's frames are of the old contents, some of the new
+            state.discard_chunks(missing)
+            raise DatasetError(
+                f"{now.changed_since(run.found)} was changed during the run, and the frames of "
+                "this run are discarded: restore it, or choose another folder"
+            )
+
+
+def _find_missing_chunks(
+    run: DatasetRun, state: RunState, numbers: range, counts: RunCounts
+) -> list[int]:
+    """Return the numbers of missing and damaged chunks; count the complete chunks as reused.
+
+    A complete data set with any damage is turned back into a resumable one.
+    """
+    plan, merged = run.plan, state.is_merged
+    recorded = set() if merged else state.recorded_chunks()
+
+    def load(number: int) -> ChunkRecord | None:
+        try:
+            return state.load_chunk(number) if number in recorded else None
+        except DatasetError as error:
+            log.warning("%s: rendering it again", error)
+            return None
+
+    def check(found: tuple[int, ChunkRecord | None]) -> tuple[int, ChunkRecord | None, str | None]:
+        number, record = found
+        if record is None:
+            return number, None, "its record is damaged" if merged else None
+        return number, record, state.chunk_problem(record, number, plan.frames_in(number))
+
+    records = read_merged_chunks(state, len(plan)) if merged else state.store.map(load, numbers)
+    missing: list[int] = []
+    for number, record, problem in state.store.map(check, zip(numbers, records, strict=True)):
+        if record is not None and problem is None:
+            counts.complete(record.summary, reused=True)
+            continue
+        missing.append(number)
+        if problem is not None:
+            first = plan[number].tasks[0].stem
+            log.warning("%s: rendering %s and the next frames again", problem, first)
+    if merged:
+        if missing or not merged_files_are_intact(state, len(plan)):
+            unmerge(state, len(plan), set(missing))
+        else:  # left over if the last run was killed at its very end
+            state.discard_chunks(state.recorded_chunks())
+    return missing
+
+
+def absent_chunks(state: RunState, plan: ChunkPlan) -> list[int]:
+    """Return the numbers of all chunks that have no record, of any part; [] if all are merged."""
+    recorded = state.recorded_chunks()
+    if state.is_merged:  # asked last: another part may merge, which removes the records
+        return []
+    return [number for number in range(len(plan)) if number not in recorded]
+
+
+def finish(
+    state: RunState, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
+) -> GenerateSummary:
+    """Merge the chunk records, unless they are merged already, and return the summary.
+
+    ``state`` is that of a locked data set.
+    """
+    if not state.is_merged:
+        merge(state, plan, identity)
+    state.discard_part_locks()
+    store = state.store
+    header = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", store.where(HEADER))
+    with store.open(SKIPPED) as lines:
+        records = (parse_json(line, SKIPPED) for line in bounded_lines(lines, MAX_LINE_BYTES))
+        reasons = Counter(str(record.get("why")) for record in records)
+    counts.report(last=True)
+    return GenerateSummary(
+        frames=header["frames"],
+        subjects={split: len(names) for split, names in header["subjects"].items()},
+        skipped=reasons,
+        rendered=counts.rendered,
+        reused=counts.reused,
+        bytes=counts.bytes,
+        seconds=counts.seconds,
+        cpu_seconds=counts.cpu_seconds,
+    )

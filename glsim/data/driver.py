@@ -1,0 +1,157 @@
+"""The driver of a run: survey the folder, render missing chunks, merge. It resumes any run.
+
+``generate`` makes a whole data set, ``generate_part`` one part of it; ``write_dataset`` makes a
+data set of given tasks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from glsim.core.files.cloud import open_store
+from glsim.data.chunk_writer import FrameMaker
+from glsim.data.dataset_run import ChunkRenderer, DatasetRun, in_processes, run_all
+from glsim.data.identity import InputHashes
+from glsim.data.part_run import run_part
+from glsim.data.parts import Part
+from glsim.data.progress import GenerateSummary, PartSummary, Progress
+from glsim.data.worker_processes import Workers, available_workers, portable_environment
+from glsim.settings.schema import Settings
+from glsim.simulation.plan.tasks import Task, make_tasks
+
+
+def generate(
+    settings: Settings,
+    out: Path | str,
+    *,
+    workers: Workers = "auto",
+    backend: str | None = None,
+    portable: bool = False,
+    ray: str | None = None,
+    progress: Progress | None = None,
+) -> GenerateSummary:
+    """Generate the data set that ``settings`` describe in the folder ``out``, or resume it.
+
+    The same settings on the same renderer give the same bytes.
+
+    Raises the errors of ``write_dataset`` and ``glsim.simulation.pipeline.simulate``.
+
+    Args:
+        out: a folder, or a URL of object storage such as s3://bucket/faces for the format
+            webdataset.
+        ray: the address of a cluster of Ray that renders instead of ``workers``, see
+            ``glsim.data.ray_cluster.ray_cluster``.
+        backend: "egl" or "osmesa".
+        portable: compute alike on all x86-64 processors since Haswell, see
+            ``portable_environment``.
+    """
+    run, render = _simulation(settings, out, workers, backend, portable, ray)
+    return run_all(run, render, progress)
+
+
+def generate_part(
+    settings: Settings,
+    out: Path | str,
+    part: Part,
+    *,
+    workers: Workers = "auto",
+    backend: str | None = None,
+    portable: bool = False,
+    progress: Progress | None = None,
+) -> PartSummary:
+    """Generate one part of a data set, and merge all parts if this was the last one.
+
+    Parts may be made in any order, on many machines that share the folder ``out``, and again: the
+    bytes are those of ``generate``.
+
+    Raises the errors of ``generate``, and DatasetError if another process makes the same part.
+    """
+    run, render = _simulation(settings, out, workers, backend, portable)
+    return run_part(run, part, render, progress)
+
+
+def _simulation(
+    settings: Settings,
+    out: Path | str,
+    workers: Workers,
+    backend: str | None,
+    portable: bool,
+    ray: str | None = None,
+) -> tuple[DatasetRun, ChunkRenderer]:
+    """Return the run that simulates the data set, and the function that renders its chunks."""
+    # Imported here because reading a data set needs no OpenGL.
+    from glsim.data.arithmetic import SameMachineSimulator, machine_of_workers, this_machine
+    from glsim.data.inputs import source_hashes, stage_hashes
+    from glsim.faces.regions import region_numbers
+    from glsim.gl.context import borrowed_context
+    from glsim.looks.dress import worn_regions
+    from glsim.looks.room.scenery import scene_regions
+    from glsim.sensors.sensor import sensor_of
+    from glsim.simulation.pipeline import open_sources
+
+    sensor = sensor_of(settings)
+    sources = open_sources(settings)
+    tasks = make_tasks(settings, sources)
+    environment = portable_environment() if portable else {}
+    if environment:
+        machine = machine_of_workers(environment, backend)
+    else:
+        with borrowed_context(backend) as context:
+            machine = this_machine(context)
+    make_frames = SameMachineSimulator(machine, sources, backend, settings.output.layers)
+
+    def inputs() -> InputHashes:
+        stages, files = stage_hashes(sensor.stages), source_hashes(sources, tasks)
+        return InputHashes(stages, files, machine.arithmetic)
+
+    worn = worn_regions(settings.appearance, sources)
+    regions = (
+        region_numbers(sources, [*scene_regions(settings.scene), *worn])
+        if "regions" in settings.output.layers
+        else {}
+    )
+    described, renderer = sensor.describe(), machine.renderer
+    store = open_store(out)
+    run = DatasetRun(settings, tasks, store, make_frames, described, renderer, regions, inputs)
+    if ray is not None:
+        from glsim.data.ray_renderer import on_ray
+
+        return run, on_ray(ray, environment)
+    return run, in_processes(available_workers(workers), environment)
+
+
+def write_dataset(
+    settings: Settings,
+    tasks: Sequence[Task],
+    out: Path | str,
+    make_frames: FrameMaker,
+    *,
+    sensor: Mapping[str, Any],
+    renderer: str,
+    regions: Mapping[str, int] | None = None,
+    inputs: Callable[[], InputHashes] | None = None,
+    workers: Workers = "auto",
+    progress: Progress | None = None,
+) -> GenerateSummary:
+    """Write the data set of ``tasks`` to the folder ``out``, or the frames that it still lacks.
+
+    Existing files are verified by size and CRC32; missing and damaged files are made again. The
+    bytes are the same for any number of workers and interruptions.
+
+    Raises ConfigError if the folder was begun with other settings or inputs; DatasetError if it is
+    in use, cannot be written, or holds other files, if worker processes die, or if an input changes
+    during the run; MeshError at the first bad mesh if the settings are strict; KeyboardInterrupt
+    after ending the workers. After any of these, the same call continues the run.
+
+    Args:
+        make_frames: see FrameMaker.
+        sensor, renderer: descriptions for the header; a resumed run must have the same ones.
+        regions: name -> number in the layer "regions".
+        inputs: hashes the files that the settings refer to; a resumed run must have the same.
+        workers: number of processes; 1 renders in this process.
+    """
+    store = open_store(out)
+    run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)
+    return run_all(run, in_processes(available_workers(workers)), progress)

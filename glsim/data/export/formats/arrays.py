@@ -1,0 +1,91 @@
+"""Depth as floating arrays: NPY, NPZ with everything of a frame, and OpenEXR."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.files.atomic import to_json
+from glsim.core.files.exr import encode_exr
+from glsim.data.export.base import Export
+from glsim.data.export.formats.cameras import centre_at_zero, coefficients
+from glsim.data.export.frames import ExportFrame
+
+#: The first time that a ZIP file can hold: the same frame gives the same bytes.
+_NO_TIME = (1980, 1, 1, 0, 0, 0)
+
+
+def encode_npy(array: NDArray[Any]) -> bytes:
+    """Return an NPY file."""
+    data = io.BytesIO()
+    np.save(data, np.asarray(array, order="C"), allow_pickle=False)  # keeps () of a text
+    return data.getvalue()
+
+
+def encode_npz(frame: ExportFrame) -> bytes:
+    """Return an NPZ file with all that is known of a frame.
+
+    Of each depth layer LAYER: LAYER_m, LAYER_points_m (H, W, 3) and LAYER_normals (H, W, 3).
+    infrared, reason, regions as stored. K: (3, 3) with the first pixel's centre at (0, 0);
+    distortion: k1, k2, p1, p2, k3; head_to_camera (4, 4), landmarks_m (68, 3) and landmarks_px
+    (68, 2, first centre at 0) if the record has them; record: the manifest's line, JSON.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    for layer, depth_m in frame.depth_m.items():
+        arrays[f"{layer}_m"] = depth_m
+        arrays[f"{layer}_points_m"] = frame.points(layer)
+        arrays[f"{layer}_normals"] = frame.normals(layer)
+    for name in ("infrared", "reason", "regions"):
+        image = getattr(frame, name)
+        if image is not None:
+            arrays[name] = image
+    arrays["K"] = centre_at_zero(frame.camera)
+    arrays["distortion"] = np.array(coefficients(frame.lens))
+    arrays |= geometry_arrays(frame)
+    arrays["record"] = np.array(to_json(frame.record, frame.stem))
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as file:
+        for name, array in arrays.items():
+            info = zipfile.ZipInfo(f"{name}.npy", _NO_TIME)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr = 0o644 << 16
+            file.writestr(info, encode_npy(array), compresslevel=1)
+    return data.getvalue()
+
+
+def geometry_arrays(frame: ExportFrame) -> dict[str, NDArray[Any]]:
+    """Return head_to_camera, landmarks_m and landmarks_px of a record that has them.
+
+    Pixels are those of programs that give the first pixel's centre the coordinates (0, 0).
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    if "head_to_camera" in frame.record:
+        arrays["head_to_camera"] = np.array(frame.record["head_to_camera"], np.float64)
+    if "landmarks" in frame.record:
+        arrays["landmarks_m"] = np.array(frame.record["landmarks"]["points_m"], np.float64)
+        arrays["landmarks_px"] = np.array(frame.record["landmarks"]["pixels"], np.float64) - 0.5
+    return arrays
+
+
+ARRAYS = (
+    Export(
+        "npy",
+        "float depth, metres",
+        lambda frame: ((f"_{name}.npy", encode_npy(z)) for name, z in frame.depth_m.items()),
+    ),
+    Export(
+        "exr",
+        "float depth, metres, OpenEXR (needs OpenEXR)",
+        lambda frame: ((f"_{name}.exr", encode_exr(z)) for name, z in frame.depth_m.items()),
+        library="OpenEXR",
+    ),
+    Export(
+        "npz",
+        "all of a frame: depth, points, normals, camera, pose, landmarks, record",
+        lambda frame: [(".npz", encode_npz(frame))],
+    ),
+)

@@ -1,0 +1,91 @@
+"""Camera files: Open3D's JSON and the YAML of ROS, with their principal points.
+
+glsim's image coordinates are continuous, the first pixel's centre is at (0.5, 0.5). OpenCV, ROS
+and Open3D's point clouds give the first pixel's centre the coordinates (0, 0): their cx and cy are
+smaller by 0.5. Used unchanged they would shift points by half a pixel, 1.2 mm at 0.9 m for a
+Kinect V2 (0.5 / 365.5 * 900).
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import Distortion, Intrinsics
+from glsim.data.export.base import Export
+
+#: Coordinate of the first pixel's centre here minus that in OpenCV, ROS and Open3D, pixels.
+HALF_PIXEL = 0.5
+
+
+def centre_at_zero(camera: Intrinsics) -> NDArray[np.float64]:
+    """Return (3, 3) K for programs that give the first pixel's centre the coordinates (0, 0)."""
+    k = np.eye(3)
+    k[0, 0], k[1, 1] = camera.fx, camera.fy
+    k[0, 2], k[1, 2] = camera.cx - HALF_PIXEL, camera.cy - HALF_PIXEL
+    return k
+
+
+def coefficients(lens: Distortion) -> list[float]:
+    """Return k1, k2, p1, p2, k3, and k4, k5, k6 of a rational lens: the order of OpenCV and ROS."""
+    simple = [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
+    return [*simple, lens.k4, lens.k5, lens.k6] if lens.is_rational else simple
+
+
+def lens_model(lens: Distortion) -> str:
+    """Return ROS's name of the lens model."""
+    return "rational_polynomial" if lens.is_rational else "plumb_bob"
+
+
+def open3d_json(camera: Intrinsics) -> bytes:
+    """Return a PinholeCameraParameters file of Open3D (columns first), camera at the origin."""
+    content = {
+        "class_name": "PinholeCameraParameters",
+        "extrinsic": np.eye(4).T.ravel().tolist(),
+        "intrinsic": {
+            "height": camera.height,
+            "intrinsic_matrix": centre_at_zero(camera).T.ravel().tolist(),
+            "width": camera.width,
+        },
+        "version_major": 1,
+        "version_minor": 0,
+    }
+    return json.dumps(content, indent=1).encode() + b"\n"
+
+
+def ros_yaml(camera: Intrinsics, lens: Distortion, name: str) -> bytes:
+    """Return the calibration file of ROS's camera_calibration_parsers (camera_info_manager)."""
+    k = centre_at_zero(camera)
+
+    def matrix(title: str, rows: int, columns: int, values: list[float]) -> list[str]:
+        data = ", ".join(repr(float(value)) for value in values)
+        return [f"{title}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{data}]"]
+
+    projection = np.hstack([k, np.zeros((3, 1))])
+    lines = [
+        f"image_width: {camera.width}",
+        f"image_height: {camera.height}",
+        f"camera_name: {json.dumps(name)}",  # a JSON string is a YAML string
+        *matrix("camera_matrix", 3, 3, k.ravel().tolist()),
+        f"distortion_model: {lens_model(lens)}",
+        *matrix("distortion_coefficients", 1, len(coefficients(lens)), coefficients(lens)),
+        *matrix("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
+        *matrix("projection_matrix", 3, 4, projection.ravel().tolist()),
+    ]
+    return "\n".join(lines).encode() + b"\n"
+
+
+CAMERAS = (
+    Export(
+        "open3d",
+        "camera, JSON of Open3D",
+        lambda frame: [("_camera.json", open3d_json(frame.camera))],
+    ),
+    Export(
+        "ros",
+        "camera, camera_info YAML of ROS",
+        lambda frame: [("_camera_info.yaml", ros_yaml(frame.camera, frame.lens, "glsim"))],
+    ),
+)

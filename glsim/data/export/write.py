@@ -1,0 +1,94 @@
+"""Find the formats by name, and write the files of each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import write_atomic
+from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
+from glsim.data.export.base import Export
+from glsim.data.export.frames import export_frames
+from glsim.data.reader import Dataset
+
+
+def _is_export(value: Any) -> bool:
+    return isinstance(value, Export)
+
+
+#: Name -> shipped format.
+FORMATS: Final[Mapping[str, Export]] = {
+    export.name: export for export in shipped_objects("data/export/formats", _is_export)
+}
+
+
+def format_names() -> list[str]:
+    """Return the names of the shipped formats and of those that other packages bring."""
+    return [*FORMATS, *plugin_names("exports", FORMATS)]
+
+
+def _find(name: str) -> Export:
+    """Return a format by its name. Raises ConfigError."""
+    if name not in format_names():
+        raise ConfigError(f"no such format {name!r}: it is one of {', '.join(format_names())}")
+    if name not in FORMATS:
+        plugin: Export = load_plugin("exports", name, _is_export)
+        return replace(plugin, name=name)
+    export = FORMATS[name]
+    if export.library and find_spec(export.library) is None:
+        raise ConfigError(f"{name} needs {export.library}: pip install 'glsim[formats]'")
+    return export
+
+
+def export_dataset(
+    dataset: Dataset,
+    out: Path | str,
+    formats: Sequence[str],
+    *,
+    layers: Sequence[str] | None = None,
+    split: str | None = None,
+    count: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> int:
+    """Write the frames of a data set to a folder in other formats.
+
+    Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set. They
+    replace older ones.
+
+    Args:
+        dataset: the data set.
+        out: the folder.
+        formats: names of formats, see ``glsim export``.
+        layers: depth layers, of clean, noisy and expected; default: all.
+        split: one split only.
+        count: number of frames, the first ones.
+        progress: is called with the number of frames that are done.
+
+    Returns:
+        The number of frames.
+
+    Raises:
+        ConfigError: an argument is wrong, or a library is not installed.
+        DatasetError: there is no frame, one cannot be read, or a file cannot be written.
+    """
+    out = Path(out)
+    exports = [_find(name) for name in formats]
+    if not exports:
+        raise ConfigError(f"give at least one format of {', '.join(format_names())}")
+    if out.resolve() == dataset.path.resolve():
+        raise ConfigError(f"{out}: is the data set itself: choose another folder")
+
+    done = 0
+    for done, frame in enumerate(export_frames(dataset, layers, split, count), start=1):
+        for export in exports:
+            for end, data in export.encode(frame):
+                write_atomic(data, out / f"{frame.stem}{end}", sync=False)
+        if progress is not None:
+            progress(done)
+    if not done:
+        raise DatasetError(f"{dataset}: has no frame {'in ' + split if split else 'at all'}")
+    return done

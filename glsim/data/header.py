@@ -1,0 +1,186 @@
+"""Read dataset.json and manifest.jsonl, and compare both with their recorded checksums."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+from isal import isal_zlib
+from numpy.typing import NDArray
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.atomic import checksum, parse_json, wrap_read_errors
+from glsim.core.files.cloud import cloud_url, open_store
+from glsim.core.files.contents import text_hash
+from glsim.core.files.regular import open_regular
+from glsim.core.files.store import Store
+from glsim.data.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, MERGED_INDEX, STATE
+from glsim.data.record_schema import (
+    MAX_HEADER_BYTES,
+    MAX_LINE_BYTES,
+    parse_checksum,
+    parse_frame,
+    parse_header,
+)
+
+_INDEX = f"{STATE}/{MERGED_INDEX}"
+#: Bytes from the end of the index of chunks that surely hold its last line, the header's checksum.
+_LAST_LINE_BYTES = 4096
+
+_BLOCK_BYTES = 1 << 24
+#: Fewest bytes of a line on average: the keys that each record has take 200. Below it, the places
+#: of the lines would take more memory than the file has bytes.
+_LEAST_LINE_BYTES = 64
+#: The end of messages about damage.
+REPAIR = "run glsim generate again with the same settings to repair it"
+
+
+class Manifest:
+    """The lines of a manifest; the file is read once when it is opened.
+
+    Raises DatasetError if it is missing or cannot be read.
+
+    Attributes:
+        checksum: its size and CRC32.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        parts: list[NDArray[np.int64]] = []
+        size = crc32 = 0
+        with wrap_read_errors(self.path), self._open() as lines:
+            while block := lines.read(_BLOCK_BYTES):
+                ends = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
+                parts.append(ends + (size + 1))
+                crc32 = isal_zlib.crc32(block, crc32)
+                size += len(block)
+                if _LEAST_LINE_BYTES * sum(map(len, parts)) > size:
+                    raise DatasetError(f"{self.path}: is damaged: holds empty lines: {REPAIR}")
+        self._ends = np.concatenate(parts) if parts else np.zeros(0, np.int64)
+        self.checksum = {"size": size, "crc32": crc32}
+
+    def __len__(self) -> int:
+        return len(self._ends)
+
+    def record(self, number: int) -> dict[str, Any]:
+        """Return the checked record in a line, from 0. Raises DatasetError for a bad record."""
+        return self.parse(next(self.lines(number, 1)), number)
+
+    def lines(self, first: int, count: int) -> Iterator[bytes]:
+        """Yield consecutive lines; of a line longer than MAX_LINE_BYTES only its start."""
+        start = int(self._ends[first - 1]) if first else 0
+        with wrap_read_errors(self.path), self._open() as lines:
+            lines.seek(start)
+            for number in range(first, first + count):
+                size = int(self._ends[number]) - start
+                if size > MAX_LINE_BYTES:
+                    yield lines.read(MAX_LINE_BYTES + 1)
+                    lines.seek(start + size)
+                else:
+                    yield lines.read(size)
+                start += size
+
+    def parse(self, line: bytes, number: int) -> dict[str, Any]:
+        """Check a line. Raises DatasetError, which names the file, the line and the field."""
+        if len(line) > MAX_LINE_BYTES:
+            raise self.damage(number, f"it has more than {MAX_LINE_BYTES} bytes")
+        try:
+            return parse_frame(line, self._line(number))
+        except DatasetError as error:
+            raise DatasetError(f"{error}: {REPAIR}") from None
+
+    def damage(self, number: int, problem: str) -> DatasetError:
+        """Return the error for a bad line."""
+        return DatasetError(f"{self._line(number)} is damaged: {problem}: {REPAIR}")
+
+    def _line(self, number: int) -> str:
+        return f"{self.path}: line {number + 1}"
+
+    def _open(self) -> IO[bytes]:
+        return open_regular(self.path, inside=self.path.parent)
+
+
+class OpenHeader(NamedTuple):
+    """A header, the problem with its checksum if there is one, and the manifest beside it."""
+
+    header: dict[str, Any]
+    problem: str | None
+    manifest: Manifest
+
+
+def is_dataset(place: Path | str) -> bool:
+    """Return whether a path names a data set of glsim, complete or not; a URL always does."""
+    path = Path(place)
+    return cloud_url(place) is not None or (path / HEADER).exists() or (path / STATE).exists()
+
+
+def read_header(place: Path | str) -> dict[str, Any]:
+    """Read and check dataset.json. Raises DatasetError if this version cannot read the data set."""
+    return _read_header(open_store(place))[0]
+
+
+def open_header(store: Store) -> OpenHeader:
+    """Read the header and the manifest of a data set. Raises DatasetError as ``read_header``."""
+    header, data = _read_header(store)
+    recorded = header["files"].get(MANIFEST)
+    expected = None if recorded is None else {n: recorded[n] for n in ("size", "crc32")}
+    found = checksum(data)
+    key = text_hash(data.decode())
+    store.local(HEADER, found, key)
+    manifest = Manifest(store.local(MANIFEST, expected, key))
+    return OpenHeader(header, header_problem(store, found), manifest)
+
+
+def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
+    data = store.read(HEADER, MAX_HEADER_BYTES)
+    if data is None:
+        if store.names(STATE):
+            raise DatasetError(
+                f"{store}: is not complete: run glsim generate again with the same settings"
+            )
+        raise DatasetError(f"{store}: is no data set of glsim: it has no {HEADER}")
+    where = store.where(HEADER)
+    header = parse_json(data, where)
+    if header.get("format") != FORMAT:
+        raise DatasetError(f"{where}: is not the header of a glsim data set")
+    version = header.get("format_version", 0)
+    del header  # a large one takes a hundred times its bytes
+    if isinstance(version, int) and version > FORMAT_VERSION:
+        raise DatasetError(
+            f"{where}: format version {version} is newer than {FORMAT_VERSION}, "
+            "which this glsim reads: update glsim"
+        )
+    return parse_header(data, f"{where}:"), data
+
+
+def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | None:
+    """Return how a manifest differs from its entry in the header; None if they agree."""
+    recorded = header["files"].get(MANIFEST)
+    if recorded is not None and manifest.checksum != {
+        "size": recorded["size"],
+        "crc32": recorded["crc32"],
+    }:
+        return f"was changed after it was written (its checksum is in {HEADER})"
+    frames = sum(header["frames"].values())
+    if len(manifest) != frames:
+        return f"has {len(manifest)} lines, {HEADER} says {frames}"
+    return None
+
+
+def header_problem(store: Store, found: Mapping[str, int]) -> str | None:
+    """Return that dataset.json differs from its checksum in .glsim; None if it does not.
+
+    A data set without the folder .glsim, such as a copy, has no checksum of its header.
+    """
+    try:
+        size = store.size(_INDEX) or 0
+        start = max(0, size - _LAST_LINE_BYTES)
+        tail = store.read_range(_INDEX, start, size - start)
+        recorded = parse_checksum(tail.splitlines()[-1] if tail else b"", _INDEX)
+    except DatasetError:
+        return None  # no index, or one that a run writes again
+    if found == {"size": recorded["size"], "crc32": recorded["crc32"]}:
+        return None
+    return f"was changed after it was written (its checksum is in {STATE})"

@@ -1,0 +1,83 @@
+"""Hash the inputs of a data set that its settings only name."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+from glsim.core.errors import ConfigError
+from glsim.core.files.contents import content_hash, text_hash
+from glsim.core.plugins import plugin_code
+from glsim.data.identity import InputHashes
+from glsim.faces.base import FaceSource
+from glsim.gl.shader_source import load_source
+from glsim.noise.stage import Stage
+from glsim.settings.source_settings import shipped_kinds
+from glsim.simulation.plan.tasks import Task, people_of
+
+
+def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
+    """Hash the files of noise stages, as they are now: file -> hash.
+
+    A Python stage is the file that holds its function; what that file imports is not seen. A stage
+    of another package is also that package's code.
+    Raises ShaderError for a GLSL file that cannot be read any more.
+    """
+    hashes: dict[str, str] = {}
+    for stage in stages:
+        package = plugin_code("stages", stage.spec.name)
+        hashes |= {name: content_hash(path) for name, path in package.items()}
+        if stage.spec.source is None:
+            code = getattr(stage.spec.function, "__code__", None)
+            file = code.co_filename if code is not None else stage.spec.file
+            hashes[stage.spec.file] = content_hash(Path(file))
+            continue
+        source = load_source(Path(stage.spec.file))
+        texts: dict[str, list[str]] = defaultdict(list)
+        for line, (file, _) in zip(source.text.splitlines(), source.lines, strict=True):
+            texts[file].append(line)
+        hashes |= {file: text_hash("\n".join(lines)) for file, lines in texts.items()}
+    return dict(sorted(hashes.items()))
+
+
+def refuse_other_inputs(
+    expected: InputHashes, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
+) -> None:
+    """Raise ConfigError if this machine has other files for some tasks than ``expected`` says.
+
+    Args:
+        expected: the inputs of the whole data set, on the machine that drives it.
+        where: this machine.
+    """
+    for source, files in source_hashes(sources, tasks).items():
+        theirs = expected.sources.get(source, {})
+        for name, hash in files.items():
+            if theirs.get(name) != hash:
+                raise ConfigError(
+                    f"{where}: source {source}: {name} is not the driver's file: give every "
+                    "machine the same files in the same place"
+                )
+
+
+def source_hashes(
+    sources: Sequence[FaceSource], tasks: Sequence[Task]
+) -> dict[str, dict[str, str]]:
+    """Hash the files that the frames of ``tasks`` are made of: source -> file -> hash.
+
+    A source of another package is also its code: the files of that package.
+    """
+    subjects: dict[int, dict[str, None]] = defaultdict(dict)
+    for person in people_of(tasks):
+        subjects[person.source][person.name] = None
+    hashes = {}
+    for number, source in enumerate(sources):
+        if number not in subjects:
+            continue
+        files = source.contents([*subjects[number]])
+        if source.name not in shipped_kinds():
+            code = plugin_code("sources", source.name)
+            files |= {name: content_hash(file) for name, file in code.items()}
+        if files:
+            hashes[f"{number} {source.name}"] = dict(sorted(files.items()))
+    return hashes

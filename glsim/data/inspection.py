@@ -1,0 +1,172 @@
+"""Inspect a face set: its format, people, units and problems."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+from glsim.core.errors import ConfigError, GlsimError
+from glsim.data.disk_format import HEADER
+from glsim.data.preview import PreviewFrame
+from glsim.faces import open_source
+from glsim.faces.base import BadFace, Face, FaceKey, FaceSettings, FaceSource
+from glsim.faces.meshes.load import load_mesh
+from glsim.faces.one_mesh import OneMesh
+from glsim.faces.scans.file_tree import check_root, list_names
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import load_settings
+from glsim.settings.source_settings import generates, source_kinds, source_table
+from glsim.simulation.frame import Frame
+from glsim.simulation.pipeline import simulate
+from glsim.simulation.plan.tasks import Task
+
+#: The default number of frames to read: enough for every person of most sets.
+SAMPLE_FRAMES: Final = 40
+
+_MAX_DEPTH: Final = 4  # levels of folders searched to recognise a format
+_MAX_FOLDERS: Final = 200  # folders searched to recognise a format
+
+
+@dataclass
+class FaceSetReport:
+    """The contents of a face set.
+
+    Args:
+        kind: name of the source that reads it, or "mesh".
+        people: subject -> (sequences, frames).
+        checked: number of frames that were read.
+        vertices, triangles: their (least, most) numbers.
+        placements: description of unit and axes -> frames.
+        problems: description -> number.
+        usable: frames that can be drawn.
+    """
+
+    kind: str
+    root: Path
+    people: dict[str, tuple[int, int]] = field(default_factory=dict)
+    checked: int = 0
+    vertices: tuple[int, int] = (0, 0)
+    triangles: tuple[int, int] = (0, 0)
+    placements: Counter[str] = field(default_factory=Counter)
+    problems: Counter[str] = field(default_factory=Counter)
+    usable: list[FaceKey] = field(default_factory=list)
+
+    @property
+    def frames(self) -> int:
+        """The number of frames of all people."""
+        return sum(frames for _, frames in self.people.values())
+
+
+def recognise(path: Path) -> str:
+    """Return the kind of source that reads a folder. ConfigError if it is missing or a data set."""
+    root = check_root(path)
+    if (root / HEADER).is_file():
+        raise ConfigError(f"{root}: is a data set of glsim: look at it with glsim preview")
+    folders = list(islice(_folders(root, _MAX_DEPTH), _MAX_FOLDERS))
+    tables = {kind: source_table(kind) for kind in source_kinds()}
+    return max(
+        (kind for kind, table in tables.items() if issubclass(table, FaceSettings)),
+        key=lambda kind: tables[kind].likeness(root, folders),  # type: ignore[attr-defined]
+    )
+
+
+def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str, FaceSource]:
+    """Open a folder or one mesh file: (kind, source). Raises ConfigError, MeshError."""
+    if path.is_file():
+        loaded = load_mesh(path, unit=unit, axes=axes)
+        return "mesh", OneMesh(loaded.mesh, path.stem, loaded.notes)
+    kind = recognise(path)
+    given = {"kind": kind, "root": path, "unit": unit, "axes": axes}
+    own = {"kind", "root"} | source_table(kind).model_fields.keys()
+    table = source_table(kind).model_validate({n: v for n, v in given.items() if n in own})
+    return kind, open_source(table, 0)
+
+
+def inspect(
+    path: Path, kind: str, source: FaceSource, sample: int = SAMPLE_FRAMES
+) -> FaceSetReport:
+    """List all frames, and read ``sample`` of them, evenly spread (0: all). Raises ConfigError."""
+    report = FaceSetReport(kind, path)
+    people, frames_each = (3, 4) if generates(kind) else (None, None)
+    keys: list[FaceKey] = []
+    for subject in source.subjects(people):
+        frames = source.frames(subject, frames_each)
+        report.people[subject] = len({key.sequence for key in frames}), len(frames)
+        keys += frames
+    chosen = keys if sample == 0 else _spread(keys, sample)
+    sizes: list[tuple[int, int]] = []
+    for result in source.load(chosen):
+        report.checked += 1
+        if isinstance(result, BadFace):
+            report.problems[_without_root(str(result.error), path)] += 1
+        else:
+            sizes.append((len(result.mesh.vertices_mm), len(result.mesh.faces)))
+            report.usable.append(result.key)
+            _add_notes(report, result)
+    if sizes:
+        vertices, triangles = zip(*sizes, strict=True)
+        report.vertices = min(vertices), max(vertices)
+        report.triangles = min(triangles), max(triangles)
+    return report
+
+
+def preview_faces(
+    source: FaceSource, keys: Sequence[FaceKey], backend: str | None = None
+) -> Iterator[PreviewFrame]:
+    """Render frames with an ideal sensor at 0.9 m; frames that cannot be rendered are omitted."""
+    settings = load_settings(overrides={"sensor": "ideal"})
+    tasks = [
+        Task(number, "train", key.subject, 0, key, DrawKeys(0, 0, 0), 0)
+        for number, key in enumerate(keys)
+    ]
+    for result in simulate(settings, tasks, sources=[source], backend=backend):
+        if isinstance(result, Frame):
+            key = result.key
+            caption = f"{key.subject} {key.sequence} {key.frame}"
+            yield PreviewFrame.of_frame(result, caption)
+
+
+def _add_notes(report: FaceSetReport, face: Face) -> None:
+    """Count a face's unit, axes and doubts in the report."""
+    unit, axes = face.notes.get("unit"), face.notes.get("axes")
+    if unit is not None:
+        detected = face.notes.get("found_by_rule")
+        names = " and ".join(map(str, detected)) if isinstance(detected, list) else ""
+        rule = f" ({names} found by rule)" if names else ""
+        scale = f" {face.notes['scale']}" if "scale" in face.notes else ""
+        report.placements[f"unit {unit}{scale}, axes {axes}{rule}"] += 1
+    doubts = face.notes.get("doubts")
+    for doubt in doubts if isinstance(doubts, list) else []:
+        report.problems[f"{face.key.subject}: {doubt}"] += 1
+
+
+def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
+    """Return ``count`` keys at even distances, including the first and the last."""
+    if len(keys) <= count:
+        return keys
+    last = len(keys) - 1
+    return [keys[round(number * last / max(1, count - 1))] for number in range(count)]
+
+
+def _without_root(text: str, root: Path) -> str:
+    return text.replace(f"{root}/", "")
+
+
+def _folders(root: Path, depth: int) -> Iterator[Path]:
+    """Yield the folders below the root, level by level."""
+    level = [root]
+    for _ in range(depth):
+        below = []
+        for folder in level:
+            try:
+                below += [folder / name for name in list_names(folder) if (folder / name).is_dir()]
+            except GlsimError:
+                continue
+            if len(below) > _MAX_FOLDERS:
+                break
+        yield from below
+        level = below

@@ -1,0 +1,101 @@
+"""Layer images: their pixel types, decoding with checks, and writing the layers of one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.png import MAX_SIDE_PX, decode_png, encode_png, size_problem
+from glsim.data.record_schema import MAX_LINE_BYTES, parse_frame
+from glsim.simulation.frame import Frame
+
+LayerImage = NDArray[np.uint16] | NDArray[np.uint8]
+
+#: The pixel type of each layer.
+LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
+    "clean": np.dtype(np.uint16),
+    "noisy": np.dtype(np.uint16),
+    "infrared": np.dtype(np.uint16),
+    "infrared_right": np.dtype(np.uint16),
+    "reason": np.dtype(np.uint8),
+    "regions": np.dtype(np.uint8),
+    "expected": np.dtype(np.uint16),
+    "normals": np.dtype(np.uint16),
+}
+
+#: Channels of the layers that have several.
+CHANNELS = {"normals": 3}
+
+
+def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
+    """Decode the bytes of a PNG file to (H, W), or (H, W, 3), in the layer's pixel type.
+
+    Raises DatasetError for a damaged image, another pixel type, several channels or more than
+    ``max_px`` pixels.
+
+    Args:
+        where: names the file in error messages.
+    """
+    image = decode_png(data, max_px)
+    if image is None:
+        problem = (
+            size_problem(data, max_px) or "is no readable PNG image: it is damaged or incomplete"
+        )
+        raise DatasetError(f"{where}: {problem}")
+    expected = LAYER_TYPES[layer]
+    if image.dtype != expected:
+        raise DatasetError(
+            f"{where}: has {image.dtype.itemsize * 8} bits a pixel, {layer} needs "
+            f"{expected.itemsize * 8}: another program saved it again"
+        )
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if channels != CHANNELS.get(layer, 1):
+        wanted = "one" if layer not in CHANNELS else "three"
+        raise DatasetError(f"{where}: has {channels} channels instead of {wanted}")
+    if channels == 3:
+        image = np.ascontiguousarray(image[..., ::-1])  # OpenCV has blue first
+    return image.view(expected)
+
+
+def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str]) -> list[Path]:
+    """Write ``<stem>_<layer>.png`` for each layer and return the paths; the folder is created.
+
+    Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
+    unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
+    """
+    images = {layer: encode_png(frame.image(layer)) for layer in layers}
+    paths = {layer: directory / f"{stem}_{layer}.png" for layer in layers}
+    for layer, path in paths.items():
+        write_atomic(images[layer], path)
+    return list(paths.values())
+
+
+def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | None:
+    """Decode a member of a shard: ``WebDataset(shards).decode(webdataset_decoder)``.
+
+    Raises DatasetError for a damaged image or record.
+
+    Returns (H, W) uint16 as stored for a layer of depth or infrared, uint8 for "reason" and
+    "regions", (H, W, 3) uint16 for "normals"; the checked record for "json" (its
+    ``depth_offset_mm`` is to be added to depths times the set's ``depth_unit_mm``); None for any
+    other member, which leaves it to the next decoder. The library's own ``decode("pil")`` gives 8
+    bits, and 255 for every depth above 255.
+
+    Args:
+        key: what follows the sample's number, as that library gives it: ".noisy.png", ".json".
+    """
+    name = key.lstrip(".")
+    if name == "json":
+        if len(data) > MAX_LINE_BYTES:
+            raise DatasetError(f"a record of a shard has {len(data)} bytes")
+        return parse_frame(data, "a record of a shard")
+    layer = name.removesuffix(".png")
+    if layer == name or layer not in LAYER_TYPES:
+        return None
+    return decode_layer(data, layer, f"a member {name} of a shard")

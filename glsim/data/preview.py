@@ -1,0 +1,275 @@
+"""Preview pictures: shaded depth, differences, reasons, contact sheets; uint8 BGR arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core import depth_map
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.reason import Reason
+from glsim.simulation.assembly import reconcile_reasons
+from glsim.simulation.frame import Frame
+
+Picture = NDArray[np.uint8]
+
+#: Directions to the lights in camera axes (y down): the key light is at the upper left behind the
+#: camera, the fill light at the right, and a weak one below, which shows the ceilings of rooms.
+_KEY_LIGHT = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
+_FILL_LIGHT = np.array([0.70, -0.10, -0.70]) / np.linalg.norm([0.70, -0.10, -0.70])
+_LOW_LIGHT = np.array([0.0, 1.0, 0.0])
+
+_BACKGROUND = (38, 32, 28)
+_TEXT = (235, 235, 235)
+
+#: Larger differences are drawn in the colour of this one.
+DIFFERENCE_MM = 20.0
+
+#: BGR colour per reason: greys and greens for pixels with depth, saturated colours for holes.
+_REASON_COLOURS = {
+    Reason.VALID: (150, 150, 150),
+    Reason.NO_SURFACE: _BACKGROUND,
+    Reason.SHADOW: (200, 60, 40),
+    Reason.OUT_OF_RANGE: (180, 40, 160),
+    Reason.LOW_SIGNAL: (30, 30, 200),
+    Reason.EDGE: (30, 140, 240),
+    Reason.DROPPED: (60, 60, 120),
+    Reason.WINDOW: (40, 210, 240),
+    Reason.MOVED: (120, 200, 60),
+    Reason.GROWN: (200, 220, 90),
+    Reason.SATURATED: (240, 240, 240),
+    Reason.UNWRAP: (220, 120, 220),
+    Reason.MIXED: (90, 120, 250),
+}
+
+
+def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
+    """Draw a depth map, (H, W) metres, as a matte surface under three lights: (H, W, 3) BGR."""
+    normal = depth_map.normals(np.asarray(depth_m, dtype=np.float32), intrinsics.rays())
+    key = np.clip(normal @ _KEY_LIGHT, 0, 1)
+    fill = np.clip(normal @ _FILL_LIGHT, 0, 1)
+    low = np.clip(normal @ _LOW_LIGHT, 0, 1)
+    grey = np.clip(20 + 195 * key + 55 * fill + 60 * low, 0, 255).astype(np.uint8)
+    picture = np.repeat(grey[..., None], 3, axis=2)
+    picture[depth_m <= 0] = _BACKGROUND
+    return picture
+
+
+def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Picture:
+    """Draw noisy minus clean where both have depth, metres: (H, W, 3), blue nearer, red farther."""
+    share = np.clip((noisy_m - clean_m) * 1000.0 / DIFFERENCE_MM, -1, 1)[..., None]
+    white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
+    colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
+    picture: Picture = colour.astype(np.uint8)
+    picture[(clean_m <= 0) | (noisy_m <= 0)] = _BACKGROUND
+    return picture
+
+
+def reasons(codes: NDArray[np.uint8]) -> Picture:
+    """Draw (H, W) reason codes as colours: (H, W, 3) BGR."""
+    palette: Picture = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], np.uint8)
+    picture: Picture = palette[codes]
+    return picture
+
+
+@dataclass(frozen=True, eq=False)
+class PreviewFrame:
+    """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption.
+
+    Attributes:
+        has_reasons: False if the codes are inferred: why a pixel is lost is then unknown.
+        has_clean: False for recorded frames, whose clean_m is 0.
+        infrared: (H, W) counts, or None; it is drawn where there is no clean map.
+    """
+
+    clean_m: NDArray[np.float32]
+    noisy_m: NDArray[np.float32]
+    reason: NDArray[np.uint8]
+    intrinsics: Intrinsics
+    caption: str = ""
+    has_clean: bool = True
+    has_reasons: bool = True
+    infrared: NDArray[np.uint16] | None = None
+
+    @classmethod
+    def of_frame(cls, frame: Frame, caption: str = "") -> PreviewFrame:
+        """Take a simulated frame, cropped to its window."""
+        camera = frame.intrinsics.cropped(*frame.window)
+        return cls(frame.clean_m, frame.noisy_m, frame.reason_codes, camera, caption)
+
+    @classmethod
+    def of_depth_frame(cls, frame: DepthFrame) -> PreviewFrame:
+        """Take a frame of a data set; without a reason layer, infer reasons from the depths."""
+        noisy_m = frame.noisy_mm / np.float32(1000)
+        if "clean_mm" not in frame:
+            codes = np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8)
+            infrared = None
+            if "infrared" in frame:
+                infrared = np.asarray(frame.infrared, np.uint16)
+            clean_m = np.zeros_like(noisy_m)
+            return cls(
+                clean_m, noisy_m, codes, frame.intrinsics, frame.name, False, False, infrared
+            )
+        clean_m = frame.clean_mm / np.float32(1000)
+        has_reasons = "reason" in frame
+        if has_reasons:
+            codes = np.asarray(frame.reason, dtype=np.uint8)
+        else:
+            codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
+        return cls(clean_m, noisy_m, codes, frame.intrinsics, frame.name, has_reasons=has_reasons)
+
+
+def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
+    """Draw four cells, cropped to the face: shaded clean, shaded noisy, difference, reasons.
+
+    Without a clean map two: shaded noisy, infrared.
+
+    Args:
+        side: width and height of a cell, pixels.
+    """
+    if not frame.has_clean:
+        light = brightness(frame.infrared, frame.noisy_m.shape)
+        row = np.hstack([_fit(c, side) for c in (shaded(frame.noisy_m, frame.intrinsics), light)])
+        _write(row, frame.caption, (10, 16), 0.4)
+        return row
+    cells = [
+        shaded(frame.clean_m, frame.intrinsics),
+        shaded(frame.noisy_m, frame.intrinsics),
+        difference(frame.clean_m, frame.noisy_m),
+        reasons(frame.reason),
+    ]
+    crop = _surface_slices(frame.clean_m)
+    row = np.hstack([_fit(cell[crop], side) for cell in cells])
+    _write(row, frame.caption, (10, 16), 0.4)
+    return row
+
+
+def brightness(infrared: NDArray[np.uint16] | None, shape: tuple[int, ...]) -> Picture:
+    """Draw infrared counts as grey, the root of their share of the 99th percentile; None: empty."""
+    if infrared is None or not infrared.any():
+        return np.full((*shape, 3), _BACKGROUND, np.uint8)
+    share = infrared / np.percentile(infrared[infrared > 0], 99.0)
+    grey = (255 * np.sqrt(np.clip(share, 0, 1))).astype(np.uint8)
+    return np.repeat(grey[..., None], 3, axis=2)
+
+
+#: Frames that stand below each other, and columns of them, before the columns grow longer.
+_SHEET_ROWS, _SHEET_COLUMNS = 4, 3
+#: Side of a cell where there are several columns, pixels: three columns fit a wide screen.
+_NARROW_PX = 200
+
+
+def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -> Picture:
+    """Draw one ``frame_row`` per frame under headings, with a legend of colours and reasons.
+
+    More than four frames stand in up to three columns, with smaller cells. All frames have a clean
+    map, or none has.
+    """
+    recorded = not frames[0].has_clean
+    columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
+    side = side if columns == 1 else min(side, _NARROW_PX)
+    block = (2 if recorded else 4) * side
+    width = columns * block
+    head = np.full((66, width, 3), _BACKGROUND, np.uint8)
+    _write(head, title, (10, 26), 0.62)
+    headings: tuple[str, ...] = (
+        "clean, shaded",
+        "noisy, shaded",
+        "noisy - clean",
+        "invalid or altered",
+    )
+    if recorded:
+        headings = ("noisy, shaded", "infrared")
+    for column, text in enumerate(headings * columns):
+        _write(head, text, (column * side + 10, 56), 0.5 if columns == 1 else 0.45)
+    cells = [frame_row(frame, side) for frame in frames]
+    cells += [np.full((side, block, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
+    height = len(cells) // columns  # down, then to the right, as the frames follow each other
+    rows = [np.hstack(cells[row::height]) for row in range(height)]
+    if recorded:
+        return np.vstack([head, *rows])
+    used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
+    known = all(frame.has_reasons for frame in frames)
+    return np.vstack(
+        [head, *rows, _legend(width, [(code, legend_text(code, known)) for code in used])]
+    )
+
+
+def legend_text(code: Reason, known: bool) -> str:
+    """Return the meaning of a reason's colour.
+
+    Args:
+        known: whether the frames have a reason layer.
+    """
+    if code is Reason.DROPPED and not known:
+        return "lost, reason unknown: the data set has no layer reason"
+    return f"{int(code)} {code.name.lower()}: {code.help}"
+
+
+def gallery(
+    faces: Sequence[PreviewFrame], title: str, columns: int = 4, side: int = 240
+) -> Picture:
+    """Draw the shaded clean maps in a grid, each with its caption."""
+    columns = max(1, min(columns, len(faces)))
+    cells = []
+    for face in faces:
+        crop = _surface_slices(face.clean_m)
+        cell = _fit(shaded(face.clean_m, face.intrinsics)[crop], side)
+        _write(cell, face.caption, (8, 16), 0.4)
+        cells.append(cell)
+    cells += [np.full((side, side, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
+    rows = [np.hstack(cells[n : n + columns]) for n in range(0, len(cells), columns)]
+    head = np.full((40, columns * side, 3), _BACKGROUND, np.uint8)
+    _write(head, title, (10, 26), 0.5)
+    return np.vstack([head, *rows])
+
+
+def _legend(width: int, used: Sequence[tuple[Reason, str]]) -> Picture:
+    lines = 1 + len(used)
+    bar = np.full((24 * lines + 14, width, 3), _BACKGROUND, np.uint8)
+    ramp = np.linspace(-DIFFERENCE_MM, DIFFERENCE_MM, 240, dtype=np.float32)[None] / 1000.0
+    bar[8:22, 10:250] = np.repeat(difference(np.ones_like(ramp), 1 + ramp), 14, axis=0)
+    _write(bar, f"-{DIFFERENCE_MM:.0f} to +{DIFFERENCE_MM:.0f} mm", (260, 21), 0.45)
+    for line, (code, text) in enumerate(used, start=1):
+        y = 24 * line + 8
+        bar[y : y + 14, 10:34] = _REASON_COLOURS[code]
+        cv2.rectangle(bar, (10, y), (34, y + 14), (90, 90, 90), 1)
+        _write(bar, text, (44, y + 12), 0.45)
+    return bar
+
+
+def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[slice, slice]:
+    """Return the rows and columns that hold any depth, with a margin; all if there is none."""
+    rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
+    if len(rows) == 0:
+        return slice(None), slice(None)
+    return (
+        slice(max(0, int(rows[0]) - margin_px), int(rows[-1]) + 1 + margin_px),
+        slice(max(0, int(columns[0]) - margin_px), int(columns[-1]) + 1 + margin_px),
+    )
+
+
+def _fit(picture: Picture, side: int) -> Picture:
+    """Scale a picture by nearest neighbour to fit a square of ``side`` pixels, centred."""
+    scale = side / max(picture.shape[:2])
+    size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
+    resized = cv2.resize(picture, size, interpolation=cv2.INTER_NEAREST)
+    cell = np.full((side, side, 3), _BACKGROUND, np.uint8)
+    top, left = (side - size[1]) // 2, (side - size[0]) // 2
+    cell[top : top + size[1], left : left + size[0]] = resized
+    return cell
+
+
+def _write(picture: Picture, text: str, at: tuple[int, int], size: float) -> None:
+    """Draw text.
+
+    Args:
+        at: (x, y) of its lower left corner, pixels.
+        size: scale of the font.
+    """
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _TEXT, 1, cv2.LINE_AA)

@@ -1,0 +1,133 @@
+"""Progress of a run while it goes on, and its results."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from glsim.data.parts import Part
+from glsim.data.records import ChunkSummary
+
+#: Seconds between two calls of ``progress``.
+_PROGRESS_EVERY_S = 0.1
+
+
+@dataclass(frozen=True)
+class GenerateProgress:
+    """The state of a run. ``done`` of ``total`` frames include skipped and reused ones.
+
+    Attributes:
+        skipped: frames that could not be made.
+        reused: frames that an earlier run completed.
+        bytes: size of all images.
+    """
+
+    done: int
+    total: int
+    skipped: int
+    reused: int
+    bytes: int
+
+
+Progress = Callable[[GenerateProgress], None]
+
+
+@dataclass(frozen=True)
+class GenerateSummary:
+    """The results of a run and the contents of the data set.
+
+    Attributes:
+        frames, subjects: split -> number.
+        skipped: reason -> number of frames.
+        rendered, reused: frames of this run and of earlier ones, skipped frames included.
+        bytes: size of all images.
+        seconds: wall time.
+        cpu_seconds: of this process and its workers.
+    """
+
+    frames: Mapping[str, int]
+    subjects: Mapping[str, int]
+    skipped: Mapping[str, int]
+    rendered: int
+    reused: int
+    bytes: int
+    seconds: float
+    cpu_seconds: float
+
+
+@dataclass(frozen=True)
+class PartSummary:
+    """The results of a run of one part.
+
+    Attributes:
+        frames, skipped: numbers of frames of this part.
+        rendered, reused: as in GenerateSummary.
+        absent_chunks: number of chunks of other parts that are not complete yet.
+        dataset: the whole, if all parts are complete.
+    """
+
+    part: Part
+    frames: int
+    skipped: int
+    rendered: int
+    reused: int
+    seconds: float
+    absent_chunks: int
+    dataset: GenerateSummary | None = None
+
+
+@dataclass
+class RunCounts:
+    """Counts frames and bytes, and passes them to ``callback``. It starts the clocks."""
+
+    total: int
+    callback: Progress | None = None
+    frames: int = 0
+    skipped: int = 0
+    reused: int = 0
+    bytes: int = 0
+    in_progress: dict[int, int] = field(default_factory=dict)  # chunk number -> frames done
+    reported_s: float = 0.0
+    started_s: float = field(default_factory=time.monotonic)
+    cpu_started_s: float = field(default_factory=lambda: _cpu_seconds())
+
+    def complete(self, summary: ChunkSummary, *, reused: bool = False) -> None:
+        """Count a complete chunk."""
+        self.in_progress.pop(summary.chunk, None)
+        self.frames += summary.frames
+        self.skipped += summary.skipped
+        self.reused += summary.total if reused else 0
+        self.bytes += summary.bytes
+        self.report()
+
+    def report(self, *, last: bool = False) -> None:
+        """Call ``callback``, unless it was called just now."""
+        now = time.monotonic()
+        if self.callback is None or (not last and now - self.reported_s < _PROGRESS_EVERY_S):
+            return
+        self.reported_s = now
+        done = self.frames + self.skipped + sum(self.in_progress.values())
+        self.callback(GenerateProgress(done, self.total, self.skipped, self.reused, self.bytes))
+
+    @property
+    def rendered(self) -> int:
+        """Number of frames that this run made or skipped."""
+        return self.frames + self.skipped - self.reused
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the start."""
+        return time.monotonic() - self.started_s
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU seconds since the start."""
+        return _cpu_seconds() - self.cpu_started_s
+
+
+def _cpu_seconds() -> float:
+    """Return the CPU seconds of this process and of all its children that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime

@@ -1,0 +1,274 @@
+"""A cluster of Ray: connect to it, and hand out tasks with a bounded number under way.
+
+Tasks are plain ones: a node that dies takes its tasks with it, and Ray starts them again elsewhere.
+Actors are not used; pinned ones waited for ever when a node died.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import time
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any, TypeVar
+
+from glsim.core.errors import ConfigError, DatasetError, GlsimError
+from glsim.data.worker_processes import SINGLE_THREADED, WorkerFailure
+
+log = logging.getLogger(__name__)
+_T = TypeVar("_T")
+
+#: Tasks under way for each core: the second waits on its node while the first runs.
+TASKS_PER_CORE = 2
+#: How often Ray starts a task again whose process or node died, and how often ``run_tasks`` gives
+#: the same call to Ray again after that: nodes die for reasons of their own, but a call that kills
+#: every process would otherwise be tried for ever.
+_RETRIES, _CALLS_AGAIN = 3, 3
+#: Seconds between two looks at the number of cores: nodes join and leave.
+_CORES_EVERY_S = 2.0
+#: Seconds within which the head of a cluster takes a connection.
+_ANSWER_S = 10.0
+#: Seconds without an answer after which a head is given up. Ray gives it up after 60 s, and ends
+#: this process from C++, where no Python can say why.
+_SILENT_S = 30.0
+
+
+@contextmanager
+def ray_cluster(address: str) -> Iterator[Any]:
+    """Connect to a cluster, and yield the module ray. A connection that is there is used.
+
+    Raises ConfigError if there is none, or Ray is not installed.
+
+    Args:
+        address: "auto" (the cluster of this machine), "host:6379", "ray://host:10001", or "local"
+            for one that starts here and ends with this process.
+    """
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError("a cluster needs Ray: pip install 'glsim[ray]'") from None
+    if ray.is_initialized():
+        yield ray
+        return
+    _check_answers(address)
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (ConnectionError, TimeoutError):
+        raise ConfigError(
+            f"Ray at {address}: no cluster answers: start one with ray start --head, and name "
+            "host:6379, or auto on a machine of the cluster"
+        ) from None
+    except (ValueError, RuntimeError) as error:  # another version of Ray or Python
+        text = " ".join(str(error).split())
+        raise ConfigError(f"Ray at {address}: {text[:300]}") from None
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def _check_answers(address: str) -> None:
+    """Raise ConfigError if nothing answers at HOST:PORT: Ray itself would try for minutes."""
+    host, separator, port = address.removeprefix("ray://").rpartition(":")
+    if not separator or not (port.isascii() and port.isdigit()):
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _ANSWER_S).close()
+    except (OSError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ConfigError(
+            f"Ray at {address}: nothing answers ({why}): start a cluster with ray start --head, "
+            "and name its host:6379"
+        ) from None
+
+
+def _refuse_silent_head(ray: Any) -> None:
+    """Wait until the head of the cluster takes a connection.
+
+    Raises ClusterLostError if it does not for a while.
+    """
+    if ray.util.client.ray.is_connected():
+        return  # through ray://, where the head's own address need not be reachable from here
+    address = ray.get_runtime_context().gcs_address
+    host, _, port = address.rpartition(":")
+    give_up_s = time.monotonic() + _SILENT_S
+    while True:
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), _ANSWER_S).close()
+            return
+        except OSError as error:
+            if time.monotonic() > give_up_s:
+                what = f"the head of the Ray cluster at {address} does not answer any more"
+                raise _lost(what, error) from None
+        time.sleep(1)
+
+
+class ClusterLostError(DatasetError):
+    """The connection to the processes of Ray is lost."""
+
+
+def _lost(what: str, error: Exception) -> ClusterLostError:
+    why = " ".join(str(getattr(error, "strerror", None) or error).split())[:200]
+    return ClusterLostError(
+        f"{what} ({why}): what is complete is kept: start the cluster again, then run the same "
+        "command"
+    )
+
+
+@contextmanager
+def _connection_errors(ray: Any) -> Iterator[None]:
+    """Turn Ray's errors about a lost connection in the block into a ClusterLostError."""
+    try:
+        yield
+    except (OSError, ray.exceptions.RayError) as error:
+        raise _lost("the connection to the Ray cluster is lost", error) from error
+
+
+def cluster_cores(ray: Any) -> int:
+    """Return the number of cores of all nodes. Raises ClusterLostError if the head is gone."""
+    _refuse_silent_head(ray)
+    with _connection_errors(ray):
+        return int(ray.cluster_resources().get("CPU", 0))
+
+
+def failure_of(error: Exception) -> WorkerFailure:
+    """Turn an exception into a task's result; errors of other libraries get the machine's name."""
+    if isinstance(error, GlsimError):
+        return WorkerFailure(error)
+    failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
+    failure.add_note(traceback.format_exc())
+    return WorkerFailure(failure)
+
+
+def run_tasks(
+    ray: Any,
+    function: Callable[..., object],
+    calls: Iterable[tuple[_T, tuple[Any, ...]]],
+    environment: Mapping[str, str] | None = None,
+) -> Generator[tuple[_T, Any], None, None]:
+    """Call a function on the cluster; yield (name, result) as results arrive, in any order.
+
+    Raises the error of a call, which it returns as a ``WorkerFailure``, and DatasetError for a call
+    whose processes die again and again.
+
+    Args:
+        function: of a module, which every node has.
+        calls: name and arguments of each call; they are taken when there is a core for them. A call
+            whose result is lost with its node is made again.
+        environment: variables for the processes of the nodes.
+    """
+    task = remote_task(ray, function, environment)
+    source = iter(calls)
+    again: deque[tuple[_T, tuple[Any, ...]]] = deque()
+    running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
+    lost: Counter[_T] = Counter()
+    cores, looked_s = 0, float("-inf")
+    more = True
+    try:
+        while True:
+            if time.monotonic() - looked_s > _CORES_EVERY_S:
+                found, looked_s = cluster_cores(ray), time.monotonic()
+                if found != cores:
+                    log.info("the cluster has %d cores", found)
+                cores = found
+            while (more or again) and len(running) < max(1, TASKS_PER_CORE * cores):
+                call = again.popleft() if again else next(source, None)
+                if call is None:
+                    more = False
+                    break
+                running[start_task(ray, task, *call[1])] = call
+            if not running:
+                return
+            with _connection_errors(ray):
+                done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
+            for reference in done:
+                call = running.pop(reference)
+                try:
+                    result = task_result(ray, reference)
+                except LostResultError as error:
+                    _count_loss(lost, call[0], error)
+                    again.append(call)
+                    continue
+                yield call[0], result
+    except ClusterLostError:
+        running.clear()  # to cancel tasks now makes Ray abort the process, now and then
+        raise
+    finally:
+        cancel_tasks(ray, running)
+
+
+def _count_loss(lost: Counter[_T], name: _T, error: LostResultError) -> None:
+    """Log a warning, or raise DatasetError if the result of a call was lost too often."""
+    lost[name] += 1
+    if lost[name] > _CALLS_AGAIN:
+        raise DatasetError(
+            f"processes of the cluster die while they do task {name} (out of memory?): {error}: "
+            "what is complete is kept; run the same command again to continue"
+        ) from error
+    log.warning("%s: calling it again", error)
+
+
+class LostResultError(Exception):
+    """The result of a task went with its node."""
+
+
+def remote_task(
+    ray: Any, function: Callable[..., object], environment: Mapping[str, str] | None = None
+) -> Any:
+    """Return a function as a task of one core and one thread, which Ray retries."""
+    variables = SINGLE_THREADED | dict(environment or {})
+    return ray.remote(function).options(
+        num_cpus=1, max_retries=_RETRIES, runtime_env={"env_vars": variables}
+    )
+
+
+def start_task(ray: Any, task: Any, *arguments: object) -> Any:
+    """Start a task; return the reference of its result.
+
+    Raises ClusterLostError without a cluster.
+    """
+    with _connection_errors(ray):
+        return task.remote(*arguments)
+
+
+def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
+    """End tasks whose results nobody needs; without a cluster there are none."""
+    with suppress(OSError, ray.exceptions.RayError):
+        for reference in references:
+            ray.cancel(reference, force=True)
+
+
+def task_result(ray: Any, reference: Any) -> Any:
+    """Return a task's result; waits for it.
+
+    Raises LostResultError, the error in its ``WorkerFailure``, or ClusterLostError if the cluster
+    is gone.
+    """
+    try:
+        result = _wait_for(ray, reference)
+    except ray.exceptions.RayTaskError as error:
+        text = " ".join(str(error.cause).split())
+        raise ConfigError(
+            f"a node of the cluster cannot run glsim: {type(error.cause).__name__}: {text[:300]}: "
+            "install the same glsim and its extras on every node"
+        ) from error
+    except ray.exceptions.RuntimeEnvSetupError as error:
+        raise ConfigError(f"a node of the cluster cannot start workers: {error}") from error
+    except ray.exceptions.RayError as error:
+        raise LostResultError(" ".join(str(error).split())[:200]) from error
+    if isinstance(result, WorkerFailure):
+        raise result.error
+    return result
+
+
+def _wait_for(ray: Any, reference: Any) -> Any:
+    while True:
+        try:
+            return ray.get(reference, timeout=_CORES_EVERY_S)
+        except ray.exceptions.GetTimeoutError:  # for ever, if the head is gone
+            _refuse_silent_head(ray)
+        except OSError as error:
+            raise _lost("the connection to the Ray cluster is lost", error) from error

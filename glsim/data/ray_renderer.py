@@ -1,0 +1,129 @@
+"""Chunks on a cluster of Ray: nodes render them, and the driver writes them to its folder.
+
+Nodes need the same glsim and the same files of faces, but no common disk: a task makes its chunk in
+a temporary folder of its node and returns the bytes. Only the driver writes the data set, so a task
+that runs twice, or on after its node was given up, leaves nothing half-written.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import uuid
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from glsim.core.errors import ConfigError
+from glsim.core.files.atomic import temporary_folder
+from glsim.core.files.cloud import open_store
+from glsim.data.arithmetic import SameMachineSimulator
+from glsim.data.chunk_writer import ChunkEvent, RenderJob, write_chunks
+from glsim.data.chunks import Chunk, ChunkPlan
+from glsim.data.dataset_run import ChunkRenderer
+from glsim.data.disk_format import STATE
+from glsim.data.inputs import refuse_other_inputs
+from glsim.data.ray_cluster import failure_of, ray_cluster, run_tasks
+from glsim.data.records import ChunkRecord, parse_chunk_record
+from glsim.data.worker_processes import WorkerFailure
+
+
+@dataclass(frozen=True)
+class ClusterJob:
+    """The job that all tasks of a run share.
+
+    Attributes:
+        folder: the driver's working folder, for relative paths.
+    """
+
+    job: RenderJob
+    token: str
+    glsim_version: str
+    folder: str
+
+
+@dataclass(frozen=True)
+class MadeChunk:
+    """A chunk as a node made it: its record and its files, name -> bytes."""
+
+    record: bytes
+    files: dict[str, bytes]
+
+
+def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
+    """Return the renderer that uses a cluster, see ``glsim.data.ray_cluster.ray_cluster``.
+
+    Args:
+        environment: variables for the processes of the nodes.
+    """
+
+    def render(
+        job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
+    ) -> Generator[ChunkEvent, None, None]:
+        if not numbers:
+            return
+        shared = ClusterJob(job, uuid.uuid4().hex, version("glsim"), str(Path.cwd()))
+        with ray_cluster(address) as ray:
+            # In a list, which Ray hands over as it is: a process that has the job needs no copy.
+            reference = [ray.put(shared)]
+            calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
+            for _, made in run_tasks(ray, render_on_node, calls, environment):
+                store = job.state.store
+                record = parse_chunk_record(made.record)
+                for name, data in made.files.items():
+                    store.put(name, data, sync=False)
+                store.flush()
+                job.state.save_chunk(record)
+                yield record.summary
+
+    return render
+
+
+# -------------------------------------------------------------------- on the nodes
+
+_shared: ClusterJob | None = None  # of this process: its sources and its simulator are kept
+
+
+def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk | WorkerFailure:
+    """Make a chunk: the task of the cluster. Errors are returned, for Ray wraps raised ones."""
+    global _shared
+    try:
+        if _shared is None or _shared.token != token:
+            import ray
+
+            given: ClusterJob = ray.get(reference[0])
+            _shared = replace(given, job=_prepared(given))
+        with temporary_folder() as folder:
+            return _render(_shared.job, chunk, folder)
+    except Exception as error:
+        return failure_of(error)
+
+
+def _prepared(shared: ClusterJob) -> RenderJob:
+    """Return the job for this process, which keeps its simulator. Raises ConfigError."""
+    if version("glsim") != shared.glsim_version:
+        raise ConfigError(
+            f"{socket.gethostname()} has glsim {version('glsim')}, the driver "
+            f"{shared.glsim_version}: install the same version on every node"
+        )
+    with suppress(OSError):
+        os.chdir(shared.folder)
+    if isinstance(shared.job.make_frames, SameMachineSimulator):
+        shared.job.make_frames.keep = True
+    return shared.job
+
+
+def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
+    if job.inputs is not None and isinstance(job.make_frames, SameMachineSimulator):
+        sources = job.make_frames.sources
+        refuse_other_inputs(job.inputs, sources, chunk.tasks, socket.gethostname())
+    remote = job.state.store.is_remote
+    place = job.state.store if remote else open_store(folder)
+    with place.writing(STATE) as store:
+        (record,) = (e for e in write_chunks(job, store, [chunk]) if isinstance(e, ChunkRecord))
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+    return MadeChunk(record.to_bytes(), files)

@@ -1,0 +1,155 @@
+"""Read a data set, PNG tree or shards: records, and depth maps in millimetres.
+
+Everything is checked: the header and each record against ``glsim.data.record_schema``, the
+manifest against its checksum in the header, the header against its checksum in ``.glsim``; and
+every file that a record names must be a regular file inside the data set.
+"""
+
+from __future__ import annotations
+
+import logging
+import zlib
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
+from glsim.core.depth_protocol import DepthProtocol, stored_protocol
+from glsim.core.errors import DatasetError, did_you_mean
+from glsim.core.files.cloud import open_store
+from glsim.data.disk_format import HEADER, MANIFEST
+from glsim.data.header import REPAIR, manifest_problem, open_header
+from glsim.data.stored_frame import stored_frame
+from glsim.settings.schema import SPLIT_NAMES
+from glsim.simulation.frame import WRITABLE
+
+log = logging.getLogger(__name__)
+
+
+class Dataset:
+    """A complete data set on disk or in object storage. It is cheap to send to other processes.
+
+    Opening reads the manifest once for its checksum.
+    Raises DatasetError if the folder holds no complete data set, one of a newer version of glsim,
+    or one whose header or manifest is damaged or was changed.
+
+    Attributes:
+        header: the contents of dataset.json.
+        path: its folder; of one in object storage, a folder with copies of its header and manifest
+            in the cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self._store = open_store(path)
+        self.header, problem, self._manifest = open_header(self._store)
+        self.depth_unit_mm = float(self.header["depth_unit_mm"])
+        if problem:
+            raise DatasetError(f"{self._store.where(HEADER)}: {problem}: {REPAIR}")
+        if problem := manifest_problem(self.header, self._manifest):
+            raise DatasetError(f"{self._store.where(MANIFEST)}: {problem}: {REPAIR}")
+        self.path = self._manifest.path.parent
+        if MANIFEST not in self.header["files"]:
+            log.warning("%s: has no checksum in %s: changes are not noticed", MANIFEST, HEADER)
+
+    def __str__(self) -> str:
+        return str(self._store)
+
+    def __len__(self) -> int:
+        return sum(self.header["frames"].values())
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        return iter(self.frames())
+
+    def frames(self) -> Frames:
+        """Return all frames in the order of the manifest: training, validation, test."""
+        return self._part(0, len(self), "all")
+
+    def split(self, name: str) -> Frames:
+        """Return the frames (maybe none) of a split. Raises DatasetError for an unknown split."""
+        if name not in SPLIT_NAMES:
+            raise DatasetError(f"no such split {name!r}: {did_you_mean(name, SPLIT_NAMES)}")
+        counts = self.header["frames"]
+        before = SPLIT_NAMES[: SPLIT_NAMES.index(name)]
+        return self._part(sum(counts[split] for split in before), counts[name], name)
+
+    def _part(self, first: int, count: int, name: str) -> Frames:
+        header = zlib.crc32((self.path / HEADER).read_bytes())
+        return Frames(
+            count,
+            partial(self._load, first),
+            partial(self._key, first),
+            title=f"{self} {name}",
+            identity=f"{header:08x} {name}",
+            regions=self.regions,
+        )
+
+    def require(self, layer: str) -> None:
+        """Raise DatasetError if the frames lack a layer."""
+        if layer in self.layers:
+            return
+        wanted = ",".join(sorted({"clean", "noisy", layer}))
+        advice = f"generate it with --set output.layers={wanted}"
+        if layer == "clean":
+            advice += " (recordings have none: glsim compare and glsim denoise take them)"
+        raise DatasetError(f"{self}: has no layer {layer!r}: {advice}")
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The layers that each frame has."""
+        written = self.header["settings"]["output"]["layers"]
+        return tuple(layer for layer in WRITABLE if layer in written)
+
+    @property
+    def protocol(self) -> DepthProtocol:
+        """The depth protocol of the files: as measured, or moved to 1 mm ("paper").
+
+        The maps of a frame in millimetres are as measured either way.
+        """
+        return stored_protocol(self.header["settings"]["output"].get("nearest_to_mm"))
+
+    @property
+    def regions(self) -> dict[str, int]:
+        """Name -> number of the parts of the face; empty without the layer "regions"."""
+        return dict(self.header.get("regions", {}))
+
+    @property
+    def sensor_title(self) -> str:
+        """The sensor's description in one line; its name if it has none."""
+        sensor = self.header.get("sensor", {})
+        return str(sensor.get("title", sensor.get("name", "unknown sensor")))
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the images lie in object storage: each read takes a request over the network."""
+        return self._store.is_remote
+
+    def _key(self, first: int, number: int) -> FrameKey:
+        record = self._manifest.record(first + number)
+        return FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
+
+    def _load(self, first: int, number: int) -> DepthFrame:
+        """Return a frame of a part; its split must agree with the counts in the header."""
+        number += first
+        record = self._manifest.record(number)
+        counts = self.header["frames"]
+        end = 0
+        for expected in SPLIT_NAMES:
+            end += counts[expected]
+            if number < end:
+                break
+        if record["split"] != expected:
+            raise self._manifest.damage(
+                number, f"split: is {record['split']}, {HEADER} counts this frame to {expected}"
+            )
+        for layer in self.header["settings"]["output"]["layers"]:
+            if layer not in record["files"]:
+                raise self._manifest.damage(number, f"files: it lacks the layer {layer!r}")
+        return stored_frame(self._store, record, self.depth_unit_mm)
+
+
+def open_dataset(path: Path | str) -> Dataset:
+    """Open a complete data set: a folder, or a URL of object storage such as s3://bucket/faces.
+
+    Raises DatasetError as ``Dataset`` does.
+    """
+    return Dataset(path)

@@ -1,0 +1,203 @@
+"""The schema of the JSON in a data set: dataset.json, manifest lines, chunk records.
+
+A record is JSON that anybody may have changed. It is parsed and checked in one step by pydantic,
+and nothing of it is used before. Keys that are not listed here are kept as they are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NotRequired
+
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from typing_extensions import TypedDict  # what pydantic needs before Python 3.12
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_SIDE_PX
+from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
+
+#: Largest dataset.json, bytes: twice the names of 100,000 subjects and the checksums of as many
+#: shards. 17 MB of short keys take 400 MB and a second to parse.
+MAX_HEADER_BYTES = 1 << 24
+#: Largest line of a manifest, bytes; the longest that is written (52 expressions, notes) has 6,000.
+MAX_LINE_BYTES = 1 << 17
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+
+
+def is_file_name(name: str) -> bool:
+    """Return whether a name stays inside the data set: words with slashes between them."""
+    words = name.split("/")
+    return len(name) <= 1024 and not _CONTROL.search(name) and not {"", ".", ".."} & set(words)
+
+
+def _inside(name: str) -> str:
+    if not is_file_name(name):
+        raise ValueError(f"{ascii(name)[:60]} does not name a file inside the data set")
+    return name
+
+
+def _word(name: str) -> str:
+    return _inside(name.replace("/", "//"))  # an empty word is refused
+
+
+FileName = Annotated[str, AfterValidator(_inside)]
+Word = Annotated[str, AfterValidator(_word)]
+Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e9, le=1e9)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1e9)]
+Side = Annotated[int, Field(strict=True, ge=1, le=MAX_SIDE_PX)]
+Crc32 = Annotated[int, Field(strict=True, ge=0, lt=2**32)]
+Split = Literal["train", "val", "test"]
+Unit = Annotated[float, Field(strict=True, ge=DEPTH_UNIT_MM[0], le=DEPTH_UNIT_MM[1])]
+Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
+_OPEN, _CLOSED = ConfigDict(extra="allow"), ConfigDict(extra="forbid")
+
+
+class _File(TypedDict):
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    size: Count
+    crc32: Crc32
+
+
+class _Shard(TypedDict):
+    """A shard; its keys are in the order in which the checksum of a chunk record covers them."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    name: FileName
+    size: Count
+    crc32: Crc32
+
+
+class _Image(TypedDict):
+    """An image file, or a member of a shard at an offset, bytes."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    name: FileName
+    size: Annotated[int, Field(strict=True, ge=0, le=MAX_IMAGE_BYTES)]
+    crc32: Crc32
+    member: NotRequired[Word]
+    offset: NotRequired[Count]
+
+
+class _Intrinsics(TypedDict):
+    __pydantic_config__ = _CLOSED  # type: ignore[misc]
+    width: Side
+    height: Side
+    fx: Positive
+    fy: Positive
+    cx: Number
+    cy: Number
+
+
+class _Landmarks(TypedDict):
+    __pydantic_config__ = _CLOSED  # type: ignore[misc]
+    points_m: Annotated[list[tuple[Number, Number, Number]], Field(min_length=68, max_length=68)]
+    pixels: Annotated[list[tuple[Number, Number]], Field(min_length=68, max_length=68)]
+    visible: Annotated[list[bool], Field(min_length=68, max_length=68)]
+
+
+class FrameRecord(TypedDict):
+    """A line of the manifest, see ``glsim.data.records.frame_record``."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    index: Count
+    split: Split
+    subject: Word
+    sequence: Word
+    frame: Count
+    intrinsics: _Intrinsics
+    depth_offset_mm: Number
+    files: dict[LayerName, _Image]
+    time_s: NotRequired[Number]
+    pose: NotRequired[dict[str, Number]]
+    head_to_camera: NotRequired[Annotated[list[Row], Field(min_length=4, max_length=4)]]
+    landmarks: NotRequired[_Landmarks]
+    regions: NotRequired[dict[str, Count]]
+
+
+class _Summary(TypedDict):
+    """The first line of a chunk record, see ``glsim.data.records.ChunkSummary``."""
+
+    __pydantic_config__ = _CLOSED  # type: ignore[misc]
+    chunk: Count
+    frames: Count
+    skipped: Count
+    bytes: Count
+    shard: _Shard | None
+
+
+class _Output(TypedDict):
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    layers: Annotated[list[LayerName], Field(min_length=1)]
+    format: Literal["png", "webdataset"]
+
+
+class _Source(TypedDict):
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    kind: str
+
+
+class _Settings(TypedDict):
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    output: _Output
+    source: NotRequired[list[_Source]]
+
+
+class HeaderRecord(TypedDict):
+    """dataset.json, as far as a reader uses it."""
+
+    __pydantic_config__ = _OPEN  # type: ignore[misc]
+    format: Literal["glsim"]
+    frames: dict[Split, Count]
+    depth_unit_mm: Unit
+    settings: _Settings
+    files: dict[FileName, _File]
+    sensor: NotRequired[dict[str, Any]]
+    subjects: NotRequired[dict[Split, list[Word]]]
+    regions: NotRequired[dict[str, Count]]
+
+
+_FRAME: TypeAdapter[FrameRecord] = TypeAdapter(FrameRecord)
+_HEADER: TypeAdapter[HeaderRecord] = TypeAdapter(HeaderRecord)
+_SUMMARY: TypeAdapter[_Summary] = TypeAdapter(_Summary)
+_FILE: TypeAdapter[_File] = TypeAdapter(_File)
+
+
+def parse_frame(line: bytes | str, where: str) -> dict[str, Any]:
+    """Parse and check a line of a manifest. Raises DatasetError: ``where`` and the field."""
+    return _parse(_FRAME, line, where)
+
+
+def parse_summary(line: bytes | str, where: str) -> dict[str, Any]:
+    """Parse and check the first line of a chunk record. Raises DatasetError."""
+    return _parse(_SUMMARY, line, where)
+
+
+def parse_checksum(line: bytes | str, where: str) -> dict[str, Any]:
+    """Parse and check a recorded size and CRC32. Raises DatasetError."""
+    return _parse(_FILE, line, where)
+
+
+def parse_header(data: bytes, where: str) -> dict[str, Any]:
+    """Parse and check the bytes of dataset.json. Raises DatasetError."""
+    header = _parse(_HEADER, data, where)
+    if len(header["frames"]) != 3:
+        raise DatasetError(f"{where} is damaged: frames: it lacks a split")
+    return header
+
+
+def _parse(adapter: TypeAdapter[Any], data: bytes | str, where: str) -> dict[str, Any]:
+    try:
+        value: dict[str, Any] = adapter.validate_json(data)
+    except ValidationError as error:
+        raise DatasetError(f"{where} is damaged: {_problem(error)}") from None
+    return value
+
+
+def _problem(error: ValidationError) -> str:
+    """Describe the first problem in one line: the field and its error."""
+    problem: Mapping[str, Any] = error.errors(include_url=False)[0]
+    field = ".".join(ascii(part).strip("'")[:60] for part in problem["loc"])
+    message = str(problem["msg"]).removeprefix("Invalid JSON: ").removeprefix("Value error, ")
+    return f"{field}: {message}" if field else message

@@ -1,0 +1,165 @@
+"""What a recording says about its camera: ``camera.toml`` beside the frames, or its own headers.
+
+name = "RealSense D435, serial 1234"   optional: a name for people
+sensor = "realsense-d435"              optional: a sensor of glsim; gives what is not said here
+unit_mm = 0.1                          optional: step of the depth files, mm
+width = 640
+height = 480
+focal_px = [390.4, 390.4]
+centre_px = [331.9, 242.7]             optional: the middle; counted from the image's corner
+baseline_m = 0.0502                    optional: cameras that triangulate
+[distortion]                           optional: k1, k2, p1, p2, k3; k4, k5, k6; it is not removed
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from glsim.core.camera import Distortion, Intrinsics
+from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.noise.rig_checks import MATCHER
+from glsim.sensors.sensor import load_sensor, sensor_names
+from glsim.settings.tables import TomlTable, parse_table, read_toml
+
+#: The file that describes the camera, beside the frames.
+CAMERA_FILE = "camera.toml"
+
+_Focal = Annotated[float, Field(ge=1, le=1e6)]
+_Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+@dataclass(frozen=True)
+class StatedCamera:
+    """What files say about their camera; by default nothing.
+
+    Attributes:
+        intrinsics: size, focal lengths, principal point.
+        distortion: in OpenCV's order: k1, k2, p1, p2, k3, and k4, k5, k6 if there are any.
+        unit_mm: step of integer depths, mm.
+        baseline_m: distance of the two views of a camera that triangulates.
+        name: for people.
+        sensor: name of a sensor of glsim.
+    """
+
+    intrinsics: Intrinsics | None = None
+    distortion: tuple[float, ...] = ()
+    unit_mm: float | None = None
+    baseline_m: float | None = None
+    name: str = ""
+    sensor: str = ""
+
+    def over(self, other: StatedCamera) -> StatedCamera:
+        """Return this, with what it leaves open as ``other`` says it.
+
+        A lens belongs to its intrinsics: both come from the same file.
+        """
+        open_fields = {f.name for f in fields(self) if getattr(self, f.name) == f.default}
+        if self.intrinsics is not None:
+            open_fields.discard("distortion")
+        values = {f.name: getattr(other if f.name in open_fields else self, f.name)
+                  for f in fields(self)}  # fmt: skip
+        return StatedCamera(**values)
+
+
+class _DistortionTable(TomlTable, allow_inf_nan=False):
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+
+
+class _CameraTable(TomlTable, allow_inf_nan=False):
+    name: str = ""
+    sensor: str = ""
+    unit_mm: float | None = Field(None, gt=0, le=1000)
+    width: int | None = Field(None, ge=8, le=8192)
+    height: int | None = Field(None, ge=8, le=8192)
+    focal_px: tuple[_Focal, _Focal] | None = None
+    centre_px: tuple[_Pixels, _Pixels] | None = None
+    baseline_m: float | None = Field(None, gt=0, le=10)
+    distortion: _DistortionTable = _DistortionTable()
+
+    @model_validator(mode="after")
+    def _check(self) -> _CameraTable:
+        own = {name: getattr(self, name) for name in ("width", "height", "focal_px")}
+        missing = [name for name, value in own.items() if value is None]
+        if 0 < len(missing) < len(own):
+            raise ValueError(f"{' and '.join(missing)} missing: give width, height and focal_px")
+        lens = self.distortion != _DistortionTable()
+        if missing and (self.centre_px is not None or lens):
+            raise ValueError("centre_px and distortion need width, height and focal_px")
+        if self.sensor and not self.sensor.endswith(".toml") and self.sensor not in sensor_names():
+            raise ValueError(
+                f"sensor: no such sensor {self.sensor!r} "
+                f"({did_you_mean(self.sensor, sensor_names())})"
+            )
+        return self
+
+
+def read_camera_file(file: Path) -> StatedCamera:
+    """Read a ``camera.toml``.
+
+    Raises:
+        ConfigError: it cannot be read, has an unknown key, or a value that no camera has.
+    """
+    table = parse_table(_CameraTable, read_toml(file), str(file))
+    intrinsics, lens = None, table.distortion
+    if table.width is not None and table.height is not None and table.focal_px is not None:
+        centre = table.centre_px or (table.width / 2, table.height / 2)
+        intrinsics = Intrinsics(table.width, table.height, *table.focal_px, *centre)
+    own = StatedCamera(
+        intrinsics, opencv_order(Distortion(**lens.model_dump())), table.unit_mm,
+        table.baseline_m, table.name, table.sensor,
+    )  # fmt: skip
+    return own.over(sensor_camera(table.sensor, file)) if table.sensor else own
+
+
+def sensor_camera(name: str, file: Path) -> StatedCamera:
+    """Return what a sensor of glsim says about its recordings.
+
+    Args:
+        name: of the sensor, or a path from the folder of ``file``.
+        file: that names it.
+
+    Raises:
+        ConfigError: the sensor cannot be loaded.
+    """
+    path = str(file.parent / name) if name.endswith(".toml") else name
+    try:
+        sensor = load_sensor(path)
+    except ConfigError as error:
+        raise ConfigError(f"{file}: sensor: {error}") from None
+    rig = sensor.rig
+    matcher: dict[str, Any] = next(
+        (dict(s.settings) for s in sensor.stages if s.spec.name == MATCHER), {}
+    )
+    unit = matcher["depth_unit_mm"].bounds()[0] if matcher else None
+    return StatedCamera(
+        rig.intrinsics, opencv_order(rig.distortion), unit, rig.baseline_m or None, sensor.title
+    )
+
+
+def opencv_order(lens: Distortion) -> tuple[float, ...]:
+    """Return the coefficients of a lens in OpenCV's order; empty for none."""
+    simple = (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3)
+    if lens.is_rational:
+        return (*simple, lens.k4, lens.k5, lens.k6)
+    return simple if any(simple) else ()
+
+
+def check_size(camera: StatedCamera, shape: tuple[int, ...], where: Path) -> None:
+    """Raise DatasetError if a stated camera has another size than an (H, W) image."""
+    own = camera.intrinsics
+    if own is not None and (own.height, own.width) != shape:
+        raise DatasetError(
+            f"{where}: says {own.width}x{own.height}, but the frames are {shape[1]}x{shape[0]}: "
+            "correct width, height, focal_px and centre_px"
+        )

@@ -1,0 +1,146 @@
+"""Names of depth maps, their infrared images, and other images in the same folder."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from glsim.core.errors import ConfigError, DatasetError
+
+#: Kind of depth map that a command takes: others are left out of a folder.
+DepthKind = Literal["clean", "noisy"]
+
+#: Ends of the names of images of one kind each; any other name may be a depth map.
+_ENDINGS = (
+    *(
+        "clean",
+        "expected",
+        "normals",
+        "noisy",
+        "infrared",
+        "infrared_right",
+        "ir",
+        "reason",
+        "regions",
+    ),
+    *("preview", "sigma", "figure"),
+    *("color", "colour", "rgb", "amplitude", "confidence", "mask"),
+)
+#: Beginnings of the names of other images, such as rgb_0001.png.
+_BEGINNINGS = ("color", "colour", "rgb", "infrared", "ir")
+#: Pictures without such an ending.
+_PICTURES = ("contact_sheet.png", "preview.png")
+#: Ends of the names of a depth map and of its infrared image.
+_INFRARED_BESIDE = (
+    ("_depth", "_ir"), ("_noisy", "_infrared"), ("", "_ir"), ("", "_infrared"), ("depth", "ir"),
+)  # fmt: skip
+_INFRARED_FOLDERS = ("ir", "infrared")
+
+
+def depth_pngs(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
+    """Find the depth maps in a folder and its sub-folders.
+
+    Returns:
+        Sorted PNG files without those of another kind, and the names left out with their numbers.
+
+    Raises:
+        ConfigError: no file is left.
+
+    """
+    files, others = [], Counter[str]()
+    for path in sorted(folder.rglob("*.png")):
+        if other := other_kind(path.name, kind):
+            others[other] += 1
+        else:
+            files.append(path)
+    if files:
+        return files, others
+    if others:
+        raise ConfigError(
+            f"{folder}: holds no {kind} depth maps, only {left_out_text(others)}: to take them all "
+            f"the same, give a pattern such as '{folder}/*.png'"
+        )
+    shards = next(folder.glob("*.tar"), None)
+    if shards is not None:
+        raise ConfigError(f"{folder}: its frames are in shards ({shards.name}): give .png files")
+    raise ConfigError(f"{folder}: holds no .png files")
+
+
+def other_kind(name: str, kind: DepthKind) -> str:
+    """Return the pattern of a file's name that marks another kind of image; "" for depth maps."""
+    stem, _, suffix = name.rpartition(".")
+    ending = stem.lower().rpartition("_")[2]
+    if name in _PICTURES or (ending == stem.lower() and ending in _ENDINGS and ending != kind):
+        return name
+    beginning, underscore, _ = stem.lower().partition("_")
+    if underscore and beginning in _BEGINNINGS and ending not in ("depth", kind):
+        return f"{beginning}_*.{suffix}"
+    return f"*_{ending}.{suffix}" if ending in _ENDINGS and ending != kind else ""
+
+
+def left_out(inputs: Sequence[Path], kind: DepthKind) -> Counter[str]:
+    """Count what ``depth_pngs`` leaves out of those inputs that are folders."""
+    total = Counter[str]()
+    for path in inputs:
+        if path.is_dir():
+            total += depth_pngs(path, kind)[1]
+    return total
+
+
+def left_out_text(others: Counter[str]) -> str:
+    """Return e.g. "4 *_clean.png, 4 *_infrared.png"."""
+    return ", ".join(f"{count} {name}" for name, count in sorted(others.items()))
+
+
+def infrared_beside(depth_file: Path) -> Path | None:
+    """Return the infrared image beside a depth file, or in a folder ``ir`` beside ``depth``."""
+    stem, suffix = depth_file.stem, depth_file.suffix
+    names = [
+        f"{stem.removesuffix(depth)}{infrared}{suffix}"
+        for depth, infrared in _INFRARED_BESIDE
+        if stem.endswith(depth)
+    ]
+    if stem.startswith("depth"):
+        names += [
+            f"{infrared}{stem.removeprefix('depth')}{suffix}" for infrared in _INFRARED_FOLDERS
+        ]
+    found = [depth_file.with_name(name) for name in names]
+    if suffix == ".depth":
+        found.append(depth_file.with_suffix(".ir"))
+    if depth_file.parent.name == "depth":
+        for folder in _INFRARED_FOLDERS:
+            place = depth_file.parent.with_name(folder)
+            found += [place / depth_file.name, place / (stem.replace("depth", folder) + suffix)]
+    return next((file for file in found if file != depth_file and file.is_file()), None)
+
+
+def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
+    """Return the infrared image of each depth file.
+
+    Args:
+        depth_files: in the order of their names.
+        given: one image for one depth file, or a folder of images: with the names of the depth
+            files, or else as many in the same order.
+
+    Raises:
+        ConfigError: there is no such folder.
+        DatasetError: the numbers of images differ.
+
+    """
+    if given.is_file() and len(depth_files) == 1:
+        return [given]
+    if not given.is_dir():
+        raise ConfigError(f"--infrared {given}: no such folder")
+    same = [given / file.name for file in depth_files]
+    if all(file.is_file() for file in same):
+        return same
+    files = sorted(path for path in given.iterdir() if path.suffix == depth_files[0].suffix)
+    files = [path for path in files if path.stem.endswith(("_ir", "_infrared"))] or files
+    if len(files) != len(depth_files):
+        raise DatasetError(
+            f"{given}: holds {len(files)} infrared images for {len(depth_files)} depth maps: "
+            "give one for each, named in the same order"
+        )
+    return files

@@ -1,0 +1,309 @@
+"""Find the frames of a recording, and read them: every format that glsim knows.
+
+- data sets of glsim: their noisy layer and infrared.
+- folders of 16-bit PNG or TIFF files; infrared beside them (``_ir``, ``_infrared``) or in a folder
+  ``ir`` or ``infrared`` beside the folder ``depth``. iai_kinect2 names them ``NNNN_depth.png`` and
+  ``NNNN_ir.png``, with ``calib_ir.yaml`` if the camera was calibrated.
+- stacks ``*.npy``, (T, H, W) or (H, W), uint16 or float; infrared in ``*_ir.npy`` or ``ir.npy``.
+- dumps of libfreenect2: the float32 bytes of its Frame, 512 x 424, ``*.bin``, ``*.raw`` or
+  ``*.depth``, with infrared in ``*_ir.*`` or ``*.ir``.
+- Biwi: ``frame_*_depth.bin`` beside ``depth.cal``.
+- ROS bags of librealsense or ROS nodes (``bag``), Matroska files of an Azure Kinect (``mkv``).
+
+A ``camera.toml`` beside the frames (``camera_file``) says what the camera is; it wins over what the
+files state, and options of commands win over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from glsim.bench.measures.static import view_change
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.png import stated_unit_mm
+from glsim.data.header import is_dataset
+from glsim.data.reader import open_dataset
+from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, check_size
+from glsim.data.recordings.files import FrameFiles, FramePlace, open_stack
+from glsim.data.recordings.folders import depth_files, stated_camera, whole_recording
+from glsim.data.recordings.names import infrared_beside, infrared_files
+from glsim.data.recordings.streams import STREAMS, FrameStream
+from glsim.sensors.sensor import load_sensor
+from glsim.settings.schema import DEFAULT_SENSOR
+
+#: What reads the frames of a recording.
+FrameReader = FrameFiles | FrameStream
+
+#: Frames that are measured if a recording has more; more do not change the printed digits.
+DEFAULT_FRAMES = 60
+#: Frames of a static scene that are measured if a recording has more: 1.2 GB with infrared at
+#: 848 x 480, and the noise of 1 % in the standard deviation of a pixel is far below its spread.
+MOST_STATIC = 256
+#: Most frames of one recording: two hours at 30 Hz are 216,000.
+_MAX_FRAMES = 250_000
+#: Consecutive frames that are kept together, so that static pairs stay pairs.
+_RUN = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """The frames of one camera on disk, in the order of their names.
+
+    Attributes:
+        path: the folder, or the first of several files.
+        kind: "data set", "iai_kinect2", "images", "npy", "libfreenect2", "biwi", "bag" or "mkv".
+        frames: the frames, which are read one by one.
+        reader: the files of the frames; None of a data set.
+        stated: what the recording says about its camera; its distortion is not removed.
+        stated_by: the file that says so; None without one.
+        notes: what the recording should say and does not, in lines for the user.
+
+    """
+
+    path: Path
+    kind: str
+    frames: Frames
+    reader: FrameReader | None = None
+    stated: StatedCamera = field(default_factory=StatedCamera)
+    stated_by: Path | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def camera(self) -> Intrinsics | None:
+        """Intrinsics that the recording states; None without them."""
+        return self.stated.intrinsics
+
+    @property
+    def distortion(self) -> tuple[float, ...]:
+        """Coefficients of the lens in OpenCV's order; empty without."""
+        return self.stated.distortion
+
+    def read(self, most: int | None = None) -> Frames:
+        """Read the frames into memory.
+
+        Args:
+            most: largest number of frames; a longer recording is thinned evenly, in runs of four
+                consecutive frames. Default: all.
+
+        Raises:
+            DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
+
+        """
+        numbers = _chosen(len(self.frames), most or len(self.frames))
+        frames = [self.frames[number] for number in numbers]
+        where = str(self.path)
+        check_sizes([(frame.name, frame.noisy_mm.shape) for frame in frames], where)
+        for frame in frames:
+            if frame.infrared is not None:
+                pair = [("depth", frame.noisy_mm.shape), ("infrared", frame.infrared.shape)]
+                check_sizes(pair, f"{where}: {frame.name}")
+        if not any(frame.noisy_mm.any() for frame in frames):
+            raise DatasetError(f"{where}: no pixel of any frame has depth (all are 0)")
+        return Frames.of(frames, self.path.name or where)
+
+    def read_static(self, most: int | None = MOST_STATIC) -> Frames:
+        """Read the frames of one static scene; a longer recording is thinned as by ``read``.
+
+        Raises DatasetError as ``read`` does, for a single frame, for a scene that changes, and if
+        some frames only have infrared.
+        """
+        if len(self.frames) < 2:
+            raise DatasetError(
+                f"{self.path}: has one frame only; noise is measured between frames: record at "
+                "least 30 frames of a scene in which nothing moves"
+            )
+        frames = self.read(most)
+        for before, after in pairwise(frames):
+            if reason := view_change(before, after):
+                raise DatasetError(
+                    f"{self.path}: {before.name} and {after.name} show different scenes "
+                    f"({reason}): give a static recording, one camera and nothing that moves"
+                )
+        dark = [frame.name for frame in frames if frame.infrared is None]
+        if 0 < len(dark) < len(frames):
+            raise DatasetError(
+                f"{self.path}: {dark[0]} has no infrared image, but other frames have: give it "
+                "for all or for none"
+            )
+        return frames
+
+
+@dataclass(frozen=True)
+class _Loader:
+    """Reads the frames of files: see ``open_recording`` for unit_mm and mirror."""
+
+    reader: FrameReader
+    unit_mm: float
+    mirror: bool
+    stated: StatedCamera
+
+    def __call__(self, number: int) -> DepthFrame:
+        depth_mm, step_mm = self.reader.depth(number, self.unit_mm)
+        light, name = self.reader.infrared(number), self.reader.name(number)
+        layers = {"noisy_mm": depth_mm} | ({} if light is None else {"infrared": light})
+        if self.mirror:
+            layers = {layer: image[:, ::-1].copy() for layer, image in layers.items()}
+        camera = camera_of(self.stated.intrinsics, depth_mm.shape)
+        return DepthFrame(FrameKey("", name, number), camera, layers, step_mm=step_mm, name=name)
+
+    def frames(self) -> Frames:
+        return Frames(len(self.reader), self)
+
+
+def camera_of(stated: Intrinsics | None, shape: tuple[int, ...]) -> Intrinsics:
+    """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
+    if stated is not None and (stated.height, stated.width) == shape:
+        return stated
+    return load_sensor(DEFAULT_SENSOR).rig.for_map((shape[0], shape[1])).intrinsics
+
+
+def open_recording(
+    paths: Path | Sequence[Path],
+    unit_mm: float | None = None,
+    mirror: bool = False,
+    infrared: Path | None = None,
+) -> Recording:
+    """Find the frames of a recording.
+
+    Args:
+        paths: a data set of glsim, a folder, or files of one kind.
+        unit_mm: step of integer depth files, mm; default: as the recording says, else 1. Data sets
+            state their own.
+        mirror: flip left and right: libfreenect2 delivers images as in a mirror.
+        infrared: folder of the infrared images; default: beside the depth files.
+
+    Raises:
+        ConfigError: a path does not exist, a step is not above 0, or ``camera.toml`` is wrong.
+        DatasetError: there are no depth frames of a known kind.
+
+    """
+    if unit_mm is not None and not unit_mm > 0:
+        raise ConfigError(f"--depth-unit-mm {unit_mm:g}: must be above 0")
+    given = [paths] if isinstance(paths, Path) else list(paths)
+    if missing := next((path for path in given if not path.exists()), None):
+        kind = "file or folder" if missing.suffix or len(given) > 1 else "folder"
+        raise ConfigError(f"{missing}: no such {kind}")
+    if len(given) == 1 and is_dataset(given[0]):
+        return _dataset_recording(given[0])
+    if whole := whole_recording(given):
+        return _stream_recording(whole, unit_mm, mirror, infrared)
+    found = [depth_files(path) if path.is_dir() else ("", [path]) for path in given]
+    maps = [file for _, files in found for file in files]
+    folder = given[0] if given[0].is_dir() else given[0].parent
+    stated, stated_by = stated_camera(folder, maps[0].parent)
+    unit = unit_mm or stated.unit_mm or stated_unit_mm(maps[0]) or 1.0
+    lights = [infrared_beside(file) for file in maps]
+    if infrared is not None:
+        lights = list(infrared_files(maps, infrared))
+    places: list[FramePlace] = []
+    for file, light in zip(maps, lights, strict=True):
+        count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
+        if len(places) + count > _MAX_FRAMES:
+            raise DatasetError(f"{file}: the recording has more than {_MAX_FRAMES} frames")
+        names = [f"{file.stem}_{k:05d}" for k in range(count)] if count > 1 else [file.stem]
+        places += [FramePlace(name, file, light, k) for k, name in enumerate(names)]
+    reader = FrameFiles(places)
+    depth_mm, _ = reader.depth(0, unit)  # a folder of colour pictures is refused here
+    if stated_by is not None and stated_by.name == CAMERA_FILE:
+        check_size(stated, depth_mm.shape, stated_by)
+    stated = _mirrored(stated, mirror)
+    frames = _Loader(reader, unit, mirror, stated).frames()
+    return Recording(given[0], found[0][0], frames, reader, stated, stated_by)
+
+
+def read_frames(
+    paths: Path | Sequence[Path],
+    unit_mm: float | None = None,
+    focal_px: float | None = None,
+    most: int | None = DEFAULT_FRAMES,
+) -> Frames:
+    """Read a recording into memory. focal_px: overrides the camera's focal length, pixels.
+
+    See ``open_recording`` and ``Recording.read`` for the rest.
+    """
+    frames = open_recording(paths, unit_mm).read(most)
+    if focal_px is None:
+        return frames
+    camera = replace(frames.intrinsics, fx=focal_px, fy=focal_px)
+    return Frames.of([frame.changed(intrinsics=camera) for frame in frames], frames.title)
+
+
+def _dataset_recording(path: Path) -> Recording:
+    dataset = open_dataset(path)
+    if len(dataset) == 0:
+        raise DatasetError(f"{path}: has no frames")
+    dataset.require("noisy")
+    frames = dataset.frames()
+    stated = StatedCamera(frames.intrinsics, unit_mm=dataset.depth_unit_mm)
+    return Recording(path, "data set", frames, None, stated)
+
+
+def _stream_recording(
+    path: Path, unit_mm: float | None, mirror: bool, infrared: Path | None
+) -> Recording:
+    stream = _open_stream(path)
+    if infrared is not None:
+        raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
+    if len(stream) > _MAX_FRAMES:
+        raise DatasetError(f"{path}: the recording has more than {_MAX_FRAMES} frames")
+    given, file = stated_camera(path.parent, path if path.is_dir() else path.parent)
+    stated = given.over(stream.stated)
+    unit = unit_mm or stated.unit_mm or 1.0
+    depth_mm, _ = stream.depth(0, unit)
+    if file is not None:
+        check_size(stated, depth_mm.shape, file)
+    kind = STREAMS.get(path.suffix.lower(), "bag")
+    notes = stream.notes if given.intrinsics is None else ()
+    stated = _mirrored(stated, mirror)
+    frames = _Loader(stream, unit, mirror, stated).frames()
+    return Recording(path, kind, frames, stream, stated, file or path, notes)
+
+
+def _open_stream(path: Path) -> FrameStream:
+    """Open a bag or a Matroska file.
+
+    Raises:
+        ConfigError: the library that reads it is not installed.
+        DatasetError: it cannot be read, or has no depth.
+    """
+    if path.suffix.lower() == ".mkv":
+        from glsim.data.recordings.mkv import MkvStream
+
+        return MkvStream(path)
+    from glsim.data.recordings.bag import BagStream
+
+    return BagStream(path)
+
+
+def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:
+    own = stated.intrinsics
+    if own is None or not mirror:
+        return stated
+    return replace(stated, intrinsics=replace(own, cx=own.width - own.cx))
+
+
+def check_sizes(frames: Sequence[tuple[str, tuple[int, ...]]], where: str) -> None:
+    """Raise DatasetError if named images, (name, shape) each, differ in size."""
+    for name, shape in frames[1:]:
+        if shape != frames[0][1]:
+            first, size = frames[0]
+            raise DatasetError(
+                f"{where}: {name} is {shape[1]}x{shape[0]}, but {first} is {size[1]}x{size[0]}: "
+                "give frames of one camera in one mode"
+            )
+
+
+def _chosen(count: int, most: int) -> list[int]:
+    """Return the numbers of at most ``most`` frames, evenly spread runs of consecutive ones."""
+    if count <= most:
+        return list(range(count))
+    run = min(most, _RUN)
+    starts = np.linspace(0, count - run, most // run).round().astype(int)
+    return sorted({int(start) + step for start in starts for step in range(run)})

@@ -1,0 +1,157 @@
+"""Records: the JSON lines about frames and about chunks of frames."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.atomic import to_json
+from glsim.data.record_schema import parse_summary
+from glsim.simulation.frame import Frame, Skipped
+from glsim.simulation.plan.tasks import Task
+
+Record = dict[str, Any]
+#: Largest chunk record, bytes: 512 frames with lines of twenty times the usual length.
+_MAX_BYTES = 1 << 26
+
+
+def _task_fields(task: Task, source: str) -> Record:
+    return {
+        "index": task.index,
+        "split": task.split,
+        "subject": task.subject,
+        "sequence": task.key.sequence,
+        "frame": task.key.frame,
+        "time_s": float(task.key.time_s),
+        "source": source,
+        "path": task.key.path,
+    }
+
+
+#: Seeds that a record names; the device's own follows from its number.
+_SEEDS = ("frame", "sequence", "subject")
+
+
+def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, object]]) -> Record:
+    """Return the manifest's record of a frame.
+
+    Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
+
+    Args:
+        files: layer -> name, size, crc32; for a file within a shard also its member and its offset.
+    """
+    record = _task_fields(task, frame.source) | {
+        "device": task.device,
+        "seeds": {name: f"{getattr(task.seeds, name):016x}" for name in _SEEDS},
+        "pose": dict(frame.pose),
+        "expression": dict(frame.expression),
+        "parameters": dict(frame.parameters),
+        "intrinsics": asdict(frame.intrinsics),
+        "window": list(frame.window),
+        "depth_offset_mm": float(frame.depth_offset_mm),
+        "notes": dict(frame.notes),
+        "files": dict(files),
+    }
+    if frame.head_to_camera is not None:
+        record["head_to_camera"] = np.round(frame.head_to_camera, 9).tolist()
+    if frame.landmarks is not None:  # to 0.001 mm and 0.001 px
+        record["landmarks"] = {
+            "points_m": np.round(frame.landmarks.points_m, 6).tolist(),
+            "pixels": np.round(frame.landmarks.pixels, 3).tolist(),
+            "visible": frame.landmarks.visible.tolist(),
+        }
+    return record | {"regions": frame.seen_regions} if "regions" in files else record
+
+
+def skipped_record(task: Task, skipped: Skipped) -> Record:
+    """Return the record of a frame that could not be made."""
+    return _task_fields(task, skipped.source) | {"why": skipped.why}
+
+
+def metadata_row(record: Record) -> Record:
+    """Return a record as a row for the image-folder loader of Hugging Face ``datasets``.
+
+    That loader turns each ``<layer>_file_name`` (relative to the split's folder) into an image
+    column, and needs the same columns with the same types in every row and split. Therefore a row
+    holds only values that every frame has, and no nested tables.
+    """
+    split = record["split"] + "/"
+    row = {
+        f"{layer}_file_name": file["name"].removeprefix(split)
+        for layer, file in record["files"].items()
+    }
+    names = ("index", "subject", "sequence", "frame", "time_s", "source", "device")
+    row |= {name: record[name] for name in names}
+    row |= {name: float(value) for name, value in record["pose"].items()}
+    row |= {name: float(record["intrinsics"][name]) for name in ("fx", "fy", "cx", "cy")}
+    return row | {"depth_offset_mm": record["depth_offset_mm"]}
+
+
+@dataclass(frozen=True)
+class ChunkSummary:
+    """The contents of a chunk: numbers of frames, bytes of images, name and checksum of its shard.
+
+    The fields are keys of the chunk record on disk.
+    """
+
+    chunk: int
+    frames: int
+    skipped: int
+    bytes: int
+    shard: dict[str, Any] | None = None
+
+    @property
+    def total(self) -> int:
+        """The number of frames, made and skipped."""
+        return self.frames + self.skipped
+
+
+@dataclass(frozen=True)
+class ChunkRecord:
+    """A chunk's summary, manifest lines and skipped lines (JSON, each with its newline)."""
+
+    summary: ChunkSummary
+    frames: list[str]
+    skipped: list[str]
+
+    @property
+    def first_line(self) -> str:
+        """The first line of the chunk's file: a CRC32 over all lines, then the summary."""
+        summary = to_json(asdict(self.summary), f"chunk {self.summary.chunk}")
+        crc32 = zlib.crc32("".join([summary, *self.frames, *self.skipped]).encode())
+        return f"{crc32:08x} {summary}\n"
+
+    def to_bytes(self) -> bytes:
+        """Return the bytes of the chunk's file."""
+        return "".join([self.first_line, *self.frames, *self.skipped]).encode()
+
+
+def parse_first_line(line: str) -> ChunkSummary:
+    """Parse the first line of a chunk's file without checking the CRC32. Raises DatasetError."""
+    return ChunkSummary(**parse_summary(line[9:], "a chunk record"))
+
+
+def checked_chunk_record(first_line: str, frames: list[str], skipped: list[str]) -> ChunkRecord:
+    """Make a chunk record from its lines. Raises DatasetError if they do not match the CRC32."""
+    record = ChunkRecord(parse_first_line(first_line), frames, skipped)
+    if record.first_line != first_line:
+        raise DatasetError(f"the record of chunk {record.summary.chunk} is damaged")
+    return record
+
+
+def parse_chunk_record(data: bytes) -> ChunkRecord:
+    """Invert ``ChunkRecord.to_bytes``. Raises DatasetError if the bytes are damaged."""
+    if len(data) > _MAX_BYTES:
+        raise DatasetError(f"a chunk record is damaged: it has more than {_MAX_BYTES} bytes")
+    try:
+        first_line, *lines = io.StringIO(data.decode(), newline="\n").readlines()
+    except ValueError:
+        raise DatasetError("a chunk record is damaged") from None
+    count = parse_first_line(first_line).frames
+    return checked_chunk_record(first_line, lines[:count], lines[count:])

@@ -1,0 +1,191 @@
+"""The state of a run in the store of its data set: locks, plan, chunk records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.atomic import parse_json, to_json
+from glsim.core.files.store import Store
+from glsim.data.disk_format import HEADER, MERGED_INDEX, STATE
+from glsim.data.identity import refuse_difference
+from glsim.data.parts import Part
+from glsim.data.record_schema import parse_frame
+from glsim.data.records import ChunkRecord, parse_chunk_record
+
+#: The records' first lines, once all records are merged into the manifest.
+INDEX = f"{STATE}/{MERGED_INDEX}"
+PLAN = f"{STATE}/plan.json"
+_CHUNKS = f"{STATE}/chunks"
+#: Largest file of the state, bytes: a record of 512 frames takes a thousandth.
+_MAX_BYTES = 1 << 30
+
+
+class RunState:
+    """The folder ``.glsim`` of a data set.
+
+        lock            held by the run that writes here. Parts hold it together, each with
+                        part-<number>-of-<parts>.lock
+        plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
+        chunks/         one record per complete chunk
+        chunks.jsonl    the records' first lines, once all records are merged into the manifest
+        temporary/      files being written
+
+    Many processes may read it; what ``locked`` returns may write.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+
+    @contextmanager
+    def locked(
+        self, identity: Mapping[str, Any], *, part: Part | None = None, wait: bool = False
+    ) -> Iterator[RunState]:
+        """Lock the data set, or one part of it, and begin or continue it.
+
+        Args:
+            identity: what decides its bytes.
+            part: lock this part, while others make theirs.
+            wait: wait until other runs end.
+
+        Raises:
+            DatasetError: another run holds the lock, the place holds other files, or it cannot be
+                written.
+            ConfigError: names the first setting that differs.
+        """
+        self._refuse_foreign_files()
+        busy = DatasetError(
+            f"{self.store}: another run is writing here: wait until it ends, or choose another "
+            "folder"
+        )
+        temporary = f"{STATE}/temporary"
+        with ExitStack() as stack:
+            lock = self.store.lock(f"{STATE}/lock", busy, wait=wait, shared=part is not None)
+            stack.enter_context(lock)
+            if part is not None:
+                part_busy = DatasetError(
+                    f"{self.store}: part {part} is being made by another process: wait until it "
+                    "ends"
+                )
+                name = f"{STATE}/part-{part.name}.lock"
+                stack.enter_context(self.store.lock(name, part_busy))
+                temporary += f"/{part.name}"
+            state = RunState(stack.enter_context(self.store.writing(temporary)))
+            state._begin(identity)
+            yield state
+
+    def _refuse_foreign_files(self) -> None:
+        others = any(name != STATE for name in self.store.names(""))
+        if others and all(self.store.size(name) is None for name in (PLAN, HEADER)):
+            raise DatasetError(
+                f"{self.store}: is not empty and holds no data set of glsim: choose a new folder"
+            )
+
+    def _begin(self, identity: Mapping[str, Any]) -> None:
+        where = self.store.where(PLAN)
+        plan = to_json(identity, where).encode() + b"\n"
+        begun = self._begun()
+        if begun is None:  # one of several parts is the first, and the others compare theirs
+            begun = parse_json(self.store.put_first(PLAN, plan), where)
+        refuse_difference(str(self.store), begun, identity)
+        if self.store.read(PLAN, _MAX_BYTES) != plan:
+            self.store.put(PLAN, plan)
+
+    def _begun(self) -> dict[str, Any] | None:
+        """Return the identity in the plan; in the header, if the plan is gone or damaged.
+
+        Raises DatasetError for a damaged plan of a data set without a header.
+        """
+        damage: DatasetError | None = None
+        for name in (PLAN, HEADER):
+            data = self.store.read(name, _MAX_BYTES)
+            if data is not None:
+                try:
+                    return parse_json(data, self.store.where(name))
+                except DatasetError as error:
+                    damage = damage or error
+        if damage is not None:
+            raise damage
+        return None
+
+    # ---------------------------------------------------------------- chunk records
+
+    def save_chunk(self, record: ChunkRecord) -> None:
+        """Record that a chunk is complete; its images must be in place, and flushed."""
+        self.store.put(_chunk_file(record.summary.chunk), record.to_bytes())
+
+    def recorded_chunks(self) -> set[int]:
+        """Return the numbers of the chunks that have a record, good or damaged."""
+        stems = (name.partition(".")[0] for name in self.store.names(_CHUNKS))
+        return {int(stem) for stem in stems if stem.isdigit()}
+
+    def load_chunk(self, number: int) -> ChunkRecord:
+        """Read a chunk's record. Raises DatasetError if there is none, or it is damaged."""
+        data = self.store.read(_chunk_file(number), _MAX_BYTES)
+        if data is None:
+            raise DatasetError(f"{self.store}: the record of chunk {number} is gone")
+        return parse_chunk_record(data)
+
+    def discard_chunks(self, numbers: Iterable[int]) -> None:
+        """Remove the records of chunks, so that the next run renders them again."""
+        self.store.delete(map(_chunk_file, numbers))
+
+    @property
+    def is_merged(self) -> bool:
+        """Whether a run has completed the data set."""
+        return self.store.size(INDEX) is not None
+
+    def chunk_problem(self, record: ChunkRecord, number: int, frames: int) -> str | None:
+        """Compare a record with the plan and with the files in the store.
+
+        Args:
+            record: of the chunk.
+            number: of the chunk in the plan.
+            frames: number of its frames in the plan.
+
+        Returns:
+            The first problem; None if nothing is wrong.
+        """
+        if record.summary.chunk != number or record.summary.total != frames:
+            return f"the record of chunk {number} does not fit the plan"
+        try:
+            problems = map(self._file_problem, _images_of(record))
+            return next((problem for problem in problems if problem is not None), None)
+        except DatasetError as error:
+            return str(error)
+
+    def _file_problem(self, file: Mapping[str, Any]) -> str | None:
+        found = self.store.checksum(file["name"])
+        if found is None:
+            return f"{file['name']} is missing"
+        same = found["size"] == file["size"] and found["crc32"] == file["crc32"]
+        return None if same else f"{file['name']} is damaged"
+
+    def withdraw(self) -> None:
+        """Mark the data set as incomplete: remove its header, then the index of its chunks."""
+        self.store.delete([HEADER])
+        self.store.delete([INDEX])
+
+    def discard_part_locks(self) -> None:
+        """Remove the locks of parts; none is in use while the whole set is locked."""
+        names = self.store.names(STATE)
+        self.store.delete(f"{STATE}/{name}" for name in names if name.endswith(".lock"))
+
+
+def _images_of(record: ChunkRecord) -> Iterator[Mapping[str, Any]]:
+    """Yield the name, size and CRC32 of the files of a chunk: a shard, or each image.
+
+    Raises DatasetError if a line of the record is damaged.
+    """
+    if record.summary.shard is not None:
+        yield record.summary.shard
+        return
+    where = f"the record of chunk {record.summary.chunk}"
+    for line in record.frames:
+        yield from parse_frame(line, where)["files"].values()
+
+
+def _chunk_file(number: int) -> str:
+    return f"{_CHUNKS}/{number:08d}.jsonl"

@@ -1,0 +1,137 @@
+"""Read a frame of a data set: its images, checked against its record, as a ``DepthFrame``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey
+from glsim.core.errors import DatasetError
+from glsim.core.files.atomic import checksum, missing
+from glsim.core.files.png import MAX_IMAGE_BYTES
+from glsim.core.files.store import Store
+from glsim.core.normal_codes import decode_normals
+from glsim.core.reason import Reason
+from glsim.data.header import REPAIR
+from glsim.data.layer_images import LayerImage, decode_layer
+from glsim.simulation.frame import to_mm
+
+#: Bytes between two members of a shard: a header and the rest of the last block, 512 each.
+_TAR_BYTES = 1024
+
+#: Layers of a data set that hold depth, and become float32 millimetres.
+_DEPTH_LAYERS = ("clean", "expected", "noisy")
+
+
+def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> DepthFrame:
+    """Return a frame of a data set; its images are read and checked when they are first used.
+
+    Args:
+        store: of the data set.
+        record: of the frame in the manifest, see ``glsim.data.records.frame_record``.
+        step_mm: millimetres per step of stored depth.
+    """
+    images = StoredImages(store, record, step_mm)
+    layers: dict[str, Any] = {}
+    for layer in record["files"]:
+        if layer in _DEPTH_LAYERS:
+            layers[f"{layer}_mm"] = partial(images.depth_mm, layer)
+        else:
+            layers[layer] = partial(images.read, layer)
+    if "normals" in layers:
+        layers["normals"] = images.normals
+    key = FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
+    return DepthFrame(
+        key,
+        Intrinsics(**record["intrinsics"]),
+        layers,
+        offset_mm=float(record["depth_offset_mm"]),
+        step_mm=step_mm,
+        record=record,
+        name=f"{record['split']}/{key}",
+    )
+
+
+class StoredImages:
+    """Reads the images of one frame; those in object storage by one request.
+
+    Args:
+        store: of the data set.
+        record: of the frame in the manifest.
+        step_mm: millimetres per step of stored depth.
+    """
+
+    def __init__(self, store: Store, record: Mapping[str, Any], step_mm: float) -> None:
+        self._store, self._record, self._step_mm = store, record, step_mm
+        self._fetched: dict[str, bytes] = {}  # layer -> bytes, of a data set in object storage
+
+    def read(self, layer: str) -> LayerImage:
+        """Read a layer as stored: (H, W) uint16, or uint8; "normals" (H, W, 3) uint16.
+
+        Raises DatasetError if the file is missing, was changed, or is no image of the right type
+        and size.
+        """
+        file = self._record["files"][layer]
+        where = self._store.where(file["name"])
+        if "member" in file:
+            where += f" ({file['member']})"
+        data = self._bytes(layer)
+        if checksum(data) != {"size": file["size"], "crc32": file["crc32"]}:
+            raise DatasetError(
+                f"{where}: was changed after it was written ({len(data)} bytes, {file['size']} "
+                f"recorded): {REPAIR}"
+            )
+        image = decode_layer(data, layer, where)
+        size = (self._record["intrinsics"]["height"], self._record["intrinsics"]["width"])
+        if image.shape[:2] != size:
+            raise DatasetError(
+                f"{where}: is {image.shape[1]} x {image.shape[0]} pixels, the record says "
+                f"{size[1]} x {size[0]}"
+            )
+        if layer == "reason" and image.max(initial=0) > max(Reason):
+            raise DatasetError(f"{where}: holds {image.max()}, which is no code of a reason")
+        return image
+
+    def depth_mm(self, layer: str) -> NDArray[np.float32]:
+        """Read a layer of depth, (H, W) float32 millimetres from the camera, 0 = none."""
+        return to_mm(self.read(layer), self._step_mm, float(self._record["depth_offset_mm"]))
+
+    def normals(self) -> NDArray[np.float32]:
+        """Read the normals, (H, W, 3) float32."""
+        return decode_normals(np.asarray(self.read("normals"), np.uint16))
+
+    def _bytes(self, layer: str) -> bytes:
+        """Read a whole file or a member of a shard; a truncated member is returned truncated."""
+        if self._store.is_remote:
+            if not self._fetched:
+                self._fetched = _fetch_images(self._store, self._record["files"])
+            return self._fetched[layer]
+        file = self._record["files"][layer]
+        if "offset" in file:
+            return self._store.read_range(file["name"], file["offset"], file["size"])
+        data = self._store.read(file["name"], MAX_IMAGE_BYTES)
+        if data is None:
+            raise missing(self._store.where(file["name"]))
+        return data
+
+
+def _fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
+    """Read the images of a frame: layer -> bytes, truncated if the file ends before.
+
+    Those that lie one after another in a shard take one request, for its latency exceeds their
+    transfer.
+    """
+    places = {layer: (file.get("offset", 0), file["size"]) for layer, file in files.items()}
+    names = {layer: file["name"] for layer, file in files.items()}
+    start = min(offset for offset, _ in places.values())
+    whole = max(offset + size for offset, size in places.values()) - start
+    most = sum(size + _TAR_BYTES for _, size in places.values())
+    if len(set(names.values())) > 1 or whole > most:
+        return {layer: store.read_range(names[layer], *places[layer]) for layer in files}
+    data = store.read_range(next(iter(names.values())), start, whole)
+    return {n: data[offset - start :][:size] for n, (offset, size) in places.items()}

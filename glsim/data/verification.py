@@ -1,0 +1,181 @@
+"""Verify a complete data set: compare its files with its header and manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from glsim.core.errors import DatasetError
+from glsim.core.files.cloud import open_store
+from glsim.core.files.store import Store
+from glsim.data.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
+from glsim.data.header import Manifest, open_header
+from glsim.data.stored_frame import StoredImages
+from glsim.settings.schema import SPLIT_NAMES
+
+_Record = Mapping[str, Any]
+
+
+def verify(path: Path | str, deep: bool = False) -> list[str]:
+    """Return the problems of a data set, one line each; an empty list if there are none.
+
+    Checks the header and the manifest against their schema and their checksums, the counts, that no
+    subject is in two splits (by records and by folders), that every file is a regular one inside
+    the data set with its recorded size, that no two frames of a subject share an image, and that
+    every file in a split has a record. Never raises DatasetError.
+
+    Args:
+        deep: also checks the CRC32 of every shard, and reads every image as a reader does.
+    """
+    store = open_store(path)
+    try:
+        header, problem, manifest = open_header(store)
+    except DatasetError as error:
+        return [str(error)]
+    wrong = [] if problem is None else [f"{HEADER} {problem}"]
+    return wrong + list(_Verification(store, header, manifest, deep).problems())
+
+
+class _Verification:
+    def __init__(
+        self, store: Store, header: Mapping[str, Any], manifest: Manifest, deep: bool
+    ) -> None:
+        self._store, self._header, self._manifest, self._deep = store, header, manifest, deep
+        self._folders: set[str] = set()
+        self._bad_files: set[str] = set()
+
+    def problems(self) -> Iterator[str]:
+        yield from self._listed_files()
+        split_of: dict[str, str] = {}
+        counts = dict.fromkeys(SPLIT_NAMES, 0)
+        damaged: list[str] = []
+        # The frames of a subject are consecutive: the names of one folder at a time are in memory.
+        for (split, subject), group in groupby(self._records(damaged), _person):
+            other = split_of.setdefault(subject, split)
+            if other != split:
+                yield f"subject {subject} is in {other} and in {split}"
+            records = list(group)
+            counts[split] += len(records)
+            yield from self._frame_problems(split, subject, records)
+        yield from damaged
+        for split, count in counts.items():
+            if count != self._header["frames"][split]:
+                yield f"{split} has {count} frames, the header says {self._header['frames'][split]}"
+        yield from self._stray_entries()
+
+    def _line(self, error: DatasetError) -> str:
+        """Return an error of the store, which names the whole path, with the name of the file."""
+        return str(error).removeprefix(f"{self._store}/")
+
+    def _records(self, damaged: list[str]) -> Iterator[_Record]:
+        """Yield the record of each sound line; append problems of lines to ``damaged``."""
+        indices: set[int] = set()
+        for number, line in enumerate(self._manifest.lines(0, len(self._manifest))):
+            try:
+                record = self._manifest.parse(line, number)
+            except DatasetError as error:
+                damaged.append(str(error))
+                continue
+            if record["index"] in indices:
+                damaged.append(f"{MANIFEST}: line {number + 1}: index {record['index']} again")
+            indices.add(record["index"])
+            yield record
+
+    def _listed_files(self) -> Iterator[str]:
+        """Check the files that the header lists: manifest, skipped, metadata, shards."""
+        for name, expected in self._header["files"].items():
+            whole = self._deep or not name.endswith(".tar")
+            problems = list(self._file_problems(name, expected, whole))
+            yield from problems
+            if problems:
+                self._bad_files.add(name)
+
+    def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
+        """Compare a file with its recorded size and, if ``whole``, its CRC32.
+
+        Object storage knows the CRC32 of a file without reading it.
+        """
+        try:
+            size = self._store.size(name)
+        except DatasetError as error:
+            yield self._line(error)
+            return
+        recorded = {"size": expected["size"], "crc32": expected["crc32"]}
+        if size is None:
+            yield f"{name} is missing"
+        elif size != recorded["size"]:
+            yield f"{name} has {size} bytes instead of {recorded['size']}"
+        elif (whole or self._store.is_remote) and self._store.checksum(name) != recorded:
+            yield f"{name} is not what was written: its CRC32 differs"
+
+    def _frame_problems(
+        self, split: str, subject: str, records: Sequence[_Record]
+    ) -> Iterator[str]:
+        """Check the images of consecutive frames of one subject."""
+        images: set[tuple[str, int | None]] = set()
+        for record in records:
+            stored = StoredImages(self._store, record, float(self._header["depth_unit_mm"]))
+            for layer, file in record["files"].items():
+                name, offset = file["name"], file.get("offset")
+                if (name, offset) in images:
+                    yield f"{name} is in two records"
+                    continue
+                images.add((name, offset))
+                found = list(self._place_problems(file))
+                yield from found
+                if self._deep and not found and name not in self._bad_files:
+                    try:
+                        stored.read(layer)
+                    except DatasetError as error:
+                        yield self._line(error)
+        if names := {name for name, offset in images if offset is None}:
+            yield from self._unrecorded(f"{split}/{subject}", names)
+
+    def _place_problems(self, file: _Record) -> Iterator[str]:
+        """Check that an image is a file of its size, or lies in a shard that the header lists."""
+        if "offset" not in file:
+            yield from self._file_problems(file["name"], file, whole=False)
+            return
+        listed, member = self._header["files"].get(file["name"]), file.get("member", "")
+        if listed is None:
+            yield f"{file['name']} ({member}) is not listed in {HEADER}"
+        elif file["offset"] + file["size"] > listed["size"]:
+            yield f"{file['name']} ({member}): its offset {file['offset']} lies behind the end"
+
+    def _unrecorded(self, folder: str, images: set[str]) -> Iterator[str]:
+        self._folders.add(folder)
+        try:
+            names = [f"{folder}/{name}" for name in self._store.names(folder)]
+        except DatasetError:
+            return  # its images were reported
+        yield from (f"{name} is in no record" for name in names if name not in images)
+
+    def _stray_entries(self) -> Iterator[str]:
+        """Find unrecorded files in the splits; other files at the top are allowed."""
+        listed = self._header["files"].keys() | {MANIFEST, SKIPPED}
+        seen: dict[str, str] = {}
+        top = self._store.names("")
+        for name in top:
+            shard = name.endswith(".tar") and name.partition("-")[0] in SPLIT_NAMES
+            if shard and name not in listed:
+                yield f"{name} is in no record"
+        for split in (split for split in SPLIT_NAMES if split in top):
+            try:
+                entries = self._store.names(split)
+            except DatasetError as error:
+                yield self._line(error)
+                continue
+            for entry in entries:
+                if entry in seen:
+                    yield f"subject {entry} has a folder in {seen[entry]} and in {split}"
+                name = f"{split}/{entry}"
+                if entry != METADATA:
+                    seen[entry] = split
+                    if name not in self._folders and name not in listed:
+                        yield f"{name} is in no record"
+
+
+def _person(record: _Record) -> tuple[str, str]:
+    return record["split"], record["subject"]

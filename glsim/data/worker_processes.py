@@ -1,0 +1,289 @@
+"""Worker processes, each with its own socket to the parent, and their number.
+
+They are started with ``python -c``. Their environment makes libraries single-threaded (it is read
+before NumPy is loaded, and the parent's is unchanged), a script needs no ``if __name__ ==
+"__main__"``, and a Ctrl-C in the terminal reaches the parent only. concurrent.futures and loky
+lack this: with a killed worker they give up all tasks and do not say which one killed it, and their
+tasks are single calls, where a simulator reads the next chunk ahead and reports its progress.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import islice
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from typing import Any, Literal, Protocol, TypeVar
+
+from glsim.core.errors import ConfigError, DatasetError, GlsimError
+
+log = logging.getLogger(__name__)
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
+_Given = TypeVar("_Given", contravariant=True)
+_Made = TypeVar("_Made", covariant=True)
+
+#: A number of worker processes; "auto" is one per available core.
+Workers = int | Literal["auto"]
+
+#: The environment of workers: one thread each, because every core already has a process. The first
+#: is for Mesa's llvmpipe (0 = no thread besides the caller's), the last for OpenCV.
+SINGLE_THREADED = {
+    "LP_NUM_THREADS": "0",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OPENCV_FOR_THREADS_NUM": "1",
+}
+#: Vectors of llvmpipe, bits: its own choice on processors with AVX2. The code of its functions
+#: follows their width.
+_VECTORS = {"LP_NATIVE_VECTOR_WIDTH": "256"}
+#: NumPy's names of what came after Haswell: single features, and the level x86-64-v4 in NumPy 2.4.
+_AFTER_HASWELL = ("AVX512", "X86_V4")
+
+
+def portable_environment() -> dict[str, str]:
+    """Return the variables with which workers compute alike on all x86-64 since Haswell (2013).
+
+    NumPy and llvmpipe choose their code by the processor, unless these say otherwise. Empty on a
+    processor that needs none, or that is no x86-64.
+    """
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return {}
+    # The same tables as numpy.show_runtime() prints. NumPy warns of a feature that it does not
+    # know, or that the processor lacks.
+    tables = import_module("numpy._core._multiarray_umath")
+    here: Mapping[str, bool] = tables.__cpu_features__
+    chosen: Sequence[str] = tables.__cpu_dispatch__
+    disabled = [name for name in chosen if name.startswith(_AFTER_HASWELL) and here.get(name)]
+    return {**_VECTORS, "NPY_DISABLE_CPU_FEATURES": " ".join(disabled)} if disabled else {}
+
+
+_START = (
+    "import sys; descriptor, *sys.path = sys.argv[1:];"
+    f"from {__name__} import serve; serve(int(descriptor))"
+)
+#: Attempts per task, if workers die while they do it.
+_ATTEMPTS = 2
+#: Seconds between two interim results of a worker.
+_REPORT_EVERY_S = 0.2
+
+
+def available_workers(workers: Workers = "auto") -> int:
+    """Return the number of worker processes; "auto" counts the cores this process may use.
+
+    Raises ConfigError for a number below 1.
+    """
+    if workers == "auto":
+        # Some systems (macOS) cannot say which cores this process may use: take all.
+        affinity = getattr(os, "sched_getaffinity", None)
+        return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    if workers < 1:
+        raise ConfigError(f"workers = {workers}: at least one is needed")
+    return workers
+
+
+def worker_count(text: str) -> int:
+    """Parse the option ``--workers``: a number of at least 1, or "auto". Raises ConfigError."""
+    if text == "auto":
+        return available_workers()
+    if not (text.isascii() and text.isdigit()) or int(text) < 1:
+        raise ConfigError(f"--workers {text}: give a number of at least 1, or auto")
+    return int(text)
+
+
+class Job(Protocol[_Given, _Made]):
+    """The work of a worker process; it is pickled and sent to each worker once."""
+
+    def run(self, tasks: Iterator[_Given], /) -> Iterator[_Made]:
+        """Yield the results of tasks in order: any number of ``Interim``, then another object.
+
+        It may ask for the next tasks before it is done with one.
+        """
+        ...
+
+    def doing(self, task: _Given, /) -> str:
+        """Describe the work on a task, for the message about the death of its worker."""
+        ...
+
+
+class Interim:
+    """The base class of results that do not complete a task: some may be left out."""
+
+
+@dataclass(frozen=True)
+class WorkerFailure:
+    """The message of a worker that cannot continue; unexpected errors carry their traceback."""
+
+    error: GlsimError
+
+
+@dataclass(frozen=True)
+class _TaskRequest:
+    """The message that asks for a task; the answer is a list with a task, or an empty list."""
+
+
+class WorkerProcess:
+    """The parent's side of a worker; ``connection`` receives its results and WorkerFailure."""
+
+    def __init__(self, job: Job[Any, Any], environment: Mapping[str, str] | None = None) -> None:
+        """Start a process that runs ``job``; its environment has SINGLE_THREADED and yours."""
+        self.connection: Connection[object, object]
+        self.connection, theirs = Pipe()
+        self.tasks: deque[Any] = deque()  # being done, the oldest first
+        self.dismissed = False  # whether it has been told that there are no more tasks
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-c", _START, str(theirs.fileno()), *sys.path],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=2,  # keep what libraries print out of the parent's output
+                env=os.environ | SINGLE_THREADED | dict(environment or {}),
+                process_group=0,
+            )
+        self.send(job)
+
+    def send(self, message: object) -> None:
+        """Send a message to the worker."""
+        with suppress(ConnectionError):  # the worker died: the next recv() reports it
+            self.connection.send(message)
+
+    def give(self, tasks: list[Any]) -> None:
+        """Send the next task in a list; an empty one says that there is none."""
+        self.tasks.extend(tasks)
+        self.dismissed = not tasks
+        self.send(tasks)
+
+    def stop(self) -> int:
+        """Kill the process if it still runs; return its exit status."""
+        self.connection.close()
+        self.process.kill()
+        return self.process.wait()
+
+
+def run_tasks(
+    job: Job[_Task, _Result],
+    tasks: Iterable[_Task],
+    processes: int,
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[_Result]:
+    """Yield the results of worker processes as they arrive; closing the iterator ends them.
+
+    A worker that dies is replaced, once per task.
+
+    Args:
+        job: what each worker does.
+        tasks: taken one by one, as workers ask for them.
+        processes: number of workers; one runs here, in the order of the tasks.
+        environment: variables for the workers. With any, one worker is a process too: NumPy and
+            OpenBLAS read them when they are loaded.
+
+    Raises:
+        DatasetError: workers die at their start, or twice at the same task. Also the errors of
+            ``job.run``.
+    """
+    if processes == 1 and not environment:
+        yield from job.run(iter(tasks))
+        return
+    again: deque[_Task] = deque()
+    source = iter(tasks)
+    deaths: Counter[str] = Counter()
+    workers: list[WorkerProcess] = []
+    try:
+        workers += (WorkerProcess(job, environment) for _ in range(processes))
+        while workers:
+            by_connection = {worker.connection: worker for worker in workers}
+            for ready in wait(list(by_connection)):
+                worker = by_connection[ready]  # type: ignore[index]
+                try:
+                    message: Any = worker.connection.recv()
+                except (EOFError, ConnectionError):
+                    workers.remove(worker)
+                    if worker.tasks or not worker.dismissed:
+                        _report_death(job, worker, deaths)
+                        again.extend(worker.tasks)
+                        workers.append(WorkerProcess(job, environment))
+                    worker.stop()
+                    continue
+                if isinstance(message, _TaskRequest):
+                    worker.give([again.popleft()] if again else list(islice(source, 1)))
+                elif isinstance(message, WorkerFailure):
+                    raise message.error
+                else:
+                    if not isinstance(message, Interim):
+                        worker.tasks.popleft()
+                    yield message
+    finally:
+        for worker in workers:
+            worker.stop()
+
+
+def _report_death(job: Job[_Task, Any], worker: WorkerProcess, deaths: Counter[str]) -> None:
+    """Log a warning, or raise DatasetError if the task has used up its attempts."""
+    status = worker.process.wait()
+    if status == 0:
+        how = "ended early"
+    elif status > 0:
+        how = f"ended with status {status}"
+    else:
+        how = f"was killed by {signal.Signals(-status).name}"
+        if -status == signal.SIGKILL:
+            how += " (out of memory?)"
+    doing = f" while {job.doing(worker.tasks[0])}" if worker.tasks else ""
+    problem = f"worker process {worker.process.pid} {how}{doing}"
+    deaths[doing] += 1
+    if deaths[doing] >= _ATTEMPTS:
+        raise DatasetError(
+            f"{problem}, for the second time: what is complete is kept; run the same command again "
+            "to continue, with fewer workers if memory is short"
+        )
+    log.warning("%s: another one takes over", problem)
+
+
+def serve(descriptor: int) -> None:
+    """Run the job that arrives first, in the worker, and report its results and errors.
+
+    Args:
+        descriptor: file descriptor of this end of the socket.
+    """
+    connection: Connection[Any, Any] = Connection(descriptor)
+    parent, reported_s = os.getppid(), time.monotonic()
+    try:
+        try:
+            for result in connection.recv().run(_tasks(connection)):
+                now_s = time.monotonic()
+                if not isinstance(result, Interim) or now_s - reported_s > _REPORT_EVERY_S:
+                    connection.send(result)
+                    reported_s = now_s
+                if os.getppid() != parent:
+                    sys.exit(1)  # the parent was killed: free its locks for the next run at once
+        except GlsimError as error:
+            connection.send(WorkerFailure(error))
+        except (EOFError, ConnectionError):
+            raise
+        except Exception as error:
+            failure = GlsimError(f"{type(error).__name__} in a worker: {error}")
+            failure.add_note(traceback.format_exc())
+            connection.send(WorkerFailure(failure))
+    except (EOFError, ConnectionError):
+        sys.exit(1)  # nobody listens any more
+
+
+def _tasks(connection: Connection[Any, Any]) -> Iterator[Any]:
+    while True:
+        connection.send(_TaskRequest())
+        answer = connection.recv()
+        if not answer:
+            return
+        yield from answer

@@ -1,1 +1,0 @@
-"""Meshes, poses, cameras, image windows and depth maps as geometry: NumPy only, no OpenGL."""

@@ -1,0 +1,146 @@
+"""Where things are on the heads of a source: eyes, ears, mouth, hairline, from its regions.
+
+All places are in the canonical frame of a reference person of the source, in millimetres. Lines are
+drawn on a mean adult head and scaled by the height from the eyes to the top of the head.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.errors import ConfigError
+
+Array = NDArray[np.floating[Any]]
+Mask = NDArray[np.bool_]
+
+_EYES: Final = ("sclera", "iris", "pupil", "eyes")
+_INSIDE: Final = (*_EYES, "eye socket", "mouth socket", "gums", "teeth", "mouth", "tongue")
+_SKULL: Final = ("scalp", "hair", "head", "forehead")
+_BODY: Final = ("torso", "arm", "hand", "leg", "foot")
+
+#: From the eyes to the top of the head of a mean adult, mm: 223 mm from chin to top less 116 mm
+#: from chin to eyes (Farkas, Anthropometry of the Head and Face, 1994, means of men and women).
+_MEAN_EYE_TO_TOP_MM: Final = 107.0
+
+#: Hairline of a mean adult: height above the eyes (mm) as a function of the depth behind the eyes
+#: (mm), from nape over ear and temple to the forehead; chosen, on portraits.
+_LINE_Z: Final = (-195.0, -150.0, -120.0, -102.0, -88.0, -74.0, -64.0, -52.0, -36.0, -15.0, 5.0, 25)
+_LINE_Y: Final = (-70.0, -66.0, -52.0, -18.0, -8.0, -2.0, 18.0, 36.0, 48.0, 57.0, 63.0, 68.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """A reference head and what its vertices are.
+
+    Args:
+        vertices_mm: (V, 3) of the reference.
+        faces: (F, 3).
+        regions: (V,) indices into names.
+    """
+
+    source: str
+    vertices_mm: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    regions: NDArray[np.integer[Any]]
+    names: Sequence[str]
+
+    def is_in(self, *names: str) -> Mask:
+        """Return (V,) whether vertices are in one of the regions."""
+        numbers = [number for number, name in enumerate(self.names) if name in names]
+        return np.isin(self.regions, numbers)
+
+    @cached_property
+    def outside(self) -> Mask:
+        """(V,): skin that can be seen with closed eyes and mouth."""
+        return ~self.is_in(*_INSIDE)
+
+    @cached_property
+    def body(self) -> Mask:
+        """(V,): below the neck."""
+        return self.is_in(*_BODY)
+
+    @cached_property
+    def eyes(self) -> Array:
+        """(2, 3): centres of the subject's left and right eyeball."""
+        points = self._of(*_EYES)
+        left = points[:, 0] > _middle(points)[0]
+        return np.stack([_middle(points[left]), _middle(points[~left])])
+
+    @cached_property
+    def eye(self) -> Array:
+        """(3,): the point between the eyes."""
+        return np.asarray(self.eyes.mean(axis=0))
+
+    @cached_property
+    def nose_tip(self) -> Array:
+        """(3,): the foremost point of the nose."""
+        points = self._of("nose")
+        return np.asarray(points[np.argmax(points[:, 2])])
+
+    @cached_property
+    def mouth(self) -> Array:
+        """(3,): the middle of the lips."""
+        return _middle(self._of("lips"))
+
+    @cached_property
+    def scale(self) -> float:
+        """Size of the head over that of a mean adult."""
+        skull = self._of(*_SKULL)
+        return float(skull[:, 1].max() - self.eye[1]) / _MEAN_EYE_TO_TOP_MM
+
+    @cached_property
+    def back_z(self) -> float:
+        """Depth of the back of the head, mm."""
+        skull = self._of(*_SKULL)
+        return float(skull[skull[:, 1] > self.eye[1], 2].min())
+
+    @cached_property
+    def ears(self) -> Array:
+        """(2, 3): centres of the left and right ear.
+
+        A model without a region of ears has them where a mean adult has, 88 mm behind and 12 mm
+        below the eyes (the proportions of the procedural mean head).
+        """
+        if "ear" in self.names:
+            points = self._of("ear")
+            left = points[:, 0] > self.eye[0]
+            return np.stack([_middle(points[left]), _middle(points[~left])])
+        at = self.eye + np.array([0.0, -12.0, -88.0]) * self.scale
+        near = self.vertices_mm[self.outside & ~self.body]
+        near = near[np.abs(near - at)[:, 1:].max(axis=1) < 25 * self.scale]
+        half = float(np.percentile(np.abs(near[:, 0] - self.eye[0]), 90))
+        aside = np.array([half, 0.0, 0.0])
+        return np.stack([at + aside, at - aside])
+
+    @cached_property
+    def centre(self) -> Array:
+        """(3,): the middle of the skull, from which hair is laid out."""
+        behind = 0.5 * (self.eye[2] + self.back_z)
+        return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
+
+    def above_hairline_mm(self, points: Array) -> Array:
+        """Return distances of (N, 3) points from the hairline, (N,) mm; positive in the hair."""
+        local = (points - self.eye) / self.scale
+        line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
+        step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line
+        inside = (local[:, 1] - line) / np.sqrt(1 + step**2)
+        return np.asarray(inside * self.scale)
+
+    def _of(self, *names: str) -> Array:
+        points = self.vertices_mm[self.is_in(*names)].astype(np.float64)
+        if len(points) == 0:
+            raise ConfigError(
+                f"{self.source}: has no region {' or '.join(map(repr, names))}, so nobody can be "
+                "dressed: leave appearance.wear out"
+            )
+        return points
+
+
+def _middle(points: Array) -> Array:
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))

@@ -1,0 +1,184 @@
+"""Beards, moustaches, stubble and brows: shells over the skin that follow the jaw and the brows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.looks.anatomy import Anatomy, Array, Mask
+from glsim.looks.noise import ridges, smooth_noise
+from glsim.looks.shell import Shell
+from glsim.looks.skin_grid import SkinGrid, make_grid
+
+#: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).
+_EYE_TO_MOUTH_MM: Final = 66.0
+#: Upper edge of a full beard: mm over the mouth, by depth behind the mouth; and its lower
+#: edge; chosen.
+_CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
+_CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
+_LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
+_EDGE_MM: Final = 6.3
+
+
+@dataclass(frozen=True)
+class BeardStyle:
+    """One style: length of hair in mm, and the parts of the face it covers."""
+
+    name: str
+    weight: float
+    length: tuple[float, float]
+    cheeks: bool = True
+    chin: bool = True
+    lip: bool = True
+    hang: float = 0.0
+
+
+#: Chosen: stubble and short full beards are the most frequent ones.
+BEARDS: Final = (
+    BeardStyle("stubble", 8, (0.8, 1.8)),
+    BeardStyle("short beard", 7, (3.0, 6.5)),
+    BeardStyle("full beard", 5, (8.0, 15.0), hang=12),
+    BeardStyle("long beard", 2, (12.0, 20.0), hang=45),
+    BeardStyle("goatee", 3, (4.0, 11.0), cheeks=False, hang=10),
+    BeardStyle("moustache", 3, (4.0, 8.0), cheeks=False, chin=False),
+    BeardStyle("chin beard", 1, (4.0, 10.0), cheeks=False, lip=False, hang=12),
+    BeardStyle("chin strap", 1, (3.0, 6.0), lip=False),
+)
+
+
+#: Where brows grow on a source: the grid, (N, 3) points on the reference, mm, and (N,) weights.
+BrowGrid = tuple[SkinGrid, Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class BeardGrid:
+    """Where beards grow on a source.
+
+    Args:
+        points: (N, 3) mm on the reference.
+        inside, lip, chin: (N,) mm inside of the beard's outline, of the upper lip, and of the chin;
+            negative outside.
+    """
+
+    grid: SkinGrid
+    points: Array
+    inside: Array
+    lip: Array
+    chin: Array
+
+
+def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
+    """Find where beards grow on the heads of a source."""
+    points = anatomy.vertices_mm.astype(np.float64)
+    skin = anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear", "lips", "lids")
+    inside = _outline(anatomy, points)[0]
+    chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(inside[anatomy.faces] > -6.0, axis=1)
+    grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM)
+    own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
+    return BeardGrid(grid, own, *_outline(anatomy, own))
+
+
+def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
+    """Return mm inside of the outline, the upper lip and the chin for (N, 3) points."""
+    size = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM
+    local = (points - anatomy.mouth) / size
+    x, y, z = np.abs(local[:, 0]), local[:, 1], local[:, 2]
+    nose = anatomy.vertices_mm[anatomy.is_in("nose")]
+    nose_base = (float(nose[:, 1].min()) - anatomy.mouth[1]) / size
+    lips = anatomy.vertices_mm[anatomy.is_in("lips")]
+    half = 0.5 * float(np.ptp(lips[:, 0])) / size
+    # An ellipse around the lips keeps the beard off them.
+    high = 0.5 * float(np.ptp(lips[:, 1])) / size
+    off_lips = (np.hypot(x / (half + 2.0), y / (high + 1.5)) - 1) * high
+    cheek = np.interp(z, _CHEEK_Z, _CHEEK_Y)
+    # Below the nose the outline rises to it: a moustache narrows towards the corners of the mouth.
+    beside = np.clip((x - 12.0) / 16.0, 0, 1)
+    rise = nose_base - 1.5 + (cheek - nose_base + 1.5) * beside
+    upper = np.where(z > -34, np.maximum(cheek, rise), cheek) - y
+    lower = y - np.interp(z, _CHEEK_Z, _LOW_Y)
+    ear_front = float(anatomy.ears[:, 2].mean() - anatomy.mouth[2]) / size + 14
+    outline = np.minimum.reduce([upper, lower, z - ear_front])
+    lip = np.minimum(half + 7.0 - x, y + 13 - 0.25 * np.abs(x - half))
+    chin = np.minimum(26.0 - x - 0.1 * np.abs(y), -y - 2)
+    return np.minimum(outline, off_lips) * size, lip * size, chin * size
+
+
+def make_beard(
+    beard: BeardGrid, rest_mm: Array, style: BeardStyle, length_mm: float, seed: int
+) -> tuple[Shell, NDArray[np.int32]]:
+    """Return the shell and the triangles of a subject's beard.
+
+    Args:
+        rest_mm: (V, 3) the subject at rest.
+        length_mm: of the hair, along the normals.
+        seed: of the relief and the ragged rim.
+    """
+    inside = beard.inside.copy()
+    if not style.cheeks:
+        allowed = np.full_like(inside, -1e3)
+        if style.chin:
+            allowed = np.maximum(allowed, beard.chin)
+        if style.lip:
+            allowed = np.maximum(allowed, beard.lip)
+        inside = np.minimum(inside, allowed)
+    elif not style.lip:
+        inside = np.minimum(inside, -beard.lip)
+    ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
+    grid, blend = beard.grid.clipped(ragged)
+    points = blend.of(beard.points)
+    rim = np.clip(blend.of(inside) / (4.0 + 0.8 * length_mm), 0.12, 1)
+    tufts = points * np.array([1.0, 0.35, 1.0])  # hair grows down: its relief is long that way
+    relief = 0.6 * ridges(tufts / 8.0, seed + 1) + 0.4 * smooth_noise(tufts / 5.0, seed + 2)
+    amplitude = min(0.7 * length_mm, 4.5)
+    height = np.maximum(length_mm * rim + amplitude * relief * np.sqrt(rim), 0.3)
+    drop = None
+    if style.hang:
+        share = np.clip(blend.of(beard.chin) / 18.0 + 0.2, 0, 1)
+        ends = 1 + 0.35 * smooth_noise(points / 7.0, seed + 3)
+        drop = np.zeros((len(points), 3), np.float32)
+        drop[:, 1] = -style.hang * share * ends * rim**2
+        drop[:, 2] = 0.15 * style.hang * share * rim
+    return Shell(grid, rest_mm, height, drop), np.ascontiguousarray(grid.faces, np.int32)
+
+
+def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
+    """Return the grid of the brows, its points (N, 3) and how far each is inside a brow (N,)."""
+    brow = _brows(anatomy)
+    skin = anatomy.outside & ~anatomy.body
+    chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
+    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 3.3)
+    own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
+    columns = np.repeat(brow[grid.base].astype(np.float32)[:, None], 3, axis=1)
+    return grid, own, grid.anchors.place(columns)[:, 0]
+
+
+def _brows(anatomy: Anatomy) -> Array:
+    """Return (V,) 1 in the brows, 0 outside: the region, or arches over the eyes without one."""
+    if "brow" in anatomy.names:
+        return anatomy.is_in("brow").astype(np.float64)
+    local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
+    x, y = np.abs(local[:, 0]), local[:, 1]
+    along = np.clip((x - 10) / 42, 0, 1)
+    arch = 16.5 + 6.0 * np.sin(np.pi * np.minimum(0.78 * along, 1)) - 4.0 * along**3
+    half = 4.4 - 2.6 * along
+    span = (x > 9) & (x < 52) & (local[:, 2] > -45)
+    return np.asarray(span * np.exp(-(((y - arch) / half) ** 4)))
+
+
+def make_brows(
+    brows: BrowGrid, rest_mm: Array, height_mm: float, seed: int
+) -> tuple[Shell, NDArray[np.int32]]:
+    """Return the shell and the triangles of a subject's brows, height_mm high.
+
+    Args:
+        rest_mm: (V, 3) the subject at rest.
+    """
+    grid, points, weight = brows
+    ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
+    kept, blend = grid.clipped(ragged - 0.3)
+    relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
+    height = height_mm * np.clip(blend.of(weight), 0.15, 1) * relief
+    return Shell(kept, rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)

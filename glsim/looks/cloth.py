@@ -1,0 +1,547 @@
+"""Clothes: a shell of the body with openings, which rests, hangs and folds, and has seams.
+
+A garment is cut out of the skin, lifted off it as a membrane that spans hollows and falls from
+what stands out, folded, and finished at its edges with hems, ribs or a collar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.mesh import vertex_normals
+from glsim.core.products import norm, principal_axis, product
+from glsim.core.seeds import keyed_rng
+from glsim.looks.anatomy import Anatomy, Array
+from glsim.looks.binding import Points
+from glsim.looks.garments import COLLARS, HEMS, Garment, Profile
+from glsim.looks.noise import smooth_noise
+from glsim.looks.shell import Shell
+from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
+
+#: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
+_EDGE_MM: Final = {"head": 11.0, "body": 25.0}
+#: The collar's plane falls forward: the back of the neck is covered higher; chosen.
+_SLOPE: Final = 0.42
+#: Away from the middle of the neck, along it: normal to the collar's plane.
+UP: Final = np.array([0.0, 1.0, _SLOPE]) / np.hypot(1.0, _SLOPE)
+#: Base of the neck of a mean adult: mm under the mouth; chosen on the procedural mean head.
+_NECK_BASE_MM: Final = 92.0
+#: Height of crotch and armpit of a mean adult under the base of the neck, and half the width
+#: between the armpits, mm (DIN 33402: shoulders 1430 mm, crotch 770 mm); for heads without a body.
+_CROTCH_MM, _ARMPIT_MM, _HALF_MM = -640.0, -170.0, 165.0
+#: Parts of a body; limbs are numbered left, right.
+TRUNK, ARMS, LEGS, FEET = 0, (1, 2), (3, 4), (5, 6)
+#: Cloth lies this far off skin that it rests on, mm, besides half its thickness; chosen.
+_REST_MM: Final = 1.5
+#: Near the armpits cloth stays closer: it would stand in the way of arms that come down; chosen.
+_PIT_MM, _PIT_SLOPE = 10.0, 0.3
+#: Cloth hangs at most so far off, mm, over the room that it has; it settles from _START_MM off.
+_FREE_MM, _START_MM = 65.0, 30.0
+#: Rounds in which the membrane settles; smoothing of the directions in which it is lifted.
+_ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 24, 8, 8
+#: Rounds in which the cloth of trunk and limbs is matched, and the width of their border.
+_JOINED: Final = 6
+#: Folds of a bust are lower: its meshes have long triangles that cannot carry them; chosen.
+_BUST_FOLDS: Final = 0.65
+#: Half the width of a crest as a value of noise whose standard deviation is 0.3; chosen: a quarter
+#: of a draped cloth is crest.
+_CREST: Final = 0.33
+#: Seams are even lines: edges are smoothed over this length, mm, in at most so many rounds.
+_SEAM_MM, _SEAM_ROUNDS = 22.0, 60
+
+
+#: Gives the mean of each point's neighbours.
+Averaging = Callable[[Array], Array]
+
+
+class Worn(NamedTuple):
+    """Triangles of a garment, (F, 3) vertex indices, and the fewer that cast shadows."""
+
+    binding: Shell
+    faces: NDArray[np.int32]
+    casts: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class ClothGrid:
+    """The points at which cloth can lie on the heads or people of a source.
+
+    Args:
+        part: (N,) TRUNK, or a limb of ARMS, LEGS or FEET.
+        neck: (3,) mm on the reference, the middle of the neck where it meets the torso.
+        above_neck: (N,) height over the base of the neck, mm, along the collar's plane.
+    """
+
+    grid: SkinGrid
+    part: NDArray[np.int64]
+    neck: Array
+    above_neck: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClothBody:
+    """The skin of a subject at rest, or the piece of it that a garment covers.
+
+    Args:
+        rest_mm: (V, 3) vertices of the source.
+        skin, normal: (N, 3) mm and unit normals.
+        local: (N, 3) mm across the part of the body, down along it, and to its front.
+        share: (N,) place down the part, 0 at its root and 1 at its end.
+        down: (N,) mm from the neck along the body.
+        opening: (N,) mm inside of the opening at the top of a garment; of a whole body that of the
+            base of the neck.
+        neck: (3,) mm, the middle of the neck at its base.
+        crotch_mm: height (y); of a head that of a mean adult below its neck.
+        armpits: (2, 3) mm, left and right; of a head those of a mean adult.
+    """
+
+    grid: SkinGrid
+    rest_mm: Points
+    part: NDArray[np.int64]
+    skin: Array
+    normal: Array
+    local: Array
+    share: Array
+    down: Array
+    opening: Array
+    neck: Array
+    crotch_mm: float
+    armpits: Array
+
+    @property
+    def waist_mm(self) -> float:
+        """Height (y) at which trousers are worn; chosen."""
+        return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
+
+    def cut(self, opening: Array, inside: Array) -> ClothBody:
+        """Return the piece inside of its opening at the top and of its other edges, (N,) mm."""
+        whole = replace(self, opening=opening)
+        grid, blend = self.grid.clipped(np.minimum(opening, inside))
+        names = ("skin", "normal", "local", "share", "down", "opening")
+        values: dict[str, Any] = {name: blend.of(getattr(whole, name)) for name in names}
+        return replace(whole, grid=grid, part=self.part[blend.first], **values)
+
+
+def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
+    """Find where cloth can be on a source; None if its meshes end above the base of the neck."""
+    points = anatomy.vertices_mm.astype(np.float64)
+    has_body = bool(anatomy.body.any())
+    if has_body:
+        both = [anatomy.is_in(n)[anatomy.faces].any(axis=1) for n in ("neck", "torso")]
+        neck = points[anatomy.faces[both[0] & both[1]]].mean(axis=(0, 1))
+    else:
+        below = anatomy.mouth[1] - _NECK_BASE_MM * anatomy.scale
+        behind = anatomy.ears[:, 2].mean() + 12 * anatomy.scale
+        neck = np.array([anatomy.eye[0], below, behind])
+    above = product(points - neck, UP)
+    jaw = anatomy.mouth[1] - 52 * anatomy.scale
+    skin = anatomy.outside & ~anatomy.is_in("hand", "ear", "lips", "nose") & (above < 60)
+    low, behind = points[:, 1] < jaw, points[:, 2] < anatomy.ears[:, 2].mean() - 10
+    chosen = skin[anatomy.faces].all(axis=1)
+    chosen &= low[anatomy.faces].all(axis=1) | behind[anatomy.faces].all(axis=1)
+    if chosen.sum() < 50:
+        return None
+    grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM["body" if has_body else "head"])
+    own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
+    row = np.arange(len(own))
+    nearest = grid.base[grid.anchors.corners[row, grid.anchors.weights.argmax(axis=1)]]
+    is_right = (own[:, 0] < neck[0]).astype(np.int64)
+    part = np.full(len(own), TRUNK)
+    for name, limbs in (("arm", ARMS), ("leg", LEGS), ("foot", FEET)):
+        part = np.where(anatomy.is_in(name)[nearest], limbs[0] + is_right, part)
+    return ClothGrid(grid, part, neck, product(own - neck, UP))
+
+
+def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
+    """Measure a subject, whose (V, 3) vertices are at rest."""
+    base = vertices_mm[cloth.grid.base]
+    skin = cloth.grid.anchors.place(base).astype(np.float64)
+    near, part = np.abs(cloth.above_neck) < 8.0, cloth.part
+    neck = skin[near].mean(axis=0) if near.any() else cloth.neck
+    has_body = bool((part == ARMS[0]).any())
+    crotch = float(skin[part == TRUNK, 1].min()) if has_body else float(neck[1]) + _CROTCH_MM
+    armpits = neck + np.array([[side * _HALF_MM, _ARMPIT_MM, 0.0] for side in (1.0, -1.0)])
+    local, share, down = np.zeros_like(skin), np.zeros(len(skin)), np.zeros(len(skin))
+    for number in np.unique(part):
+        index = np.flatnonzero(part == number)
+        own = skin[index]
+        start, axis, length = neck, np.array([0.0, -1.0, 0.0]), float(neck[1]) - crotch
+        if number in (*ARMS, *LEGS):
+            middle, axis = own.mean(axis=0), principal_axis(own)
+            axis = axis if product(middle - neck, axis) > 0 else -axis
+            along = product(own - middle, axis)
+            start, length = middle + along.min() * axis, float(np.ptp(along))
+        elif number in FEET:
+            start = own.mean(axis=0)
+        side = np.cross(axis, [0.0, 0.0, 1.0]) / norm(np.cross(axis, [0.0, 0.0, 1.0]))
+        axes = np.stack([side, axis, np.cross(side, axis)], axis=1)
+        local[index] = product(own - start, axes)
+        share[index] = local[index, 1] / length
+        down[index] = local[index, 1] + norm(start - neck)
+        if number in ARMS:
+            root = own[share[index] < 0.12]
+            armpits[number - ARMS[0]] = root[root[:, 1].argmin()]
+    normal = point_normals(cloth.grid, base.astype(np.float64))
+    return ClothBody(
+        cloth.grid, vertices_mm, part, skin, normal, local, share, down, -cloth.above_neck, neck,
+        crotch, armpits,
+    )  # fmt: skip
+
+
+def make_clothes(
+    body: ClothBody, garments: Sequence[Garment], tucked: bool, scale: float, seed: int
+) -> list[Worn | None]:
+    """Make an upper garment, a lower one and shoes; None for what covers nothing.
+
+    Args:
+        body: the whole subject.
+        garments: the three.
+        tucked: whether the hem of the upper one is inside the lower one.
+        scale: size of the subject over that of a mean adult.
+        seed: of the folds.
+    """
+    upper, lower, shoes = garments
+    height = float(body.neck[1]) - body.crotch_mm
+    hem_mm = body.crotch_mm + float(keyed_rng(seed, "hem").uniform(0.03, 0.12)) * height
+    hem_mm = body.waist_mm if tucked else hem_mm
+    on_arm, on_leg, on_foot = (np.isin(body.part, limbs) for limbs in (ARMS, LEGS, FEET))
+    y, far = body.skin[:, 1], np.full(len(body.skin), 1e3)
+    neck = upper.neckline * scale + body.opening
+    if upper.collar == "v":
+        beside = np.abs(body.local[:, 0])
+        ahead = np.clip(body.local[:, 2] / 40.0, 0, 1)
+        neck -= (body.part == TRUNK) * ahead * np.clip(75 - 1.6 * beside, 0, None) * scale
+    # Arms are 520 mm long, legs 780 mm: shares count so much near a cut.
+    cuff = np.where(on_arm, 520.0 * (upper.limb - body.share), y - hem_mm)
+    trunk = np.where(on_foot, -1.0, cuff)
+    # Under a garment that hangs over them nobody sees the top of trousers.
+    top_mm = body.waist_mm + 12 if tucked else min(body.waist_mm, hem_mm + 60) + 12
+    leg = np.where(on_leg, 780.0 * (lower.limb - body.share), far)
+    legs = np.where(on_arm | on_foot, -1.0, leg)
+    folds = 1.0 if on_arm.any() else _BUST_FOLDS
+    upper = replace(upper, fold=upper.fold * folds, gathered=upper.gathered or tucked)
+    if tucked:
+        lower, upper = replace(lower, ease=9.0), replace(upper, flare=0.0)
+    top = _garment(body.cut(neck, trunk), upper, ARMS, hem_mm, scale, seed)
+    if not on_leg.any():
+        return [top, None, None]
+    feet = body.cut(far, np.where(on_foot, 1.0, -1.0))
+    return [
+        top,
+        _garment(body.cut(top_mm - y, legs), lower, LEGS, body.crotch_mm, scale, seed + 40),
+        _garment(feet, shoes, FEET, 0.0, scale, seed + 60),
+    ]
+
+
+def _garment(
+    piece: ClothBody,
+    garment: Garment,
+    limbs: tuple[int, int],
+    hem_mm: float,
+    scale: float,
+    seed: int,
+) -> Worn | None:
+    """Make a garment of the skin that it covers; None if that is hardly any.
+
+    Args:
+        limbs: of its sleeves or legs; all else counts as trunk.
+    """
+    if len(piece.grid.faces) < 20:
+        return None
+    on_limb = np.isin(piece.part, limbs)
+    as_trunk = (piece.skin - piece.neck) * (-1.0, -1.0, 1.0)
+    local = np.where(on_limb[:, None], piece.local, as_trunk)
+    piece = replace(piece, part=piece.part * on_limb, local=local)
+    hem = max(float(piece.neck[1]) - hem_mm, 100.0)
+    # Place between the top of the garment and its hem or cuffs, 0 to 1.
+    own = np.where(on_limb, piece.share / min(garment.limb, 1.0), piece.local[:, 1] / hem)
+    rest = _REST_MM + 0.5 * garment.thick
+    held = on_limb & (limbs == ARMS and garment.limb > 0.5) | garment.gathered
+    end = held * _step(own, 0.9, 0.98)  # ribs hold the cloth, which bulges over them
+    bulge = held * 0.3 * np.exp(-(((own - 0.86) / 0.08) ** 2))
+    mean = _averaging(piece)
+    border: Array = on_limb.astype(np.float64)
+    for _ in range(_JOINED):
+        border = mean(border)
+    border = 4 * border * (1 - border)
+
+    def joined(values: Array) -> Array:
+        """Match values of trunk and limbs at their border."""
+        smooth = values
+        for _ in range(_JOINED):
+            smooth = mean(smooth)
+        return np.asarray(values + border * (smooth - values))
+
+    away = np.linalg.norm(piece.skin[:, None] - piece.armpits, axis=2).min(axis=1)
+    room = joined(_eases(piece, garment, own, on_limb) * (1 + bulge) * (1 - 0.85 * end)) * scale
+    free = np.minimum(_PIT_MM + _PIT_SLOPE * away, _FREE_MM)
+    room = rest + np.minimum(room, free)
+    most = room + free * (1 - 0.9 * end)
+    carried = _averaging(piece, garment.hang)
+    surface, lift = _membrane(piece, room, most, rest, mean, carried)
+    fold = garment.fold * scale * joined(_fold_heights(piece, own, on_limb, seed))
+    loose = np.maximum(lift - rest, 0.0)
+    height = np.maximum(np.clip(0.35 + loose / 14.0, 0.35, 1.35) * fold, -0.4 * loose)
+    surface += height[:, None] * vertex_normals(surface, piece.grid.faces)
+    if garment.placket:
+        front = np.exp(-((piece.local[:, 0] / (14 * scale)) ** 4))
+        surface[:, 2] += garment.placket * front * ((piece.local[:, 2] > 0) & ~on_limb)
+    if limbs == FEET:
+        surface = _shoes(piece, surface, garment.ease)
+    return _sewn(piece, garment, surface, scale)
+
+
+def _eases(piece: ClothBody, garment: Garment, own: Array, on_limb: NDArray[np.bool_]) -> Array:
+    """Return (N,) mm of room between skin and cloth, at least; (N,) places of ``_garment``."""
+    trunk = garment.ease * _step(own, 0.0, 0.3) + garment.flare * np.clip(own, 0, 1.1)
+    limb = garment.limb_ease + garment.limb_flare * np.clip(own, 0, 1.1)
+    wide = _step(piece.local[:, 1], 0.0, 70.0) * on_limb
+    room = (1 - wide) * trunk + wide * limb
+    room *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # it rests on the shoulders
+    return np.asarray(room)
+
+
+def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
+    """Return a function of (N,) or (k, N) values that gives the mean of each point's neighbours.
+
+    Args:
+        hang: weight of what is above over what is below, as a power of e^2.
+    """
+    edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    first, second = np.ascontiguousarray(edges.T)
+    count = len(piece.skin)
+    length = np.linalg.norm(piece.skin[first] - piece.skin[second], axis=1)
+    above = (piece.down[first] - piece.down[second]) / np.maximum(length, 1.0)
+    weight = np.exp(hang * np.clip(above, -1, 1))
+    weight /= np.maximum(np.bincount(first, weight, count), 1e-9)[first]
+
+    def mean(values: Array) -> Array:
+        if values.ndim == 2:
+            return np.stack([mean(row) for row in values])
+        return np.asarray(np.bincount(first, weight * values[second], count), np.float64)
+
+    return mean
+
+
+def _membrane(
+    piece: ClothBody, room: Array, most: Array, rest: float, mean: Averaging, carried: Averaging
+) -> tuple[Array, Array]:
+    """Lift cloth off the skin so that it spans hollows and falls from what stands out.
+
+    Args:
+        room, most: (N,) mm off the skin, at least and at most.
+        rest: mm off the skin where small bumps carry the cloth.
+        mean, carried: averages over all neighbours, and over those that carry cloth that hangs.
+
+    Returns:
+        (N, 3) mm and (N,) mm over the skin.
+    """
+    out = np.ascontiguousarray(piece.normal.T)
+    for _ in range(_NORMAL_ROUNDS):
+        out = 0.5 * out + 0.5 * mean(out)
+    out /= np.maximum(np.sqrt((out * out).sum(axis=0)), 1e-6)
+    start = _START_MM * _step(piece.down, 80.0, 240.0)  # not on shoulders
+    base, lift = np.ascontiguousarray(piece.skin.T), np.minimum(room + start, most)
+    for _ in range(_ROUNDS):
+        over = ((carried(base + lift * out) - base) * out).sum(axis=0)
+        lift = np.clip(over, room, most)
+    surface, normal = base + lift * out, piece.normal.T
+    for _ in range(_SMOOTH_ROUNDS):  # cloth does not bend sharply
+        surface = 0.4 * surface + 0.6 * mean(surface)
+    lift = ((surface - base) * normal).sum(axis=0)
+    surface = surface + np.maximum(rest - lift, 0.0) * normal
+    return np.ascontiguousarray(surface.T), np.maximum(lift, rest)
+
+
+def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
+    """Return (N, 3) mm of shoes: round each foot a hull without toes, on its sole."""
+    floor = float(piece.skin[:, 1].min())
+    hull = surface.copy()
+    for foot in FEET:
+        own = np.flatnonzero(piece.part == foot)
+        skin = piece.skin[own]
+        middle = np.array([np.median(skin[:, 0]), floor + 35.0, 0.0])
+        out = (skin - middle) * (1.0, 1.0, 0.0)
+        radius = np.maximum(np.linalg.norm(out, axis=1), 1.0)
+        row = ((skin[:, 2] - skin[:, 2].min()) / 10.0).astype(np.int64)
+        column = ((np.arctan2(out[:, 1], out[:, 0]) / np.pi + 1) * 9.99).astype(np.int64)
+        cells = np.zeros((row.max() + 3, 20))
+        np.maximum.at(cells, (row + 1, column), radius)
+        for wider in (np.maximum, np.maximum, _mean_of_two, _mean_of_two):
+            cells = wider(wider(np.roll(cells, 1, 1), np.roll(cells, -1, 1)), cells)
+        toes = skin[:, 2].max() - 20.0
+        hull[own, 2] = np.minimum(hull[own, 2], toes)
+        hull[own] += ((cells[row + 1, column] + ease) / radius - 1)[:, None] * out
+    mean, columns = _averaging(piece), np.ascontiguousarray(hull.T)
+    for _ in range(_SMOOTH_ROUNDS):
+        columns = mean(columns)
+    ankle = _step(piece.skin[:, 1] - floor, 45.0, 80.0)[:, None]
+    shoes = ankle * surface + (1 - ankle) * columns.T
+    shoes[:, 1] = np.maximum(shoes[:, 1], floor)
+    return np.asarray(shoes)
+
+
+def _mean_of_two(one: Array, other: Array) -> Array:
+    return 0.5 * (one + other)
+
+
+def crests(places: Array, seed: int) -> NDArray[np.float32]:
+    """Return (N,) float32 in [-0.6, 0.85]: rounded crests with broad valleys between them.
+
+    Args:
+        places: (N, 3) mm over the distance between crests.
+        seed: of the noise.
+    """
+    value = smooth_noise(places, seed) / np.float32(_CREST)
+    return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
+
+
+def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed: int) -> Array:
+    """Return (N,) heights of folds, about -0.5 to 1.5.
+
+    Flutes fall to the hem and wind around limbs, short folds lie where cloth piles up, at the
+    waist, across elbows and knees and at cuffs, and tension draws lines from the armpits to the
+    opposite hip.
+    """
+    local = piece.local + np.outer(piece.part, (1e3, 0.0, 0.0))  # no two limbs fold alike
+    warp = 22.0 * smooth_noise(local / 120.0, seed + 6)[:, None]
+    fine = np.where(on_limb, 0.7, 1.0)[:, None]
+    wound = local + warp + np.outer(0.5 * on_limb * local[:, 1], (1.0, 0.0, 0.0))
+    flutes = crests(wound / (85.0, 380.0, 85.0) / fine, seed)
+    leaning = local + 0.45 * local[:, [1, 0, 2]] * ~on_limb[:, None] + warp
+    piled = crests(leaning / (170.0, 58.0, 170.0) / fine, seed + 1)
+    soft = smooth_noise(local / (80.0, 60.0, 80.0), seed + 2)
+    heap = np.where(
+        on_limb,
+        np.exp(-(((piece.share - 0.5) / 0.13) ** 2)) + np.exp(-(((own - 0.94) / 0.09) ** 2)),
+        0.7 * np.exp(-(((own - 0.72) / 0.22) ** 2)),
+    )
+    height = 0.5 * soft + 0.9 * flutes * np.clip(1.6 * own - 0.2, 0, 1) + piled * heap
+    for side, armpit in zip((1, -1), piece.armpits, strict=True):
+        away = (piece.skin - armpit) * (1.0, -1.0, 1.0)
+        draw = keyed_rng(seed, f"pull {side}")
+        amount, turn = draw.uniform(0.3, 1.5), draw.uniform(0.4, 1.1)
+        # The crest runs down and to the middle: places are stretched along that line.
+        along = np.sin(turn) * side * away[:, 0] - np.cos(turn) * away[:, 1]
+        across = np.cos(turn) * side * away[:, 0] + np.sin(turn) * away[:, 1]
+        pulled = crests(np.stack([along / 190, across / 50, away[:, 2] / 130], 1), seed + 4 + side)
+        near = np.exp(-((np.linalg.norm(away, axis=1) / 190.0) ** 2)) * ~on_limb
+        height += amount * near * pulled
+    return np.asarray(height)
+
+
+def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> Worn:
+    """Finish the edges of (N, 3) mm of cloth, which move to even lines in place."""
+    faces = piece.grid.faces
+    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    count = len(surface)
+    first, second = np.ascontiguousarray(sides.T)
+    # Around an inner point, neighbours that triangles leave to are those that they come from.
+    net = np.bincount(first, second, count) - np.bincount(second, first, count)
+    rim = sides[(net != 0)[sides].all(axis=1)]
+    forth, back = rim[:, 0] * count + rim[:, 1], rim[:, 1] * count + rim[:, 0]
+    ends = rim[~np.isin(forth, back)]
+    edge, number = np.unique(ends, return_inverse=True)
+    first, second = number.reshape(-1, 2).T
+    ways = 2.0 + np.bincount(number.ravel(), minlength=len(edge))[:, None]
+    spacing = float(np.median(np.linalg.norm(surface[ends[:, 1]] - surface[ends[:, 0]], axis=1)))
+    rounds = int(np.clip((_SEAM_MM / max(spacing, 1.0)) ** 2, 6, _SEAM_ROUNDS))
+
+    def even(values: Array) -> Array:
+        for _ in range(rounds):
+            total = 2.0 * values
+            np.add.at(total, first, values[second])
+            np.add.at(total, second, values[first])
+            values = total / ways
+        return values
+
+    normal = _units(even(vertex_normals(surface, faces)[edge]))
+    places = even(surface[edge])
+    tangent = np.zeros((len(edge), 3))
+    for end in (first, second):
+        np.add.at(tangent, end, places[second] - places[first])
+    away = _units(even(_units(np.cross(tangent, normal))))
+    surface[edge] = places
+    on_top = piece.opening[edge] < 3.0
+    top = _collar(garment, away, normal, places - piece.neck, scale)
+    hem = _rows(HEMS["rib" if garment.gathered else "hem"], garment.thick, normal, away)
+    bases, placed, strips, stiff = [np.arange(count)], [surface], [], []
+    drops = [np.zeros_like(surface)]
+    stands = garment.collar in COLLARS  # it follows the head, not skin that a dropping jaw pulls
+    for part, rows in ((on_top, top), (~on_top, hem)):
+        own = edge[part]
+        line = ends[np.isin(ends, own).all(axis=1)]
+        place = np.searchsorted(own, line)
+        before, total = line, sum(map(len, bases))
+        for row in rows[:, part]:
+            after = total + place
+            strip = [np.stack([before[:, 1], before[:, 0], after[:, 0]], 1),
+                     np.stack([before[:, 1], after[:, 0], after[:, 1]], 1)]  # fmt: skip
+            strips += strip
+            if rows is top:  # a collar that is folded down shows the cloth's other side
+                stiff += strip
+            is_stiff = stands and rows is top
+            bases.append(own)
+            placed.append(surface[own] + (0.0 if is_stiff else row))
+            drops.append(row if is_stiff else np.zeros_like(row))
+            before, total = after, total + len(own)
+    points = np.concatenate(bases)
+    outside = np.concatenate([faces, *strips])
+    whole = SkinGrid(
+        piece.grid.base, piece.grid.triangles, piece.grid.anchors.taken(points), outside
+    )
+    skin = whole.anchors.place(piece.rest_mm[whole.base]).astype(np.float64)
+    near = np.zeros(count, bool)
+    near[edge] = garment.seen_rings > 0
+    for _ in range(garment.seen_rings - 1):
+        near[faces[near[faces].any(axis=1)]] = True
+    inner = faces[near[faces].all(axis=1)]
+    both = np.concatenate([outside, inner[:, ::-1], *(strip[:, ::-1] for strip in stiff)])
+    casts = np.concatenate([faces, *stiff])  # hems hide nothing that cloth beside them does not
+    drop = np.concatenate(drops).astype(np.float32) if stands else None
+    shell = Shell(whole, piece.rest_mm, np.concatenate(placed) - skin, drop)
+    return Worn(shell, both.astype(np.int32), casts.astype(np.int32))
+
+
+def _rows(profile: Profile, thick: float, normal: Array, away: Array) -> Array:
+    """Return (R, P, 3) offsets of rows beside an edge, of a profile of (away, off the skin)."""
+    return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
+
+
+def _collar(garment: Garment, away: Array, normal: Array, beside: Array, scale: float) -> Array:
+    """Return (R, P, 3) offsets of a collar from the edge at the neckline.
+
+    Args:
+        away, normal: (P, 3) unit vectors along the cloth, away from it, and off it.
+        beside: (P, 3) mm, the edge from the middle of the neck.
+    """
+    if garment.collar in HEMS:
+        return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
+    out = beside - (beside * UP).sum(axis=1, keepdims=True) * UP
+    out = _units(out)
+    turn = np.abs(np.arctan2(out[:, 0], out[:, 2]))  # 0 in front, pi behind
+    front, back = (np.array(rows, np.float64)[:, None] for rows in COLLARS[garment.collar])
+    behind = np.clip((turn - 0.9) / 1.3, 0, 1)[None, :, None]
+    shape = (1 - behind) * front + behind * back
+    if garment.collar == "shirt":
+        # The leaf is longest at its two points in front, and the collar is open between them.
+        points = np.exp(-(((turn - 0.5) / 0.22) ** 2))
+        shape[5:, :, 1] -= (shape[4, :, 1] - shape[5:, :, 1]) * 0.2 * points
+        shape[5:, :, 0] += 9.0 * points
+        shape *= np.clip((turn - 0.08) / 0.3, 0.12, 1)[:, None]
+    return np.asarray(scale * (shape[..., :1] * out + shape[..., 1:] * UP))
+
+
+def _units(vectors: Array) -> Array:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6))
+
+
+def _step(value: Array, low: float, high: float) -> Array:
+    """Return 0 below low, 1 above high, and a smooth curve between."""
+    share = np.clip((value - low) / (high - low), 0, 1)
+    return np.asarray(share * share * (3 - 2 * share))

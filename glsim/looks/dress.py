@@ -1,0 +1,287 @@
+"""Dress the faces of a source: hair, beard, brows, glasses and cloth as parts over the mesh."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.errors import ConfigError
+from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.faces.base import Face, FaceSource, WornPart
+from glsim.faces.generated import GeneratedFaces
+from glsim.looks.anatomy import Anatomy
+from glsim.looks.beard import (
+    BeardGrid,
+    BrowGrid,
+    make_beard,
+    make_beard_grid,
+    make_brow_grid,
+    make_brows,
+)
+from glsim.looks.binding import Binding, Motion, Points, Rigid, skull_motion
+from glsim.looks.cloth import ClothGrid, Worn, fit_cloth, make_cloth_grid, make_clothes
+from glsim.looks.garments import SHOES
+from glsim.looks.glasses import make_glasses
+from glsim.looks.hair import make_hair
+from glsim.looks.outfit import Outfit, draw_outfit
+from glsim.looks.patterns import Pattern, pattern_factors
+from glsim.looks.scalp import Scalp, make_scalp
+from glsim.looks.shell import Shell, uncovered
+from glsim.settings.appearance_settings import AppearanceSettings
+from glsim.settings.distribution import DrawKeys
+
+#: Regions of what people wear, in the order of the settings.
+WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
+#: Sources whose people are dressed with wear = "auto": the others are faces of the paper's kind.
+DRESSED_SOURCES: Final = ("people",)
+#: Subjects whose clothes are kept: a batch of frames has few, and one takes about 2 MB.
+_CACHED_SUBJECTS: Final = 8
+#: Points of the skull by which its motion is found.
+_SKULL_POINTS: Final = 96
+
+
+def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
+    """Return the names of the regions of hair, glasses and clothes; [] if nobody is dressed."""
+    if not any(Dresser(source, settings).is_on for source in sources):
+        return []
+    shares = (settings.hair, settings.beard, settings.brows, settings.glasses, settings.cloth)
+    return [name for name, share in zip(WORN_REGIONS, shares, strict=True) if share > 0]
+
+
+@dataclass(eq=False)
+class _Worn:
+    """A thing that a subject wears.
+
+    Much of a head does not move from frame to frame: the same part is delivered then, and is on the
+    GPU already.
+
+    Args:
+        albedo: (N,).
+        occluder: triangles that cast shadows; None for all.
+        last: the skin and the motion that the part was placed on last.
+    """
+
+    region: str
+    binding: Binding
+    faces: NDArray[np.int32]
+    albedo: NDArray[np.float32]
+    occluder: NDArray[np.int32] | None = None
+    last: tuple[Points, Motion, WornPart] | None = None
+
+    def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
+        """Return the part over the (V, 3) vertices of a frame."""
+        skin = vertices_mm[self.binding.used]
+        if self.last is not None:
+            before, moved, part = self.last
+            if np.array_equal(skin, before) and (moved == motion):
+                return part
+        placed = self.binding.place(vertices_mm, motion)
+        mesh = Mesh(placed, self.faces, self.albedo, self.occluder)
+        self.last = skin, motion, WornPart(mesh, self.region)
+        return self.last[2]
+
+
+@dataclass(eq=False)
+class _Wardrobe:
+    """All that a subject wears.
+
+    Args:
+        skull: (K, 3) mm at rest.
+        faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
+        skin: the last albedo of a mesh, and what was made of it.
+    """
+
+    outfit: Outfit
+    worn: list[_Worn]
+    skull: Points
+    faces: NDArray[np.int32]
+    occluder: NDArray[np.int32] | None
+    skin: tuple[object, NDArray[np.float32]] | None = None
+
+
+class Dresser:
+    """Dresses the faces of one source. What depends on no frame is made once per subject."""
+
+    def __init__(self, source: FaceSource, settings: AppearanceSettings) -> None:
+        """Raises ConfigError for wear = "always" on a source that cannot be dressed."""
+        wanted = settings.wear == "always" or (
+            settings.wear == "auto" and source.name in DRESSED_SOURCES
+        )
+        if wanted and not isinstance(source, GeneratedFaces):
+            raise ConfigError(
+                f"{source.name}: its meshes have no known regions, so nobody can be dressed: set "
+                "appearance.wear = 'auto'"
+            )
+        self.is_on = wanted
+        self._source = cast("GeneratedFaces[object]", source)
+        self._settings = settings
+        self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
+
+    def dress(self, face: Face, seeds: DrawKeys) -> Face:
+        """Return the face with what its subject wears; a pure function of face and seeds."""
+        if not self.is_on:
+            return face
+        wardrobe = self._wardrobe(face, seeds)
+        mesh = face.mesh
+        motion = skull_motion(wardrobe.skull, mesh.vertices_mm[self._skull])
+        parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
+        return replace(
+            face,
+            mesh=replace(
+                mesh,
+                faces=wardrobe.faces,
+                albedo=self._skin(wardrobe, mesh),
+                occluder=wardrobe.occluder,
+            ),
+            notes={**face.notes, **wardrobe.outfit.words},
+            parts=(*face.parts, *parts),
+        )
+
+    def drawn(self, face: Face, seeds: DrawKeys) -> dict[str, float]:
+        """Return the numbers of an outfit for the manifest: "appearance.name" -> value."""
+        if not self.is_on:
+            return {}
+        return dict(draw_outfit(self._settings, seeds, face.notes).numbers)
+
+    @cached_property
+    def _reference(self) -> Anatomy:
+        subject = self._source.subjects(1)[0]
+        vertices, faces = self._source.neutral(subject)
+        topology = self._source.topology
+        assert topology.regions is not None
+        return Anatomy(self._source.name, vertices, faces, topology.regions, topology.region_names)
+
+    @cached_property
+    def _skull(self) -> NDArray[np.int64]:
+        """Indices of vertices that move with the skull only: the back of the scalp."""
+        at = self._reference
+        inside = at.above_hairline_mm(at.vertices_mm) > 5
+        # Raised brows move the scalp down to the ears.
+        inside &= at.vertices_mm[:, 2] < at.centre[2] - 25 * at.scale
+        found = np.flatnonzero(inside & at.outside & ~at.body & ~at.is_in("ear"))
+        chosen: NDArray[np.int64] = found[
+            np.linspace(0, len(found) - 1, min(_SKULL_POINTS, len(found))).astype(int)
+        ]
+        return chosen
+
+    @cached_property
+    def _scalp(self) -> Scalp:
+        return make_scalp(self._reference)
+
+    @cached_property
+    def _beard(self) -> BeardGrid:
+        return make_beard_grid(self._reference)
+
+    @cached_property
+    def _brows(self) -> BrowGrid:
+        return make_brow_grid(self._reference)
+
+    @cached_property
+    def _cloth(self) -> ClothGrid | None:
+        return make_cloth_grid(self._reference)
+
+    def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:
+        key = face.key.subject, seeds.subject
+        if key not in self._wardrobes:
+            outfit = draw_outfit(self._settings, seeds, face.notes)
+            self._wardrobes[key] = self._make(face, outfit)
+            while len(self._wardrobes) > _CACHED_SUBJECTS:
+                self._wardrobes.popitem(last=False)
+        self._wardrobes.move_to_end(key)
+        return self._wardrobes[key]
+
+    def _make(self, face: Face, outfit: Outfit) -> _Wardrobe:
+        vertices, _ = self._source.neutral(face.key.subject)
+        own = replace(self._reference, vertices_mm=vertices)
+        rest = skull_motion(vertices[:3], vertices[:3])
+        worn: list[_Worn] = []
+
+        def wear(
+            region: str,
+            binding: Binding,
+            faces: NDArray[np.int32],
+            albedo: float,
+            pattern: Pattern = "plain",
+            occluder: NDArray[np.int32] | None = None,
+            light: float | NDArray[np.float64] = 1.0,
+        ) -> None:
+            if len(faces):
+                points = binding.place(vertices, rest)
+                factors = pattern_factors(pattern, points, outfit.seed + len(worn))
+                values = np.clip(albedo * light * factors, 0.0, 1.0)
+                worn.append(_Worn(region, binding, faces, values.astype(np.float32), occluder))
+
+        if outfit.hair is not None:
+            hair = make_hair(own, self._scalp, vertices, outfit.hair, outfit.seed)
+            wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
+        if outfit.beard is not None:
+            wear(
+                "beard",
+                *make_beard(self._beard, vertices, outfit.beard, outfit.beard_mm, outfit.seed),
+                outfit.hair_albedo,
+            )
+        if outfit.brow_mm:
+            wear(
+                "brow",
+                *make_brows(self._brows, vertices, outfit.brow_mm, outfit.seed),
+                outfit.hair_albedo,
+            )
+        if outfit.glasses is not None:
+            glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
+            wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
+            worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
+        for piece, albedo, pattern in self._clothes(vertices, own.scale, outfit):
+            wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
+        cloth = [
+            thing.binding
+            for thing in worn
+            if thing.region == "cloth" and isinstance(thing.binding, Shell)
+        ]
+        faces, occluder = uncovered(own.faces, own.body, cloth), face.mesh.occluder
+        if occluder is not None:
+            occluder = uncovered(occluder, own.body, cloth)
+        return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
+
+    def _clothes(
+        self, vertices: Points, scale: float, outfit: Outfit
+    ) -> Iterator[tuple[Worn, float, Pattern]]:
+        """Yield the pieces of cloth, each with its albedo and pattern."""
+        if outfit.garment is None or outfit.lower is None or self._cloth is None:
+            return
+        garments = outfit.garment, outfit.lower, SHOES
+        body, tucked = fit_cloth(self._cloth, vertices), outfit.tucked
+        pieces = make_clothes(body, garments, tucked, scale, outfit.seed)
+        albedos = outfit.cloth_albedo, outfit.trousers_albedo, outfit.shoes_albedo
+        patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
+        for piece, albedo, pattern in zip(pieces, albedos, patterns, strict=True):
+            if piece is not None:
+                yield piece, albedo, pattern
+
+    def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
+        """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""
+        if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
+            albedo = (
+                np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
+                if mesh.albedo is None
+                else mesh.albedo.copy()
+            )
+            skin = float(np.median(albedo[self._face_skin])) if self._face_skin.any() else 0.6
+            if self._settings.hair:
+                outfit = wardrobe.outfit
+                albedo[self._scalp_skin] = outfit.hair_albedo if outfit.hair is not None else skin
+            wardrobe.skin = (mesh.albedo, albedo)
+        return wardrobe.skin[1]
+
+    @cached_property
+    def _face_skin(self) -> NDArray[np.bool_]:
+        return self._reference.is_in("skin", "face", "cheek")
+
+    @cached_property
+    def _scalp_skin(self) -> NDArray[np.bool_]:
+        return self._reference.is_in("scalp", "hair")

@@ -1,0 +1,205 @@
+"""Glasses: rims, bridge and temples, fitted to the eyes, the nose and the ears of a subject."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.seeds import keyed_rng
+from glsim.looks.anatomy import Anatomy, Array
+
+_SIDES: Final = 28  # corners of a rim
+#: Distance from the cornea to the back of a lens: opticians fit 12 to 14 mm.
+_VERTEX_MM: Final = 13.0
+#: Frames stay this far off the skin, mm; chosen.
+_CLEARANCE_MM: Final = 1.5
+
+
+@dataclass(frozen=True)
+class GlassesStyle:
+    """One frame; lengths in mm.
+
+    Args:
+        width, height: of a lens.
+        power: 2 round, 5 square.
+    """
+
+    name: str
+    width: float
+    height: float
+    rim: float
+    power: float
+
+
+#: Sizes in the range that opticians sell (lens 44-58 mm, bridge 14-22 mm); rims chosen.
+GLASSES: Final = (
+    GlassesStyle("round, wire", 45, 43, 1.8, 2.0),
+    GlassesStyle("oval, wire", 50, 36, 1.8, 2.2),
+    GlassesStyle("rectangular, thin", 53, 34, 2.5, 3.6),
+    GlassesStyle("rectangular, thick", 53, 38, 4.5, 4.0),
+    GlassesStyle("browline", 51, 41, 3.5, 3.0),
+    GlassesStyle("large, thick", 56, 49, 4.5, 2.8),
+    GlassesStyle("pilot", 57, 48, 1.8, 2.5),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Glasses:
+    """The mesh of a pair of glasses.
+
+    Args:
+        points_mm: (N, 3).
+        faces: (F, 3).
+        is_lens: (N,) whether a vertex belongs to a lens.
+    """
+
+    points_mm: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    is_lens: NDArray[np.bool_]
+
+
+def make_glasses(
+    anatomy: Anatomy, skin_mm: NDArray[np.float32], style: GlassesStyle, lens: str, seed: int
+) -> Glasses:
+    """Fit glasses to a subject.
+
+    Args:
+        skin_mm: (V, 3) reference head.
+        lens: "clear" has no surface, "dark" fills the rims, "glint" is a bright spot in each.
+    """
+    rng = keyed_rng(seed, 0x61A5)
+    scale = anatomy.scale
+    skin = skin_mm[anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear")].astype(np.float64)
+    skin = skin[np.abs(skin[:, 1] - anatomy.eye[1]) < 60 * scale]
+    balls = skin_mm[anatomy.is_in("sclera", "iris", "pupil", "eyes")].astype(np.float64)
+    middle = 0.5 * (balls.min(axis=0) + balls.max(axis=0))
+    apart = float(np.abs(balls[:, 0] - middle[0]).mean())
+    half_width = 0.5 * style.width * min(scale, 1.05)
+    half_height = 0.5 * style.height * min(scale, 1.05)
+    # The middle of a lens is at the pupil or outside of it; rims are 19 mm apart at least.
+    centre_x = max(apart + 1.0, half_width + 9.5)
+    turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    corner = (np.abs(cosine) ** style.power + np.abs(sine) ** style.power) ** (-1 / style.power)
+    flat = np.stack([cosine * corner * half_width, sine * corner * half_height], axis=1)
+    wrap, tilt = np.radians(rng.uniform(3, 8)), np.radians(rng.uniform(4, 10))
+    front = balls[:, 2].max() + _VERTEX_MM
+    height = middle[1] - 2.0
+    outline = np.empty((_SIDES, 3))  # of the left lens; the right one mirrors it
+    outline[:, 0] = centre_x + flat[:, 0]
+    outline[:, 1] = flat[:, 1]
+    outline[:, 2] = -np.tan(wrap) * np.maximum(outline[:, 0] - 10, 0) + np.tan(tilt) * flat[:, 1]
+    place = np.array([middle[0], height, front])
+    both = np.concatenate([outline, outline * (-1, 1, 1)]) + place
+    place[2] += max(_overlap(both, skin) + _CLEARANCE_MM, -5.0)
+    parts: list[tuple[Array, Array]] = []
+    lenses: list[tuple[Array, Array]] = []
+    for side in (1.0, -1.0):
+        ring = outline * (side, 1, 1) + place
+        parts.append(_tube(ring, style.rim, 0.8 * style.rim, closed=True))
+        hinge = ring[np.argmax(side * ring[:, 0] + 0.3 * ring[:, 1])]
+        parts.append(_tube(_temple(anatomy, skin, hinge, side), style.rim + 0.5, 2.2, closed=False))
+        if lens != "clear":
+            lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
+    parts.append(_tube(_bridge(outline, place, skin), style.rim, style.rim, closed=False))
+    every: list[Array] = []
+    triangles: list[Array] = []
+    is_lens: list[NDArray[np.bool_]] = []
+    count = 0
+    for group, flag in ((parts, False), (lenses, True)):
+        for vertices, corners in group:
+            every.append(vertices)
+            triangles.append(corners + count)
+            is_lens.append(np.full(len(vertices), flag))
+            count += len(vertices)
+    return Glasses(
+        np.concatenate(every).astype(np.float32),
+        np.ascontiguousarray(np.concatenate(triangles), np.int32),
+        np.concatenate(is_lens),
+    )
+
+
+def _overlap(points: Array, skin: Array) -> float:
+    """Return by how many mm the skin stands in front of the points, at most."""
+    skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
+    beside = skin[:, None, :2] - points[None, :, :2]
+    ahead = skin[:, None, 2] - points[None, :, 2]
+    near = (beside * beside).sum(axis=2) < 16.0  # within 4 mm, as seen from the front
+    return float(ahead[near].max()) if near.any() else 0.0
+
+
+def _bridge(outline: Array, place: Array, skin: Array) -> Array:
+    """Return (9, 3) points from rim to rim over the nose."""
+    inner = outline[np.argmin(outline[:, 0] - 0.35 * outline[:, 1])]
+    x = np.linspace(-inner[0], inner[0], 9)
+    line = np.stack([x, np.full(9, inner[1]), np.full(9, inner[2])], axis=1) + place
+    arch = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 9))
+    line[:, 1] += 2.0 * arch
+    rise = _overlap(line, skin) + _CLEARANCE_MM
+    line[:, 2] += arch * max(rise, 1.5)
+    return line
+
+
+def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
+    """Return (12, 3) points from the hinge over the ear and down behind it."""
+    ear = anatomy.ears[0 if side > 0 else 1]
+    top = np.array([ear[0], ear[1] + 22 * anatomy.scale, ear[2] + 2.0])
+    share = np.linspace(0, 1, 9)[:, None]
+    line = hinge + share * (top - hinge)
+    tip = top + np.array([[0, -5, -12], [-2 * side, -16, -20], [-4 * side, -30, -24]])
+    line = np.concatenate([line, tip])
+    skin = skin[side * (skin[:, 0] - anatomy.eye[0]) > 20]
+    for point in line[1:]:  # outside of the skin at every place
+        near = np.hypot(skin[:, 1] - point[1], skin[:, 2] - point[2]) < 6.0
+        if near.any():
+            half = float((side * skin[near, 0]).max())
+            point[0] = side * (half + 2.5)
+    line[1:, 0] = np.convolve(np.pad(line[1:, 0], 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
+    return line
+
+
+def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array, Array]:
+    """Return vertices and triangles of a four-sided tube: wide across, deep along the view."""
+    count = len(line)
+    around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
+    along = around if closed else np.asarray(np.gradient(line, axis=0))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    first: Array = np.cross(along, np.array([0.0, 0.0, 1.0]))
+    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # a temple: along the view
+    first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
+    first -= (first * along).sum(axis=1, keepdims=True) * along
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(along, first)
+    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    rings: Array = np.stack(
+        [line + 0.5 * (u * wide * first + v * deep * second) for u, v in corners], axis=1
+    )
+    index = np.arange(count * 4).reshape(count, 4)
+    after = np.roll(index, -1, axis=0) if closed else index[1:]
+    here = index if closed else index[:-1]
+    faces = []
+    for k in range(4):
+        p, q, r, s = here[:, k], here[:, (k + 1) % 4], after[:, (k + 1) % 4], after[:, k]
+        faces += [np.stack([p, q, r], 1), np.stack([p, r, s], 1)]
+    if not closed:
+        for end, flip in ((index[0], True), (index[-1], False)):
+            quad = end[::-1] if flip else end
+            faces += [quad[[0, 1, 2]][None], quad[[0, 2, 3]][None]]
+    return rings.reshape(-1, 3), np.concatenate(faces)
+
+
+def _lens(ring: Array, side: float, share: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return a disc inside a rim, or a spot of a share of its size at a random place."""
+    middle = ring.mean(axis=0)
+    if share < 1:
+        middle = middle + (ring[rng.integers(len(ring))] - middle) * rng.uniform(0.2, 0.6)
+    rim = middle + (ring - ring.mean(axis=0)) * share
+    points = np.concatenate([middle[None] + (0, 0, 0.8 * share), rim])
+    count = len(ring)
+    a = 1 + np.arange(count)
+    b = 1 + (np.arange(count) + 1) % count
+    faces = np.stack([np.zeros(count, int), a, b] if side > 0 else [np.zeros(count, int), b, a], 1)
+    return points, faces

@@ -1,0 +1,225 @@
+"""Draw what a subject wears, from the settings and the subject's seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from glsim.core.seeds import rng_for
+from glsim.looks.beard import BEARDS, BeardStyle
+from glsim.looks.garments import LOWER, UPPER, Garment
+from glsim.looks.glasses import GLASSES, GlassesStyle
+from glsim.looks.patterns import Pattern
+from glsim.looks.styles import STYLES, HairStyle
+from glsim.settings.appearance_settings import AppearanceSettings
+from glsim.settings.distribution import DrawKeys
+
+# Diffuse reflectivity at 860 nm relative to a white wall (0.87 absolute). Melanin absorbs less and
+# less towards the infrared, as the power -3.5 of the wavelength (S. L. Jacques, Phys. Med. Biol.
+# 58, R37, 2013): at 860 nm a fifth of its absorption at 550 nm, but still up to 1400 nm, while dyes
+# of hair absorb nothing beyond 750 nm (J. Cosmet. Sci. 51, 183-192, 2000). So black hair is dark
+# grey and dyed hair as bright as the hair below. Colour, weight, range; ranges between the 0.05 to
+# 0.3 of dark hair in the sensor's notes and skin; weights chosen.
+HAIR_COLOURS: Final = (
+    ("black", 0.42, (0.10, 0.22)),
+    ("brown", 0.32, (0.18, 0.34)),
+    ("blond", 0.12, (0.34, 0.55)),
+    ("grey", 0.11, (0.36, 0.62)),
+    ("red", 0.03, (0.28, 0.45)),
+)
+#: Dyes of cotton, wool and polyester are clear beyond 750 to 800 nm, so that thin cloth of any
+#: colour has the reflectance of undyed fibre there, 0.5 to 0.8; coarse and hairy weaves, denim and
+#: wool, trap light between their yarns; carbon-black pigments stay dark. Share, range; chosen.
+CLOTH_ALBEDO: Final = (
+    (0.48, (0.50, 0.85)),
+    (0.30, (0.25, 0.50)),
+    (0.22, (0.06, 0.22)),
+)
+#: Patterns of the cloth and their shares; chosen. What is woven of two dyes is hardly seen in the
+#: infrared, what is of two fibres is, and prints with carbon black are.
+PATTERNS: Final[tuple[tuple[Pattern, float], ...]] = (
+    ("plain", 0.52),
+    ("mottled", 0.16),
+    ("stripes", 0.12),
+    ("checks", 0.08),
+    ("print", 0.12),
+)
+BEARD_FROM_YEARS: Final = 18.0  # chosen
+#: Rims: black plastic to metal; chosen.
+RIM_ALBEDO: Final = (0.06, 0.55)
+#: Uncoated lenses pass 92 % of 860 nm and reflect the rest in one direction: mostly no depth of
+#: their own. Coatings that are made for visible light and tints return or block more. Shares of
+#: lenses that are seen through, that are a weak surface of their own, and that show a bright spot.
+LENSES: Final = (("clear", 0.5), ("dark", 0.3), ("glint", 0.2))
+LENS_ALBEDO: Final = {"dark": (0.015, 0.05), "glint": (0.9, 1.0)}
+
+
+@dataclass(frozen=True)
+class Outfit:
+    """What a subject wears; None or 0 for nothing.
+
+    Args:
+        words, numbers: for the manifest, by "appearance.name".
+    """
+
+    hair: HairStyle | None = None
+    beard: BeardStyle | None = None
+    beard_mm: float = 0.0
+    brow_mm: float = 0.0
+    hair_albedo: float = 0.0
+    glasses: GlassesStyle | None = None
+    lens: str = "clear"
+    rim_albedo: float = 0.0
+    lens_albedo: float = 0.0
+    garment: Garment | None = None
+    cloth_albedo: float = 0.0
+    pattern: Pattern = "plain"
+    trousers_albedo: float = 0.0
+    tucked: bool = False
+    lower: Garment | None = None
+    shoes_albedo: float = 0.0
+    seed: int = 0
+    words: Mapping[str, str] = field(default_factory=dict)
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+def draw_outfit(
+    settings: AppearanceSettings, seeds: DrawKeys, notes: Mapping[str, object] | None = None
+) -> Outfit:
+    """Draw the outfit of a subject; a pure function of the arguments.
+
+    Each choice has its own generator: switching one thing off changes no other.
+
+    Args:
+        notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where
+            they are known.
+    """
+    age, woman = _person(notes or {})
+    words: dict[str, str] = {}
+    numbers: dict[str, float] = {}
+
+    rng = partial(rng_for, seeds.subject, "appearance")
+
+    def worn(name: str) -> bool:
+        return bool(rng(f"share of {name}").random() < getattr(settings, name))
+
+    def note(name: str, value: float, digits: int) -> float:
+        numbers[f"appearance.{name}"] = round(value, digits)
+        return numbers[f"appearance.{name}"]
+
+    colour = rng("colour")
+    name, _, (low, high) = HAIR_COLOURS[_choose(_colour_weights(age), colour)]
+    hair_albedo = float(colour.uniform(low, high))
+    has_hair = worn("hair")
+    # The share is of all subjects: where the men are known, twice as many of these have a beard.
+    of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
+    bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
+    hair = beard = glasses = garment = lower = None
+    beard_mm = brow_mm = rim_albedo = lens_albedo = cloth_albedo = trousers_albedo = (
+        shoes_albedo
+    ) = 0.0
+    tucked, lens = False, "clear"
+    pattern: Pattern = "plain"
+    if has_hair:
+        draw = rng("hair")
+        weights = _hair_weights(age, woman if woman is not None or not bearded else False)
+        hair = _varied(STYLES[_choose(weights, draw)], draw)
+        words["appearance.hair"] = hair.name
+        note("hair_length_mm", max(hair.hang, hair.lock[1], hair.top), 1)
+    if bearded:
+        draw = rng("beard")
+        beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
+        words["appearance.beard"] = beard.name
+        beard_mm = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
+    if worn("brows"):
+        brow_mm = note("brow_height_mm", float(rng("brows").uniform(0.8, 2.4)), 2)
+    if has_hair or bearded or brow_mm:
+        words["appearance.hair_colour"] = name
+        hair_albedo = note("hair_albedo", hair_albedo, 3)
+    if worn("glasses"):
+        draw = rng("glasses")
+        glasses = GLASSES[int(draw.integers(len(GLASSES)))]
+        lens = LENSES[_choose([share for _, share in LENSES], draw)][0]
+        words |= {"appearance.glasses": glasses.name, "appearance.lenses": lens}
+        rim_albedo = note("rim_albedo", float(draw.uniform(*RIM_ALBEDO)), 3)
+        if lens != "clear":
+            lens_albedo = note("lens_albedo", float(draw.uniform(*LENS_ALBEDO[lens])), 3)
+    if worn("cloth"):
+        draw = rng("cloth")
+        garment = UPPER[_choose(_garment_weights(UPPER, woman), draw)]
+        words["appearance.cloth"] = garment.name
+        cloth_albedo = note("cloth_albedo", _cloth_albedo(draw), 3)
+        trousers_albedo = note("trousers_albedo", _cloth_albedo(draw), 3)
+        shoes_albedo = note("shoes_albedo", _cloth_albedo(draw), 3)
+        lower = LOWER[_choose(_garment_weights(LOWER, woman), draw)]
+        pattern = PATTERNS[_choose([share for _, share in PATTERNS], draw)][0]
+        words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
+        tucked = bool(draw.random() < garment.tucked)
+    return Outfit(
+        hair, beard, beard_mm, brow_mm, hair_albedo, glasses, lens, rim_albedo, lens_albedo,
+        garment, cloth_albedo, pattern, trousers_albedo, tucked, lower, shoes_albedo,
+        int(rng("relief").integers(1 << 31)), words, numbers,
+    )  # fmt: skip
+
+
+def _person(notes: Mapping[str, object]) -> tuple[float, bool | None]:
+    """Return age in years, 35 if unknown, and whether it is a woman, None if unknown."""
+    age, woman = notes.get("age_years"), notes.get("woman")
+    return (
+        float(age) if isinstance(age, int | float) else 35.0,
+        woman if isinstance(woman, bool) else None,
+    )
+
+
+def _colour_weights(age: float) -> list[float]:
+    """Weights of HAIR_COLOURS: grey is rare below 35 years and frequent beyond 60; chosen."""
+    grey = float(np.interp(age, (25, 35, 60, 75), (0.02, 0.5, 5.0, 30.0)))
+    return [w * (grey if name == "grey" else 1.0) for name, w, _ in HAIR_COLOURS]
+
+
+def _hair_weights(age: float, woman: bool | None) -> list[float]:
+    """Weights of STYLES; of people of unknown sex the mean of women and men."""
+    share = 0.5 if woman is None else float(woman)
+    weights = [share * s.women + (1 - share) * s.men for s in STYLES]
+    bald = [bool(s.bald or s.recede) for s in STYLES]
+    old = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0)))
+    can_be_bald = old * (0.1 if woman else 1.0)
+    return [w * (can_be_bald if b else 1.0) for w, b in zip(weights, bald, strict=True)]
+
+
+def _garment_weights(garments: Sequence[Garment], woman: bool | None) -> list[float]:
+    """Weights of garments; of people of unknown sex the mean of women and men."""
+    share = 0.5 if woman is None else float(woman)
+    return [share * garment.women + (1 - share) * garment.men for garment in garments]
+
+
+def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
+    share = np.cumsum(weights) / np.sum(weights)
+    return int(np.searchsorted(share, rng.random(), side="right"))
+
+
+def _cloth_albedo(rng: np.random.Generator) -> float:
+    _, span = CLOTH_ALBEDO[_choose([share for share, _ in CLOTH_ALBEDO], rng)]
+    return float(rng.uniform(*span))
+
+
+def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
+    """Return a subject's own version of a style: volume, length, and the side of the parting."""
+    volume, length = rng.uniform(0.8, 1.25), rng.uniform(0.8, 1.2)
+    return replace(
+        style,
+        top=style.top * volume,
+        side=style.side * volume,
+        back=style.back * volume,
+        lock=(style.lock[0] * length, style.lock[1] * length),
+        hang=style.hang * length,
+        fringe=style.fringe * rng.uniform(0.85, 1.15),
+        relief=style.relief * rng.uniform(0.8, 1.25),
+        wave=style.wave * rng.uniform(0.7, 1.3),
+        recede=style.recede * rng.uniform(0.7, 1.3),
+        parting=style.parting * (1.0 if rng.random() < 0.5 else -1.0) + rng.normal(0, 4),
+    )

@@ -1,0 +1,163 @@
+"""Choose the furniture of a room and place it: along the walls, on the walls, and free-standing.
+
+Nothing is placed on the way from the camera to the person, so that nothing stands in front of the
+face. Room axes: millimetres, origin on the floor below the face, +y up; the back wall is at -z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from glsim.looks.room.furniture import catalogue, choose, coat, curtain, make_thing
+from glsim.looks.room.shapes import Shape, bounds_mm, moved, rod
+from glsim.looks.room.shell import Opening, Wall
+
+Rng = np.random.Generator
+#: Left, right and top of what stands at a wall, mm.
+Span = tuple[float, float, float]
+
+
+@dataclass
+class FloorPlan:
+    """The floor of a room: its extent and what is taken.
+
+    Args:
+        extent: (left, back, right, front), mm.
+        discs: (x, z, radius) of the way from the camera to the person and of other people.
+        areas: (x0, z0, x1, z1) of the furniture.
+    """
+
+    extent: tuple[float, float, float, float]
+    discs: list[tuple[float, float, float]] = field(default_factory=list)
+    areas: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+    def take(self, shapes: Sequence[Shape], gap_mm: float = 20.0) -> bool:
+        """Take the area of some shapes in room axes; False if it is not free."""
+        low, high = bounds_mm(shapes)
+        a = low[0] - gap_mm, low[2] - gap_mm, high[0] + gap_mm, high[2] + gap_mm
+        left, back, right, front = self.extent
+        if low[0] < left or low[2] < back or high[0] > right or high[2] > front:
+            return False
+        if any(a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for b in self.areas):
+            return False
+        for x, z, radius in self.discs:
+            dx = max(a[0] - x, 0.0, x - a[2])
+            dz = max(a[1] - z, 0.0, z - a[3])
+            if dx * dx + dz * dz < radius * radius:
+                return False
+        self.areas.append((float(a[0]), float(a[1]), float(a[2]), float(a[3])))
+        return True
+
+    def take_disc(self, x: float, z: float, radius: float) -> bool:
+        """Take a disc; False if it is not free."""
+        left, back, right, front = self.extent
+        if not (left + radius < x < right - radius and back + radius < z < front - radius):
+            return False
+        if any((x - u) ** 2 + (z - v) ** 2 < (radius + r) ** 2 for u, v, r in self.discs):
+            return False
+        self.discs.append((x, z, radius))
+        return True
+
+
+def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
+    """Return what stands along a wall and hangs on it, in room axes."""
+    shapes: list[Shape] = []
+    spans: list[Span] = []
+    x, choices = rng.uniform(20, 500), catalogue()["rooms"][kind]["wall"]
+    while choices and x < wall.length - 300:
+        if rng.random() > 0.25 + 0.75 * clutter:
+            x += rng.uniform(500, 1200)
+            continue
+        name = choose(rng, choices)
+        thing = make_thing(rng, name, clutter)
+        low, high = bounds_mm(thing)
+        right = x + high[0] - low[0]
+        blocking = [o for o in wall.openings if _blocks(o, x, right, float(high[1]))]
+        if blocking:
+            x = max(o.right for o in blocking) + rng.uniform(100, 250)
+            continue
+        if right > wall.length - 20:
+            break
+        placed = wall.placed(moved(thing, x - low[0], z=rng.uniform(18, 40) - low[2]))
+        if plan.take(placed):
+            shapes += placed
+            spans.append((x, right, float(high[1])))
+            if name == "desk" and rng.random() < 0.7:
+                away = float(high[2] - low[2]) + rng.uniform(250, 420)
+                chair, turn = make_thing(rng, "office armchair"), 180 + rng.uniform(-50, 50)
+                chair = wall.placed(moved(chair, (x + right) / 2, z=away, turn_deg=turn))
+                shapes += chair if plan.take(chair, 0.0) else []
+        x = right + rng.choice([rng.uniform(0, 60), rng.uniform(200, 900)])
+    for opening in wall.openings:
+        if opening.kind == "window":
+            shapes += _at_window(rng, wall, opening, plan, spans)
+    return shapes + (_on_wall(rng, wall, spans, clutter) if choices else [])
+
+
+def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
+    """Whether a thing from ``left`` to ``right`` stands before a door or hides a window."""
+    margin = 120 if opening.kind == "door" else 20
+    apart = right < opening.left - margin or left > opening.right + margin
+    return not apart and (opening.kind == "door" or top > opening.low + 150)
+
+
+def _at_window(
+    rng: Rng, wall: Wall, window: Opening, plan: FloorPlan, spans: Sequence[Span]
+) -> list[Shape]:
+    """A radiator below a window where nothing stands, and curtains beside it."""
+    shapes: list[Shape] = []
+    middle, width = (window.left + window.right) / 2, window.right - window.left
+    clear = all(right < window.left - 150 or left > window.right + 150 for left, right, _ in spans)
+    if clear and rng.random() < 0.7:
+        radiator = wall.placed(moved(make_thing(rng, "radiator"), middle, 130.0))
+        shapes += radiator if plan.take(radiator, 0.0) else []
+    if rng.random() < 0.6:
+        top, cloth = window.high + rng.uniform(60, 140), rng.uniform(280, 480)
+        bottom = 25.0 if clear and rng.random() < 0.6 else window.low - 120
+        start, end = ((middle + side * (width / 2 + cloth), top + 15, 90) for side in (-1, 1))
+        shapes += wall.placed([rod(start, end, 13, 0.6)])
+        for side in (-1, 1):
+            at = middle + side * (width / 2 + 0.15 * cloth)
+            if cloth / 2 < at < wall.length - cloth / 2:
+                shapes += wall.placed(moved(curtain(rng, cloth, top, bottom), at))
+    return shapes
+
+
+def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> list[Shape]:
+    """Pictures and coats where the wall is free."""
+    shapes: list[Shape] = []
+    taken = [(o.left - 90, o.right + 90) for o in wall.openings]
+    for _ in range(round(rng.uniform(0.5, 1.5) * clutter * wall.length / 1400)):
+        hook = rng.random() < 0.2
+        thing = coat(rng) if hook else make_thing(rng, "picture")
+        low, high = bounds_mm(thing)
+        x = rng.uniform(100, wall.length - 100)
+        y = 1700.0 if hook else rng.uniform(1450, 1650) - high[1] / 2
+        left, right, bottom = x + low[0] - 40, x + high[0] + 40, y + low[1]
+        if left < 0 or right > wall.length:
+            continue
+        under = [top for a, b, top in spans if a < right and left < b]
+        if any(a < right and left < b for a, b in taken) or max(under, default=0) > bottom - 60:
+            continue
+        taken.append((left, right))
+        shapes += wall.placed(moved(thing, x, y))
+    return shapes
+
+
+def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Shape]:
+    """Return what stands in the room away from its walls, in room axes."""
+    shapes: list[Shape] = []
+    left, back, right, front = plan.extent
+    choices = catalogue()["rooms"][kind]["free"]
+    for _ in range(round(7 * clutter) if choices else 0):
+        thing = make_thing(rng, choose(rng, choices), clutter)
+        for _ in range(10):
+            x, z = rng.uniform(left + 250, right - 250), rng.uniform(back + 250, min(front, 400))
+            placed = moved(thing, x, z=z, turn_deg=rng.uniform(-180, 180))
+            if plan.take(placed):
+                shapes += placed
+                break
+    return shapes

@@ -1,0 +1,115 @@
+"""Other people in a room: bodies of the same source whose subjects are not in the data set."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import SensorRig
+from glsim.core.seeds import pcg_rng, stable_seed
+from glsim.faces.base import Face, FaceKey, FaceSource
+from glsim.faces.variation import vary
+from glsim.looks.dress import Dresser
+from glsim.looks.room.body import body_of
+from glsim.looks.room.scenery import Prop, Scenery, standing_prop
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import Settings
+
+#: Other people of a source; rooms draw from them. A room of a thousand shows each in 30.
+STRANGERS = 32
+#: Sequences of a stranger that are tried until one stands.
+_TRIES = 6
+#: Their meshes, cut to the view, that are kept.
+_KEPT = 24
+
+
+class OtherPeople:
+    """Loads the people who stand behind, and places them."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        sources: Sequence[FaceSource],
+        dressers: Sequence[Dresser],
+        rig: SensorRig,
+    ) -> None:
+        """dressers: one per source."""
+        self._settings, self._sources, self._rig = settings, sources, rig
+        self._dressers = dressers
+        self._most = round(settings.scene.people.bounds()[1])
+        if settings.scene.room == "none":
+            self._most = 0
+        self._faces: dict[tuple[int, int], tuple[Face, float] | None] = {}
+        self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
+
+    def load(self, source: int, seeds: DrawKeys) -> None:
+        """Load the people of a frame's room; called where the source may be used.
+
+        Args:
+            source: position of the frame's source in the settings.
+            seeds: of the frame.
+        """
+        if self._most == 0 or not self._settings.source[source].endless:
+            return
+        for number in self._numbers(seeds, self._most):
+            if (source, number) not in self._faces:
+                self._faces[source, number] = self._standing(source, number)
+
+    def props(self, source: int, seeds: DrawKeys, scenery: Scenery) -> list[Prop]:
+        """Return the people on the places of a scenery, the same arrays in every frame of it."""
+        found: list[Prop] = []
+        numbers = self._numbers(seeds, len(scenery.places))
+        for number, place in zip(numbers, scenery.places, strict=True):
+            key = source, number, place.tobytes()
+            if key not in self._props:
+                self._props[key] = self._place(source, number, place)
+                if len(self._props) > _KEPT:
+                    self._props.popitem(last=False)
+            self._props.move_to_end(key)
+            found += self._props[key]
+        return found
+
+    def _numbers(self, seeds: DrawKeys, count: int) -> list[int]:
+        """Numbers of the strangers in a room, all different."""
+        rng = pcg_rng("other people", getattr(seeds, self._settings.scene.per))
+        order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
+        return order
+
+    def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
+        """Draw a standing person; return it and the height (y, mm) of the floor.
+
+        None if the source has heads alone.
+        """
+        settings = self._settings.source[source]
+        known = settings.subjects or 0
+        name = self._sources[source].subjects(known + STRANGERS)[known + number]
+        for key in self._first_frames(source, name):
+            for face in self._sources[source].load([key]):
+                body = body_of(face) if isinstance(face, Face) else None
+                if isinstance(face, Face) and body is not None and not face.notes.get("sitting"):
+                    words = "other people", self._settings.seed, source, name
+                    seeds = DrawKeys(*(stable_seed(*words, scope) for scope in DrawKeys._fields))
+                    varied = vary(face, self._settings.variation, seeds)
+                    return self._dressers[source].dress(varied, seeds), body.floor_mm
+                if body is None:
+                    return None
+        return None
+
+    def _first_frames(self, source: int, name: str) -> list[FaceKey]:
+        """One frame of each of the first sequences of a subject."""
+        firsts: dict[str, FaceKey] = {}
+        for key in self._sources[source].frames(name, 40 * _TRIES):
+            firsts.setdefault(key.sequence, key)
+        return list(firsts.values())[:_TRIES]
+
+    def _place(self, source: int, number: int, place: NDArray[np.float32]) -> list[Prop]:
+        loaded = self._faces.get((source, number))
+        if loaded is None:
+            return []
+        face, floor_mm = loaded
+        meshes = [face.mesh, *(part.mesh for part in face.parts)]
+        props = [standing_prop(mesh, floor_mm, place, self._rig) for mesh in meshes]
+        return [prop for prop in props if prop is not None]

@@ -1,0 +1,156 @@
+"""Build a room around a person: shell, furniture, places for other people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from glsim.core.seeds import pcg_rng
+from glsim.looks.room.furniture import draw_albedo, make_seat
+from glsim.looks.room.layout import FloorPlan, furnish_wall, stand_free
+from glsim.looks.room.shapes import Shape, moved, turned
+from glsim.looks.room.shell import Wall, build_level, build_wall, draw_openings
+
+Rng = np.random.Generator
+
+#: Radius of the free floor around a person, mm: elbows of an adult are 0.5 m apart (DIN 33402), and
+#: arms move.
+PERSON_RADIUS_MM = 480.0
+#: Half the width of the free way at the camera, mm, chosen: the camera's case and its stand.
+_CAMERA_RADIUS_MM = 250.0
+#: Between the way and a wall, mm. Chosen.
+_WALL_GAP_MM = 120.0
+
+
+@dataclass(frozen=True)
+class RoomNumbers:
+    """All numbers that determine a room. Room axes: mm, origin on the floor below the face.
+
+    Args:
+        behind_mm: from the face to the back wall.
+        turn_deg: the room's turn about the vertical axis.
+        camera_mm: (x, z) of the camera before that turn.
+        reach_mm: (left, right) of the person's place and how far it reaches to the back.
+        clutter: 0 to 1.
+        people: other people behind.
+        seat_mm: height of the person's seat above the floor and z of its back; None for a person
+            who stands.
+    """
+
+    kind: str
+    seed: int
+    behind_mm: float
+    width_mm: float
+    height_mm: float
+    turn_deg: float
+    clutter: float
+    people: int
+    seat_mm: tuple[float, float] | None
+    camera_mm: tuple[float, float]
+    reach_mm: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """The shapes of a room, and (x, z, turn) of further people, mm and degrees.
+
+    Axes: mm, origin on the floor below the face, +z towards the camera, not turned.
+    """
+
+    shapes: tuple[Shape, ...]
+    people: tuple[tuple[float, float, float], ...]
+
+
+def build_room(numbers: RoomNumbers) -> Room:
+    """Build a room; a pure function of its numbers."""
+    n = numbers
+    way = _way(n)
+    left, back, right, front = _extent(n, way)
+    walls = _walls(n, left, back, right, front)
+    paint = draw_albedo(_rng(n, "paint"), "wall paint")
+    shapes: list[Shape] = []
+    for wall in walls:
+        shapes += build_wall(_rng(n, "shell", wall.name), wall, n.height_mm, paint)
+    corners = [(left, back), (left, front), (right, front), (right, back)]
+    rng = _rng(n, "levels")
+    ground = "carpet" if rng.random() < 0.3 else "floor"
+    shapes.append(build_level(corners, 0.0, draw_albedo(rng, ground)))
+    shapes.append(build_level(corners, n.height_mm, draw_albedo(rng, "ceiling paint")))
+    plan = FloorPlan((left, back, right, front), [*way])
+    people = _places(n, plan)
+    for wall in walls:
+        shapes += furnish_wall(_rng(n, "wall", wall.name), n.kind, wall, plan, n.clutter)
+    shapes += stand_free(_rng(n, "free"), n.kind, plan, n.clutter)
+    if n.seat_mm is not None:
+        seat = make_seat(_rng(n, "seat"), n.kind, n.seat_mm)
+        shapes += moved(seat, turn_deg=-n.turn_deg)  # it faces the camera
+    world = moved(shapes, turn_deg=n.turn_deg)
+    return Room(tuple(world), tuple(_turned_place(p, n.turn_deg) for p in people))
+
+
+def _rng(numbers: RoomNumbers, *words: str) -> Rng:
+    return pcg_rng("room", numbers.seed, *words)
+
+
+def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
+    """Discs, in the turned room, from the camera to behind the person's farthest place."""
+    left, right, back = n.reach_mm
+    camera = np.array([n.camera_mm[0], 0.0, n.camera_mm[1]])
+    person = np.array([(left + right) / 2, 0.0, -back])
+    radius = PERSON_RADIUS_MM + (right - left) / 2
+    steps = np.linspace(0, 1, 24)[:, None]
+    points = turned(camera + steps * (person - camera), -n.turn_deg)
+    # The full width from the nearest place of the person on; towards the camera it narrows.
+    share = np.clip(steps[:, 0] * 1.3, 0, 1)
+    radii = _CAMERA_RADIUS_MM + share * (radius - _CAMERA_RADIUS_MM)
+    return [(float(p[0]), float(p[2]), float(r)) for p, r in zip(points, radii, strict=True)]
+
+
+def _extent(
+    n: RoomNumbers, way: Sequence[tuple[float, float, float]]
+) -> tuple[float, float, float, float]:
+    """(left, back, right, front) walls of the convex room, which holds all of ``way``."""
+    share = _rng(n, "extent").uniform(0.3, 0.7)
+    left = min(-share * n.width_mm, *(x - r - _WALL_GAP_MM for x, _, r in way))
+    right = max((1 - share) * n.width_mm, *(x + r + _WALL_GAP_MM for x, _, r in way))
+    back = min(-n.behind_mm, *(z - r for _, z, r in way))
+    front = max(z + r for _, z, r in way) + 600.0
+    return left, back, right, front
+
+
+def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float) -> list[Wall]:
+    places = (
+        ("back", (left, back), 0.0, right - left),
+        ("left", (left, front), 90.0, front - back),
+        ("right", (right, back), -90.0, front - back),
+    )
+    walls = []
+    for name, start, turn, length in places:
+        rng = _rng(n, "openings", name)
+        doors, windows = int(rng.random() < 0.45), int(rng.choice([0, 1, 1, 2]))
+        if n.kind == "empty":
+            doors, windows = int(name == "left"), int(name == "right")
+        openings = draw_openings(rng, length, n.height_mm, doors, windows)
+        walls.append(Wall(name, start, turn, length, tuple(openings)))
+    return walls
+
+
+def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]:
+    """Places of other people in room axes: 1 to 3 m behind and beside, inside the room."""
+    rng, found = _rng(n, "people"), []
+    for _ in range(n.people):
+        for _ in range(30):
+            angle, far = rng.uniform(-1.1, 1.1), rng.uniform(1000, 3000)
+            x, z = far * np.sin(angle), -far * np.cos(angle)
+            at = turned(np.array([[x, 0.0, z]]), -n.turn_deg)[0]
+            if plan.take_disc(float(at[0]), float(at[2]), 350.0):
+                found.append((float(at[0]), float(at[2]), float(rng.uniform(-70, 70))))
+                break
+    return found
+
+
+def _turned_place(place: tuple[float, float, float], turn: float) -> tuple[float, float, float]:
+    at = turned(np.array([[place[0], 0.0, place[1]]]), turn)[0]
+    return float(at[0]), float(at[2]), place[2] + turn

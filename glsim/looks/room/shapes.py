@@ -1,0 +1,200 @@
+"""Shapes that rooms are made of: boxes with rounded edges, turned bodies, rods, sheets, plates.
+
+Axes as in the canonical face frame: millimetres, +x to the right in the image, +y up, +z towards
+the camera. All triangles are counter-clockwise seen from outside.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from glsim.core.products import norm, product
+
+Points = NDArray[np.float64]
+Triangles = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh of one albedo and one region.
+
+    Args:
+        vertices_mm: (V, 3) float64.
+        faces: (F, 3) int32.
+        albedo: relative to a white wall, at 860 nm.
+        region: name in the layer of regions.
+    """
+
+    vertices_mm: Points
+    faces: Triangles
+    albedo: float = 0.8
+    region: str = "furniture"
+
+    def moved(
+        self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
+    ) -> Shape:
+        """Return the shape turned about the vertical axis (+z towards +x), then moved, mm."""
+        return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
+
+    def leaned(self, degrees: float) -> Shape:
+        """Return the shape rotated about the x axis: its top goes back, towards -z."""
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        x, y, z = self.vertices_mm.T
+        return replace(self, vertices_mm=np.stack([x, c * y + s * z, c * z - s * y], axis=1))
+
+
+def turned(points_mm: Points, degrees: float) -> Points:
+    """Rotate (N, 3) points about the vertical axis; positive angles turn +z towards +x."""
+    if degrees == 0.0:
+        return points_mm
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.asarray(product(points_mm, np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])))
+
+
+def moved(
+    shapes: Iterable[Shape], x: float = 0.0, y: float = 0.0, z: float = 0.0, turn_deg: float = 0.0
+) -> list[Shape]:
+    """Turn and move several shapes as one."""
+    return [shape.moved(x, y, z, turn_deg=turn_deg) for shape in shapes]
+
+
+def bounds_mm(shapes: Iterable[Shape]) -> tuple[Points, Points]:
+    """Return the lower and the upper corner of the bounding box, (3,) each."""
+    boxes = [(s.vertices_mm.min(axis=0), s.vertices_mm.max(axis=0)) for s in shapes]
+    return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def joined(shapes: Sequence[Shape]) -> Shape:
+    """Join shapes into one, with albedo and region of the first."""
+    starts = np.cumsum([0, *(len(s.vertices_mm) for s in shapes)])
+    faces = [shape.faces + start for shape, start in zip(shapes, starts, strict=False)]
+    vertices = np.concatenate([shape.vertices_mm for shape in shapes])
+    return replace(shapes[0], vertices_mm=vertices, faces=np.concatenate(faces).astype(np.int32))
+
+
+def mirrored(shape: Shape, axis: int) -> Shape:
+    """Mirror a shape along axis 0, 1 or 2."""
+    vertices = shape.vertices_mm.copy()
+    vertices[:, axis] *= -1
+    return replace(shape, vertices_mm=vertices, faces=shape.faces[:, ::-1])
+
+
+def box(
+    size_mm: ArrayLike,
+    at_mm: ArrayLike = (0.0, 0.0, 0.0),
+    albedo: float = 0.8,
+    *,
+    edge_mm: float = 0.0,
+    cells: int = 3,
+    plump_mm: float = 0.0,
+    region: str = "furniture",
+) -> Shape:
+    """A box that stands on ``at_mm``, the centre of its lower side.
+
+    Args:
+        edge_mm: radius of its edges.
+        cells: divisions of each side, odd; 3 bevels an edge in two steps.
+        plump_mm: how far the middles of the sides bulge, for cushions (cells >= 5).
+    """
+    half = np.asarray(size_mm, np.float64) / 2
+    radius = min(edge_mm, 0.98 * float(half.min()))
+    directions, faces = _cube(cells if radius > 0 else 1)
+    points = np.sign(directions) * half
+    if radius > 0:
+        round_part = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        points = np.sign(directions) * (half - radius) + radius * round_part
+    if plump_mm:
+        side = np.abs(directions) > 0.99
+        bulge = np.prod(np.where(side, 1.0, np.cos(directions * np.pi / 2)), axis=1)
+        bulge[side.sum(axis=1) > 1] = 0.0  # edges stay
+        points = points + np.where(side, np.sign(directions), 0) * plump_mm * bulge[:, None]
+    points = points + np.asarray(at_mm, np.float64) + (0, half[1], 0)
+    return Shape(points, faces, albedo, region)
+
+
+@lru_cache(maxsize=8)
+def _cube(cells: int) -> tuple[Points, Triangles]:
+    """Vertices on the surface of the cube [-1, 1]^3 with ``cells`` x ``cells`` quads per side."""
+    steps = np.linspace(-1, 1, cells + 1)
+    u, v = (a.ravel() for a in np.meshgrid(steps, steps, indexing="ij"))
+    sides = [
+        np.roll(np.stack([np.full(len(u), sign), u, sign * v], axis=1), axis, axis=1)
+        for axis in range(3)
+        for sign in (1.0, -1.0)
+    ]
+    faces = np.concatenate([_grid(cells + 1, cells + 1) + n * len(u) for n in range(6)])
+    unique, index = np.unique(np.round(np.concatenate(sides), 9), axis=0, return_inverse=True)
+    return unique, index.reshape(-1)[faces].astype(np.int32)
+
+
+def _grid(rows: int, columns: int) -> Triangles:
+    """Triangles of a grid of vertices; its normal is (row direction) x (column direction)."""
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
+
+
+def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 12) -> Shape:
+    """A body of revolution about the y axis.
+
+    Args:
+        profile_mm: (radius, height) from the bottom to the top; the radius is 0 where it is closed.
+    """
+    radius, height = np.asarray(profile_mm, np.float64).T
+    angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
+    columns = np.outer(radius, np.sin(angle)), height[:, None], np.outer(radius, np.cos(angle))
+    points = np.stack(np.broadcast_arrays(*columns), axis=-1).reshape(-1, 3)
+    return Shape(points, _turned_faces(tuple(radius), segments), albedo)
+
+
+@lru_cache(maxsize=64)
+def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
+    """Triangles of a body of revolution; a row of radius 0 is one point."""
+    index = np.arange(len(radius) * segments, dtype=np.int32).reshape(len(radius), segments)
+    index[np.array(radius) == 0] = index[np.array(radius) == 0, :1]
+    ring = np.concatenate([index, index[:, :1]], axis=1).ravel()
+    faces = ring[_grid(len(radius), segments + 1)[:, ::-1]]
+    a, b, c = faces.T
+    return np.ascontiguousarray(faces[(a != b) & (b != c) & (c != a)], np.int32)
+
+
+def rod(
+    start_mm: ArrayLike,
+    end_mm: ArrayLike,
+    radius_mm: float,
+    albedo: float = 0.8,
+    *,
+    end_radius_mm: float | None = None,
+    sides: int = 8,
+) -> Shape:
+    """A round rod between two points, closed at both ends; four ``sides`` make a square one."""
+    start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
+    length = norm(end - start)
+    last = radius_mm if end_radius_mm is None else end_radius_mm
+    profile = [(0, 0), (radius_mm, 0), (last, length), (0, length)]
+    body = turned_body(profile, albedo, segments=sides)
+    up = (end - start) / length
+    side = np.cross(up, (0.0, 0.0, 1.0) if abs(up[2]) < 0.9 else (1.0, 0.0, 0.0))
+    side /= norm(side)
+    axes = np.stack([side, up, np.cross(side, up)])
+    half_side = turned(body.vertices_mm, 180.0 / sides)
+    return replace(body, vertices_mm=product(half_side, axes) + start)
+
+
+def sheet(points_mm: Points, albedo: float = 0.8) -> Shape:
+    """A sheet through a grid of points, (rows, columns, 3); seen from both sides."""
+    front = _grid(*points_mm.shape[:2])
+    return Shape(points_mm.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]), albedo)
+
+
+def plate(corners_mm: ArrayLike, albedo: float = 0.8, *, region: str = "furniture") -> Shape:
+    """A flat piece with (N, 3) convex corners, counter-clockwise seen from its front."""
+    points = np.asarray(corners_mm, np.float64)
+    fan = np.array([[0, n, n + 1] for n in range(1, len(points) - 1)], np.int32)
+    return Shape(points, fan, albedo, region)

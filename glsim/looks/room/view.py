@@ -1,0 +1,192 @@
+"""What a camera can see of a room: cut to its view, without the triangles that face away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.bounds import FieldOfView
+from glsim.core.camera import SensorRig
+from glsim.core.mesh import Mesh
+from glsim.core.pose import pose_matrix
+from glsim.core.products import product
+from glsim.looks.room.shapes import Shape
+
+Points = NDArray[np.float64]
+
+#: What stands beside the view by less than this, in tangents, is kept, because it may cast a shadow
+#: into it: the emitters of the shipped sensors are up to 75 mm beside the lens.
+_BESIDE = 0.16
+#: Nothing is drawn nearer than this, metres: the emitter's z-buffer starts there.
+_NEAREST_M = 0.3
+
+
+def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
+    """Turn a thing's view matrix for a camera that looks up by ``tilt_deg``.
+
+    Args:
+        view: (4, 4), its mm to camera m. It keeps its place in the image; its upright axis turns.
+    """
+    if tilt_deg == 0.0:
+        return view
+    c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[c, s], [-s, c]]
+    matrix = view.astype(np.float64)
+    matrix[:3, :3] = product(turn[:3, :3], matrix[:3, :3])
+    return matrix.astype(np.float32)
+
+
+def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float) -> Points:
+    """Return the camera's place (3,) in room axes: mm, origin on the floor below the face.
+
+    Args:
+        face_camera_mm: the face in camera axes (x right, y down, z forward), eye_mm above the
+            floor.
+    """
+    to_room = _rotation(tilt_deg).T
+    place: Points = np.array([0.0, eye_mm, 0.0]) - product(
+        to_room, np.asarray(face_camera_mm, np.float64)
+    )
+    return place
+
+
+#: The camera looks up or down by at most this, degrees (chosen: a stand tilts that far).
+_MAX_TILT_DEG = 40.0
+
+
+def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
+    """Return the tilt that lifts a face to ``above_mm`` above the camera, within +-40 degrees.
+
+    Args:
+        face_camera_mm: its place in camera axes (x right, y down, z forward).
+    """
+    _, y, z = face_camera_mm
+    sine = float(np.clip(above_mm / np.hypot(y, z), -1, 1))
+    tilt = float(np.degrees(np.arcsin(sine) + np.arctan2(y, z)))
+    return 0.0 if abs(tilt) < 1e-9 else float(np.clip(tilt, -_MAX_TILT_DEG, _MAX_TILT_DEG))
+
+
+def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
+    """(4, 4) matrix, room mm to camera m."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = _rotation(tilt_deg) / 1000.0
+    matrix[:3, 3] = -product(matrix[:3, :3], camera_mm)
+    return matrix
+
+
+def _rotation(tilt_deg: float) -> Points:
+    """Room axes (y up, z towards the camera) to camera axes (y down, z forward)."""
+    facing = tilted(pose_matrix({}) * np.float32(1000.0), tilt_deg)
+    return np.asarray(np.round(facing[:3, :3].astype(np.float64), 7))
+
+
+def visible_mesh(
+    shapes: Sequence[Shape], view: NDArray[np.float64], rig: SensorRig, factor: float = 1.0
+) -> Mesh | None:
+    """Return the part of some shapes that a rig can see, or None if there is none.
+
+    The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``.
+
+    Args:
+        view: (4, 4), the shapes' mm to camera m.
+        factor: of all albedos, cut at 1.
+    """
+    points = np.concatenate([s.vertices_mm[s.faces] for s in shapes])
+    albedo = np.concatenate([np.full(len(s.faces), min(1.0, factor * s.albedo)) for s in shapes])
+    triangles = product(points, view[:3, :3].T) + view[:3, 3]
+    keep = _towards(triangles, rig)
+    triangles, albedo = triangles[keep], albedo[keep]
+    for plane in _view_planes(FieldOfView.of(rig)):
+        triangles, albedo = _cut(triangles, albedo, plane)
+    if len(triangles) == 0:
+        return None
+    corners = triangles.reshape(-1, 3) * (1000.0, -1000.0, -1000.0)
+    rows = np.column_stack([corners, np.repeat(albedo, 3)]).astype(np.float32)
+    unique, index = np.unique(rows, axis=0, return_inverse=True)
+    faces = index.reshape(-1, 3).astype(np.int32)
+    a, b, c = faces.T
+    faces = np.ascontiguousarray(faces[(a != b) & (b != c) & (c != a)])
+    if len(faces) == 0:
+        return None
+    return Mesh(np.ascontiguousarray(unique[:, :3]), faces, np.ascontiguousarray(unique[:, 3]))
+
+
+def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh | None:
+    """Return a mesh without the triangles that face away or lie out of view; None if none is left.
+
+    Triangles at the border stay whole. All arrays are new.
+
+    Args:
+        view: (4, 4), its mm to camera m.
+    """
+    points = product(mesh.vertices_mm, view[:3, :3].T) + view[:3, 3]
+    triangles = points[mesh.faces].astype(np.float64)
+    keep = _towards(triangles, rig)
+    for normal, offset in _view_planes(FieldOfView.of(rig)):
+        keep &= (product(triangles, normal) >= offset).any(axis=1)
+    if not keep.any() or float(triangles[keep][..., 2].min()) < _NEAREST_M:
+        return None
+    used, index = np.unique(mesh.faces[keep], return_inverse=True)
+    albedo = None if mesh.albedo is None else mesh.albedo[used]
+    return Mesh(mesh.vertices_mm[used], index.reshape(-1, 3).astype(np.int32), albedo)
+
+
+def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
+    """Mark the (T, 3, 3) triangles, camera m, whose front the camera or an emitter can see."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    towards = np.zeros(len(triangles), bool)
+    for eye in ((0.0, 0.0, 0.0), *(e.position_m for e in rig.emitters)):
+        towards |= np.einsum("ij,ij->i", normal, triangles[:, 0] - np.asarray(eye)) < 0
+    real = np.linalg.norm(normal, axis=1) > 1e-9  # m^2: a square of 0.03 mm
+    return np.asarray(towards & real)
+
+
+def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
+    """(normal, offset) of the planes that bound the view; inside is normal . p >= offset."""
+    left, right = sight.columns.min() - _BESIDE, sight.columns.max() + _BESIDE
+    top, bottom = sight.rows.min() - _BESIDE, sight.rows.max() + _BESIDE
+    return [
+        (np.array([0.0, 0.0, 1.0]), _NEAREST_M),
+        (np.array([1.0, 0.0, -left]), 0.0),
+        (np.array([-1.0, 0.0, right]), 0.0),
+        (np.array([0.0, 1.0, -top]), 0.0),
+        (np.array([0.0, -1.0, bottom]), 0.0),
+        (np.array([0.0, 0.0, -1.0]), -sight.rig.far_m),
+    ]
+
+
+def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tuple[Points, Points]:
+    """Cut (T, 3, 3) triangles at a plane; returns those inside, and (T,) albedos."""
+    normal, offset = plane
+    side = product(triangles, normal) - offset
+    inside = side >= 0
+    count = inside.sum(axis=1)
+    kept, values = [triangles[count == 3]], [albedo[count == 3]]
+    for corners in (1, 2):
+        some = count == corners
+        if not some.any():
+            continue
+        odd = np.argmax(inside[some] if corners == 1 else ~inside[some], axis=1)
+        order = (odd[:, None] + np.arange(3)) % 3  # the corner that is alone comes first
+        p = np.take_along_axis(triangles[some], order[..., None], axis=1)
+        d = np.take_along_axis(side[some], order, axis=1)
+        # From the inner to the outer corner, so that neighbours cut their edge at the same point.
+        ends = [_crossing(p[:, 0], d[:, 0], p[:, n], d[:, n], corners == 1) for n in (1, 2)]
+        if corners == 1:
+            kept.append(np.stack([p[:, 0], ends[0], ends[1]], axis=1))
+        else:
+            kept.append(np.stack([ends[0], p[:, 1], p[:, 2]], axis=1))
+            kept.append(np.stack([ends[0], p[:, 2], ends[1]], axis=1))
+        values += [albedo[some]] * corners
+    return np.concatenate(kept), np.concatenate(values)
+
+
+def _crossing(a: Points, da: Points, b: Points, db: Points, a_is_inside: bool) -> Points:
+    """The points (T, 3) where the edges a-b cross the plane, from the signed distances."""
+    if not a_is_inside:
+        a, da, b, db = b, db, a, da
+    share = (da / (da - db))[:, None]
+    return np.asarray(a + share * (b - a))

@@ -1,0 +1,205 @@
+"""Grids over skin: triangles of a source, divided where they are large, and cut along lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.mesh import vertex_normals
+from glsim.looks.anatomy import Array, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """Points on a mesh: corners (N, 3) vertex indices and their weights (N, 3) float32."""
+
+    corners: NDArray[np.int64]
+    weights: NDArray[np.float32]
+
+    def place(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return where the points lie on another mesh of the same source: (N, 3) float32."""
+        weights, corners = self.weights, self.corners
+        points = weights[:, :1] * vertices_mm[corners[:, 0]]
+        points += weights[:, 1:2] * vertices_mm[corners[:, 1]]
+        points += weights[:, 2:] * vertices_mm[corners[:, 2]]
+        return points
+
+    def taken(self, chosen: NDArray[np.int64]) -> Anchors:
+        """Return the anchors of some points."""
+        return Anchors(self.corners[chosen], self.weights[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """Points between two points of a grid.
+
+    Args:
+        first, second: (M,) indices.
+        share: (M,) 0 at the first and 1 at the second.
+    """
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    share: Array
+
+    def of(self, values: Array) -> Array:
+        """Return (M, ...) interpolated values of the (N, ...) values of the grid."""
+        share = self.share.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((1 - share) * values[self.first] + share * values[self.second])
+
+
+@dataclass(frozen=True, eq=False)
+class SkinGrid:
+    """A part of a source's triangles, divided where they are large.
+
+    Args:
+        base: (B,) vertices of the source that are used.
+        triangles: (T, 3) of them, for the normals.
+        anchors: (N, 3) corners, as indices into ``base``.
+        faces: (F, 3) of the N points.
+    """
+
+    base: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    anchors: Anchors
+    faces: NDArray[np.int64]
+
+    def taken(self, keep: Mask) -> tuple[SkinGrid, NDArray[np.int64]]:
+        """Return the grid of the faces (F,) that are kept, and the points that it has left."""
+        used, inverse = np.unique(self.faces[keep], return_inverse=True)
+        corners = self.anchors.corners[used]
+        near = np.zeros(len(self.base), bool)
+        near[corners] = True
+        touched = self.triangles[near[self.triangles].any(axis=1)]
+        base = np.unique(np.concatenate([touched.ravel(), corners.ravel()]))
+        number = np.zeros(len(self.base), np.int64)
+        number[base] = np.arange(len(base))
+        anchors = Anchors(number[corners], self.anchors.weights[used])
+        return SkinGrid(self.base[base], number[touched], anchors, inverse.reshape(-1, 3)), used
+
+    def clipped(self, inside: Array) -> tuple[SkinGrid, Blend]:
+        """Cut the grid along the line where a value crosses zero.
+
+        Args:
+            inside: (N,) of the points; what is above 0 stays.
+
+        Returns:
+            The grid that is left, and how its points lie between the points of this one.
+        """
+        kept = inside[self.faces] > 0
+        whole = self.faces[kept.all(axis=1)]
+        cut = self.faces[kept.any(axis=1) & ~kept.all(axis=1)]
+        stays = inside[cut] > 0
+        one = stays.sum(axis=1) == 1
+        # The corner that is alone on its side comes first; the order round the triangle stays.
+        alone = np.where(one, stays.argmax(axis=1), (~stays).argmax(axis=1))
+        a, b, c = (np.take_along_axis(cut, (alone[:, None] + k) % 3, 1)[:, 0] for k in range(3))
+        edges = np.concatenate([np.stack([a, b], 1), np.stack([a, c], 1)])
+        ends = np.sort(edges, axis=1)
+        lines, number = np.unique(ends, axis=0, return_inverse=True)
+        ab, ac = len(self.anchors.corners) + number.reshape(2, -1)
+        tip = np.stack([a, ab, ac], 1)[one]
+        rest = np.concatenate([np.stack([ab, b, c], 1)[~one], np.stack([ab, c, ac], 1)[~one]])
+        low, high = inside[lines[:, 0]], inside[lines[:, 1]]
+        every = np.arange(len(self.anchors.corners))
+        first, second = (np.concatenate([every, lines[:, k]]) for k in range(2))
+        share = np.concatenate([np.zeros(len(every)), low / (low - high)])
+        blend = Blend(first, second, share)
+        grown = SkinGrid(
+            self.base,
+            self.triangles,
+            _blended_anchors(self.anchors, blend),
+            np.concatenate([whole, tip, rest]),
+        )
+        left, used = grown.taken(np.ones(len(grown.faces), bool))
+        return left, Blend(first[used], second[used], share[used])
+
+
+def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: float) -> SkinGrid:
+    """Return the grid of the chosen triangles, whose edges are halved while they are too long.
+
+    Args:
+        faces: (T, 3) of the source.
+        chosen: (T,).
+        points: (V, 3) mm of its reference head.
+        edge_mm: no edge is longer.
+    """
+    base, inverse = np.unique(faces[chosen], return_inverse=True)
+    triangles = inverse.reshape(-1, 3).astype(np.int64)
+    corners = np.repeat(np.arange(len(base))[:, None], 3, axis=1)
+    weights = np.zeros((len(base), 3), np.float32)
+    weights[:, 0] = 1.0
+    anchors, divided = Anchors(corners, weights), triangles
+    places: Array = points[base].astype(np.float64)
+    while True:
+        sides = np.sort(divided[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 3, 2), axis=2)
+        long = np.linalg.norm(places[sides[..., 0]] - places[sides[..., 1]], axis=2) > edge_mm
+        if not long.any():
+            return SkinGrid(base.astype(np.int64), triangles, anchors, divided)
+        edges, number = np.unique(sides[long], axis=0, return_inverse=True)
+        middle = np.full(long.shape, -1)
+        middle[long] = len(places) + number.reshape(-1)
+        divided = _split(divided, middle)
+        every = np.arange(len(places))
+        blend = Blend(
+            np.concatenate([every, edges[:, 0]]),
+            np.concatenate([every, edges[:, 1]]),
+            np.concatenate([np.zeros(len(every)), np.full(len(edges), 0.5)]),
+        )
+        anchors, places = _blended_anchors(anchors, blend), blend.of(places)
+
+
+def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Divide triangles at the middles of their sides; neighbours stay joined.
+
+    Args:
+        faces: (F, 3).
+        middle: (F, 3) point on the sides from corner 0 to 1, 1 to 2 and 2 to 0, or -1.
+    """
+    count = (middle >= 0).sum(axis=1)
+    # One divided side comes first, one undivided side too; the order round the triangle stays.
+    first = np.where(count == 1, (middle >= 0).argmax(axis=1), (middle < 0).argmax(axis=1))
+    turn = (np.where((count == 1) | (count == 2), first, 0)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(faces, turn, 1).T
+    ab, bc, ca = np.take_along_axis(middle, turn, 1).T
+    parts = {
+        0: ((a, b, c),),
+        1: ((a, ab, c), (ab, b, c)),
+        2: ((c, ca, bc), (a, b, bc), (a, bc, ca)),
+        3: ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)),
+    }
+    return np.concatenate(
+        [np.stack(part, 1)[count == n] for n, pieces in parts.items() for part in pieces]
+    )
+
+
+def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
+    """Return the anchors of points between two points of one triangle of the source."""
+    corners = np.concatenate([anchors.corners[blend.first], anchors.corners[blend.second]], axis=1)
+    share = blend.share.astype(np.float32)[:, None]
+    weights = np.concatenate(
+        [anchors.weights[blend.first] * (1 - share), anchors.weights[blend.second] * share], axis=1
+    )
+    order = np.argsort(corners, axis=1, kind="stable")
+    corners = np.take_along_axis(corners, order, 1)
+    weights = np.take_along_axis(weights, order, 1)
+    for k in range(5):  # the weights of a corner that comes again are carried to its last place
+        same = corners[:, k] == corners[:, k + 1]
+        weights[:, k + 1] += np.where(same, weights[:, k], 0)
+        weights[same, k] = 0
+    heaviest = np.argsort(-weights, axis=1, kind="stable")[:, :3]
+    return Anchors(
+        np.take_along_axis(corners, heaviest, 1), np.take_along_axis(weights, heaviest, 1)
+    )
+
+
+def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (N, 3) unit normals at the points of a grid.
+
+    Args:
+        skin_mm: (B, 3) of its base.
+    """
+    normal = grid.anchors.place(vertex_normals(skin_mm, grid.triangles))  # type: ignore[arg-type]
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.float64)

@@ -1,0 +1,137 @@
+"""Assemble the delivered Frame from a chain's layers: crop, mask, reasons, normalisation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
+from glsim.settings.schema import OutputSettings
+from glsim.simulation.frame import Frame, Landmarks
+
+#: Whether each reason code goes with a depth, by code.
+_HAS_DEPTH = np.array([Reason(r).has_depth for r in sorted(Reason)])
+
+
+def assemble_frame(
+    layers: Mapping[str, NDArray[np.float32]],
+    window: Rect,
+    crop: Rect,
+    image: Intrinsics,
+    output: OutputSettings,
+    extra: Sequence[str] = (),
+    **identity: Any,
+) -> Frame:
+    """Cut the crop, reconcile the reasons with the depths, and apply the output settings.
+
+    layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally expected
+        (metres), infrared (counts) and region (numbers).
+    window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
+    extra: names of layers to copy to ``Frame.extra``. identity: the other fields of Frame.
+    Raises ConfigError if a stage wrote NaN or infinity.
+    """
+    visible = window.intersection(crop)
+    inside = Rect(
+        visible.left - window.left, visible.top - window.top, visible.width, visible.height
+    ).slices
+    clean, noisy = layers["clean"][inside], layers["depth"][inside]
+    for name in ("depth", "reason", "infrared", "infrared_right", "expected"):
+        if name in layers and not np.isfinite(layers[name][inside]).all():
+            bad = int((~np.isfinite(layers[name][inside])).sum())
+            raise ConfigError(
+                f"the noise stages left NaN or infinity in {bad} pixels of the {name}"
+            )
+    noisy = np.maximum(noisy, np.float32(0.0))
+    reason = reconcile_reasons(clean, noisy, layers["reason"][inside])
+    if output.clean_mask == "as-noisy":
+        clean = np.where(noisy > 0, clean, np.float32(0.0))
+    expected = layers.get("expected")
+    if expected is not None:
+        expected = _where_clean(expected[inside], clean, output)
+    offset_mm = 0.0
+    if output.nearest_to_mm is not None and (clean > 0).any():
+        offset_mm = 1000.0 * offset_to_nearest(clean, 0.0) - output.nearest_to_mm
+        clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
+        expected = None if expected is None else _shifted(expected, offset_mm, output)
+    infrared, region = layers.get("infrared"), layers.get("region")
+    right = layers.get("infrared_right")
+    return Frame(
+        intrinsics=image.cropped(*crop),
+        window=visible._replace(left=visible.left - crop.left, top=visible.top - crop.top),
+        clean_m=clean,
+        noisy_m=noisy,
+        infrared_counts=np.zeros_like(clean) if infrared is None else infrared[inside],
+        infrared_right_counts=None if right is None else right[inside],
+        reason_codes=reason,
+        region_codes=None if region is None else region[inside].astype(np.uint8),
+        expected_m=expected,
+        depth_unit_mm=output.depth_unit_mm,
+        depth_offset_mm=offset_mm,
+        normal=layers["normal"][inside][..., :3] if "normal" in layers else None,
+        extra={name: _cut(layers[name], window, inside) for name in extra if name in layers},
+        **identity,
+    )
+
+
+def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
+    """Return landmarks at (68, 3) camera-frame metres with their pixels in a frame.
+
+    One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
+    surface, which changes by less within a pixel unless it is seen edge on. Chosen.
+    """
+    image = frame.intrinsics
+    pixels = image.project(points_m)
+    column, row = np.floor(pixels - (frame.window.left, frame.window.top)).astype(np.int64).T
+    height, width = frame.clean_m.shape
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    clean = frame.clean_m[row.clip(0, height - 1), column.clip(0, width - 1)]
+    depth = points_m[:, 2] - frame.depth_offset_mm / 1000.0
+    return Landmarks(points_m, pixels, inside & (clean > 0) & (np.abs(clean - depth) < 0.005))
+
+
+def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
+    """Cut a layer of ``window``; one of a finer grid on that grid."""
+    factor = max(layer.shape[1] // window.width, 1)
+    rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
+    return layer[rows, columns]
+
+
+def reconcile_reasons(
+    clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32], reason: NDArray[np.float32]
+) -> NDArray[np.uint8]:
+    """Return uint8 Reason codes that agree with the depth, also where a stage set no reason.
+
+    Args:
+        clean_m, noisy_m: metres, 0 = none.
+        reason: codes. All of one shape, which is returned.
+    """
+    codes = np.rint(reason).astype(np.uint8)
+    codes[codes >= len(_HAS_DEPTH)] = Reason.DROPPED
+    expects_depth, has_depth = _HAS_DEPTH[codes], noisy_m > 0
+    codes[~has_depth & expects_depth & (clean_m > 0)] = Reason.DROPPED
+    codes[~has_depth & expects_depth & (clean_m <= 0)] = Reason.NO_SURFACE
+    codes[has_depth & ~expects_depth] = Reason.VALID
+    codes[has_depth & (codes == Reason.VALID) & (clean_m <= 0)] = Reason.GROWN
+    return codes
+
+
+def _where_clean(
+    expected_m: NDArray[np.float32], clean_m: NDArray[np.float32], output: OutputSettings
+) -> NDArray[np.float32]:
+    """Return ``expected_m`` where clean has depth, at least one unit there, and 0 elsewhere."""
+    least_m = np.float32(output.depth_unit_mm / 1000.0)
+    return np.where(clean_m > 0, np.maximum(expected_m, least_m), np.float32(0.0))
+
+
+def _shifted(
+    depth_m: NDArray[np.float32], offset_mm: float, output: OutputSettings
+) -> NDArray[np.float32]:
+    """Subtract ``offset_mm`` from depths in metres; a pixel with depth keeps at least one unit."""
+    return subtract_offset(depth_m, offset_mm / 1000.0, output.depth_unit_mm / 1000.0)

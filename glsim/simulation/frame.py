@@ -1,0 +1,235 @@
+"""A simulated frame, and the encoding of depth as 16-bit integers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import Intrinsics
+from glsim.core.errors import ConfigError, DepthRangeError, did_you_mean
+from glsim.core.normal_codes import encode_normals
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
+from glsim.faces.base import FaceKey
+
+_T = TypeVar("_T", bound=np.generic)
+
+#: The largest value of a 16-bit file.
+_UINT16_MAX = 65535
+
+#: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
+LAYERS = ("clean", "noisy", "infrared", "reason")
+#: The images that can be written to files; regions (uint8) and expected (uint16) are drawn on
+#: request only, and so are normals (uint16, three channels) and, of stereo cameras, the second
+#: infrared image (uint16).
+WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right")
+
+
+def encode_depth(
+    depth_m: NDArray[np.floating], unit_mm: float = 1.0, option: str = "--depth-unit-mm"
+) -> NDArray[np.uint16]:
+    """Round depth in metres to uint16 units; 0 stays 0, and nothing else becomes 0.
+
+    Raises DepthRangeError if a depth exceeds 65535 units; it names ``option``.
+    """
+    units = np.rint(depth_m * np.float32(1000.0 / unit_mm))
+    if units.max(initial=0.0) > _UINT16_MAX:
+        raise DepthRangeError(
+            f"a depth of {units.max() * unit_mm:.0f} mm does not fit 16 bits in units of "
+            f"{unit_mm} mm: choose a larger {option}"
+        )
+    np.maximum(units, 1.0, out=units, where=depth_m > 0)
+    encoded: NDArray[np.uint16] = units.astype(np.uint16)
+    return encoded
+
+
+def decode_depth(units: NDArray[np.uint16], unit_mm: float = 1.0) -> NDArray[np.float32]:
+    """Invert ``encode_depth``: float32 metres, 0 = no return."""
+    return units.astype(np.float32) * np.float32(unit_mm / 1000.0)
+
+
+def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
+    """Convert a depth file's units to float32 millimetres and add ``offset_mm``; 0 stays 0."""
+    depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
+    if offset_mm:
+        np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
+    return depth_mm
+
+
+def _encode_counts(counts: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Round infrared counts to uint16."""
+    encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, _UINT16_MAX).astype(np.uint16)
+    return encoded
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """The 68 landmarks of a face in the order of Multi-PIE (and iBUG), in the delivered frame.
+
+    Attributes:
+        points_m: (68, 3) float64, camera frame, metres.
+        pixels: (68, 2) float64, x and y in glsim's convention (first centre at 0.5), also outside
+            the image.
+        visible: (68,) whether the clean depth at the pixel is that of the point.
+    """
+
+    points_m: NDArray[np.float64]
+    pixels: NDArray[np.float64]
+    visible: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A clean and a noisy depth map of one face, and the parameters that made them.
+
+    The fields hold the window of the image that is not empty; the properties ``clean``, ``noisy``,
+    ``infrared``, ``reason``, ``regions`` and ``expected`` paste it into the frame, (height, width)
+    of ``intrinsics``.
+
+    key: subject, sequence and frame number. source: the name of the face source.
+    seed: the frame's 64-bit seed.
+    intrinsics: the pinhole camera of the delivered frame, crop included.
+    window: the place of the arrays below in the delivered frame; all are (h, w) of it.
+    clean_m, noisy_m: float32 metres along the optical axis, 0 = no surface or no return.
+    expected_m: float32 metres, what the sensor says of the surfaces without noise, blur, edges and
+        fixed pattern: clean plus the device's systematic error; > 0 where clean is. None if not
+        requested.
+    normal: (h, w, 3) float32 unit normals of the meshes, camera frame; None if not requested.
+    head_to_camera: (4, 4) float64, from the canonical head frame (x the subject's left, y up, z out
+        of the face), metres, to the camera frame, metres; None if there is no head.
+    landmarks: the 68 points of the face; None if not requested or not known.
+    infrared_counts: float32, in counts of the 16-bit image.
+    infrared_right_counts: the same of a stereo camera's second imager; None if not requested.
+    reason_codes: uint8 codes of glsim.core.reason.Reason.
+    region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
+    region_numbers: part of the face -> its number.
+    extra: further float32 layers of the stages, by name.
+    depth_unit_mm: millimetres per step of ``clean``, ``expected`` and ``noisy``.
+    depth_offset_mm: millimetres subtracted from every depth (0 unless normalised).
+    pose: distance_mm, yaw_deg, ... as drawn, plus the motion of generated heads.
+    expression: action unit or blend shape -> intensity in [0, 1].
+    parameters: "stage.parameter" -> drawn value; constants are left out.
+    notes: further JSON values about the face, from its source.
+    """
+
+    key: FaceKey
+    source: str
+    seed: int
+    intrinsics: Intrinsics
+    window: Rect
+    clean_m: NDArray[np.float32]
+    noisy_m: NDArray[np.float32]
+    infrared_counts: NDArray[np.float32]
+    reason_codes: NDArray[np.uint8]
+    region_codes: NDArray[np.uint8] | None = None
+    expected_m: NDArray[np.float32] | None = None
+    normal: NDArray[np.float32] | None = None
+    infrared_right_counts: NDArray[np.float32] | None = None
+    head_to_camera: NDArray[np.float64] | None = None
+    landmarks: Landmarks | None = None
+    region_numbers: Mapping[str, int] = field(default_factory=dict)
+    extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    depth_unit_mm: float = 1.0
+    depth_offset_mm: float = 0.0
+    pose: Mapping[str, float] = field(default_factory=dict)
+    expression: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    notes: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def clean(self) -> NDArray[np.uint16]:
+        """Clean depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no surface."""
+        return self._paste(encode_depth(self.clean_m, self.depth_unit_mm))
+
+    @property
+    def noisy(self) -> NDArray[np.uint16]:
+        """Noisy depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no return."""
+        return self._paste(encode_depth(self.noisy_m, self.depth_unit_mm))
+
+    @property
+    def expected(self) -> NDArray[np.uint16]:
+        """Depth with the device's systematic error alone, (H, W) uint16 like ``clean``.
+
+        Raises ConfigError if it was not requested.
+        """
+        if self.expected_m is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer 'expected'")
+        return self._paste(encode_depth(self.expected_m, self.depth_unit_mm))
+
+    @property
+    def infrared(self) -> NDArray[np.uint16]:
+        """Infrared image, (H, W) uint16 counts."""
+        return self._paste(_encode_counts(self.infrared_counts))
+
+    @property
+    def infrared_right(self) -> NDArray[np.uint16]:
+        """Infrared image of a stereo camera's second imager, (H, W) uint16 counts.
+
+        Raises ConfigError if it was not requested.
+        """
+        if self.infrared_right_counts is None:
+            raise ConfigError(
+                f"{self.source}: this frame was made without the layer 'infrared_right'"
+            )
+        return self._paste(_encode_counts(self.infrared_right_counts))
+
+    @property
+    def reason(self) -> NDArray[np.uint8]:
+        """Why each pixel has or lacks a depth, (H, W) uint8 codes of glsim.core.reason.Reason."""
+        return self._paste(self.reason_codes, fill=int(Reason.NO_SURFACE))
+
+    @property
+    def regions(self) -> NDArray[np.uint8]:
+        """Parts of the face, (H, W) uint8, 0 = none. Raises ConfigError if they were not drawn."""
+        if self.region_codes is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer 'regions'")
+        return self._paste(self.region_codes)
+
+    @property
+    def normals(self) -> NDArray[np.uint16]:
+        """Normals of the surface, (H, W, 3) uint16, see ``glsim.core.normal_codes``.
+
+        Raises ConfigError if they were not requested.
+        """
+        if self.normal is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer 'normals'")
+        return self._paste(encode_normals(self.normal, self.clean_m > 0))
+
+    @property
+    def seen_regions(self) -> dict[str, int]:
+        """Parts of the face that at least one pixel shows, name -> number."""
+        seen = np.unique(self.regions)
+        return {name: number for name, number in self.region_numbers.items() if number in seen}
+
+    def image(self, layer: str) -> NDArray[np.uint16] | NDArray[np.uint8]:
+        """Return an image of WRITABLE by its name. Raises ConfigError for another name."""
+        if layer not in WRITABLE:
+            raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, WRITABLE)}")
+        image: NDArray[np.uint16] | NDArray[np.uint8] = getattr(self, layer)
+        return image
+
+    def _paste(self, part: NDArray[_T], fill: int = 0) -> NDArray[_T]:
+        shape: tuple[int, ...] = (self.intrinsics.height, self.intrinsics.width)
+        if part.shape[:2] == shape:
+            return part
+        shape = (*shape, *part.shape[2:])
+        full = np.zeros(shape, part.dtype) if fill == 0 else np.full(shape, fill, part.dtype)
+        full[self.window.slices] = part
+        return full
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A frame that could not be made.
+
+    Attributes:
+        why: the reason, one line.
+    """
+
+    key: FaceKey
+    source: str
+    why: str

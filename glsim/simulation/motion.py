@@ -1,0 +1,169 @@
+"""Draw frames of scenes that move while they are exposed.
+
+true scene, at the frame's instant ------------------------> clean, normal, region
+scene of each capture --light stages--> light, added up ---> taps of the true scene's chain
+scene of each band of rows --copied--> layers of a rolled frame, on which the chain runs
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.bounds import union
+from glsim.core.camera import SensorRig
+from glsim.core.errors import ConfigError
+from glsim.core.exposure import SubExposure
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
+from glsim.gl.targets import Readback, Target
+from glsim.noise.chain import ShaderChain
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.stage import StageValues
+from glsim.render.renderer import Rendered, Renderer
+from glsim.render.sub_frames import LIGHT_LAYERS, SubFrames
+from glsim.simulation.scenes import FrameScene
+
+#: Layers of the true scene that are delivered instead of a rolled frame's.
+_TRUE_LAYERS = ("clean", "normal", "region")
+
+
+def exposure_parts(rig: SensorRig, chain: ShaderChain, sensor: str) -> tuple[SubExposure, ...]:
+    """Return the parts of a rig's exposure. Raises ConfigError if frames cannot be made of them.
+
+    Args:
+        rig: of the sensor.
+        chain: of its stages.
+        sensor: its name, for messages.
+    """
+    parts = rig.exposure.parts()
+    if not parts:
+        raise ConfigError(
+            f"motion.within_exposure: the sensor {sensor!r} does not say when its frame is "
+            "exposed: set rig.exposure.read_out_ms (rolling shutter), or take azure-kinect"
+        )
+    if parts[0].capture is not None and not chain.has_light:
+        raise ConfigError(
+            f"rig.exposure.captures: the sensor {sensor!r} has no stage tof_light whose light "
+            "captures could measure: leave captures out"
+        )
+    return parts
+
+
+class MovingFrames:
+    """Draws frames from the scenes of the parts of their exposure."""
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        chain: ShaderChain,
+        sub_frames: SubFrames,
+        parts: tuple[SubExposure, ...],
+    ) -> None:
+        """Take the renderer and the chain of one sensor, and the parts of its exposure."""
+        self._renderer, self._chain, self._sub_frames = renderer, chain, sub_frames
+        self.parts = parts
+
+    @property
+    def rolls(self) -> bool:
+        """Whether the parts are bands of rows."""
+        return self.parts[0].rows is not None
+
+    def draw(
+        self,
+        still: FrameScene,
+        scenes: Sequence[FrameScene],
+        reach_px: int,
+        frame_of: Callable[[Rendered], FrameContext],
+        values: StageValues,
+        readback: Readback,
+    ) -> FrameContext:
+        """Draw a frame, queue its readback, and return what the stages knew of it.
+
+        Args:
+            still: the scene at the frame's instant.
+            scenes: those of the parts.
+            reach_px: how far around the crop stages read.
+            frame_of: describes a rendered frame to the stages.
+            values: parameters of the stages.
+            readback: takes the layers.
+        """
+        renderer = self._renderer
+        window = union([renderer.window(s.meshes, s.crop, reach_px) for s in (still, *scenes)])
+        drawing = renderer.render(still.meshes, still.crop, still.labels, reach_px, window)
+        with drawing as true, renderer.everywhere(window) as everywhere:
+            # The scene moves beyond its silhouette at the frame's instant, and perhaps nearer.
+            true = replace(true, silhouette=everywhere, nearest_m=renderer.rig.near_m)
+            frame = frame_of(true)
+            with true.pool.scope() as held:
+                if self.rolls:
+                    self._roll(true, scenes, frame, values, readback, held)
+                else:
+                    light = self._light(true, scenes, frame, values, held)
+                    self._chain.run(true, frame, values, readback, light=light)
+        return frame
+
+    def _roll(
+        self,
+        true: Rendered,
+        scenes: Sequence[FrameScene],
+        frame: FrameContext,
+        values: StageValues,
+        readback: Readback,
+        held: list[Target],
+    ) -> None:
+        """Run the chain on the layers of all bands; deliver the true scene beside the noise."""
+        window = true.window
+        layers = self._sub_frames.rows(
+            self.parts, lambda k: self._render(scenes[k], window), window, frame.height
+        )
+        held += layers.values()
+        truth = {name: true.layers[name] for name in _TRUE_LAYERS if name in true.layers}
+        self._chain.run(replace(true, layers=layers), frame, values, readback, truth=truth)
+
+    def _light(
+        self,
+        true: Rendered,
+        scenes: Sequence[FrameScene],
+        frame: FrameContext,
+        values: StageValues,
+        held: list[Target],
+    ) -> dict[str, Target]:
+        """Return the light that the captures of the moving scene measure together."""
+        sums: list[Target] = []
+        for part, scene in zip(self.parts, scenes, strict=True):
+            with (
+                self._render(scene, true.window) as sub,
+                self._chain.light(sub, frame, values) as light,
+            ):
+                if not sums:
+                    sums = [sub.pool.take(light[n].layer, true.window) for n in LIGHT_LAYERS]
+                    held += sums
+                    buffer = sub.pool.framebuffer(sums)
+                    buffer.use()
+                    buffer.clear(viewport=true.window)
+                self._sub_frames.add_capture(sub.pool, part, light, sums)
+        return dict(zip(LIGHT_LAYERS, sums, strict=True))
+
+    def _render(self, scene: FrameScene, window: Rect) -> AbstractContextManager[Rendered]:
+        """Render the scene of a part in the window of the frame."""
+        return self._renderer.render(scene.meshes, scene.crop, window=window)
+
+
+def settle_reasons(layers: dict[str, NDArray[np.float32]]) -> None:
+    """Make the reasons of a rolled frame fit the true scene's clean depth, in place.
+
+    Args:
+        layers: (h, w) clean and depth, metres, and reason.
+    """
+    surface, depth = layers["clean"] > 0, layers["depth"] > 0
+    reason = layers["reason"].copy()
+    reason[depth & ~surface] = Reason.GROWN
+    reason[depth & surface & (reason == Reason.GROWN)] = Reason.VALID
+    # Where the surface was elsewhere when its row was exposed.
+    reason[~depth & surface & (reason == Reason.NO_SURFACE)] = Reason.DROPPED
+    layers["reason"] = reason

@@ -1,0 +1,383 @@
+"""Turn settings into frames: the file to read first.
+
+simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
+    FrameScenes.load     -> faces (meshes in canonical axes, mm), varied and dressed, in batches
+    FrameScenes.build    -> the scene: face, pose, room, other people, and the delivered crop
+    draw_values          -> stage parameters, drawn from the task's seeds
+    MovingFrames.draw    -> instead of the next two lines, if the scene moves in the exposure
+    Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
+    ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
+    Readback.arrays      -> the same as float32 arrays
+    run_array_stages     -> depth and reason after the Python stages
+    assemble_frame       -> Frame, in the order of the tasks (or Skipped for a bad face)
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from glsim.core.errors import ConfigError, MeshError
+from glsim.core.seeds import stable_seed
+from glsim.faces import open_source
+from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.gl.context import borrowed_context, is_software, make_current
+from glsim.gl.targets import Readback
+from glsim.noise.array_chain import array_reach_px, run_array_stages
+from glsim.noise.chain import ShaderChain
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.layer_names import INFRARED_RIGHT
+from glsim.noise.registry import find_stage, shader_stage
+from glsim.noise.stage import ENABLED, draw_values
+from glsim.render.region_pass import REGION
+from glsim.render.renderer import NORMAL, Rendered
+from glsim.sensors.sensor import Sensor, StageChange, sensor_of
+from glsim.settings.schema import Settings, with_assignments
+from glsim.simulation.assembly import assemble_frame, seen_landmarks
+from glsim.simulation.face_batches import load_ahead
+from glsim.simulation.frame import LAYERS, Frame, Skipped
+from glsim.simulation.motion import MovingFrames, exposure_parts, settle_reasons
+from glsim.simulation.plan.tasks import Task, make_tasks
+from glsim.simulation.render_cache import RenderCache
+from glsim.simulation.scenes import FrameScene, unusable
+
+#: Frames in flight between drawing and readback. A GPU draws asynchronously and needs a few; the
+#: software rasteriser draws at once, where more frames only add delay.
+_RING_ON_GPU = 4
+
+
+@dataclass(eq=False)
+class _InFlight:
+    """A frame between drawing and readback.
+
+    Attributes:
+        drawn: the drawn values of the stages.
+        rolled: whether rows were exposed one after the other while the scene moved.
+    """
+
+    readback: Readback
+    task: Task
+    scene: FrameScene
+    frame: FrameContext
+    values: dict[str, dict[str, float]]
+    drawn: dict[str, float]
+    rolled: bool = False
+
+
+def simulate(
+    settings: Settings,
+    tasks: Iterable[Task] | None = None,
+    *,
+    sources: Sequence[FaceSource] | None = None,
+    backend: str | None = None,
+    context: moderngl.Context | None = None,
+    layers: Collection[str] = LAYERS,
+    extra_layers: Sequence[str] = (),
+) -> Iterator[Frame | Skipped]:
+    """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
+
+    A face that cannot be rendered becomes a Skipped.
+
+    Args:
+        sources: the open face sources, any FaceSource (default: those of ``settings.source``).
+        backend: "egl" or "osmesa".
+        context: draws the frames; by default one of this thread is used.
+        layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads
+            it; "regions", the parts of the face, and "expected" are drawn on request only.
+        extra_layers: layers of the stages to copy to ``Frame.extra``.
+
+    Raises:
+        ConfigError, ShaderError, DeviceError: the settings or this machine cannot make frames.
+        MeshError: a face cannot be rendered, and ``settings.strict`` is set.
+    """
+    opened = list(sources) if sources is not None else open_sources(settings)
+    planned = make_tasks(settings, opened) if tasks is None else tasks
+    with nullcontext(context) if context is not None else borrowed_context(backend) as drawn_in:
+        yield from Simulator(settings, opened, drawn_in, extra_layers, layers).frames(planned)
+
+
+def frames(
+    settings: Settings,
+    tasks: Iterable[Task] | None = None,
+    *,
+    sources: Sequence[FaceSource] | None = None,
+    backend: str | None = None,
+    context: moderngl.Context | None = None,
+    layers: Collection[str] = LAYERS,
+    extra_layers: Sequence[str] = (),
+) -> Iterator[Frame]:
+    """Make the frames of ``tasks`` as ``simulate`` does, with the same arguments and bytes.
+
+    Raises:
+        MeshError: a face cannot be rendered, whatever ``settings.strict`` says.
+        ConfigError, ShaderError, DeviceError: as ``simulate``.
+    """
+    strict = settings.model_copy(update={"strict": True})
+    made = simulate(
+        strict,
+        tasks,
+        sources=sources,
+        backend=backend,
+        context=context,
+        layers=layers,
+        extra_layers=extra_layers,
+    )
+    for frame in made:
+        assert isinstance(frame, Frame), "a bad face raises, because strict is set"
+        yield frame
+
+
+def open_sources(settings: Settings) -> list[FaceSource]:
+    """Open the face sources that the settings name. Raises ConfigError."""
+    return [
+        open_source(s, stable_seed("source", settings.seed, number))
+        for number, s in enumerate(settings.source)
+    ]
+
+
+class Simulator:
+    """Makes frames of one sensor on one GL context.
+
+    ``with_values``, ``with_stage`` and ``with_layers`` return another simulator of the same
+    sources and context, and leave this one as it is. The two share linked programs and the last
+    frame, which is drawn again from the first changed stage on only.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        sources: Sequence[FaceSource],
+        context: moderngl.Context,
+        extra_layers: Sequence[str] = (),
+        layers: Collection[str] = LAYERS,
+        changes: Sequence[StageChange] = (),
+        *,
+        cache: RenderCache | None = None,
+    ) -> None:
+        """Compile the shaders. Raises ConfigError or ShaderError.
+
+        Args:
+            sources: the open face sources of ``settings``.
+            layers, extra_layers: as in ``simulate``.
+            changes: stages with other code than the sensor's file says.
+            cache: of another simulator of the same sources and context; default: a new one.
+        """
+        self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
+        self._context, self._layers, self._changes = context, layers, tuple(changes)
+        self.sensor: Sensor = sensor_of(settings, changes)
+        make_current(context)
+        self._cache = cache or RenderCache(context)
+        self._canvas = self.sensor.rig.canvas()
+        self._renderer = self._cache.renderer(self._canvas)
+        read_back = (
+            *self._extra,
+            *((REGION.name,) if "regions" in layers else ()),
+            *((INFRARED_RIGHT,) if "infrared_right" in layers else ()),
+            *((NORMAL.name,) if "normals" in layers and NORMAL.name not in self._extra else ()),
+        )
+        if "infrared_right" in layers and len(self.sensor.rig.imagers_m) < 2:
+            raise ConfigError(
+                f"the layer 'infrared_right' needs a stereo camera, not {settings.sensor!r}: leave "
+                "it out of output.layers"
+            )
+        self._chain = ShaderChain(
+            context,
+            self.sensor.stages,
+            read_back,
+            infrared="infrared" in layers,
+            expected="expected" in layers,
+            images=self.sensor.images,
+            linked=self._cache.linked,
+        )
+        self._scenes = self._cache.scenes(
+            settings, sources, self.sensor.rig, regions="regions" in layers
+        )
+        ring = 1 if is_software(context) else _RING_ON_GPU
+        self._moving: MovingFrames | None = None
+        if settings.motion.within_exposure:
+            parts = exposure_parts(self.sensor.rig, self._chain, self.sensor.name)
+            self._moving = MovingFrames(self._renderer, self._chain, self._cache.sub_frames, parts)
+        self._readbacks = [Readback(context) for _ in range(ring)]
+        crop = settings.output.crop
+        image = self.sensor.rig.intrinsics
+        if crop is not None and crop > min(image.width, image.height):
+            raise ConfigError(
+                f"output.crop {crop} is larger than the sensor's {image.width}x{image.height}"
+            )
+
+    @property
+    def settings(self) -> Settings:
+        """The settings that determine the frames, with the values of ``with_values``."""
+        return self._settings
+
+    def with_values(self, values: Mapping[str, Any]) -> Simulator:
+        """Return a simulator with other values, by the names of ``--set``.
+
+        Raises ConfigError for an unknown name or a value out of range, and for a change of the
+        source, which needs another Simulator.
+
+        Args:
+            values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
+        """
+        return self._like(settings=with_assignments(self._settings, values))
+
+    def with_stage(
+        self, name: str, code: str | Path, before: str | None = None, file: Path | None = None
+    ) -> Simulator:
+        """Return a simulator whose stage ``name`` runs other GLSL; that program alone is linked.
+
+        Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
+
+        Args:
+            code: the text, or the path of a file.
+            file: of a text, for messages and includes; default: the file of the stage, or
+                NAME.glsl.
+            before: inserts a new stage before another; a name that the chain does not have is
+                otherwise put after the last shader stage.
+        """
+        known = {stage.name: stage for stage in self.sensor.stages}
+        if isinstance(code, Path):
+            spec = find_stage(str(code))
+        else:
+            of_stage = Path(known[name].spec.file) if name in known else Path(f"{name}.glsl")
+            spec = shader_stage(code, file or of_stage)
+        previous = next((c.before for c in self._changes if c.name == name), None)
+        kept = [change for change in self._changes if change.name != name]
+        change = StageChange(name, spec, before or previous)
+        left_out = set(self._settings.stage.get(name, {})) - {ENABLED, *spec.parameters}
+        settings = self._settings
+        if left_out:
+            own = {k: v for k, v in settings.stage[name].items() if k not in left_out}
+            stages = {**settings.stage, name: own}
+            settings = settings.model_copy(update={"stage": stages})
+        return self._like(settings=settings, changes=[*kept, change])
+
+    def with_layers(self, layers: Collection[str], extra_layers: Sequence[str] = ()) -> Simulator:
+        """Return a simulator that delivers other layers; arguments as in ``simulate``."""
+        return self._like(layers=layers, extra_layers=extra_layers)
+
+    def _like(
+        self,
+        settings: Settings | None = None,
+        changes: Sequence[StageChange] | None = None,
+        layers: Collection[str] | None = None,
+        extra_layers: Sequence[str] | None = None,
+    ) -> Simulator:
+        wanted = settings or self._settings
+        if wanted.source != self._settings.source:
+            raise ConfigError("source: other faces need another Simulator")
+        return Simulator(
+            wanted,
+            self._sources,
+            self._context,
+            self._extra if extra_layers is None else extra_layers,
+            self._layers if layers is None else layers,
+            self._changes if changes is None else changes,
+            cache=self._cache,
+        )
+
+    def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
+        """Yield one result per task, in order."""
+        in_flight: deque[_InFlight | Skipped] = deque()
+        ring = len(self._readbacks)
+        for number, (task, face) in enumerate(load_ahead(tasks, self._scenes.load)):
+            if len(in_flight) == ring:
+                yield self._deliver(in_flight.popleft())
+            in_flight.append(self._start(task, face, self._readbacks[number % ring]))
+        while in_flight:
+            yield self._deliver(in_flight.popleft())
+
+    def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
+        """Queue the drawing of one frame, or return the record of a bad face."""
+        try:
+            if isinstance(face, BadFace):
+                raise face.error
+            return self._draw(task, face, readback)
+        except MeshError as error:
+            return self._skipped(task, error)
+        except MemoryError as error:
+            return self._skipped(task, unusable(task, error))
+
+    def _skipped(self, task: Task, error: MeshError) -> Skipped:
+        """Return the record of a bad face. Raises ``error`` if the settings are strict."""
+        if self._settings.strict:
+            raise error
+        return Skipped(task.key, self._sources[task.source].name, str(error))
+
+    def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
+        rig, stages = self._canvas, self.sensor.stages
+        make_current(self._context)  # the caller may have used another since the last frame
+        scene = self._scenes.build(task, face)
+        drawn, values = draw_values(stages, self._scenes.held(task).seeds)
+        reach_px = array_reach_px(stages, values)
+        crop = self.sensor.rig.on_canvas(scene.crop)
+
+        def frame_of(rendered: Rendered) -> FrameContext:
+            return FrameContext.for_frame(
+                rig=rig,
+                window=rendered.window,
+                seed=task.seeds.frame,
+                sequence_seed=task.seeds.sequence,
+                device_seed=stable_seed("device", self._settings.seed, task.device),
+                time_s=task.key.time_s,
+                nearest_m=rendered.nearest_m,
+                # The middle of the head, or what stands for a face nearer or farther.
+                subject_m=float(np.clip(scene.head_to_camera_m[2, 3], *rendered.face_m)),
+            )
+
+        if self._moving is not None:
+            times_s = [0.001 * part.time_ms for part in self._moving.parts]
+            if moved := self._scenes.moved(task, face, times_s):
+                drawn |= self._scenes.speeds(task)
+                still, *parts = (replace(each, crop=crop) for each in (scene, *moved))
+                frame = self._moving.draw(still, parts, reach_px, frame_of, values, readback)
+                return _InFlight(readback, task, scene, frame, values, drawn, self._moving.rolls)
+        rendered, owner = self._cache.rendered(self._renderer, scene, crop, reach_px)
+        frame = frame_of(rendered)
+        self._chain.run(rendered, frame, values, readback, owner)
+        return _InFlight(readback, task, scene, frame, values, drawn)
+
+    def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
+        """Wait for one frame's layers, run the array stages, and assemble the Frame."""
+        if isinstance(item, Skipped):
+            return item
+        make_current(self._context)
+        layers = item.readback.arrays()
+        if not layers["clean"].any():
+            return self._skipped(
+                item.task,
+                MeshError(
+                    "the mesh covers no pixel: its triangles are wound inside out, or too small"
+                ),
+            )
+        run_array_stages(self.sensor.stages, layers, item.frame, item.values)
+        if item.rolled:
+            settle_reasons(layers)
+        task, scene = item.task, item.scene
+        made = assemble_frame(
+            layers,
+            item.frame.window,
+            self.sensor.rig.on_canvas(scene.crop),
+            self._canvas.intrinsics,
+            self._settings.output,
+            self._extra,
+            key=task.key,
+            source=self._sources[task.source].name,
+            seed=task.seeds.frame,
+            pose=scene.pose,
+            expression=scene.face.expression,
+            parameters={**item.drawn, **scene.drawn},
+            notes=scene.face.notes,
+            region_numbers=self._scenes.region_numbers,
+            head_to_camera=scene.head_to_camera_m,
+        )
+        if scene.landmarks_m is None:
+            return made
+        return replace(made, landmarks=seen_landmarks(scene.landmarks_m, made))

@@ -1,0 +1,95 @@
+"""The paper's face sets in its proportions, with embedded heads where a set is not there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from glsim.core.errors import ConfigError
+from glsim.faces import open_source
+from glsim.settings.source_settings import parse_source
+from glsim.simulation.plan.split import PAPER_IMAGES
+
+
+class PaperSource(NamedTuple):
+    """A face set of the paper: its name, its people, and images from it among PAPER_IMAGES."""
+
+    name: str
+    people: int
+    images: int
+
+
+#: Kind of the source -> the set. The paper prints people, and for FaceWarehouse 19 expressions
+#: of each, no neutral face; it does not print how its 45,938 images divide. Biwi: all images
+#: of the set as published. D3DFACS, sequences at 60 frames per second: the rest.
+PAPER_SOURCES: Final = {
+    "d3dfacs": PaperSource("D3DFACS", 10, sum(PAPER_IMAGES) - 150 * 19 - 15_678),
+    "facewarehouse": PaperSource("FaceWarehouse", 150, 150 * 19),
+    "biwi": PaperSource("Biwi", 20, 15_678),
+}
+#: The source that stands in.
+STAND_IN: Final = "procedural"
+
+
+def paper_counts(images: int) -> dict[str, int]:
+    """Divide a number of images as the paper's: kind of the source -> images, at least 1 each."""
+    paper = sum(PAPER_IMAGES)
+    counts = {k: max(1, round(images * s.images / paper)) for k, s in PAPER_SOURCES.items()}
+    largest = max(counts, key=lambda kind: counts[kind])
+    counts[largest] += images - sum(counts.values())
+    return counts
+
+
+def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
+    """Return the number of images each source kind is short of the paper's mix.
+
+    Kinds short by at most one image, which is rounding, are left out.
+
+    Args:
+        held: kind of the source -> images, of all sources.
+    """
+    wanted = paper_counts(sum(held.values()))
+    lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}
+    return {kind: count for kind, count in lacks.items() if count > min(1, held.get(kind, 0))}
+
+
+def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]]:
+    """Return the tables [[source]] of a data set of ``images`` in the paper's proportions.
+
+    A set that is absent, or has fewer images than its share, is filled up with embedded heads, as
+    many people as are missing.
+
+    Args:
+        roots: kind of the source -> folder, of the sets that are there.
+
+    Raises:
+        ConfigError: a folder that holds no such set.
+    """
+    tables: list[dict[str, Any]] = []
+    for kind, count in paper_counts(images).items():
+        people, held = PAPER_SOURCES[kind].people, 0
+        if kind in roots:
+            root = roots[kind].resolve()
+            had, available = _contents(kind, root)
+            held = min(count, available)
+            people = max(1, people - had)
+            tables.append({"kind": kind, "root": str(root), "count": held})
+        if rest := count - held:
+            people = min(people, rest)
+            each = math.ceil(rest / people)
+            tables.append(
+                {"kind": STAND_IN, "subjects": people, "frames_per_subject": each, "count": rest}
+            )
+    return tables
+
+
+def _contents(kind: str, root: Path) -> tuple[int, int]:
+    """Return the numbers of people and of frames of a set on disk; files are not opened."""
+    source = open_source(parse_source({"kind": kind, "root": root}), 0)
+    people = source.subjects(None)
+    frames = sum(len(source.frames(name, None)) for name in people)
+    if not frames:
+        raise ConfigError(f"{root}: holds no frames of {PAPER_SOURCES[kind].name}")
+    return len(people), frames

@@ -1,0 +1,147 @@
+"""Assign subjects to train, val and test, by shares or as the paper: 32,029 / 5,503 / 8,406."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.seeds import stable_seed
+from glsim.settings.schema import SPLIT_NAMES, Settings
+
+#: Training, validation and test images of Kendrick, Yap and Tan.
+PAPER_IMAGES: Final = (32_029, 5_503, 8_406)
+
+_MAX_EXACT_PEOPLE: Final = 9  # up to here all 3**9 divisions are tried
+
+
+def assign_splits(settings: Settings, frames: dict[str, int]) -> dict[str, str]:
+    """Return subject -> split by the setting ``split``.
+
+    Args:
+        frames: subject -> number of images.
+    """
+    if isinstance(settings.split, str):
+        return split_as_paper(frames, settings.seed)
+    return split_subjects(list(frames), settings.split, settings.seed)
+
+
+def split_subjects(
+    subjects: list[str], shares: tuple[float, float, float], seed: int
+) -> dict[str, str]:
+    """Split subjects by the largest remainder of the shares, in a seeded order: subject -> split.
+
+    With at least as many subjects as non-zero shares, every split with a share gets a subject.
+    """
+    wanted = [share * len(subjects) for share in shares]
+    counts = [int(w) for w in wanted]
+    by_remainder = sorted(range(len(shares)), key=lambda s: (counts[s] - wanted[s], s))
+    for s in by_remainder[: len(subjects) - sum(counts)]:
+        counts[s] += 1
+    nonzero = [s for s in range(len(shares)) if shares[s] > 0]
+    if len(subjects) >= len(nonzero):
+        for s in nonzero:
+            if counts[s] == 0:
+                counts[counts.index(max(counts))] -= 1
+                counts[s] = 1
+    order = sorted(subjects, key=lambda name: stable_seed("split", seed, name))
+    names = [SPLIT_NAMES[s] for s in range(len(shares)) for _ in range(counts[s])]
+    return dict(zip(order, names, strict=True))
+
+
+def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
+    """Assign each person to one split: subject -> split.
+
+    The image counts approach the paper's numbers, scaled to the total. The sum of the three
+    differences is minimal for up to nine people; for more, neither moving a person nor swapping two
+    lowers it. Three people or more leave no split empty. ``seed`` breaks ties.
+
+    Args:
+        frames: subject -> number of images.
+    """
+    names = sorted(frames, key=lambda name: (-frames[name], stable_seed("split", seed, name)))
+    sizes = np.array([frames[name] for name in names], dtype=np.int64)
+    target = np.array(PAPER_IMAGES) / sum(PAPER_IMAGES) * sizes.sum()
+    chosen = (
+        _search_all(sizes, target)
+        if len(names) <= _MAX_EXACT_PEOPLE
+        else _search_locally(sizes, target)
+    )
+    return {name: SPLIT_NAMES[split] for name, split in zip(names, chosen, strict=True)}
+
+
+def _search_all(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequence[int]:
+    """Return the best split of each person by trying every division."""
+
+    def cost(chosen: tuple[int, ...]) -> tuple[int, float]:
+        empty = 3 - len(set(chosen)) if len(sizes) >= 3 else 0
+        images = [0.0, 0.0, 0.0]
+        for split, size in zip(chosen, size_list, strict=True):
+            images[split] += size
+        return empty, sum(abs(i - t) for i, t in zip(images, target_list, strict=True))
+
+    size_list, target_list = sizes.tolist(), target.tolist()
+    return min(itertools.product(range(3), repeat=len(size_list)), key=cost)
+
+
+def _search_locally(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequence[int]:
+    """Fill the emptiest split, largest person first; then move or swap until nothing improves."""
+    images = np.zeros(3)
+    chosen = np.zeros(len(sizes), np.int64)
+    for person, size in enumerate(sizes):
+        chosen[person] = int(np.argmax(target - images))
+        images[chosen[person]] += size
+    while True:
+        change, moves = min(
+            (_best_swap(sizes, target - images, chosen, a, b) for a, b in _PAIRS),
+            key=lambda change_and_moves: change_and_moves[0],
+        )
+        if change > -1e-6:
+            return [int(split) for split in chosen]
+        for person, split in moves:
+            images[chosen[person]] -= sizes[person]
+            images[split] += sizes[person]
+            chosen[person] = split
+
+
+_PAIRS: Final = tuple(itertools.combinations(range(3), 2))
+
+
+def _best_swap(
+    sizes: NDArray[np.int64],
+    missing: NDArray[np.float64],
+    chosen: NDArray[np.int64],
+    a: int,
+    b: int,
+) -> tuple[float, list[tuple[int, int]]]:
+    """Return the best swap between splits a and b: (change of the cost, [(person, new split)]).
+
+    Args:
+        missing: images that each split lacks.
+    """
+    persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
+    # Of people with equally many images the first one is enough. The last entry of each list is
+    # nobody: a swap with nobody is a move.
+    from_a, from_b = (np.append(_first_of_size(who, sizes), -1) for who in (persons_a, persons_b))
+    images_a, images_b = (np.where(who < 0, 0, sizes[who]) for who in (from_a, from_b))
+    moved = images_a[:, None] - images_b[None]
+    before = abs(missing[a]), abs(missing[b])
+    change = np.abs(missing[a] + moved) + np.abs(missing[b] - moved) - before[0] - before[1]
+    if len(persons_a) == 1:
+        change[0, -1] = 0.0  # the last person stays
+    if len(persons_b) == 1:
+        change[-1, 0] = 0.0
+    i, j = np.unravel_index(np.argmin(change), change.shape)
+    moves = [
+        (int(person), split) for person, split in ((from_a[i], b), (from_b[j], a)) if person >= 0
+    ]
+    return float(change[i, j]), moves
+
+
+def _first_of_size(people: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the first person of each number of images, in the order of ``people``."""
+    _, first = np.unique(sizes[people], return_index=True)
+    return people[np.sort(first)]

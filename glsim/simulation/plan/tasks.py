@@ -1,0 +1,242 @@
+"""Plan the frames of a data set: subjects and their splits, and each frame's name and seeds.
+
+The plan depends only on the settings and reads no geometry: any worker can take any part of it, in
+any order, and produces the same frames. It is a function of the frame's index: what is kept in
+memory grows with the people and not with their frames.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple, overload
+
+import numpy as np
+
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.seeds import device_key, stable_seed
+from glsim.faces.base import ComputedKeys, FaceKey, FaceSource
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import SPLIT_NAMES, Settings
+from glsim.simulation.plan.mixture import mix_sources
+from glsim.simulation.plan.split import assign_splits
+
+
+@dataclass(frozen=True)
+class Task:
+    """One frame to make.
+
+    Attributes:
+        index: position in the data set.
+        split: train, val or test.
+        subject: name in the data set, prefixed with the source's number if there are several
+            sources.
+        source: position in ``settings.source``.
+        key: the frame's name in that source.
+        seeds: 64-bit seeds of the frame, its sequence and its subject.
+        device: number of the virtual device.
+    """
+
+    index: int
+    split: str
+    subject: str
+    source: int
+    key: FaceKey
+    seeds: DrawKeys
+    device: int
+
+    @property
+    def stem(self) -> str:
+        """The path of the frame's files in the data set, without ``_<layer>.png``."""
+        return f"{self.split}/{self.subject}/{self.key.sequence}_{self.key.frame:05d}"
+
+
+class PersonFrames(NamedTuple):
+    """Consecutive frames of one person: ``frames`` tasks from the position ``first``.
+
+    Attributes:
+        name: the person's name in the source; the other fields are those of Task.
+    """
+
+    split: str
+    subject: str
+    source: int
+    name: str
+    first: int
+    frames: int
+
+
+#: Largest plan of generated faces. dataset.json names each person and each shard of 512 frames,
+#: with 14 and 95 bytes (measured): these are its 16 MB.
+MAX_PEOPLE, MAX_FRAMES = 500_000, 50_000_000
+
+
+class Plan(Sequence[Task]):
+    """The tasks of a data set by source, subject and frame; each is made when it is asked for."""
+
+    def __init__(self, settings: Settings, sources: Sequence[FaceSource]) -> None:
+        """Raise ConfigError as ``make_tasks``."""
+        self._settings, self._sources = settings, sources
+        self._names: list[str] = []
+        self._last: tuple[int, Sequence[FaceKey]] = -1, ()
+        numbers: list[int] = []
+        frames: list[int] = []
+        #: Source -> what its keys are computed from; sources that list them are not in it.
+        self._computed: dict[int, tuple[object, ...]] = {}
+        for number, source in enumerate(sources):
+            wanted = settings.source[number]
+            for name in source.subjects(wanted.subjects):
+                keys = source.frames(name, wanted.frames_per_subject)
+                self._names.append(name)
+                numbers.append(number)
+                frames.append(len(keys))
+                if number not in self._computed and isinstance(keys, ComputedKeys):
+                    self._computed[number] = (type(keys).__name__, *keys.words)
+        self._source = np.array(numbers, np.int16)
+        have = np.array(frames, np.int64)
+        available = [int(have[self._source == n].sum()) for n in range(len(sources))]
+        self._thinned = mix_sources(settings.source, available)
+        #: Position of each person's first frame among all frames of the source, chosen or not.
+        self._before = np.zeros(len(have), np.int64)
+        chosen = np.zeros(len(have), np.int64)
+        for number, thinning in enumerate(self._thinned):
+            own = self._source == number
+            ends = np.cumsum(have[own])
+            self._before[own] = ends - have[own]
+            below = ends * thinning.count // max(1, thinning.total)
+            chosen[own] = np.diff(below, prepend=0)
+        #: Index of each person's first task, and the number of all tasks.
+        self._first = np.concatenate([[0], np.cumsum(chosen)])
+        counts = dict(zip(map(self._subject, range(len(have))), chosen.tolist(), strict=True))
+        if len(counts) < len(have):
+            raise DatasetError("a source names two of its people alike: rename one")
+        splits = assign_splits(settings, counts)
+        self._split = np.array([SPLIT_NAMES.index(splits[name]) for name in counts], np.uint8)
+
+    def __len__(self) -> int:
+        return int(self._first[-1])
+
+    @overload
+    def __getitem__(self, index: int) -> Task: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Task]: ...
+    def __getitem__(self, index: int | slice) -> Task | list[Task]:
+        """Return a task by its index, or a list of them."""
+        if isinstance(index, slice):
+            return [self[one] for one in range(*index.indices(len(self)))]
+        position = index + len(self) if index < 0 else index
+        if not 0 <= position < len(self):
+            raise IndexError(f"the plan has {len(self)} frames, not one at {index}")
+        return self._task(int(np.searchsorted(self._first, position, "right")) - 1, position)
+
+    def __iter__(self) -> Iterator[Task]:
+        for person in range(len(self._names)):
+            for index in range(int(self._first[person]), int(self._first[person + 1])):
+                yield self._task(person, index)
+
+    def _subject(self, person: int) -> str:
+        name = self._names[person]
+        return f"{self._source[person]}-{name}" if len(self._sources) > 1 else name
+
+    def _keys(self, person: int) -> Sequence[FaceKey]:
+        """Return the keys of all frames of a person, chosen or not."""
+        if self._last[0] != person:
+            number = self._source[person]
+            count = self._settings.source[number].frames_per_subject
+            self._last = person, self._sources[number].frames(self._names[person], count)
+        return self._last[1]
+
+    def _task(self, person: int, index: int) -> Task:
+        number, subject = int(self._source[person]), self._subject(person)
+        thinning, before = self._thinned[number], int(self._before[person])
+        chosen = thinning.below(before) + index - int(self._first[person])
+        key = self._keys(person)[thinning.position(chosen) - before]
+        words = (self._settings.seed, self._sources[number].name, subject)
+        device = person % self._settings.devices
+        seeds = DrawKeys(
+            frame=stable_seed("frame", *words, key.sequence, key.frame),
+            sequence=stable_seed("sequence", *words, key.sequence),
+            subject=stable_seed("subject", *words),
+            device=device_key(self._settings.seed, device),
+        )
+        split = SPLIT_NAMES[self._split[person]]
+        return Task(index, split, subject, number, key, seeds, device)
+
+    def people(self) -> Iterator[PersonFrames]:
+        """Yield the people who have frames, in order."""
+        prefix = len(self._sources) > 1
+        first = self._first.tolist()
+        columns = zip(self._names, self._source.tolist(), self._split.tolist(), strict=True)
+        for (name, number, split), start, end in zip(columns, first, first[1:], strict=False):
+            if start < end:
+                subject = f"{number}-{name}" if prefix else name
+                yield PersonFrames(SPLIT_NAMES[split], subject, number, name, start, end - start)
+
+    def stems(self) -> Iterator[str]:
+        """Yield names of files that show whether all can be written.
+
+        Of people whose keys are listed by their source, that is every frame's. Raises DatasetError
+        if two frames have the same.
+        """
+        for split, subject, source, _, first, frames in self.people():
+            if source in self._computed:
+                yield f"{split}/{subject}/computed_00000"
+                continue
+            names = Counter(task.stem for task in self[first : first + frames])
+            stem, most = names.most_common(1)[0]
+            if most > 1:
+                raise DatasetError(
+                    f"{most} frames would be written to {stem}: sequence names collide"
+                )
+            yield from names
+
+    def fingerprint(self) -> str:
+        """Return a hash that changes with any frame's name, mesh file, seed or device."""
+        settings, sources = self._settings, self._sources
+        digest = hashlib.blake2b(digest_size=16)
+
+        def add(*words: object) -> None:
+            digest.update("\x1f".join(map(str, words)).encode() + b"\n")
+
+        add("plan", settings.seed, settings.devices, *(source.name for source in sources))
+        add(*((thinning.total, thinning.count) for thinning in self._thinned))
+        add(*self._names)
+        for column in (self._source, self._split, self._before, self._first):
+            digest.update(column.astype("<i8").tobytes())
+        for number, words in self._computed.items():
+            add(number, *words)
+        for person, number in enumerate(self._source.tolist()):
+            if number not in self._computed:
+                for key in self._keys(person):
+                    add(key.sequence, key.frame, key.path)
+        return digest.hexdigest()
+
+
+def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
+    """Make the plan. Raises ConfigError if it has no frames, or more than a data set can have."""
+    for source in settings.source:
+        people, each = source.subjects or 1, source.frames_per_subject or 1
+        if source.endless and (people > MAX_PEOPLE or people * each > MAX_FRAMES):
+            raise ConfigError(
+                f"{people} subjects of {each} frames are {people * each} frames; one data set "
+                f"has at most {MAX_FRAMES} of {MAX_PEOPLE} people: make several, with other seeds"
+            )
+    plan = Plan(settings, sources)
+    if not len(plan):
+        raise ConfigError("the plan has no frames: the source has no subjects or no meshes")
+    return plan
+
+
+def people_of(tasks: Sequence[Task]) -> Iterator[PersonFrames]:
+    """Yield the runs of consecutive tasks of each person in a Plan or a list of tasks."""
+    if isinstance(tasks, Plan):
+        yield from tasks.people()
+        return
+    first = 0
+    for place, run in groupby(tasks, lambda t: (t.split, t.subject, t.source, t.key.subject)):
+        count = sum(1 for _ in run)
+        yield PersonFrames(*place, first, count)
+        first += count

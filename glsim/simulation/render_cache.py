@@ -1,0 +1,92 @@
+"""What simulators of the same sources and GL context share, so that none draws it anew."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import cached_property
+
+import moderngl
+
+from glsim.core.camera import SensorRig
+from glsim.core.rect import Rect
+from glsim.faces.base import FaceSource
+from glsim.noise.stage_layers import KeptLayers
+from glsim.noise.stage_pass import LinkedStages
+from glsim.render.renderer import Rendered, Renderer
+from glsim.render.sub_frames import SubFrames
+from glsim.settings.schema import Settings
+from glsim.simulation.scenes import FrameScene, FrameScenes
+
+#: Scenes of a plan, of the pose that is shown and of the one before.
+_KEPT_SCENES = 3
+
+
+class RenderCache:
+    """The programs of all stages, and the last scene with its rendered and stage layers.
+
+    Another noise over the same scene runs the stages alone, from the first changed one on. What is
+    of another rig, other faces or another pose replaces what is kept.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.linked = LinkedStages(context)
+        self._context = context
+        self._renderer: tuple[SensorRig, Renderer] | None = None
+        self._scenes: deque[FrameScenes] = deque(maxlen=_KEPT_SCENES)
+        self._last: tuple[tuple[FrameScene, int], Rendered] | None = None
+        self._rendering = ExitStack()
+        self._stages = KeptLayers()
+
+    @cached_property
+    def sub_frames(self) -> SubFrames:
+        """What puts frames of moving scenes together."""
+        return SubFrames(self._context)
+
+    def renderer(self, rig: SensorRig) -> Renderer:
+        """Return the renderer of a rig."""
+        if self._renderer is None or self._renderer[0] != rig:
+            self._renderer = rig, Renderer(self._context, rig)
+        return self._renderer[1]
+
+    def scenes(
+        self, settings: Settings, sources: Sequence[FaceSource], rig: SensorRig, *, regions: bool
+    ) -> FrameScenes:
+        """Return the scenes of some settings. Raises as FrameScenes."""
+        for scenes in self._scenes:
+            if scenes.builds(settings, rig, regions=regions):
+                return scenes
+        if self._scenes:
+            made = self._scenes[-1].like(settings, rig, regions=regions)
+        else:
+            made = FrameScenes(settings, sources, rig, regions=regions)
+        self._scenes.append(made)
+        return made
+
+    def rendered(
+        self, renderer: Renderer, scene: FrameScene, crop: Rect, reach_px: int
+    ) -> tuple[Rendered, KeptLayers | None]:
+        """Return a scene's clean layers, and the owner of what its stages draw.
+
+        Both are valid until another scene is asked for. Raises MeshError.
+
+        Args:
+            renderer: of the scene's rig.
+            scene: what is rendered, unless it is the last one.
+            crop: what is delivered of the renderer's image.
+            reach_px: border of the rendered window around the crop.
+
+        Returns:
+            The layers, and None as owner for a scene that is new: few are asked for again.
+        """
+        asked = scene, reach_px
+        if self._last is not None and self._last[0] == asked:
+            return self._last[1], self._stages
+        self._stages.clear()
+        self._last = None
+        self._rendering.close()  # its targets are used again
+        drawing = renderer.render(scene.meshes, crop, scene.labels, reach_px)
+        rendered = self._rendering.enter_context(drawing)
+        self._last = asked, rendered
+        return rendered, None

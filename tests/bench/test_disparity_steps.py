@@ -1,0 +1,117 @@
+"""Gaps beside foregrounds, pixels between surfaces, and bands at the border, planted and real."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from glsim.bench.measures.disparity_steps import (
+    between_share,
+    border_band,
+    find_steps,
+    measure_gaps,
+)
+from glsim.bench.measures.validity import flip_share, hole_share_beside_band
+from tests.support.real_cameras import (
+    D435_ROBOT_PX_MM,
+    D435_WALL_PX_MM,
+    needs_real_cameras,
+    real_disparities,
+)
+
+FAR_PX, NEAR_PX = 12.0, 30.0
+
+
+def _scene(left_px: int, right_px: int, band_px: int = 0) -> np.ndarray:
+    """A foreground of disparity 30 px before a wall of 12 px, with gaps on its sides."""
+    image = np.full((120, 200), FAR_PX)
+    image[20:100, 80:120] = NEAR_PX
+    image[20:100, 80 - left_px : 80] = np.nan
+    image[20:100, 120 : 120 + right_px] = np.nan
+    image[:, :band_px] = np.nan
+    return image
+
+
+def test_the_gaps_on_both_sides_are_found() -> None:
+    found = [find_steps(_scene(19, 3))]
+    left, right = measure_gaps(found, False), measure_gaps(found, True)
+    assert (left.steps, right.steps) == (78, 78)  # the first and the last row have one neighbour
+    assert (left.width_px, left.step_px) == (19.0, NEAR_PX - FAR_PX)
+    assert left.relative == pytest.approx(19 / 18)
+    assert right.width_px == 3.0
+
+
+def test_the_gaps_above_and_below_are_found_in_the_transposed_image() -> None:
+    image = np.ascontiguousarray(_scene(7, 26).T)  # gaps above and below
+    along_rows, along_columns = [find_steps(image)], [find_steps(image.T)]
+    assert measure_gaps(along_rows, False).width_px == 0.0
+    assert measure_gaps(along_columns, False).width_px == 7.0
+    assert measure_gaps(along_columns, True).width_px == 26.0
+
+
+def test_slopes_and_single_rows_are_no_steps() -> None:
+    ramp = np.tile(np.linspace(10.0, 60.0, 200), (50, 1))
+    assert find_steps(ramp).row.size == 0
+    lone = np.full((50, 200), FAR_PX)
+    lone[20, 80:120] = NEAR_PX
+    assert find_steps(lone).row.size == 0
+
+
+def test_pixels_between_the_surfaces_are_counted() -> None:
+    image = _scene(4, 4)
+    assert between_share([find_steps(image)]) == 0.0
+    image[20:100, 79] = 0.5 * (NEAR_PX + FAR_PX)  # one of 7 known pixels at the left step
+    share = between_share([find_steps(image)])
+    assert share == pytest.approx(78 / (78 * 7 + 78 * 6))
+
+
+def test_the_band_at_the_border() -> None:
+    width, rest = border_band([_scene(3, 3, band_px=20)])
+    assert (width, rest) == (20.0, 20.0 - FAR_PX)
+    mirrored = _scene(3, 3, band_px=20)[:, ::-1]
+    assert border_band([mirrored]) == (0.0, -FAR_PX)
+    assert np.isnan(border_band([np.full((50, 50), np.nan)])).all()
+
+
+def test_holes_and_flips() -> None:
+    first, second = np.zeros((10, 10)), np.zeros((10, 10))
+    first[0], second[1] = np.nan, np.nan
+    assert flip_share([first, second], [(0, 1)]) == pytest.approx(0.2)
+    assert np.isnan(flip_share([first], []))
+    band = np.zeros((10, 10))
+    band[:, :4] = np.nan  # the band itself is left out
+    band[2, 7] = np.nan
+    assert hole_share_beside_band([band]) == pytest.approx(1 / 60)
+    band[3] = np.nan  # a row without any depth counts
+    assert hole_share_beside_band([band]) == pytest.approx(11 / 64)
+
+
+@needs_real_cameras
+def test_the_shadows_of_a_d435() -> None:
+    """Known: gap left 1.12 of the prediction, right 3 px, between 0.6 %, band + 6.8 px."""
+    frames = real_disparities("d435_robot_room", D435_ROBOT_PX_MM)
+    found = [find_steps(frame) for frame in frames]
+    left, right = measure_gaps(found, False), measure_gaps(found, True)
+    assert left.relative == pytest.approx(1.12, abs=0.03)
+    assert right.width_px == pytest.approx(3.0, abs=0.5)
+    assert between_share(found) == pytest.approx(0.006, abs=0.002)
+    assert border_band(frames)[1] == pytest.approx(6.8, abs=0.4)
+
+
+@needs_real_cameras
+def test_the_holes_and_the_band_of_a_d435_before_a_wall() -> None:
+    """Known: 3.3 % holes, 1.4 % flips, band 11 to 12 px wider than the disparity."""
+    frames = real_disparities("d435_wall_2frames", D435_WALL_PX_MM)
+    assert hole_share_beside_band(frames) == pytest.approx(0.033, abs=0.001)
+    assert flip_share(frames, [(0, 1)]) == pytest.approx(0.014, abs=0.001)
+    assert border_band(frames)[1] == pytest.approx(11.5, abs=0.7)
+
+
+@needs_real_cameras
+def test_truedepth_has_shadows_above_and_below() -> None:
+    """Known: medians 23 and 6 px, 0.2 to 0.5 % between."""
+    frames = real_disparities("truedepth_box_and_can/box_can", 434.8 * 29.0, 0.1, 12)
+    found = [find_steps(frame.T) for frame in frames]
+    above, below = measure_gaps(found, False), measure_gaps(found, True)
+    assert (above.width_px, below.width_px) == (pytest.approx(6, abs=1.5), pytest.approx(24, abs=3))
+    assert between_share(found) < 0.009

@@ -1,0 +1,143 @@
+"""glsim fit for stereo: lattice, noise, static share and correlation come back as a sensor."""
+
+from __future__ import annotations
+
+import tomllib
+from itertools import pairwise
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.bench.fit.stereo_statistics import find_lattice, measure_stereo
+from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
+from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.stacks import with_nan
+from glsim.bench.measures.validity import flip_share, hole_share_beside_band
+from glsim.bench.validate import VirtualCamera
+from glsim.bench.validate.scenes import room_corner
+from glsim.cli import main
+from glsim.cli.fit_stereo import stereo_base
+from glsim.core.depth_frame import Frames
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.png import encode_png
+from glsim.data.recordings.recording import open_recording
+from glsim.sensors.sensor import load_sensor
+from tests.support.planted_frames import encoded, noisy, plane
+from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras
+
+PRODUCT, STEPS = 390.4 * 50.17, 32
+
+
+def planted(frame_px: float = 0.09, static_px: float = 0.06, count: int = 8) -> Frames:
+    """Frames of slanted planes: noise of 13 px boxes, as a D435 rounds its depths."""
+    rng = np.random.default_rng(4)
+    rows, columns = np.mgrid[:480, :640]
+    true = PRODUCT / (700.0 + 2.0 * columns + 0.3 * rows)
+    static = box_noise(rng, 1, (480, 640), 13, static_px)
+    moving = box_noise(rng, count, (480, 640), 13, frame_px)
+    depth = PRODUCT * STEPS / np.rint(STEPS * (true + static + moving))
+    depth[:, :, :20] = 0.0
+    depth[::2, 100:130, 200:230] = 0.0
+    return frames_of("planted", list(np.rint(depth)))
+
+
+def write(folder: Path, depths: NDArray[np.uint16]) -> Path:
+    for number, depth in enumerate(depths):
+        write_atomic(encode_png(depth), folder / f"depth_{number:03d}.png")
+    return folder
+
+
+def test_planted_noise_is_measured() -> None:
+    frames = planted()
+    lattice = find_lattice(frames)
+    assert lattice is not None
+    found = measure_stereo(frames, lattice, STEPS, 1.0)
+    assert found.focal_baseline_px_mm == pytest.approx(PRODUCT, rel=1e-3)
+    assert found.noise.frame == pytest.approx(0.09, rel=0.1)
+    assert found.noise.static == pytest.approx(0.06, rel=0.2)
+    assert found.holes == pytest.approx(0.5 * 900 / (480 * 620), rel=0.01)
+    assert found.flips == pytest.approx(900 / (480 * 640), rel=0.01)
+    assert found.distances_mm == tuple(sorted(found.distances_mm))
+    assert 700 < found.distances_mm[0] < found.distances_mm[-1] < 2200
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        (frames_of("one", [np.full((480, 640), 900)]), "has one frame only"),
+        (frames_of("two", [np.full((480, 640), z) for z in (900, 990)]), "show different scenes"),
+        (frames_of("dust", [np.eye(480, 640) * 900] * 2), "parts of 40x40 px are full of depth"),
+    ],
+)
+def test_recordings_that_cannot_serve_are_refused(frames: Frames, message: str) -> None:
+    with pytest.raises(DatasetError, match=message):
+        measure_stereo(frames, None, STEPS, PRODUCT)
+
+
+def test_the_depths_choose_the_base(tmp_path: Path) -> None:
+    depths = np.stack([np.nan_to_num(f.measured_mm) for f in planted(count=2)])
+    stereo = open_recording(write(tmp_path / "stereo", depths.astype(np.uint16)))
+    assert stereo_base(stereo, None) == "realsense-d435-vga"
+    assert stereo_base(stereo, "realsense-d455") == "realsense-d455"
+    assert stereo_base(stereo, "kinect-v2") is None
+    with pytest.raises(ConfigError, match="no fit starts from 'kinect-v1'"):
+        stereo_base(stereo, "kinect-v1")
+    time_of_flight = np.stack([noisy(plane(900.0, 0.2), 1.2, seed) for seed in (1, 2)])
+    assert stereo_base(open_recording(write(tmp_path / "tof", time_of_flight)), None) is None
+
+
+@needs_real_cameras
+def test_a_real_d435_is_stereo() -> None:
+    recording = open_recording(REAL_CAMERAS / "d435_wall_2frames")
+    assert stereo_base(recording, None) == "realsense-d435-vga"
+    frames = recording.read()
+    found = measure_stereo(frames, find_lattice(frames), STEPS, 1.0)
+    assert found.focal_baseline_px_mm == pytest.approx(390.4315 * 50.1707, rel=1e-3)
+    assert found.noise.frame == pytest.approx(0.097, abs=0.01)
+    assert found.flips == pytest.approx(0.014, abs=0.001)
+
+
+def _noise(shot: NDArray[np.uint16], product: float) -> DisparityNoise:
+    return measure_disparity_noise(
+        [to_disparity(depth, product) for depth in shot], list(pairwise(range(len(shot))))
+    )
+
+
+def flips(frames: list[NDArray[np.float64]]) -> float:
+    return flip_share(frames, list(pairwise(range(len(frames)))))
+
+
+@pytest.mark.long
+def test_a_changed_sensor_comes_back(context: moderngl.Context, tmp_path: Path) -> None:
+    """Another baseline, more noise in time, a larger error of its own, a wider support."""
+    camera = tmp_path / "camera" / "mine.toml"
+    text = (
+        'extends = "realsense-d435-vga"\ntitle = "t"\n'
+        "[[rig.imager]]\nposition_m = [0, 0, 0]\n[[rig.imager]]\nposition_m = [0.052, 0, 0]\n"
+        '[[stage]]\nuse = "match_stereo"\ndevice_sigma_px = 0.09\nsupport_px = 13\n'
+        '[[stage]]\nuse = "stereo_exposure"\nspeckle_sigma = 0.16\n'
+    )
+    write_atomic(text.encode(), camera)
+    product = 390.4315 * 52.0
+    scene = room_corner(product)
+    shot = VirtualCamera(str(camera), context, seed=2).capture(scene, 12, None, scene="corner")
+    recording = write(tmp_path / "recording", encoded(shot))
+    out = tmp_path / "fitted.toml"
+    assert main(["fit", str(recording), "-o", str(out)]) == 0
+    assert tomllib.loads(out.read_text())["extends"] == "realsense-d435-vga"
+    rig = load_sensor(str(out)).rig
+    assert 1000 * rig.baseline_m * rig.intrinsics.fx == pytest.approx(product, rel=1e-3)
+    again = VirtualCamera(str(out), context, seed=5).capture(scene, 12, None, scene="corner")
+    real, own = _noise(encoded(shot), product), _noise(encoded(again), product)
+    for share in (hole_share_beside_band, flips):
+        found, planted_share = (share(list(with_nan(encoded(s)))) for s in (again, shot))
+        assert found == pytest.approx(planted_share, rel=0.5)
+    assert own.frame == pytest.approx(real.frame, rel=0.2)
+    assert own.static == pytest.approx(real.static, rel=0.25)
+    assert own.residual == pytest.approx(real.residual, rel=0.25)
+    np.testing.assert_allclose(own.frame_rows[:5], real.frame_rows[:5], atol=0.12)
+    np.testing.assert_allclose(own.frame_columns[:5], real.frame_columns[:5], atol=0.12)

@@ -1,0 +1,96 @@
+"""The lattice of depth values: planted constants are found, real cameras have the known ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from glsim.bench.measures.lattice import (
+    distinct_values,
+    estimate_lattice,
+    lattice_share,
+    on_lattice,
+)
+from tests.support.real_cameras import needs_real_cameras, real_depths
+
+
+def _values(constant: float, offset: float, low: int, high: int, keep: float = 1.0) -> np.ndarray:
+    """Depths that a camera of this constant delivers between two limits, some left out."""
+    steps = np.arange(1, int(constant / low) + 1) + offset
+    depth = np.unique(np.round(constant / steps))
+    depth = depth[(depth >= low) & (depth <= high)]
+    return depth[np.random.default_rng(5).random(depth.size) < keep]
+
+
+@pytest.mark.parametrize(
+    ("constant", "low", "high"),
+    [(626_823.0, 300, 3200), (1_698_044.0, 600, 9000), (345_000.0, 500, 4000)],
+)
+def test_a_planted_constant_is_found(constant: float, low: int, high: int) -> None:
+    lattice = estimate_lattice(_values(constant, 0.0, low, high, 0.5))
+    assert lattice.accepted
+    assert lattice.share == 1.0
+    assert lattice.offset == 0.0
+    assert abs(lattice.constant - constant) <= lattice.error + constant / high * 0.02
+
+
+def test_an_offset_is_found() -> None:
+    lattice = estimate_lattice(_values(345_157.0, 0.26, 500, 1700, 0.8))
+    assert lattice.accepted
+    assert lattice.constant == pytest.approx(345_157, rel=2e-4)
+    assert lattice.offset == pytest.approx(0.26, abs=0.06)
+
+
+def test_a_tenth_of_strange_depths_is_no_lattice() -> None:
+    values = _values(626_823.0, 0.0, 800, 3200)
+    strange = np.setdiff1d(np.arange(1500, 3200), values)[:: 5_000 // values.size]
+    mixed = np.concatenate([values, strange[: values.size // 8]])
+    assert estimate_lattice(values).accepted
+    assert not estimate_lattice(mixed).accepted
+
+
+def test_other_depths_have_no_lattice() -> None:
+    rng = np.random.default_rng(6)
+    some = np.unique(rng.integers(400, 4000, 700)).astype(float)
+    assert not estimate_lattice(some).accepted
+    assert not estimate_lattice(np.arange(500.0, 3000.0)).accepted
+    assert estimate_lattice(np.arange(500.0, 505.0)) is None
+
+
+def test_share_of_a_known_lattice() -> None:
+    values = np.array([901.0, 2000.0, 2003.0])
+    assert on_lattice(values, 626_823.0).tolist() == [True, False, True]
+    assert (
+        lattice_share(values, 626_823.0) == 0.5
+    )  # most whole numbers near 900 fit: they count not
+    assert np.isnan(lattice_share(np.array([300.0, 500.0]), 626_823.0))
+
+
+def test_distinct_values_leave_out_holes_and_clipped_depths() -> None:
+    frames = [np.array([[0.0, 100.1], [6553.5, np.nan]]), np.array([[100.1, 100.0]])]
+    assert distinct_values(frames, 0.1).tolist() == [1000.0, 1001.0]
+
+
+@needs_real_cameras
+@pytest.mark.parametrize(
+    ("folder", "constant", "offset"),
+    [
+        ("d435_wall_2frames", 626_823, 0.0),  # of the calibration in the file: 390.4315 x 50.1707
+        ("d435_robot_room", 612_342, 0.0),
+        ("d405_bed", 3_734_873, 0.0),  # files in 0.1 mm
+        ("kinect_v1_tables", 345_000, 0.25),
+    ],
+)
+def test_the_constants_of_real_cameras(folder: str, constant: float, offset: float) -> None:
+    lattice = estimate_lattice(distinct_values(real_depths(folder)))
+    assert lattice.accepted
+    assert lattice.constant == pytest.approx(constant, rel=6e-4 if offset else 5e-5)
+    assert lattice.offset == pytest.approx(offset, abs=0.05)
+
+
+@needs_real_cameras
+@pytest.mark.parametrize(
+    "folder", ["azure_kinect_mug", "truedepth_zeiss/board_iPadPro12_4gen_iOS15"]
+)
+def test_cameras_that_do_not_match_pixels_have_none(folder: str) -> None:
+    assert not estimate_lattice(distinct_values(real_depths(folder))).accepted

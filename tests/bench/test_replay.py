@@ -1,0 +1,174 @@
+"""Replays: surfaces found in a frame, and the same surfaces rendered through a sensor again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.bench.compare.replay import replay
+from glsim.bench.compare.run import compare_sets
+from glsim.bench.compare.surfaces import (
+    find_surfaces,
+    keep_relief,
+    measure_noise_floor,
+    smooth_surfaces,
+)
+from glsim.bench.measures.frame import frames_of
+from glsim.cli import main
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import Frames
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.png import encode_png
+from glsim.data.recordings.recording import read_frames
+from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
+
+Array = NDArray[np.float32]
+
+HEIGHT, WIDTH = 120, 200
+FRONT_MM, WALL_MM = 800.0, 1600.0
+
+
+def step(seed: int = 0, sigma_mm: float = 1.5, gap_px: int = 6) -> Array:
+    """A tilted near square before a wall, with a gap on its left and on its right, in mm."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+    depth = WALL_MM + 0.4 * x
+    inside = (np.abs(x - 100) < 40) & (np.abs(y - 60) < 40)
+    depth = np.where(inside, FRONT_MM + 0.5 * y, depth)
+    depth += np.random.default_rng(seed).normal(0, sigma_mm, depth.shape)
+    gap = (np.abs(y - 60) < 40) & (x >= 140) & (x < 140 + gap_px)
+    gap |= (np.abs(y - 60) < 40) & (x <= 60) & (x > 58)
+    depth[gap] = np.nan
+    depth[20, 30:33] = np.nan  # a hole within the wall
+    return depth.astype(np.float32)
+
+
+def test_surfaces_are_smooth_and_gaps_are_given_to_the_far_one() -> None:
+    found = find_surfaces(step(), 3.0, 12)
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    wall = WALL_MM + 0.4 * x
+    assert np.isfinite(found.front_mm).all()
+    error = (found.front_mm - wall)[np.abs(x - 100) > 50]
+    assert np.sqrt((error**2).mean()) < 0.4  # 1.5 mm of noise before
+    inner = (np.abs(x - 100) < 36) & (np.abs(y - 60) < 36)
+    assert np.abs((found.front_mm - FRONT_MM - 0.5 * y)[inner]).max() < 1.5
+    assert found.front_mm[60, 140] < 1000  # the rim
+    assert (found.front_mm[60, 142:146] > 1500).all()  # the rest of the gap
+    # The far surface goes on behind the near one, and lends its light.
+    np.testing.assert_allclose(found.behind_mm[60, 121:140], WALL_MM + 0.4 * 142, atol=3)
+    assert found.light_from[60, 143] == 60 * WIDTH + 146
+    assert {*np.unique(found.behind_from[60, 121:139])} == {60 * WIDTH + 146}
+    assert found.light_from[60, 100] == 60 * WIDTH + 100
+    open_depth = step()
+    open_depth[90:118, 100:160] = np.nan
+    assert np.isnan(find_surfaces(open_depth, 3.0, 12).front_mm[104, 130])
+    assert np.isfinite(find_surfaces(open_depth, 3.0, 80).front_mm[104, 130])
+
+
+def test_relief_rougher_than_the_noise_stays_and_noise_does_not() -> None:
+    """A wall whose right half is cloth: waves of 4 px and 3 mm; noise of 1 mm everywhere."""
+    x = np.mgrid[:HEIGHT, :WIDTH][1].astype(np.float64)
+    waves = np.where(x >= 100, 3.0 * np.sin(2 * np.pi * x / 4), 0.0)
+    noise = np.random.default_rng(0).normal(0, 1.0, waves.shape)
+    depth = (1000.0 + waves + noise).astype(np.float32)
+    light = np.full(depth.shape, 8000, np.float32)
+    frame = frames_of("wall", [depth], [light], Intrinsics(WIDTH, HEIGHT, 180, 180, 100, 60))[0]
+    label, smooth = smooth_surfaces(depth, 3.0)
+    floor = measure_noise_floor([frame], 3.0)
+    assert np.sqrt(floor.variance(frame)).mean() == pytest.approx(0.95, abs=0.1)
+    kept = keep_relief(depth, smooth, label, floor.variance(frame), 3.0)
+    inner = np.s_[8:-8, 10:90], np.s_[8:-8, 110:-10]
+    assert (kept - smooth)[inner[0]].std() < 0.1
+    regained = (kept - smooth)[inner[1]]
+    assert np.corrcoef(regained.ravel(), waves[inner[1]].ravel())[0, 1] > 0.85
+    # What the noise adds again stays out: the variance is that of the waves and less.
+    assert 0.5 * waves.std() < regained.std() < 1.05 * waves[inner[1]].std()
+    unknown = np.full(depth.shape, np.inf)
+    np.testing.assert_array_equal(keep_relief(depth, smooth, label, unknown, 3.0), smooth)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Frames:
+    """Frames of kinect-v2 of steps at four distances, each by a replay of a perfect one."""
+    depths = [np.kron(step(k, 0.0, 1) * (0.8 + 0.1 * k), np.ones((2, 2))) for k in range(4)]
+    lights = [np.nan_to_num(3e9 / depth**2).astype(np.float32) for depth in depths]
+    return replay(frames_of("perfect", depths, lights), "kinect-v2", seed=1)
+
+
+def test_a_sensor_is_not_told_from_its_own_replay(recorded: Frames) -> None:
+    """The same device; a replay of it differs by what the smoothing leaves of the noise."""
+    again = replay(recorded, "kinect-v2", seed=1)
+    assert [f.name for f in again] == [f.name for f in recorded]
+    for first, second in zip(recorded, again, strict=True):
+        both = np.isfinite(first.measured_mm) & np.isfinite(second.measured_mm)
+        assert both.mean() > 0.9
+        assert np.median(np.abs(first.measured_mm - second.measured_mm)[both]) < 3.0
+        ratio = second.infrared[both] / np.maximum(first.infrared[both], 1)
+        assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
+    own = compare_sets(recorded, again).verdicts["planes"]
+    assert max(own.auc, own.boosted_auc) < 0.7
+    quiet = ["tof_floor.sigma_mm=0.3", "tof_taps.read_variance=2"]
+    for changes in (["tof_floor.sigma_mm=4"], quiet):
+        other = replay(recorded, "kinect-v2", seed=1, assignments=changes)
+        told = compare_sets(recorded, other).verdicts["planes"]
+        assert told.boosted_auc > own.boosted_auc + 0.1, changes
+
+
+def test_frames_follow_the_seed_and_frames_without_depth_stay_so(recorded: Frames) -> None:
+    first = recorded[0]
+    empty = first.changed({"noisy_mm": np.zeros_like(first.noisy_mm)})
+    made = [replay(Frames.of([first, empty]), "kinect-v2", seed=3) for _ in range(2)]
+    np.testing.assert_array_equal(made[0][0].measured_mm, made[1][0].measured_mm)
+    assert [np.isfinite(f.measured_mm).any() for f in made[0]] == [True, False]
+
+
+def test_mirrored_frames_are_replayed_mirrored(recorded: Frames) -> None:
+    """Shadows stay on the side that they have in the real frames."""
+    mirrored = Frames.of(
+        [
+            f.changed({name: f.layer(name)[:, ::-1] for name in ("noisy_mm", "infrared")})
+            for f in recorded
+        ]
+    )
+    own = compare_sets(recorded, recorded).first.silhouettes.shadow_side
+    for frames, side in ((recorded, own), (mirrored, {"left": "right", "right": "left"}[own])):
+        again = replay(frames, "kinect-v2", seed=1)
+        assert compare_sets(frames, again).second.silhouettes.shadow_side == side
+
+
+def test_the_command_replays_and_refuses_what_it_cannot(
+    tmp_path: Path, recorded: Frames, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for frame in recorded[:2]:
+        depth = np.nan_to_num(frame.measured_mm).astype(np.uint16)
+        write_atomic(encode_png(depth), tmp_path / "real" / f"{frame.name}_depth.png")
+    real = str(tmp_path / "real")
+    assert main(["compare", real, "--replay", "kinect-v2", "-q", "-o", f"{tmp_path}/t.md"]) == 0
+    assert (tmp_path / "t.md").read_text().startswith("# real against kinect-v2, replay")
+    for wrong, message in (
+        ([real], "give the simulated frames, or --replay"),
+        ([real, real, "--replay", "kinect-v2"], "give the simulated frames, or --replay"),
+        ([real, real, "--set", "a.b=1"], "add --replay"),
+        ([real, "--replay", "kinekt"], "did you mean"),
+    ):
+        capsys.readouterr()
+        assert main(["compare", *wrong]) in (1, 2)
+        assert message in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.long
+@needs_real_cameras
+def test_replays_of_real_frames() -> None:
+    """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/comparison.md."""
+    kinect = read_frames(REAL_CAMERAS.parent / "kinect-v2-real", most=16)
+    verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
+    assert verdicts["planes"].auc < 0.72
+    assert verdicts["silhouettes, lit side"].auc < 0.72
+    wall = sorted((REAL_CAMERAS / "d435_wall_2frames").glob("depth*.png"))
+    rooms = sorted((REAL_CAMERAS / "d435_robot_room").glob("depth*.png"))[::3]
+    for real in (read_frames(wall, 1, 390.43), read_frames(rooms, 1.0, 381.4)):
+        verdicts = compare_sets(real, replay(real, "realsense-d435-vga")).verdicts
+        assert verdicts["planes"].auc < 0.75
+        assert verdicts["curved"].auc < 0.75

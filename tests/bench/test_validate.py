@@ -1,0 +1,268 @@
+"""The validation sheets: shipped sensors pass theirs, and wrong sensors fail them."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.bench.validate import Captures, VirtualCamera, run, scenes
+from glsim.bench.validate.checks import depth, edges, faces, phases, walls
+from glsim.bench.validate.checks.triangulation import lattice_share
+from glsim.bench.validate.report import Band, Check, CheckResult, Measurement, ValidationReport
+from glsim.cli import main
+from glsim.core.errors import ConfigError
+from glsim.sensors.sensor import SENSOR_FOLDER
+from tests.support.planted_frames import encoded
+from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
+
+
+def captures_of(context: moderngl.Context, sensor: str | Path, frames: int = 16) -> Captures:
+    return Captures(VirtualCamera(str(sensor), context, frames=frames))
+
+
+def failed(measurements: dict[str, Measurement]) -> set[str]:
+    checks = {c.number: c for c in run.sheets()["kinect-v2"].checks}
+    return {n for n, m in measurements.items() if CheckResult(checks[n], m).state == "FAIL"}
+
+
+def failures(report: ValidationReport) -> set[str]:
+    return {result.check.number for result in report.results if result.state == "FAIL"}
+
+
+# --- the sheet ----------------------------------------------------------------------------------
+
+
+def test_the_sheet_of_the_kinect_v2_has_its_checks_and_bands() -> None:
+    checks = run.sheets()["kinect-v2"].checks
+    numbers = [*(str(n) for n in range(1, 31)), *(f"A{n}" for n in range(1, 7))]
+    assert [check.number for check in checks] == numbers
+    bands = {c.number: [(b.low, b.high) for b in c.bands] for c in checks}
+    assert bands["3"] == [(1.1, 1.8), (1.2, 2.1), (1.55, 3.4), (2.3, 5.5)]
+    assert bands["20"][:3] == [(2.3, 4.6), (6.3, 8.9), (9.0, 11.9)]
+    assert bands["9"][0] == pytest.approx((0.0585, 0.102))
+
+
+def test_every_check_names_its_source_and_kind() -> None:
+    for sheet in run.sheets().values():
+        for check in sheet.checks:
+            assert check.source
+            assert {word for word in ("measured", "datasheet", "derived") if word in check.kind}
+            assert all(band.low <= band.high for band in check.bands)
+
+
+def result(value: float | None, why_not: str = "", exception: str = "") -> CheckResult:
+    check = Check("1", "noise", (Band("a", 1.0, 2.0, "mm"), Band("b", 0.0, 1.0)), "me | you")
+    return CheckResult(check, Measurement({"a": 1.5, "b": value}, "seen", why_not, exception))
+
+
+def test_states() -> None:
+    assert result(0.5).state == "pass"
+    assert result(1.5).state == "FAIL"
+    assert result(float("nan")).state == "FAIL"
+    assert result(None).state == "pass"
+    assert result(1.5, why_not="not here").state == "n/a"
+    assert result(1.5, exception="known").state == "exception"
+    assert result(0.5, exception="known").cells[-1] == "seen"
+    missing = CheckResult(result(0.5).check, Measurement({"a": 1.5}))
+    assert missing.state == "FAIL"
+
+
+def test_report_passes_with_exceptions_only_and_is_written_in_full() -> None:
+    good = ValidationReport(
+        "s", "title", "sheet", 0, 8, 1.0, (result(0.5), result(1.5, exception="known"))
+    )
+    assert good.passed
+    bad = replace(good, results=(result(0.5), result(float("nan"))))
+    assert not bad.passed
+    numbers = json.loads(json.dumps(bad.as_json(), allow_nan=False))["checks"][1]["numbers"]
+    assert numbers[1] == {
+        "key": "b", "measured": None, "low": 0.0, "high": 1.0, "unit": "", "inside": False,
+    }  # fmt: skip
+    row = bad.as_markdown().splitlines()[3]
+    assert "b ? !" in row
+    assert "me \\| you" in row
+    assert "1 pass, 1 FAIL" in bad.summary
+
+
+def test_a_check_without_measurement_is_an_error(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sheet = run.ValidationSheet("other", (result(0.5).check,), ())
+    monkeypatch.setitem(run.sheets(), "ideal", sheet)
+    with pytest.raises(ConfigError, match="no measurement for the checks 1"):
+        run.run_checks(captures_of(context, "ideal"))
+
+
+# --- sensors that pass --------------------------------------------------------------------------
+
+
+@pytest.mark.long
+def test_kinect_v2_has_the_noise_of_a_kinect_v2(context: moderngl.Context) -> None:
+    captures = captures_of(context, "kinect-v2", 24)
+    measurements: dict[str, Measurement] = {}
+    for function in (
+        walls.noise_level, walls.albedo, walls.correlations, walls.near_walls,
+        phases.phase_noise, depth.quantisation, edges.mixed_pixels, faces.isolated_faces,
+    ):  # fmt: skip
+        measurements |= function(captures)
+    assert failed(measurements) == set()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "frames"),
+    [
+        ("kinect-v1", 24),
+        ("kinect-v2-paper", 24),
+        ("azure-kinect", 8),
+        ("realsense-d435", 64),
+        pytest.param("realsense-d455", 64, marks=pytest.mark.long),
+        ("truedepth", 64),
+        ("kinect-v1-pattern", 64),
+    ],
+)
+def test_the_sheet_passes(context: moderngl.Context, sensor: str, frames: int) -> None:
+    made = run.run_checks(captures_of(context, sensor, frames))
+    assert len(made.results) >= 5
+    assert [r.check.number for r in made.results if r.state != "pass"] == []
+
+
+@needs_real_cameras
+def test_real_depths_lie_on_the_lattice() -> None:
+    frame = REAL_CAMERAS / "d435_wall_2frames" / "depth_0.png"
+    depth_mm = cv2.imread(str(frame), cv2.IMREAD_UNCHANGED).astype(np.float64)
+    assert lattice_share(depth_mm, 626_823, 1.0) > 0.999  # few halves are rounded the other way
+    assert lattice_share(depth_mm, 600_000, 1.0) < 0.9
+
+
+# --- sensors that fail --------------------------------------------------------------------------
+
+
+def test_the_law_of_the_tilt_is_that_of_real_frames(context: moderngl.Context) -> None:
+    """kinect-v2 holds it; Fankhauser's curve with its lateral jitter says several times more."""
+    assert failed(walls.tilt(captures_of(context, "kinect-v2"))) == set()
+    other = walls.tilt(captures_of(context, "kinect-v2-fankhauser"))
+    assert failed(other) == {"6"}
+
+
+def test_white_noise_is_found_out_and_phases_are_not_asked_for(context: moderngl.Context) -> None:
+    captures = captures_of(context, "kinect-v2-fankhauser", 8)
+    assert failed(walls.correlations(captures)) == {"12", "A5"}
+    internal = {**phases.phase_noise(captures), **walls.albedo(captures)}
+    assert all("time-of-flight chain" in m.why_not for m in internal.values())
+
+
+@pytest.mark.long
+def test_too_much_noise_is_found_out(context: moderngl.Context, tmp_path: Path) -> None:
+    text = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
+    loud = tmp_path / "loud.toml"
+    loud.write_text(re.sub(r'(use = "tof_floor"\nsigma_mm = )[^\n]*', r"\g<1>4", text))
+    captures = captures_of(context, loud)
+    measurements = {
+        **walls.noise_level(captures),
+        **walls.near_walls(captures),
+        **faces.isolated_faces(captures),
+    }
+    assert failed(measurements) >= {"1", "2", "3", "4", "A4", "30"}
+
+
+@pytest.mark.long
+def test_structured_light_is_found_out(context: moderngl.Context) -> None:
+    captures = captures_of(context, "kinect-v1")
+    measurements = {**depth.quantisation(captures), **edges.mixed_pixels(captures)}
+    assert failed(measurements) >= {"22", "A1", "18"}
+
+
+@pytest.mark.parametrize(
+    ("change", "rows"),
+    [
+        ("rim_px = 0\nborder_px = 0", {"7", "8"}),
+        ("support_px = 1\nwindow_px = 3", {"1", "2"}),
+        pytest.param("texture_counts = 6.0", {"10"}, marks=pytest.mark.long),
+        pytest.param("uniqueness_percent = 40", {"11"}, marks=pytest.mark.long),
+        pytest.param(
+            "depth_unit_mm = 1\ndevice_sigma_px = 0.3\ndevice_grain_px = 2",
+            {"3"},
+            marks=pytest.mark.long,
+        ),
+    ],
+)
+def test_the_sheet_notices_another_matcher(
+    context: moderngl.Context, tmp_path: Path, change: str, rows: set[str]
+) -> None:
+    file = tmp_path / "other.toml"
+    file.write_text(
+        f'extends = "realsense-d435"\ntitle = "t"\n[[stage]]\nuse = "match_stereo"\n{change}\n'
+    )
+    assert failures(run.run_checks(captures_of(context, file))) >= rows
+
+
+def test_a_wrong_azure_kinect_is_found_out(context: moderngl.Context, tmp_path: Path) -> None:
+    wrong = tmp_path / "azure-kinect.toml"
+    wrong.write_text(
+        'extends = "azure-kinect"\ntitle = "wrong"\n[rig]\nmodulation_mhz = [80, 16, 120]\n'
+        "[[rig.emitter]]\nposition_m = [0.032, 0, 0]\n"
+        '[[stage]]\nuse = "tof_smooth"\nwidth_px = 0.6\n'
+        '[[stage]]\nuse = "tof_taps"\nsaturation_lsb = 4000\n'
+    )
+    made = run.run_checks(captures_of(context, wrong, 8))
+    assert failures(made) >= {"1", "2", "3", "5", "10"}
+
+
+@pytest.mark.long
+def test_a_sensor_that_sees_nearly_nothing_or_has_no_noise_fails(
+    context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(walls, "_PATTERN_FRAMES", 16)
+    monkeypatch.setattr(depth, "_WIGGLE_FRAMES", 1)
+    text = (SENSOR_FOLDER / "kinect-v2-fankhauser.toml").read_text()
+    (tmp_path / "blind.toml").write_text(text.replace("near_mm = 500 ", "near_mm = 4400 "))
+    blind = run.run_checks(captures_of(context, tmp_path / "blind.toml", 8))
+    assert {r.check.number for r in blind.results if r.state == "pass"} < {
+        "8", "19", "20", "21", "24", "28", "29", "A3",
+    }  # fmt: skip
+    quiet = run.run_checks(captures_of(context, "ideal", 8))
+    assert failures(quiet) >= {"1", "2", "5", "12", "13", "27", "30"}
+
+
+def test_a_scene_is_a_function_of_the_seed(context: moderngl.Context) -> None:
+    captures = captures_of(context, "kinect-v2", 8)
+    first, again, other = (
+        captures.camera.capture(scenes.wall(900), 2, 24, at_mm=(0, 0, 900), seed=seed)
+        for seed in (1, 1, 2)
+    )
+    assert np.array_equal(encoded(first), encoded(again))
+    assert not np.array_equal(encoded(first), encoded(other))
+    assert not np.array_equal(encoded(first)[0], encoded(first)[1])
+
+
+# --- the command --------------------------------------------------------------------------------
+
+
+def test_command_writes_table_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [str(tmp_path / "out" / name) for name in ("checks.json", "table.md")]
+    arguments = ["--frames", "8", "--json", files[0], "--markdown", files[1]]
+    assert main(["validate", "kinect-v2-paper", *arguments]) == 0
+    printed = capsys.readouterr()
+    assert "9 x 9 window" in printed.out
+    assert "kinect-v2-paper: 10 checks: 10 pass" in printed.err
+    assert json.loads(Path(files[0]).read_text())["passed"] is True
+    assert Path(files[1]).read_text().count("\n") == 12
+
+
+def test_command_fails_for_a_wrong_sensor_and_refuses_an_unknown_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checks = run.sheets()["kinect-v2"].checks[:5]
+    sheet = run.ValidationSheet("other", checks, (walls.noise_level,))
+    monkeypatch.setitem(run.sheets(), "kinect-v1", sheet)
+    assert main(["validate", "kinect-v1", "--frames", "8"]) == 1
+    assert "FAIL" in capsys.readouterr().out
+    assert main(["validate", "nothing"]) == 2
+    assert "no such sensor 'nothing'" in capsys.readouterr().err

@@ -1,0 +1,100 @@
+"""Wiggling of walls at several distances: other harmonics come back; real frames say nothing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from glsim.bench.fit.recording_statistics import measure_recording
+from glsim.bench.fit.wiggling import fit_wiggling
+from glsim.bench.measures.frame import frames_of
+from glsim.bench.validate import VirtualCamera, scenes
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import Frames
+from glsim.core.mesh import Mesh
+from glsim.data.recordings.recording import open_recording
+from tests.support.planted_frames import encoded
+
+IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
+EMITTER_M = (0.045, 0.0, 0.0)
+FRAMES = 12
+REAL = Path(
+    os.environ.get(
+        "GLSIM_REAL_ROOT", Path(__file__).resolve().parents[3] / "shared/data/kinect-v2-real"
+    )
+)
+
+
+def walls(slant_deg: float) -> Mesh:
+    """Four walls side by side, 0.9 to 2.8 m away, turned about the y axis."""
+    distances = (900.0, 1400.0, 2000.0, 2800.0)
+    limits = np.linspace(-300.0, 300.0, len(distances) + 1) / IMAGE.fx
+    slope = float(np.tan(np.radians(slant_deg)))
+    parts = []
+    for z, left, right in zip(distances, limits[:-1], limits[1:], strict=True):
+        x, half = (left * z, right * z), 450.0 * z / IMAGE.fx
+        near, far = (z + slope * (at - 0.5 * (x[0] + x[1])) for at in x)
+        parts.append(
+            scenes.quad(
+                [(x[0], half, near), (x[1], half, far), (x[1], -half, far), (x[0], -half, near)]
+            )
+        )
+    return scenes.merge_meshes(*parts)
+
+
+@pytest.mark.parametrize("slant_deg", [0.0, 35.0])
+def test_harmonics_come_back_from_walls_at_several_distances(
+    context: moderngl.Context, slant_deg: float
+) -> None:
+    """Sizes within three standard errors as stated, phases within 20 degrees."""
+    truth = {2: (0.015, 60.0), 5: (0.006, -100.0)}
+    changes = {
+        "harmonic_2": 0.015, "harmonic_2_phase_deg": 60.0,
+        "harmonic_5": 0.006, "harmonic_5_phase_deg": -100.0,
+        "harmonic_phase_spread": 0.0,
+    }  # fmt: skip
+    camera = VirtualCamera("kinect-v2-fast", context, seed=5)
+    shot = camera.capture(walls(slant_deg), FRAMES, None, changes={"tof_fast": changes})
+    found = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
+    wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
+    assert wiggling is not None
+    assert wiggling.planes >= 3
+    for harmonic, (size, phase_deg) in truth.items():
+        assert wiggling.known(harmonic)
+        error = wiggling.error[harmonic]
+        assert error < 0.1 * 0.015
+        assert abs(wiggling.amplitude[harmonic] - size) < 3 * error
+        off = np.degrees(wiggling.phase_rad[harmonic]) - phase_deg
+        assert np.abs((off + 180) % 360 - 180).max() < 20
+
+
+def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
+    camera = VirtualCamera("kinect-v2-fast", context, seed=5)
+    changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
+    shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
+    found = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
+    wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
+    assert wiggling is not None
+    assert not any(wiggling.known(harmonic) for harmonic in (2, 5))
+
+
+@pytest.mark.skipif(
+    not REAL.is_dir(),
+    reason="the real Kinect V2 frames are not on this machine: GLSIM_REAL_ROOT names their folder",
+)
+def test_a_real_room_of_bent_and_distorted_surfaces_shows_none() -> None:
+    """Doors and chairs through the lens are no planes; the error says so."""
+    recording = open_recording([REAL / f"{name}_depth.png" for name in ("0007", "0008")])
+    image = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
+    wiggling = fit_wiggling(
+        measure_recording(
+            Frames.of([f.changed(intrinsics=image) for f in recording.read_static()])
+        ),
+        image,
+        EMITTER_M,
+    )
+    assert wiggling is None or not any(wiggling.known(harmonic) for harmonic in (2, 5))

@@ -1,0 +1,30 @@
+"""The text of every error is one line of bounded length."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from glsim.core.errors import ConfigError, DatasetError
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("plain é 頭 text", "plain é 頭 text"),
+        ("two\nlines\r\n", r"two\nlines\r\n"),
+        ("a\0b\x1b[2Jc\x9b", r"a\x00b\x1b[2Jc\x9b"),
+    ],
+)
+def test_control_characters_are_escaped(message: str, shown: str) -> None:
+    assert str(ConfigError(message)) == shown
+    assert str(pickle.loads(pickle.dumps(ConfigError(message)))) == shown
+
+
+def test_the_middle_of_a_long_message_is_left_out() -> None:
+    text = str(DatasetError("start " + "x" * 100_000 + " end"))
+    assert len(text) <= 2500
+    assert text.startswith("start xx")
+    assert text.endswith("xx end")
+    assert str(DatasetError()) == ""

@@ -1,0 +1,125 @@
+"""camera.toml beside frames: what it says holds, and mistakes get one clear line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.png import encode_png
+from glsim.data.reader import open_dataset
+from glsim.data.recordings.recording import open_recording, read_frames
+
+DEPTH = np.full((48, 64), 9000, np.uint16)
+CAMERA = "width = 64\nheight = 48\nfocal_px = [50.5, 51.5]\n"
+
+
+def _folder(root: Path, text: str, frames: int = 2, place: str = "") -> Path:
+    (root / place).mkdir(parents=True, exist_ok=True)
+    for number in range(frames):
+        cv2.imwrite(str(root / place / f"depth_{number:03d}.png"), DEPTH + number)
+    (root / "camera.toml").write_text(text)
+    return root
+
+
+@pytest.mark.parametrize("place", ["", "depth"])
+def test_unit_and_intrinsics_of_the_file_hold(tmp_path: Path, place: str) -> None:
+    text = f"unit_mm = 0.1\n{CAMERA}centre_px = [30, 20]\nbaseline_m = 0.05\n"
+    text += "[distortion]\nk1 = 0.1\np2 = 0.01\n"
+    recording = open_recording(_folder(tmp_path, text, place=place))
+    frame = recording.read()[0]
+    np.testing.assert_allclose(frame.measured_mm, 900.0, rtol=1e-6)
+    assert frame.step_mm == 0.1
+    assert (frame.intrinsics.fx, frame.intrinsics.fy) == (50.5, 51.5)
+    assert (frame.intrinsics.cx, frame.intrinsics.cy) == (30, 20)
+    assert recording.distortion == (0.1, 0, 0, 0.01, 0)
+    assert recording.stated.baseline_m == 0.05
+
+
+def test_png_files_state_their_step_and_a_camera_file_wins(tmp_path: Path) -> None:
+    """What glsim denoise writes is read in the steps that it states."""
+    depth = np.full((40, 60), 9000, np.uint16)
+    write_atomic(encode_png(depth, depth_unit_mm=0.1), tmp_path / "0000_depth.png")
+    assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(900)
+    assert open_recording(tmp_path, 0.5).read()[0].measured_mm[0, 0] == pytest.approx(4500)
+    (tmp_path / "camera.toml").write_text("unit_mm = 0.2\n")
+    assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(1800)
+
+
+def test_options_win_over_the_file(tmp_path: Path) -> None:
+    root = _folder(tmp_path, f"unit_mm = 0.1\n{CAMERA}")
+    frames = read_frames(root, 0.25, focal_px=70.0)
+    assert frames[0].measured_mm[0, 0] == 2250.0
+    assert (frames.intrinsics.fx, frames.intrinsics.cx) == (70.0, 32.0)
+
+
+def test_a_sensor_of_glsim_gives_what_the_file_leaves_open(tmp_path: Path) -> None:
+    root = tmp_path / "r"
+    root.mkdir()
+    cv2.imwrite(str(root / "a.png"), np.full((720, 1280), 3000, np.uint16))
+    (root / "camera.toml").write_text('sensor = "realsense-d405"\nunit_mm = 0.2\n')
+    recording = open_recording(root)
+    assert recording.camera.fx == 648.0
+    assert recording.stated.unit_mm == 0.2
+    assert recording.stated.baseline_m == pytest.approx(0.018)
+    (root / "camera.toml").write_text('sensor = "realsense-d405"\n')
+    assert open_recording(root).frames[0].noisy_mm[0, 0] == pytest.approx(300.0)
+
+
+def test_an_import_keeps_unit_and_camera(tmp_path: Path) -> None:
+    root = _folder(tmp_path / "r", f"unit_mm = 0.1\n{CAMERA}")
+    assert main(["import", "kinect2", str(root), "-o", str(tmp_path / "d"), "-q"]) == 0
+    dataset = open_dataset(tmp_path / "d")
+    assert dataset.depth_unit_mm == 0.1
+    assert dataset.frames()[0].intrinsics.fx == 50.5
+    assert dataset.frames()[0].record["notes"]["camera"] == "camera.toml"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("focal = 3", "no such setting 'focal' (did you mean 'focal_px'?)"),
+        ("unit_mm = 0", "unit_mm: must be greater than 0"),
+        (CAMERA.replace("50.5", "0"), "focal_px.0: must be greater than or equal to 1 (got 0)"),
+        (CAMERA.replace("50.5", "nan"), "focal_px.0: must be a finite number"),
+        ("width = 64", "height and focal_px missing"),
+        ("centre_px = [3, 4]", "centre_px and distortion need width, height and focal_px"),
+        ('sensor = "realsense-d345"', "or 'realsense-d435'"),
+        (CAMERA.replace("64", "80"), "says 80x48, but the frames are 64x48"),
+        ("width = ", "camera.toml: "),
+    ],
+)
+def test_mistakes_get_one_line(
+    tmp_path: Path, text: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = _folder(tmp_path / "r", text)
+    assert main(["import", "kinect2", str(root), "-o", str(tmp_path / "d"), "-q"]) in (1, 2)
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "camera.toml" in error
+    assert "\n" not in error
+
+
+def test_colour_pictures_beside_depth_are_left_out(tmp_path: Path) -> None:
+    root = _folder(tmp_path, "")
+    colour = np.zeros((48, 64, 3), np.uint8)
+    for name in ("rgb_000.png", "color_01.png", "color.png"):
+        cv2.imwrite(str(root / name), colour)
+    cv2.imwrite(str(root / "infrared_000.png"), np.full((48, 64), 77, np.uint8))
+    frames = open_recording(root).read()
+    assert [frame.name for frame in frames] == ["depth_000", "depth_001"]
+    assert frames[0].infrared[0, 0] == 77
+    assert frames[1].infrared is None
+
+
+@pytest.mark.parametrize("most", [1, 2, 3, 5, 9])
+def test_a_recording_is_thinned_to_any_number(tmp_path: Path, most: int) -> None:
+    for count in (1, 3, 5, 11):
+        recording = open_recording(_folder(tmp_path / f"{count}", "", count))
+        read = recording.read(most)
+        assert 0 < len(read) <= most
+        assert len(read) == count or len(read) >= min(most, 4) - (most % 4 if most > 4 else 0)

@@ -1,0 +1,61 @@
+"""Test that a folder of glsim's own is read as what it is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from glsim.core.errors import ConfigError
+from glsim.data.recordings.names import depth_pngs
+
+
+def touch(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    return folder
+
+
+LAYERS = [
+    f"test/p1/s_{layer}.png"
+    for layer in ("clean", "expected", "noisy", "infrared", "reason", "regions")
+]
+
+
+def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
+    touch(tmp_path, *LAYERS, "contact_sheet.png", "face_preview.png", "my_map.png", "frame1.png")
+    for kind in ("clean", "noisy"):
+        files, others = depth_pngs(tmp_path, kind)  # type: ignore[arg-type]
+        own = [tmp_path / "frame1.png", tmp_path / "my_map.png"]
+        assert files == [*own, tmp_path / f"test/p1/s_{kind}.png"]
+        assert others == Counter(
+            {
+                f"*_{layer}.png": 1
+                for layer in ("expected", "infrared", "reason", "regions", "preview")
+            }
+            | {f"*_{'noisy' if kind == 'clean' else 'clean'}.png": 1, "contact_sheet.png": 1}
+        )
+
+
+def test_recordings_hold_depth_and_infrared(tmp_path: Path) -> None:
+    touch(tmp_path, "0001_depth.png", "0001_ir.png")
+    assert depth_pngs(tmp_path, "noisy")[0] == [tmp_path / "0001_depth.png"]
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (
+            ["a_clean.png", "b_clean.png"],
+            "holds no noisy depth maps, only 2 \\*_clean.png: to take",
+        ),
+        (["train-000000.tar"], r"its frames are in shards \(train-000000.tar\)"),
+        (["notes.txt"], "holds no .png files"),
+    ],
+)
+def test_nothing_to_read_is_explained(tmp_path: Path, names: list[str], message: str) -> None:
+    touch(tmp_path, *names)
+    with pytest.raises(ConfigError, match=message):
+        depth_pngs(tmp_path, "noisy")

@@ -1,0 +1,243 @@
+"""ROS bags and Matroska files: read as the same frames in a folder are, one frame at a time."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glsim.cli import main
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.data.reader import open_dataset
+from glsim.data.recordings.recording import open_recording
+from glsim.data.recordings.streams import nearest
+from tests.support.bags import SENSOR, azure_calibration, write_bag, write_mkv
+
+RNG = np.random.default_rng(3)
+DEPTHS = [RNG.integers(400, 3000, (48, 64)).astype(np.uint16) for _ in range(6)]
+LIGHTS = [RNG.integers(0, 255, (48, 64)).astype(np.uint8) for _ in range(6)]
+AZURE = [RNG.integers(0, 4000, (576, 640)).astype(np.uint16) for _ in range(4)]
+AZURE_IR = [RNG.integers(0, 60000, (576, 640)).astype(np.uint16) for _ in range(4)]
+
+
+def test_a_bag_of_librealsense(tmp_path: Path) -> None:
+    file = tmp_path / "a.bag"
+    write_bag(file, DEPTHS, LIGHTS, options={"Depth_Units": 1e-4, "Stereo_Baseline": 50.17})
+    recording = open_recording(file)
+    assert (recording.kind, len(recording.frames)) == ("bag", 6)
+    assert recording.stated.unit_mm == 0.1
+    assert recording.stated.baseline_m == pytest.approx(0.05017, abs=1e-6)
+    assert recording.stated.name == "Intel RealSense D435"
+    # ROS counts from the centre of the first pixel, glsim from its corner.
+    assert (recording.camera.fx, recording.camera.cx) == (390.4315, 32.5)
+    for number in (3, 0, 1, 2, 5, 5):  # in any order
+        frame = recording.frames[number]
+        np.testing.assert_allclose(frame.noisy_mm, DEPTHS[number] * 0.1, rtol=1e-6)
+        np.testing.assert_array_equal(frame.infrared, LIGHTS[number])
+    np.testing.assert_array_equal(open_recording(file, 2.0).frames[1].noisy_mm, DEPTHS[1] * 2.0)
+    again = pickle.loads(pickle.dumps(recording))
+    np.testing.assert_array_equal(again.frames[4].infrared, LIGHTS[4])
+    (tmp_path / "camera.toml").write_text("unit_mm = 0.5\n")
+    stated = open_recording(tmp_path)  # the folder that holds it
+    np.testing.assert_array_equal(stated.frames[0].noisy_mm, DEPTHS[0] * 0.5)
+    assert stated.camera.fx == 390.4315
+
+
+def test_a_bag_of_a_ros_node_with_depth_in_metres(tmp_path: Path) -> None:
+    metres = [np.where(d > 600, d / 1000, np.nan).astype(np.float32) for d in DEPTHS]
+    topics = ("/camera/depth/image_rect_raw", "/camera/infra1/image_rect_raw")
+    lights = [light.astype(np.uint16) * 3 for light in LIGHTS]
+    write_bag(tmp_path / "a.bag", metres, lights, topics=topics, encoding="32FC1")
+    frame = open_recording(tmp_path / "a.bag").frames[2]
+    np.testing.assert_allclose(frame.noisy_mm, np.where(DEPTHS[2] > 600, DEPTHS[2], 0), rtol=1e-5)
+    np.testing.assert_array_equal(frame.infrared, lights[2])
+    assert frame.step_mm == 0.0
+
+
+def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    message = types.types
+    stamp = message["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    header = message["std_msgs/msg/Header"](stamp=stamp, frame_id="0")
+    kind = "sensor_msgs/msg/Image"
+    with Writer(tmp_path / "bag", version=8) as bag:
+        topic = bag.add_connection("/camera/depth/image_rect_raw", kind, typestore=types)
+        for number, depth in enumerate(DEPTHS):
+            image = message[kind](
+                header=header, height=48, width=64, encoding="16UC1", is_bigendian=0, step=128,
+                data=depth.view(np.uint8).ravel(),
+            )  # fmt: skip
+            bag.write(topic, number * 10**7, types.serialize_cdr(image, kind))
+    recording = open_recording(tmp_path / "bag")
+    assert (recording.kind, len(recording.frames)) == ("bag", 6)
+    np.testing.assert_array_equal(recording.frames[3].noisy_mm, DEPTHS[3])
+
+
+def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:
+    write_bag(tmp_path / "a.bag", DEPTHS, [light.astype(np.uint16) for light in LIGHTS])
+    data = tmp_path / "data"
+    assert main(["import", "kinect2", str(tmp_path / "a.bag"), "-o", str(data), "-q"]) == 0
+    pairs = list(open_dataset(data))
+    np.testing.assert_array_equal(pairs[3].noisy_mm, DEPTHS[3])
+    assert pairs[0].record["path"] == "a.bag"
+
+
+@pytest.mark.parametrize("codec", ["rawvideo", "ffv1"])
+def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
+    file = tmp_path / "a.mkv"
+    colour = [np.zeros((64, 64, 3), np.uint8)] * 4
+    tracks: dict[str, list[Any]] = {"COLOR": colour, "DEPTH": AZURE, "IR": AZURE_IR}
+    write_mkv(file, tracks, azure_calibration(), codec=codec)
+    recording = open_recording(file)
+    assert (recording.kind, len(recording.frames)) == ("mkv", 4)
+    for number in (2, 0, 1, 3):
+        frame = recording.frames[number]
+        np.testing.assert_array_equal(frame.noisy_mm, AZURE[number])
+        np.testing.assert_array_equal(frame.infrared, AZURE_IR[number])
+    camera = recording.camera
+    assert camera.fx == pytest.approx(0.4928 * 1024)
+    assert camera.cx == pytest.approx(0.513 * 1024 - 192)
+    assert camera.cy == pytest.approx(0.517 * 1024 - 180)
+    assert recording.distortion[0] == pytest.approx(0.548)
+    assert recording.distortion[3] == pytest.approx(-7e-5)  # p2
+    assert recording.notes == ()
+    again = pickle.loads(pickle.dumps(recording))
+    np.testing.assert_array_equal(again.frames[3].noisy_mm, AZURE[3])
+
+
+def test_binned_modes_have_their_part_of_the_chip(tmp_path: Path) -> None:
+    images = [image[::2, ::2].copy() for image in AZURE]
+    write_mkv(tmp_path / "a.mkv", {"DEPTH": images}, azure_calibration())
+    recording = open_recording(tmp_path / "a.mkv")
+    assert recording.camera.fx == pytest.approx(0.4928 * 512)
+    assert recording.camera.cx == pytest.approx(0.513 * 512 - 96)
+    assert recording.frames[0].infrared is None
+
+
+@pytest.mark.parametrize(
+    ("calibration", "note"), [(None, "has no calibration.json"), (b"{}", "cannot be used")]
+)
+def test_without_calibration_the_shipped_camera_is_assumed_and_said(
+    tmp_path: Path, calibration: bytes | None, note: str
+) -> None:
+    write_mkv(tmp_path / "a.mkv", {"DEPTH": AZURE}, calibration)
+    recording = open_recording(tmp_path / "a.mkv")
+    assert recording.camera.fx == 504.5
+    assert note in recording.notes[0]
+
+
+def test_a_recording_that_was_cut_off_ends_with_its_last_whole_frame(tmp_path: Path) -> None:
+    file = tmp_path / "a.mkv"
+    write_mkv(file, {"DEPTH": AZURE, "IR": AZURE_IR}, azure_calibration())
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    recording = open_recording(file)
+    assert 1 <= len(recording.frames) < 4
+    np.testing.assert_array_equal(recording.frames[-1].noisy_mm, AZURE[len(recording.frames) - 1])
+
+
+def test_frames_are_read_one_by_one(tmp_path: Path) -> None:
+    """A recording of 100 frames takes no more memory than one of 20 (a chunk holds seven)."""
+    peaks = []
+    for count in (20, 100):
+        file = tmp_path / f"{count}.bag"
+        write_bag(file, [np.full((240, 320), 900, np.uint16)] * count)
+        tracemalloc.start()
+        recording = open_recording(file)
+        for number in range(len(recording.frames)):
+            assert recording.frames[number].noisy_mm.any()
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]
+
+
+def _write_bad(file: Path, case: str) -> None:
+    if case == "colour":
+        write_mkv(file, {"COLOR": [np.zeros((64, 64, 3), np.uint8)]})
+    elif case == "random":
+        file.write_bytes(RNG.bytes(4000))
+    elif case == "empty":
+        file.write_bytes(b"")
+    elif case == "truncated":
+        write_bag(file, DEPTHS, LIGHTS)
+        data = file.read_bytes()
+        file.write_bytes(data[: len(data) * 2 // 3])
+    elif case == "no depth":
+        write_bag(file, LIGHTS, encoding="mono8", topics=(f"{SENSOR}/Infrared_1/image/data", ""))
+    elif case == "cut image":
+        write_bag(file, [np.zeros((4, 4), np.uint16)])
+    elif case == "no frames":
+        from rosbags.rosbag1 import Writer
+
+        with Writer(file):
+            pass
+
+
+@pytest.mark.parametrize(
+    ("name", "case", "message"),
+    [
+        ("a.mkv", "colour", "has no depth track of 16-bit grey, only COLOR (yuvj420p)"),
+        ("a.mkv", "random", "is no readable Matroska file"),
+        ("a.mkv", "empty", "is no readable Matroska file"),
+        ("a.bag", "random", "is no readable bag"),
+        ("a.bag", "empty", "is no readable bag"),
+        ("a.bag", "truncated", "repair it by rosbag reindex"),
+        ("a.bag", "no depth", "holds no depth images"),
+        ("a.bag", "cut image", "has 4 x 4 pixels"),
+        ("a.bag", "no frames", "holds no depth images"),
+    ],
+)
+def test_bad_files_get_one_line(
+    tmp_path: Path, name: str, case: str, message: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    _write_bad(tmp_path / name, case)
+    out = str(tmp_path / "d")
+    assert main(["import", "kinect2", str(tmp_path / name), "-o", out, "-q"]) == 1
+    error = capfd.readouterr().err.strip()
+    assert message in error
+    assert name in error
+    assert "\n" not in error
+
+
+def test_several_recordings_are_not_mixed(tmp_path: Path) -> None:
+    for name in ("a.bag", "b.bag"):
+        write_bag(tmp_path / name, DEPTHS)
+    with pytest.raises(DatasetError, match="each holds a recording of its own"):
+        open_recording(tmp_path)
+    with pytest.raises(ConfigError, match="holds the infrared images itself"):
+        open_recording(tmp_path / "a.bag", infrared=tmp_path)
+
+
+@pytest.mark.parametrize(("name", "library"), [("a.bag", "rosbags"), ("a.mkv", "av")])
+def test_without_the_library_the_extra_is_named(tmp_path: Path, name: str, library: str) -> None:
+    (tmp_path / name).write_bytes(b"x")
+    code = (
+        "import importlib.util, sys; find = importlib.util.find_spec\n"
+        "import glsim.core.errors\n"
+        f"glsim.core.errors.find_spec = lambda n: None if n == {library!r} else find(n)\n"
+        "from glsim.cli import main\n"
+        f"sys.exit(main(['import', 'kinect2', {str(tmp_path / name)!r}, '-o', 'x']))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert (
+        f"needs {library}, which is not installed: pip install 'glsim[recordings]'" in done.stderr
+    )
+
+
+def test_nearest_moments() -> None:
+    times = np.array([0, 33, 66, 99])
+    assert nearest(times, np.array([1, 34, 65, 98])) == [0, 1, 2, 3]
+    assert nearest(times, np.array([34, 65])) == [None, 0, 1, None]
+    assert nearest(times, np.array([], int)) == [None] * 4
+    assert nearest(np.array([5]), np.array([7])) == [0]
+    assert nearest(np.array([4, 4, 4]), np.array([4, 4, 4])) == [0, 1, 2]

@@ -1,0 +1,162 @@
+"""Cloth on whole people: it covers torso and legs, follows the posture, and leaves hands free."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from glsim.faces.base import Face
+from glsim.faces.people.model import REGIONS
+from glsim.looks.anatomy import Anatomy
+from glsim.looks.binding import Motion, skull_motion
+from glsim.looks.cloth import UP, ClothBody, Worn, fit_cloth, make_cloth_grid, make_clothes
+from glsim.looks.dress import Dresser
+from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
+from tests.support.people import needs_anny
+from tests.support.wardrobe import ALL, appearance, keys
+
+pytestmark = needs_anny
+
+
+@lru_cache(maxsize=1)
+def people():  # type: ignore[no-untyped-def]
+    from glsim.faces.sources.people import People
+
+    return People(seed=3)
+
+
+@lru_cache(maxsize=1)
+def body() -> Anatomy:
+    source = people()
+    vertices, faces = source.neutral("a0002")
+    return Anatomy(source.name, vertices, faces, source.topology.regions, REGIONS)
+
+
+@lru_cache(maxsize=1)
+def fitted() -> ClothBody:
+    grid = make_cloth_grid(body())
+    assert grid is not None
+    return fit_cloth(grid, body().vertices_mm)
+
+
+def still() -> Motion:
+    return skull_motion(body().vertices_mm[:3], body().vertices_mm[:3])
+
+
+def clothes(upper: Garment, lower: Garment = LOWER[0], tucked: bool = False) -> list[Worn]:
+    made = make_clothes(fitted(), (upper, lower, SHOES), tucked, 1.0, 5)
+    return [piece for piece in made if piece is not None]
+
+
+def points_of(worn: Worn) -> np.ndarray:
+    """Where cloth lies on the body at rest."""
+    return worn.binding.place(body().vertices_mm, still())
+
+
+def named(name: str) -> Garment:
+    return next(g for g in (*UPPER, *LOWER) if g.name == name)
+
+
+def covered(points: np.ndarray, region: str) -> float:
+    """Share of a region's vertices with cloth within 80 mm."""
+    return float((gap_mm(points[::3], body().vertices_mm[body().is_in(region)][::9]) < 80).mean())
+
+
+def gap_mm(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Distances from places of the skin to the nearest cloth."""
+    return np.linalg.norm(places[:, None] - points[None], axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("garment", UPPER, ids=lambda g: g.name)
+def test_garments_cover_the_torso_and_their_share_of_the_arms(garment: Garment) -> None:
+    points = points_of(clothes(garment)[0])
+    assert np.isfinite(points).all()
+    assert covered(points, "torso") > 0.85
+    assert covered(points, "hand") < 0.3
+    assert covered(points, "arm") == pytest.approx(garment.limb, abs=0.35)
+
+
+def test_trousers_and_shoes_reach_the_floor() -> None:
+    _, trousers, shoes = map(points_of, clothes(named("T-shirt")))
+    assert covered(trousers, "leg") > 0.85
+    assert covered(shoes, "foot") > 0.95
+    assert shoes[:, 1].min() == pytest.approx(fitted().skin[:, 1].min(), abs=4)
+    shorts = points_of(clothes(named("T-shirt"), named("shorts"))[1])
+    assert covered(shorts, "leg") < 0.75
+
+
+def test_a_shirt_rests_on_the_shoulders_and_hangs_below() -> None:
+    points, own = points_of(clothes(named("shirt"))[0]), fitted()
+    torso = own.part == 0
+    high = torso & (own.normal[:, 1] > 0.9) & (own.skin[:, 1] > own.armpits[:, 1].mean() + 60)
+    belly = torso & (own.normal[:, 2] > 0.7) & (np.abs(own.skin[:, 1] - own.waist_mm) < 60)
+    assert np.median(gap_mm(points, own.skin[high])) < 9
+    assert 12 < np.median(gap_mm(points, own.skin[belly])) < 60
+
+
+def test_cloth_lies_outside_of_the_skin_spans_hollows_and_folds() -> None:
+    own, sweater = fitted(), named("sweater")
+    points = points_of(clothes(sweater)[0])
+    level = own.waist_mm + 60
+    skin = own.skin[(own.part == 0) & (np.abs(own.skin[:, 1] - level) < 12)][:, [0, 2]]
+    ring = points[(np.abs(points[:, 1] - level) < 12)][:, [0, 2]]
+    ring = ring[np.abs(ring[:, 0] - own.neck[0]) < 230]
+    middle = np.array([own.neck[0], skin[:, 1].mean()])
+    turn, around = (np.arctan2(*(p - middle).T) for p in (skin, ring))
+    for place, angle in zip(skin, turn, strict=True):
+        near = np.abs(np.angle(np.exp(1j * (around - angle)))) < 0.12
+        assert np.linalg.norm(ring[near] - middle, axis=1).max() > np.linalg.norm(place - middle)
+    spine = skin[np.abs(skin[:, 0] - own.neck[0]) < 15, 1].min()
+    cloth = ring[np.abs(ring[:, 0] - own.neck[0]) < 25, 1].min()
+    assert cloth < spine - 3
+    plain = points_of(clothes(replace(sweater, fold=0.0))[0])
+    assert 3 < np.percentile(np.linalg.norm(points - plain, axis=1), 90) < 30
+
+
+@pytest.mark.parametrize(("name", "height"), [("shirt", 25), ("T-shirt", 5), ("turtleneck", 40)])
+def test_collars_rise_over_the_neckline_and_cloth_ends_inside(name: str, height: float) -> None:
+    worn, own = clothes(named(name))[0], fitted()
+    points = points_of(worn)
+    near = np.linalg.norm(points - own.neck, axis=1) < 160
+    assert ((points - own.neck) @ UP)[near].max() > height
+    assert len(worn.casts) < len(worn.faces)
+    sides = worn.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    lone = set(map(tuple, sides)) - set(map(tuple, sides[:, ::-1]))
+    rim = np.unique(np.array(list(lone)))
+    inner = gap_mm(points[np.setdiff1d(np.arange(len(points)), rim)], points[rim])
+    assert np.median(inner) < 20  # the lone edge is that of the turned-in strip
+
+
+def test_people_are_dressed_by_default_and_cloth_follows_a_posture() -> None:
+    """Every point of the cloth of a posed frame is near the posed skin; hoods stand off most."""
+    source = people()
+    assert not Dresser(source, appearance(wear="never")).is_on
+    there = Dresser(source, appearance(**{**ALL, "wear": "auto"}))
+    face = next(iter(source.load(source.frames("a0002", 1))))
+    assert isinstance(face, Face)
+    dressed = there.dress(face, keys(2))
+    skin = face.mesh.vertices_mm[body().body][::4]
+    for part in dressed.parts:
+        if part.region == "cloth":
+            assert np.percentile(gap_mm(skin, part.mesh.vertices_mm[::25]), 95) < 80
+
+
+def test_skin_under_cloth_is_left_out_but_for_the_rims() -> None:
+    source = people()
+    face = next(iter(source.load(source.frames("a0002", 1))))
+    assert isinstance(face, Face)
+    dressed = Dresser(source, appearance(**ALL)).dress(face, keys(2))
+    bare = Dresser(source, appearance(**{**ALL, "cloth": 0})).dress(face, keys(2))
+    assert bare.mesh.faces is face.mesh.faces
+    left = np.zeros(len(face.mesh.vertices_mm), bool)
+    left[dressed.mesh.faces] = True
+    assert left[body().is_in("hand", "ear", "nose", "lips")].all()
+    assert left[body().is_in("torso")].mean() < 0.6
+    # Nor does skin under cloth cast shadows: its fewer triangles would stick out of the cloth.
+    assert bare.mesh.occluder is face.mesh.occluder
+    assert face.mesh.occluder is not None
+    assert dressed.mesh.occluder is not None
+    assert len(dressed.mesh.occluder) < 0.8 * len(face.mesh.occluder)

@@ -1,0 +1,210 @@
+"""Noise on the user's own depth maps, by OpenGL and by NumPy."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.cli import main
+from glsim.core import depth_map
+from glsim.core.errors import ConfigError
+from glsim.core.files.png import encode_png, stated_unit_mm
+from glsim.core.reason import Reason
+from glsim.settings.schema import load_settings
+from glsim.simulation.corrupt import Corrupter
+from glsim.simulation.frame import Frame
+from tests.support.scenes import V2, Plane, face_mesh, frames_of, layers_of, rig, settings_for
+from tests.support.stage_harness import Z_MAX, z_sd
+
+SENSORS = ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
+
+
+def turned_face(context: moderngl.Context, crop: int | None = 160) -> NDArray[np.uint16]:
+    """A face before a wall, whole millimetres."""
+    pose = {"distance_mm": 900, "yaw_deg": 20}
+    settings = settings_for(scene={"wall_mm": 1300}, pose=pose, output={"crop": crop})
+    return frames_of(context, settings, face_mesh())[0].clean
+
+
+@pytest.fixture
+def clean(context: moderngl.Context) -> NDArray[np.uint16]:
+    return turned_face(context)
+
+
+def corrupted(
+    sensor: str,
+    clean: NDArray[np.uint16],
+    name: str = "a",
+    backend: str | None = None,
+    **overrides: object,
+) -> Frame:
+    settings = load_settings(overrides={"sensor": sensor} | overrides)
+    with Corrupter(settings, (clean.shape[0], clean.shape[1]), backend) as corrupter:
+        return corrupter.corrupt(clean, name)
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
+    """Shadow edges differ: a map's mesh ends at pixel centres, the NumPy march at pixel borders."""
+    clean = turned_face(context, crop=None)
+    drawn, computed = corrupted(sensor, clean), corrupted(sensor, clean, backend="numpy")
+    one, other = drawn.noisy.astype(int), computed.noisy.astype(int)
+    assert ((one > 0) == (other > 0)).mean() >= 0.995
+    both = (one > 0) & (other > 0)
+    assert both.mean() > 0.7
+    assert (np.abs(one - other)[both] <= 1).mean() >= 0.998  # haze in shadows is just decodable
+    assert (drawn.reason == computed.reason).mean() >= 0.995
+    np.testing.assert_array_equal(drawn.clean, clean)
+    np.testing.assert_array_equal(computed.clean, clean)
+    if sensor != "ideal":
+        assert (one != clean).mean() > 0.5
+        # Time of flight fills all but the middle of a shadow from its sides.
+        assert (drawn.reason == Reason.SHADOW).sum() > (0 if sensor == "kinect-v2" else 50)
+
+
+@pytest.mark.parametrize("backend", [None, "numpy"])
+def test_name_and_seed_decide_the_noise(clean: NDArray[np.uint16], backend: str | None) -> None:
+    settings = load_settings()
+    with Corrupter(settings, (160, 160), backend) as corrupter:
+        first = corrupter.corrupt(clean, "a").noisy
+        other = corrupter.corrupt(clean, "b").noisy
+        again = corrupter.corrupt(clean, "a").noisy
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).mean() > 0.3
+    fresh = corrupted("kinect-v2", clean, "a", backend)
+    np.testing.assert_array_equal(first, fresh.noisy)
+    assert (corrupted("kinect-v2", clean, "a", backend, seed=1).noisy != first).mean() > 0.3
+
+
+def test_several_corrupters_may_be_used_in_turn(clean: NDArray[np.uint16]) -> None:
+    settings = load_settings()
+    small = np.ascontiguousarray(clean[:64, :64])
+    alone = [zlib.crc32(corrupted("kinect-v2", map_).noisy.data) for map_ in (clean, small)]
+    with Corrupter(settings, (160, 160)) as one, Corrupter(settings, (64, 64)) as other:
+        for _ in range(2):
+            assert zlib.crc32(one.corrupt(clean, "a").noisy.data) == alone[0]
+            assert zlib.crc32(other.corrupt(small, "a").noisy.data) == alone[1]
+
+
+@pytest.mark.parametrize("backend", [None, "numpy"])
+@pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2", "kinect-v2-paper"])
+def test_nothing_stays_nothing(sensor: str, backend: str | None) -> None:
+    frame = corrupted(sensor, np.zeros((60, 80), np.uint16), backend=backend)
+    assert not frame.noisy.any()
+    assert not frame.clean.any()
+    assert (frame.reason == Reason.NO_SURFACE).all()
+
+
+@pytest.mark.parametrize("backend", [None, "numpy"])
+def test_a_single_pixel_is_no_surface_that_fails(backend: str | None) -> None:
+    lone = np.zeros((40, 40), np.uint16)
+    lone[20, 20] = 900
+    frame = corrupted("kinect-v2-paper", lone, backend=backend)
+    assert frame.clean[20, 20] == 900
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((40, 40), np.float32), r"a: must be one channel of 16 bits, not .* float32"),
+        (np.zeros((40, 40, 3), np.uint16), r"a: must be one channel of 16 bits, not \(40, 40, 3"),
+        (np.zeros((40, 41), np.uint16), "a: is 41x40, not 40x40 like the first one"),
+    ],
+)
+def test_what_is_no_depth_map_is_named(array: np.ndarray, message: str) -> None:
+    with (
+        Corrupter(load_settings(), (40, 40), "numpy") as corrupter,
+        pytest.raises(ConfigError, match=message),
+    ):
+        corrupter.corrupt(array, "a")
+
+
+def test_a_shader_of_the_users_own_needs_opengl(
+    tmp_path_factory: pytest.TempPathFactory, clean: NDArray[np.uint16]
+) -> None:
+    """Even if the file has the name of a shipped stage, whose twin it must not use."""
+    from tests.support.scenes import sensor_file
+
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "gaussian.glsl").write_text(
+        "#version 330 core\n// own\nuniform sampler2D u_depth;\nout float depth;\n"
+        "void main() { depth = 2.0 * texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r; }\n"
+    )
+    sensor = sensor_file(folder, 'use = "gaussian.glsl"')
+    np.testing.assert_array_equal(corrupted(sensor, clean).noisy, 2 * clean)
+    with pytest.raises(ConfigError, match="'gaussian' has no NumPy twin: use --backend egl or"):
+        corrupted(sensor, clean, backend="numpy")
+
+
+def test_cameras_default_to_the_sensors_own() -> None:
+    def camera(shape: tuple[int, int], **given: tuple[float, float]) -> list[float]:
+        with Corrupter(load_settings(), shape, "numpy", **given) as corrupter:
+            image = corrupter.rig.intrinsics
+            return [image.width, image.height, image.fx, image.fy, image.cx, image.cy]
+
+    f = V2.fx
+    assert camera((424, 512)) == [512, 424, f, f, V2.cx, V2.cy]
+    assert camera((60, 80)) == [80, 60, f, f, 40, 30]
+    given = camera((60, 80), focal_px=(500, 510), centre_px=(10, 20))
+    assert given == [80, 60, 500, 510, 10, 20]
+
+
+@pytest.mark.parametrize("backend", [None, "numpy"])
+def test_the_noise_is_that_of_the_sensor(backend: str | None) -> None:
+    """Axial noise alone follows its formula, in tenths of a millimetre."""
+    flat = np.full((128, 128), 20_000, np.uint16)
+    only = {"axial": {"angle_mm": 0}, "millimetre_quantise": {"step_mm": 0.1}}
+    off = {n: {"enabled": False} for n in ("lateral", "fixed_pattern", "edge_dropout", "shadow")}
+    output = {"depth_unit_mm": 0.1}
+    frame = corrupted("kinect-v2-fankhauser", flat, "a", backend, stage=only | off, output=output)
+    error_mm = (frame.noisy.astype(float) - 20_000) / 10
+    assert abs(z_sd(error_mm, float(np.hypot(1.5 - 0.5 * 2 + 0.3 * 4, 0.1 / np.sqrt(12))))) < Z_MAX
+
+
+def test_normals_of_a_map_are_those_of_its_plane() -> None:
+    for tilt, turn in ((0, 0), (40, 30), (70, 200)):
+        plane = Plane(1.0, tilt, turn)
+        depth = plane.depth(V2.rays()).astype(np.float32)
+        seen = (depth > 0.3) & (depth < 3)
+        normal = depth_map.normals(np.where(seen, depth, np.float32(0)), V2.rays())
+        assert np.abs(normal - plane.normal)[seen].max() < 5e-3
+        assert (normal[~seen] == [0, 0, -1]).all()
+
+
+def test_normals_do_not_mix_surfaces(context: moderngl.Context) -> None:
+    """Beside a step they are those of the pixel's own side."""
+    steps = np.full((V2.height, V2.width), 1.0, np.float32)
+    steps[:, 200:] = 1.5
+    normal = depth_map.normals(steps, V2.rays())
+    np.testing.assert_allclose(normal, np.broadcast_to([0, 0, -1.0], normal.shape), atol=1e-6)
+
+
+def test_the_surface_of_a_map_is_where_it_was_seen(context: moderngl.Context) -> None:
+    seen = layers_of(context, rig(), [(face_mesh(), {"distance_mm": 900})])["clean"]
+    mesh = depth_map.surface(seen, rig())
+    assert mesh is not None
+    again = layers_of(context, rig(), [mesh])["clean"]
+    both = (seen > 0) & (again > 0)
+    assert both.sum() > 0.9 * (seen > 0).sum()
+    assert np.abs(seen - again)[both].max() < 1e-5
+    assert depth_map.surface(np.zeros_like(seen), rig()) is None
+
+
+@pytest.mark.parametrize(
+    ("clean_states_mm", "given", "stated_mm"),
+    [(None, [], None), (0.1, ["--depth-unit-mm", "0.1"], 0.1), (1.0, [], 1.0),
+     (None, ["--depth-unit-mm", "0.5"], 0.5)],
+)  # fmt: skip
+def test_a_noisy_map_states_its_step_as_the_clean_one_does(
+    tmp_path: Path, clean_states_mm: float | None, given: list[str], stated_mm: float | None
+) -> None:
+    clean, noisy = tmp_path / "clean.png", tmp_path / "noisy.png"
+    clean.write_bytes(encode_png(np.full((32, 40), 9000, np.uint16), clean_states_mm))
+    command = ["corrupt", str(clean), "-o", str(noisy), "-s", "ideal", "--backend", "numpy"]
+    assert main([*command, *given]) == 0
+    assert stated_unit_mm(noisy) == stated_mm

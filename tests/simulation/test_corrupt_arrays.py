@@ -1,0 +1,312 @@
+"""Noise on float depth of other simulators: NumPy and PyTorch, batches, any camera, recipes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim import Corrupter, GlsimError, load_settings
+from glsim.core.errors import ConfigError
+from tests.support.scenes import Plane, face_mesh
+
+CAMERA: dict[str, Any] = {"width": 96, "height": 72, "fx": 90.0, "fy": 91.0, "cx": 48.0, "cy": 36.0}
+#: A face at 0.9 m fills a sixth of its image: 150 x 200 mm are 33 x 45 pixels.
+PORTRAIT = {**CAMERA, "fx": 200.0, "fy": 202.0}
+
+
+def corrupter(
+    sensor: str = "kinect-v2-fankhauser",
+    backend: str | None = "numpy",
+    camera: Mapping[str, Any] = CAMERA,
+) -> Corrupter:
+    return Corrupter.for_camera(sensor, **camera, first_pixel=0.5, backend=backend)
+
+
+def maps(count: int = 3) -> NDArray[np.float32]:
+    """Tilted walls of different distances with an empty corner."""
+    with corrupter() as one:
+        rays = one.rig.rays()
+    depth = np.stack([Plane(0.9 + 0.1 * n, 10 * n, 40).depth(rays) for n in range(count)])
+    depth[:, :10, :10] = 0
+    return depth.astype(np.float32)
+
+
+@pytest.mark.parametrize("backend", [None, "numpy"])
+def test_a_map_has_the_same_noise_alone_and_in_a_batch(backend: str | None) -> None:
+    clean = maps()
+    with corrupter(backend=backend) as corrupt:
+        together = corrupt(clean, frame=5)
+        alone = [corrupt(clean[n], frame=5 + n) for n in range(3)]
+        other = corrupt(clean, frame=6)
+        elsewhere = corrupt(clean, frame=5, sequence="b")
+    assert together.shape == clean.shape
+    assert together.dtype == np.float32
+    np.testing.assert_array_equal(together, np.stack(alone))
+    assert (other != together).mean() > 0.3
+    assert (elsewhere != together).mean() > 0.3
+    seen = (together > 0) & (clean > 0)
+    assert seen.mean() > 0.8
+    assert 0.3 < np.abs(1000 * (together - clean))[seen].mean() < 10  # mm, Fankhauser's sigma
+    assert not together[:, :8, :8].any()
+
+
+def test_the_types_and_shapes_of_simulators_come_back() -> None:
+    clean = maps(2)
+    with corrupter() as corrupt:
+        expected = corrupt(clean)
+        for given in (clean[..., None], clean[:, None], clean[None, :, :, :, None]):
+            found = corrupt(given)
+            assert found.shape == given.shape
+            np.testing.assert_array_equal(found.reshape(clean.shape), expected)
+        doubles = corrupt(clean.astype(np.float64))
+        assert doubles.dtype == np.float64
+        np.testing.assert_array_equal(doubles, expected)
+        turned = np.ascontiguousarray(clean[:, ::-1])[:, ::-1]  # rows from below, as GL gives them
+        np.testing.assert_array_equal(corrupt(turned), expected)
+        halves = corrupt(clean.astype(np.float16))
+        assert halves.dtype == np.float16
+
+
+def test_tensors_are_not_copied_and_not_changed() -> None:
+    torch = pytest.importorskip("torch")
+    from glsim.simulation.depth_arrays import depth_batch
+
+    clean = maps(2)
+    tensor = torch.from_numpy(clean.copy()).requires_grad_()
+    batch = depth_batch(tensor, (72, 96))
+    assert batch.maps.ctypes.data == tensor.data_ptr()
+    assert batch.results.ctypes.data == batch.answer().data_ptr()
+    with corrupter() as corrupt:
+        noisy = corrupt(tensor)
+        np.testing.assert_array_equal(noisy.numpy(), corrupt(clean))
+    assert isinstance(noisy, torch.Tensor)
+    assert noisy.dtype == torch.float32
+    assert not noisy.requires_grad
+    np.testing.assert_array_equal(tensor.detach().numpy(), clean)
+    assert depth_batch(clean, (72, 96)).maps.base is not None
+    assert np.shares_memory(depth_batch(clean, (72, 96)).maps, clean)
+
+
+@pytest.mark.parametrize("empty", [np.nan, np.inf, -np.inf, 1e10, -1.0, 65.535, 0.0])
+def test_what_simulators_call_background_is_no_surface(empty: float) -> None:
+    clean = maps(1)[0]
+    given = np.where(clean > 0, clean, np.float32(empty))
+    with corrupter("kinect-v2-paper") as corrupt:
+        np.testing.assert_array_equal(corrupt(given), corrupt(clean))
+
+
+def test_principal_points_of_both_conventions_are_one_camera() -> None:
+    with corrupter() as ours:
+        centred = {**CAMERA, "cx": 47.5, "cy": 35.5}
+        with Corrupter.for_camera(
+            "kinect-v2-fankhauser", **centred, first_pixel=0, backend="numpy"
+        ) as theirs:
+            assert ours.rig.intrinsics == theirs.rig.intrinsics
+            np.testing.assert_array_equal(ours(maps()), theirs(maps()))
+
+
+def test_draws_per_sequence_are_held_within_it() -> None:
+    settings = load_settings(
+        overrides={
+            "sensor": "kinect-v2-fankhauser",
+            "stage": {"axial": {"base_sigma_mm": {"uniform": [0.5, 2.0], "per": "sequence"}}},
+        }
+    )
+    with Corrupter.for_camera(settings, **CAMERA, first_pixel=0.5, backend="numpy") as corrupt:
+        drawn = [
+            corrupt.corrupt_depth(maps(1)[0], frame=n, sequence=name).parameters[
+                "axial.base_sigma_mm"
+            ]
+            for name in "ab"
+            for n in range(2)
+        ]
+    assert drawn[0] == drawn[1] != drawn[2] == drawn[3]
+
+
+@pytest.mark.parametrize(
+    ("depth", "message"),
+    [
+        (np.zeros((72, 96), np.uint16), r"float metres .* not uint16"),
+        ([[1.0]], r"an array or a tensor of float metres .* not list"),
+        (np.zeros((96, 72), np.float32), r"shape \(96, 72\): the camera has 96x72 pixels"),
+        (np.zeros((72, 96, 3), np.float32), r"shape \(72, 96, 3\)"),
+    ],
+)
+def test_what_is_no_depth_is_named(depth: Any, message: str) -> None:
+    with corrupter() as corrupt, pytest.raises(ConfigError, match=message):
+        corrupt(depth)
+
+
+@pytest.mark.parametrize(("name", "value"), [("first_pixel", 1), ("fy", -91.0), ("width", 0)])
+def test_what_is_no_camera_is_named(name: str, value: float) -> None:
+    camera: dict[str, Any] = {**CAMERA, "first_pixel": 0.5, name: value}
+    with pytest.raises(GlsimError, match=f"{value}"):
+        Corrupter.for_camera("ideal", **camera, backend="numpy")
+
+
+def face_in_camera() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """The analytic face at 0.9 m, camera metres (x right, y down, z forward), and its triangles."""
+    mesh = face_mesh(60)
+    points = mesh.vertices_mm.astype(np.float64) * [0.001, -0.001, -0.001] + [0, 0, 0.9]
+    return points, np.asarray(mesh.faces)
+
+
+#: pyrender ends every OpenGL context of its process when its renderer is deleted.
+_PYRENDER = """
+import sys, numpy, pyrender, trimesh
+given = numpy.load(sys.argv[1])
+scene = pyrender.Scene()
+mesh = trimesh.Trimesh(given["points"] * [1, -1, -1], given["faces"], process=False)
+scene.add(pyrender.Mesh.from_trimesh(mesh))
+scene.add(pyrender.IntrinsicsCamera(*given["camera"], znear=0.1, zfar=12.0))
+renderer = pyrender.OffscreenRenderer(96, 72)
+numpy.save(sys.argv[2], renderer.render(scene, pyrender.RenderFlags.DEPTH_ONLY))
+"""
+
+
+def test_depth_that_pyrender_made_comes_back_with_noise(tmp_path: Path) -> None:
+    """The principal point of pyrender counts from the image's edge: first_pixel is 0.5."""
+    pytest.importorskip("OpenGL")
+    pytest.importorskip("pyrender")
+    points, faces = face_in_camera()
+    camera = [PORTRAIT[name] for name in ("fx", "fy", "cx", "cy")]
+    given, rendered = tmp_path / "given.npz", tmp_path / "depth.npy"
+    np.savez(given, points=points, faces=faces, camera=camera)
+    subprocess.run(
+        [sys.executable, "-c", _PYRENDER, str(given), str(rendered)],
+        env={**os.environ, "PYOPENGL_PLATFORM": "egl"},
+        check=True,
+        timeout=120,
+    )
+    check_noise(np.load(rendered))
+
+
+def test_depth_that_open3d_made_comes_back_with_noise() -> None:
+    """Open3D's rays pass through pixel centres at 0.5 too, unlike its point clouds."""
+    o3d = pytest.importorskip("open3d")
+    points, faces = face_in_camera()
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(points.astype(np.float32), faces.astype(np.uint32))
+    k = [[PORTRAIT["fx"], 0, PORTRAIT["cx"]], [0, PORTRAIT["fy"], PORTRAIT["cy"]], [0, 0, 1]]
+    rays = scene.create_rays_pinhole(
+        o3d.core.Tensor(k), o3d.core.Tensor(np.eye(4)), width_px=96, height_px=72
+    )
+    depth = scene.cast_rays(rays)["t_hit"].numpy()  # inf where nothing was hit
+    assert np.isinf(depth).any()
+    check_noise(depth)
+
+
+def check_noise(depth: NDArray[np.float32]) -> None:
+    """The surface that another renderer saw has the sensor's noise, and nothing else has any."""
+    seen = np.isfinite(depth) & (depth > 0)
+    assert seen.mean() > 0.1
+    assert abs(depth[seen].min() - 0.853) < 0.003  # the tip of the nose, 47 mm before 0.9 m
+    with corrupter(backend=None, camera=PORTRAIT) as corrupt:
+        noisy = corrupt(depth)
+    both = seen & (noisy > 0)
+    assert both.sum() > 0.8 * seen.sum()
+    error_mm = 1000 * (noisy[both] - depth[both])
+    assert abs(np.median(error_mm)) < 1.0
+    assert 0.3 < np.median(np.abs(error_mm)) < 6.0
+
+
+def _noisy_bytes(job: tuple[Corrupter, NDArray[np.float32]]) -> bytes:
+    corrupter, depth_m = job
+    return bytes(corrupter(depth_m, frame=3).tobytes())
+
+
+@pytest.mark.parametrize(
+    ("start", "backend", "used"),
+    [
+        ("fork", "numpy", False),
+        ("fork", "numpy", True),
+        ("fork", None, True),
+        ("spawn", "numpy", False),
+        ("spawn", "numpy", True),
+        ("spawn", None, False),
+        ("spawn", None, True),
+    ],
+)
+def test_it_works_in_other_processes(start: str, backend: str | None, used: bool) -> None:
+    """As in the workers of a DataLoader, also after maps were made in the parent."""
+    depth_m = np.full((40, 48), 0.9, np.float32)
+    with Corrupter(load_settings(), (40, 48), backend) as corrupter:
+        here = _noisy_bytes((corrupter, depth_m)) if used else b""
+        with multiprocessing.get_context(start).Pool(2) as pool:
+            one, other = pool.map(_noisy_bytes, [(corrupter, depth_m)] * 2)
+        here = here or _noisy_bytes((corrupter, depth_m))
+    assert one == other == here
+
+
+#: Forks before the sensor's shaders were ever compiled; argument: the sensor that the parent uses.
+_FORKS = """
+import multiprocessing, sys, numpy
+from glsim import Corrupter, load_settings
+depth_m = numpy.full((40, 48), 0.9, numpy.float32)
+def noisy(corrupter):
+    return corrupter(depth_m, frame=3).tobytes()
+for sensor in sys.argv[1:]:
+    with Corrupter(load_settings(overrides={"sensor": sensor}), (40, 48)) as other:
+        noisy(other)
+with Corrupter(load_settings(), (40, 48)) as corrupter:
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        one, two = pool.map(noisy, [corrupter] * 2)
+    assert one == two == noisy(corrupter)
+"""
+
+
+@pytest.mark.parametrize("before", [[], ["kinect-v1"]], ids=["unused", "another sensor"])
+def test_a_forked_process_compiles_shaders(before: list[str], tmp_path: Path) -> None:
+    """A forked process compiles its first shaders without hanging and draws its parent's noise."""
+    done = subprocess.run(
+        [sys.executable, "-c", _FORKS, *before],
+        env=os.environ | {"MESA_SHADER_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def _through_a_parent(depth_m: NDArray[np.float32]) -> bytes:
+    return _noisy_bytes((_PARENTS[0], depth_m))
+
+
+_PARENTS: list[Corrupter] = []
+
+
+def test_a_forked_process_opens_a_context_of_its_own() -> None:
+    """The Corrupter is inherited, not pickled, and was used before."""
+    depth_m = np.full((40, 48), 0.9, np.float32)
+    with Corrupter(load_settings(), (40, 48)) as corrupter:
+        here = _noisy_bytes((corrupter, depth_m))
+        _PARENTS[:] = [corrupter]
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            assert pool.map(_through_a_parent, [depth_m]) == [here]
+        assert _noisy_bytes((corrupter, depth_m)) == here
+
+
+def test_float_millimetres_are_refused_and_empty_maps_are_not() -> None:
+    """They were beyond the far plane, and gave zeros without a word."""
+    with corrupter() as corrupt:
+        for given in (maps(2) * 1000, (maps(2)[1] * 1000).astype(np.float64)):
+            with pytest.raises(ConfigError, match=r"this is millimetres, .* give depth / 1000"):
+                corrupt(given)
+        far = np.full((72, 96), 1000.0, np.float32)  # a simulator's far plane, 1 km
+        assert not corrupt(far).any()
+        half = far.copy()
+        half[:20] = 0.9
+        assert corrupt(half)[:20].any()
+        nothing = np.full((72, 96), np.inf, np.float32)
+        assert not corrupt(nothing).any()
+        hills = np.linspace(40, 90, 72 * 96, dtype=np.float32).reshape(72, 96)
+        assert not corrupt(hills).any()  # metres: 40 mm would be nearer than any sensor sees

@@ -1,0 +1,168 @@
+"""Frames: encoding as integers, windows, masks, reasons."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glsim.core.errors import ConfigError
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
+from glsim.faces.base import FaceKey
+from glsim.settings.schema import OutputSettings
+from glsim.simulation.assembly import assemble_frame, reconcile_reasons
+from glsim.simulation.frame import Frame, decode_depth, encode_depth
+from tests.support.scenes import V2
+
+WITH_DEPTH = [Reason.VALID, Reason.MOVED, Reason.GROWN]
+
+
+def made(
+    clean_mm: float = 900, noisy_mm: float = 905, crop: Rect | None = None, **output: object
+) -> Frame:
+    """A frame with a window of two pixels: one has the given depths, the other none."""
+    window = Rect(100, 50, 2, 1)
+    layers = {
+        "clean": np.array([[clean_mm / 1000, 0]], np.float32),
+        "depth": np.array([[noisy_mm / 1000, 0]], np.float32),
+        "reason": np.zeros((1, 2), np.float32),
+        "infrared": np.array([[70_000.4, 12.6]], np.float32),
+    }
+    return assemble_frame(
+        layers,
+        window,
+        crop or Rect(0, 0, V2.width, V2.height),
+        V2,
+        OutputSettings.model_validate(output),
+        key=FaceKey("s", "main", 0),
+        source="test",
+        seed=1,
+    )
+
+
+@settings(deadline=None)
+@given(st.floats(0, 65, width=32), st.sampled_from([1.0, 2.5, 10.0]))
+def test_depths_are_rounded_to_steps_and_nothing_else_becomes_nothing(
+    depth_m: float, unit_mm: float
+) -> None:
+    units = encode_depth(np.array([depth_m, 0], np.float32), unit_mm)
+    assert units.dtype == np.uint16
+    assert units[1] == 0
+    assert (units[0] == 0) == (depth_m == 0)
+    back = decode_depth(units, unit_mm)
+    assert back.dtype == np.float32
+    least = unit_mm / 1000 if 0 < depth_m < unit_mm / 2000 else depth_m
+    # Half a step, and the rounding of float32 on the way there and back.
+    assert abs(float(back[0]) - least) <= 0.5 * unit_mm / 1000 + 1.5e-7 * depth_m + 1e-9
+    np.testing.assert_array_equal(encode_depth(back, unit_mm), units)
+
+
+@pytest.mark.parametrize(("unit_mm", "largest_m"), [(1.0, 65.535), (0.1, 6.5535)])
+def test_what_does_not_fit_sixteen_bits_is_an_error(unit_mm: float, largest_m: float) -> None:
+    assert encode_depth(np.array([largest_m], np.float32), unit_mm)[0] == 65535
+    beyond = np.array([largest_m + 0.001], np.float32)
+    with pytest.raises(ConfigError, match=r"does not fit 16 bits in units of .* --depth-unit-mm"):
+        encode_depth(beyond, unit_mm)
+
+
+def test_a_frame_pastes_its_window_into_the_image() -> None:
+    frame = made()
+    for image, dtype in (
+        (frame.clean, np.uint16),
+        (frame.noisy, np.uint16),
+        (frame.infrared, np.uint16),
+        (frame.reason, np.uint8),
+    ):
+        assert image.shape == (V2.height, V2.width)
+        assert image.dtype == dtype
+    assert np.argwhere(frame.clean).tolist() == [[50, 100]]
+    assert (frame.clean[50, 100], frame.noisy[50, 100]) == (900, 905)
+    assert (frame.infrared[50, 100], frame.infrared[50, 101]) == (65535, 13)
+    assert (frame.reason == Reason.NO_SURFACE).sum() == frame.reason.size - 1
+    assert frame.image("noisy").tolist() == frame.noisy.tolist()
+    with pytest.raises(ConfigError, match="no such layer 'nosy': did you mean 'noisy'"):
+        frame.image("nosy")
+
+
+def test_a_crop_moves_window_and_camera() -> None:
+    frame = made(crop=Rect(90, 40, 64, 32))
+    assert frame.window == Rect(10, 10, 2, 1)
+    assert (frame.intrinsics.width, frame.intrinsics.height) == (64, 32)
+    assert (frame.intrinsics.cx, frame.intrinsics.cy) == (V2.cx - 90, V2.cy - 40)
+    assert np.argwhere(frame.clean).tolist() == [[10, 10]]
+    assert made(crop=Rect(101, 40, 64, 32)).clean_m.shape == (1, 1)
+
+
+def test_units_of_a_tenth() -> None:
+    frame = made(900.04, 905.26, depth_unit_mm=0.1)
+    assert (frame.clean.max(), frame.noisy.max()) == (9000, 9053)
+
+
+def test_the_clean_mask_may_be_the_noisy_ones() -> None:
+    assert made(900, 0).clean.max() == 900
+    assert made(900, 0, clean_mask="as-noisy").clean.max() == 0
+    assert made(900, 905, clean_mask="as-noisy").clean.max() == 900
+
+
+def test_the_nearest_clean_point_may_be_shifted_to_a_depth() -> None:
+    frame = made(900, 905, nearest_to_mm=100)
+    assert (frame.clean.max(), frame.noisy.max()) == (100, 105)
+    assert frame.depth_offset_mm == pytest.approx(800, abs=1e-3)
+    near = made(900, 750, nearest_to_mm=100)  # would be below 0: keeps one unit
+    assert (near.clean.max(), near.noisy.max()) == (100, 1)
+    assert near.reason[50, 100] == Reason.VALID
+    assert made(0, 0, nearest_to_mm=100).depth_offset_mm == 0
+
+
+def explained(clean: float, noisy: float, code: float) -> Reason:
+    arrays = (np.array([[value]], np.float32) for value in (clean, noisy, code))
+    return Reason(int(reconcile_reasons(*arrays)[0, 0]))
+
+
+@pytest.mark.parametrize("code", [*Reason, 13, 99, 200.4])
+@pytest.mark.parametrize(("clean", "noisy"), list(itertools.product((0, 0.9), (0, 0.9))))
+def test_reasons_agree_with_the_depth(clean: float, noisy: float, code: float) -> None:
+    said = Reason(int(code)) if code <= max(Reason) else Reason.DROPPED
+    found = explained(clean, noisy, code)
+    assert found.has_depth == (noisy > 0)
+    if noisy > 0:
+        # A depth without a surface was grown; a code without depth becomes VALID.
+        expected = said if said.has_depth else Reason.VALID
+        assert found == (Reason.GROWN if expected == Reason.VALID and clean == 0 else expected)
+    elif said.has_depth:
+        assert found == (Reason.DROPPED if clean > 0 else Reason.NO_SURFACE)
+    else:
+        assert found == said
+
+
+def test_every_reason_is_explained_and_drawn() -> None:
+    from glsim.data.preview import _REASON_COLOURS
+
+    assert [r for r in Reason if r.has_depth] == WITH_DEPTH
+    assert sorted(Reason) == list(range(len(Reason)))
+    assert set(_REASON_COLOURS) == set(Reason)
+    assert all(r.help for r in Reason)
+
+
+@given(
+    st.tuples(*[st.integers(-5, 30)] * 2, *[st.integers(0, 30)] * 2),
+    st.tuples(*[st.integers(-5, 30)] * 2, *[st.integers(0, 30)] * 2),
+)
+def test_intersections_hold_the_pixels_of_both(
+    one: tuple[int, int, int, int], other: tuple[int, int, int, int]
+) -> None:
+    def pixels(rect: Rect) -> set[tuple[int, int]]:
+        return {
+            (x, y)
+            for x in range(rect.left, rect.left + rect.width)
+            for y in range(rect.top, rect.top + rect.height)
+        }
+
+    a, b = Rect(*one), Rect(*other)
+    assert pixels(a.intersection(b)) == pixels(a) & pixels(b)
+    if b.width and b.height:
+        assert a.contains(b) == (pixels(b) <= pixels(a))
