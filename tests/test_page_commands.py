@@ -19,10 +19,11 @@ import pytest
 from glsim.cli import main
 from glsim.core.files.png import encode_png
 from glsim.data.map_files import encode_map
-from glsim.faces.people.fetch import FETCH, has_people
+from glsim.faces.people.fetch import FETCH
 from tests.support import page_command
 from tests.support.eval_scenes import write_pairs
 from tests.support.imports import ROOT
+from tests.support.people import has_people
 from tests.support.recordings import scene, write_static_pair
 from tests.support.scenes import face_mesh
 

@@ -1,1 +1,1 @@
-"""Render meshes for a sensor: clean layers, shadows, silhouettes, regions, visibility."""
+"""Render meshes for a sensor: clean layers, shadows, silhouettes, regions."""

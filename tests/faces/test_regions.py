@@ -16,11 +16,11 @@ from glsim.data.driver import write_dataset
 from glsim.data.reader import Dataset, open_dataset
 from glsim.data.verification import verify
 from glsim.faces.base import FaceSource, Topology
-from glsim.faces.ict_facekit.triangles import REGION_NAMES
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.people.model import REGIONS as PEOPLE_REGIONS
 from glsim.faces.procedural.model import REGIONS
 from glsim.faces.regions import KNOWN_REGIONS, region_numbers
+from glsim.faces.sources.ict_facekit import REGIONS as ICT_REGIONS
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.looks.dress import WORN_REGIONS
 from glsim.looks.room.scenery import ROOM_REGIONS
@@ -51,7 +51,7 @@ def frame(context: moderngl.Context, source: object, **more: object) -> Frame:
 
 
 def test_names_have_one_number_in_every_data_set() -> None:
-    sources = {*REGIONS, *REGION_NAMES, *PEOPLE_REGIONS}
+    sources = {*REGIONS, *ICT_REGIONS, *PEOPLE_REGIONS}
     assert sources | set(ROOM_REGIONS) | set(WORN_REGIONS) == set(KNOWN_REGIONS)
     assert region_numbers([ProceduralFaces()])["nose"] == KNOWN_REGIONS.index("nose") + 1
     mixed = region_numbers([Board(), ProceduralFaces()])

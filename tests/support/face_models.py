@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
-from glsim.faces.ict_facekit.model import KNOWN_SHAPES
+from glsim.faces.sources.ict_facekit import KNOWN_SHAPES, REGIONS
 
 ROWS, COLUMNS = 61, 49
 
@@ -45,106 +45,41 @@ def analytic_face(
 
 
 def write_face_x_model(folder: Path) -> Path:
-    """Write a FaceXModel folder: same files, materials and JSON keys, few vertices, centimetres.
+    """Write a FaceXModel folder of the analytic face: same files and JSON keys, centimetres.
 
-    Each connected part is a grid of quads; the parts of M_BackHead touch only M_Face.
+    ``drawn.npz`` beside it says that all of it is drawn, its upper half as "forehead".
     """
     folder.mkdir(parents=True)
-    face, _ = analytic_face(rows=21, columns=17)
-    parts: list[tuple[str, NDArray[np.float64], int]] = [("M_Face", face / 10, 17)]
-    parts += [
-        ("M_BackHead", _patch((0, 0, -8), 12, 15), 4),  # back of the head
-        ("M_BackHead", _patch((0, -2, 0), 3, 2), 4),  # mouth socket
-        ("M_BackHead", _patch((3.1, 4, 2), 2, 2), 4),
-        ("M_BackHead", _patch((-3.1, 4, 2), 2, 2), 4),
-        ("M_GumsTongue", _patch((0, -2, 1), 3, 2), 4),
-        ("M_Teeth", _patch((0, -2, 1.5), 3, 1), 4),
-    ]
-    for side, x in (("Left", 3.1), ("Right", -3.1)):
-        parts.append((f"M_Sclera{side}", _ball((x, 4.0, 1.0), 1.2, 10), 10))
-        parts.append((f"M_Iris{side}", _patch((x, 4.0, 2.1), 0.9, 0.9), 4))
-    parts.append(("M_LacrimalFluid", _patch((3, 4, 2.3), 0.5, 0.5), 4))
-    parts.append(("M_EyeLashes", _patch((3, 4.5, 2.3), 0.5, 0.5), 4))
-
-    neutral = np.concatenate([points for _, points, _ in parts])
-    lines: list[str] = ["# a comment", "mtllib ICTFaceModelMaterial.mtl"]
-    start, material = 1, ""
-    for name, points, columns in parts:
-        if name != material:
-            lines.append(f"usemtl {name}")
-            material = name
-        for row in range(len(points) // columns - 1):
-            for column in range(columns - 1):
-                a = start + row * columns + column
-                corners = (a, a + 1, a + columns + 1, a + columns)
-                lines.append("f " + " ".join(f"{c}/{c}" for c in corners))
-        start += len(points)
-    tail = "\n".join(lines) + "\n"
-    front = parts[0][1]
-    landmarks = [
-        int(np.argmin(np.linalg.norm(front[:, :2] - point, axis=1))) for point in _multi_pie()
-    ]
+    face, triangles = analytic_face(rows=21, columns=17)
+    neutral = face / 10
+    tail = "".join(f"f {a} {b} {c}\n" for a, b, c in triangles + 1)
     expressions = sorted(KNOWN_SHAPES)
-    (folder / "vertex_indices.json").write_text(
-        json.dumps({"expressions": expressions, "idx_to_landmark_verts": landmarks})
-    )
+    (folder / "vertex_indices.json").write_text(json.dumps({"expressions": expressions}))
     (folder / "generic_neutral_mesh.obj").write_text(_vertex_lines(neutral) + tail)
     rng = np.random.default_rng(0)
     for mode in range(100):
         moved = neutral + rng.normal(size=3) * 0.3 / (mode + 1)
-        (folder / f"identity{mode:03d}.obj").write_text(_vertex_lines(moved) + tail)
+        (folder / f"identity{mode:03d}.obj").write_text(_vertex_lines(moved))
     for name in expressions:
         moved = neutral.copy()
         if name == "jawOpen":
             moved[neutral[:, 1] < -3, 1] -= 4.0
-        elif name.endswith("_L"):
-            moved[neutral[:, 0] > 1, 2] += 0.2
-        elif name.endswith("_R"):
-            moved[neutral[:, 0] < -1, 2] += 0.2
         else:
             moved[:, 2] += 0.1
-        (folder / f"{name}.obj").write_text(_vertex_lines(moved) + tail)
+        (folder / f"{name}.obj").write_text(_vertex_lines(moved))
+    np.savez(
+        folder.parent / "drawn.npz",
+        size=[len(neutral), len(triangles)],
+        vertices=np.arange(len(neutral))[::-1],
+        triangles=np.arange(len(triangles)),
+        regions=np.where(neutral[::-1, 1] > 1.2, REGIONS.index("forehead"), 0).astype(np.uint8),
+        landmarks=np.arange(68),
+    )
     return folder
-
-
-def _multi_pie() -> NDArray[np.float64]:
-    """Return (68, 2) landmarks of the analytic face, cm; its middle is at (0.3, 1.2)."""
-    points = np.zeros((68, 2))
-    jaw = np.linspace(-1, 1, 17)
-    points[:17] = np.stack([6.5 * jaw, -9 + 12 * jaw**2], axis=1)
-    points[17:22, 0], points[22:27, 0] = np.linspace(-5, -1, 5), np.linspace(1, 5, 5)
-    points[17:27, 1] = 5.5
-    points[27:31, 1] = (4, 3, 2, 0.5)
-    points[31:36, 0], points[31:36, 1] = np.linspace(-1, 1, 5), -1.5
-    ring = np.arange(6) * np.pi / 3
-    for first, side in ((36, -1), (42, 1)):
-        eye = [2.3 * side - 1.5 * np.cos(ring), 3.0 + 0.9 * np.sin(ring)]
-        points[first : first + 6] = np.stack(eye, axis=1)
-    angle = np.arange(12) * np.pi / 6
-    points[48:60] = np.stack([2.4 * np.cos(angle), -3.2 - 1.2 * np.sin(angle)], axis=1)
-    return np.asarray(points + np.array([0.3, 1.2]))
 
 
 def _vertex_lines(vertices: NDArray[np.float64]) -> str:
     return "".join(f"v {x:.6g} {y:.6g} {z:.6g}\n" for x, y, z in vertices)
-
-
-def _patch(middle: tuple[float, float, float], width: float, height: float) -> NDArray[np.float64]:
-    """Return (16, 3) points of a four by four grid facing +z."""
-    x, y = np.meshgrid(np.linspace(-width, width, 4) / 2, np.linspace(-height, height, 4) / 2)
-    z = -0.05 * (x**2 + y**2)
-    return np.asarray(np.stack([x, y, z], axis=-1).reshape(-1, 3) + np.array(middle))
-
-
-def _ball(middle: tuple[float, float, float], radius: float, columns: int) -> NDArray[np.float64]:
-    """Return the rings of a sphere about the z axis, from the front."""
-    polar, around = np.meshgrid(
-        np.linspace(0.05, np.pi - 0.05, 9), np.linspace(0, 2 * np.pi, columns), indexing="ij"
-    )
-    ring = np.stack(
-        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
-    )
-    return np.asarray(radius * ring.reshape(-1, 3) + np.array(middle))
 
 
 class Board(FaceSource):

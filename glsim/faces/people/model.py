@@ -1,11 +1,11 @@
-"""The body model as arrays: a template, sparse targets, subdivision, a skeleton."""
+"""The body model as arrays: a template, sparse shapes, a refined surface, a skeleton."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,42 +24,6 @@ REGIONS: Final = (
 
 
 @dataclass(frozen=True, eq=False)
-class Skeleton:
-    """Bones, parents before children. A pose turns each bone about its joint.
-
-    Args:
-        names: (B,).
-        parents: (B,) int32, -1 for the root.
-    """
-
-    names: tuple[str, ...]
-    parents: NDArray[np.int32]
-
-    def transforms(
-        self, joints_mm: NDArray[np.float64], turns: Mapping[str, NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
-        """Return (B, 3, 4) matrices that move points of the body at rest with each bone.
-
-        Args:
-            joints_mm: (B, 3) at rest.
-            turns: bone -> (3, 3) rotation relative to its parent, in the axes of the body at rest;
-                bones without one keep their angle to the parent.
-        """
-        moved = np.empty((len(self.names), 3, 4))
-        for bone, (name, parent) in enumerate(zip(self.names, self.parents, strict=True)):
-            above = np.eye(3, 4) if parent < 0 else moved[parent]
-            turn = turns.get(name)
-            if turn is None:
-                moved[bone] = above
-                continue
-            rotation = product(above[:, :3], turn)
-            place = product(above[:, :3], joints_mm[bone]) + above[:, 3]
-            moved[bone, :, :3] = rotation
-            moved[bone, :, 3] = place - product(rotation, joints_mm[bone])
-        return moved
-
-
-@dataclass(frozen=True, eq=False)
 class BodyModel:
     """The model, in canonical axes, millimetres; the template stands with its arms out.
 
@@ -71,9 +35,11 @@ class BodyModel:
             the coarse vertices ``sources`` from starts[v] to starts[v + 1].
         triangles: (F, 3) int32.
         regions: (V,) uint8 indices into REGIONS.
-        skin: (V, B) float32 weights of the bones. The first ``rigid`` fine vertices move with the
-            bone "head" alone.
-        skeleton: the bones.
+        rigid: number of the first fine vertices that move with the bone "head" alone.
+        soft_starts, soft_bones, soft_weights: (V - rigid,), (M,) and (M, 1) float32: the weights
+            above 0 of the other vertices.
+        bones: (B,) names, parents before children.
+        parents: (B,) int32, -1 for the root.
         landmarks: (68,) int64 fine vertices in the order of ``glsim.faces.landmarks``.
         chin: the fine vertex of the foremost point of the chin.
     """
@@ -86,11 +52,25 @@ class BodyModel:
     shares: _Floats
     triangles: NDArray[np.int32]
     regions: NDArray[np.uint8]
-    skin: _Floats
     rigid: int
-    skeleton: Skeleton
+    soft_starts: NDArray[np.int64]
+    soft_bones: NDArray[np.uint8]
+    soft_weights: _Floats
+    bones: tuple[str, ...]
+    parents: NDArray[np.int32]
     landmarks: NDArray[np.int64]
     chin: int
+
+    @classmethod
+    def of_arrays(cls, baked: Arrays, shapes: Arrays) -> BodyModel:
+        """Return the model of ``body.npz`` and the shapes of its cache."""
+        own: dict[str, Any] = {name: baked[name] for name in cls.__annotations__ if name in baked}
+        for array in own.values():
+            array.setflags(write=False)
+        own |= {name: SparseShapes.of_arrays(shapes, name) for name in ("targets", "actions")}
+        own |= {"rigid": int(own["rigid"]), "chin": int(own["chin"])}
+        own |= {"bones": tuple(own["bones"].tolist()), "shares": own["shares"].astype(np.float32)}
+        return cls(**own)
 
     @property
     def nose_tip(self) -> int:
@@ -101,17 +81,6 @@ class BodyModel:
     def occluder(self) -> NDArray[np.int32]:
         """(F', 3) int32: the triangles that cast shadows, from the mean body."""
         return occluder_of(self.body({})[0], self.triangles)
-
-    @cached_property
-    def _soft_skin(self) -> tuple[NDArray[np.int64], NDArray[np.int64], _Floats]:
-        """The weights above 0 of the vertices that are not rigid: starts, bones, (N, 1) weights.
-
-        A vertex has up to ten of them: a product with all bones takes four times as long.
-        """
-        soft = self.skin[self.rigid :]
-        vertices, bones = np.nonzero(soft)
-        starts = np.searchsorted(vertices, np.arange(len(soft)))
-        return starts, bones, soft[vertices, bones][:, None]
 
     def body(self, weights: Mapping[str, float]) -> tuple[_Floats, NDArray[np.float64]]:
         """Return the (V, 3) float32 fine vertices and (B, 3) float64 joints of a body at rest.
@@ -126,42 +95,40 @@ class BodyModel:
         self.targets.add(coarse, weights)
         weighted = self.shares[:, None] * coarse[self.sources]
         fine = np.add.reduceat(weighted, self.starts, axis=0)
-        joints = coarse[len(coarse) - len(self.skeleton.names) :].astype(np.float64)
+        joints = coarse[len(coarse) - len(self.bones) :].astype(np.float64)
         return fine, joints
+
+    def transforms(
+        self, joints_mm: NDArray[np.float64], turns: Mapping[str, NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """Return (B, 3, 4) matrices that move points of the body at rest with each bone.
+
+        Args:
+            joints_mm: (B, 3) at rest.
+            turns: bone -> (3, 3) rotation relative to its parent, in the axes of the body at rest;
+                bones without one keep their angle to the parent.
+        """
+        moved = np.empty((len(self.bones), 3, 4))
+        for bone, (name, parent) in enumerate(zip(self.bones, self.parents, strict=True)):
+            above = np.eye(3, 4) if parent < 0 else moved[parent]
+            turn = turns.get(name)
+            if turn is None:
+                moved[bone] = above
+                continue
+            rotation = product(above[:, :3], turn)
+            place = product(above[:, :3], joints_mm[bone]) + above[:, 3]
+            moved[bone, :, :3] = rotation
+            moved[bone, :, 3] = place - product(rotation, joints_mm[bone])
+        return moved
 
     def skinned(self, rest_mm: _Floats, transforms: NDArray[np.float64]) -> _Floats:
         """Return (V, 3) float32 vertices moved by (B, 3, 4) transforms of the bones."""
         moved = np.empty_like(rest_mm)
-        head = transforms[self.skeleton.names.index("head")].astype(np.float32)
+        head = transforms[self.bones.index("head")].astype(np.float32)
         moved[: self.rigid] = product(rest_mm[: self.rigid], head[:, :3].T) + head[:, 3]
         rest = rest_mm[self.rigid :]
         table = transforms.astype(np.float32).reshape(len(transforms), 12)
-        starts, bones, weights = self._soft_skin
-        blended = np.add.reduceat(weights * table[bones], starts, axis=0).reshape(-1, 3, 4)
+        weighted = self.soft_weights * table[self.soft_bones]
+        blended = np.add.reduceat(weighted, self.soft_starts, axis=0).reshape(-1, 3, 4)
         moved[self.rigid :] = np.einsum("vij,vj->vi", blended[:, :, :3], rest) + blended[:, :, 3]
         return moved
-
-    def arrays(self) -> Arrays:
-        """Return the model as arrays, name -> array, for a cache."""
-        arrays = {
-            field.name: value
-            for field in fields(self)
-            if isinstance(value := getattr(self, field.name), np.ndarray)
-        }
-        arrays |= self.targets.arrays("targets") | self.actions.arrays("actions")
-        arrays |= {"bones": np.array(self.skeleton.names), "parents": self.skeleton.parents}
-        return arrays | {"rigid_chin": np.array([self.rigid, self.chin])}
-
-    @classmethod
-    def of_arrays(cls, arrays: Arrays) -> BodyModel:
-        """Return the model of which ``arrays`` returned these."""
-        own = {field.name: arrays[field.name] for field in fields(cls) if field.name in arrays}
-        rigid, chin = arrays["rigid_chin"].tolist()
-        return cls(
-            targets=SparseShapes.of_arrays(arrays, "targets"),
-            actions=SparseShapes.of_arrays(arrays, "actions"),
-            skeleton=Skeleton(tuple(arrays["bones"].tolist()), arrays["parents"]),
-            rigid=rigid,
-            chin=chin,
-            **own,
-        )

@@ -23,8 +23,7 @@ from glsim.faces.action_units import shape_weights
 from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.people.identity import BodyIdentity, sample_identity
 from glsim.faces.people.model import REGIONS, BodyModel
-from glsim.faces.people.movement import movement
-from glsim.faces.people.posture import BodyShape, Posture, draw_posture
+from glsim.faces.people.posture import BodyShape, Posture, draw_posture, movement
 
 _Floats = NDArray[np.float32]
 
@@ -79,10 +78,10 @@ class BodySubject:
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():
             turns[bone] = product(turns[bone], turn) if bone in turns else turn
-        moved = model.skeleton.transforms(self._joints, turns)
+        moved = model.transforms(self._joints, turns)
         back, origin = np.eye(3), stance.origin_mm
         if framing == "face":
-            head = moved[model.skeleton.names.index("head")]
+            head = moved[model.bones.index("head")]
             tip = self.rest_mm[model.nose_tip].astype(np.float64)
             face = tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
             back, origin = head[:, :3].T, product(head, np.append(face, 1.0))
@@ -92,14 +91,14 @@ class BodySubject:
 
     def _stance(self, sequence: str, framing: str) -> Stance:
         posture = draw_posture(self._seed, self.name, sequence, self._shape)
-        skeleton = self._model.skeleton
-        moved = skeleton.transforms(self._joints, posture.turns)
+        bones = self._model.bones
+        moved = self._model.transforms(self._joints, posture.turns)
         place = np.einsum("bij,bj->bi", moved[:, :, :3], self._joints) + moved[:, :, 3]
         if framing != "body":
-            return Stance(posture, place[skeleton.names.index("neck01")])
+            return Stance(posture, place[bones.index("neck01")])
         posed = self._model.skinned(self.rest_mm, moved)
         middle = (posed.min(axis=0) + posed.max(axis=0)) / 2
-        root = place[skeleton.names.index("root")]
+        root = place[bones.index("root")]
         return Stance(posture, np.array([root[0], middle[1], root[2]]))
 
 
@@ -149,7 +148,7 @@ def _heights(
 
 
 def _body_shape(model: BodyModel, rest_mm: _Floats, joints: NDArray[np.float64]) -> BodyShape:
-    at = dict(zip(model.skeleton.names, joints, strict=True))
+    at = dict(zip(model.bones, joints, strict=True))
     trunk = rest_mm[model.regions == REGIONS.index("torso")]
     low, high = at["upperleg01.L"][1], at["upperarm01.L"][1] - 80.0
     band = trunk[(trunk[:, 1] > low) & (trunk[:, 1] < high)]

