@@ -83,7 +83,7 @@ def test_a_frame_is_the_same_whatever_was_made_before(
 _FRESH = """
 import sys
 sys.path.insert(0, sys.argv[1])
-import tests.test_pipeline as t
+import tests.simulation.test_pipeline as t
 from glsim.gl.context import describe, open_context
 context = open_context(sys.argv[2])
 print(describe(context)["renderer"], file=sys.stderr)
