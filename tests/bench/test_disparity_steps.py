@@ -34,27 +34,25 @@ def _scene(left_px: int, right_px: int, band_px: int = 0) -> np.ndarray:
 
 def test_the_gaps_on_both_sides_are_found() -> None:
     found = [find_steps(_scene(19, 3))]
-    left, right = measure_gaps(found, False), measure_gaps(found, True)
-    assert (left.steps, right.steps) == (78, 78)  # the first and the last row have one neighbour
-    assert (left.width_px, left.step_px) == (19.0, NEAR_PX - FAR_PX)
-    assert left.relative == pytest.approx(19 / 18)
-    assert right.width_px == 3.0
+    assert found[0].step.tolist() == [NEAR_PX - FAR_PX] * 156  # 78 of 80 rows have two neighbours
+    assert measure_gaps(found, False) == (19.0, pytest.approx(19 / 18))
+    assert measure_gaps(found, True)[0] == 3.0
 
 
 def test_the_gaps_above_and_below_are_found_in_the_transposed_image() -> None:
     image = np.ascontiguousarray(_scene(7, 26).T)  # gaps above and below
     along_rows, along_columns = [find_steps(image)], [find_steps(image.T)]
-    assert measure_gaps(along_rows, False).width_px == 0.0
-    assert measure_gaps(along_columns, False).width_px == 7.0
-    assert measure_gaps(along_columns, True).width_px == 26.0
+    assert measure_gaps(along_rows, False)[0] == 0.0
+    assert measure_gaps(along_columns, False)[0] == 7.0
+    assert measure_gaps(along_columns, True)[0] == 26.0
 
 
 def test_slopes_and_single_rows_are_no_steps() -> None:
     ramp = np.tile(np.linspace(10.0, 60.0, 200), (50, 1))
-    assert find_steps(ramp).row.size == 0
+    assert find_steps(ramp).step.size == 0
     lone = np.full((50, 200), FAR_PX)
     lone[20, 80:120] = NEAR_PX
-    assert find_steps(lone).row.size == 0
+    assert find_steps(lone).step.size == 0
 
 
 def test_pixels_between_the_surfaces_are_counted() -> None:
@@ -92,8 +90,8 @@ def test_the_shadows_of_a_d435() -> None:
     frames = real_disparities("d435_robot_room", D435_ROBOT_PX_MM)
     found = [find_steps(frame) for frame in frames]
     left, right = measure_gaps(found, False), measure_gaps(found, True)
-    assert left.relative == pytest.approx(1.12, abs=0.03)
-    assert right.width_px == pytest.approx(3.0, abs=0.5)
+    assert left[1] == pytest.approx(1.12, abs=0.03)
+    assert right[0] == pytest.approx(3.0, abs=0.5)
     assert between_share(found) == pytest.approx(0.006, abs=0.002)
     assert border_band(frames)[1] == pytest.approx(6.8, abs=0.4)
 
@@ -113,5 +111,5 @@ def test_truedepth_has_shadows_above_and_below() -> None:
     frames = real_disparities("truedepth_box_and_can/box_can", 434.8 * 29.0, 0.1, 12)
     found = [find_steps(frame.T) for frame in frames]
     above, below = measure_gaps(found, False), measure_gaps(found, True)
-    assert (above.width_px, below.width_px) == (pytest.approx(6, abs=1.5), pytest.approx(24, abs=3))
+    assert (above[0], below[0]) == (pytest.approx(6, abs=1.5), pytest.approx(24, abs=3))
     assert between_share(found) < 0.009

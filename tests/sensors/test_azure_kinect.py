@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.bench.measures.tiles import WIDE_PX, plane_tiles
 from glsim.bench.validate.checks.azure_kinect import (
-    COUNTS,
-    DIM,
-    noise_law_mm,
+    WIDE_PX,
+    dim_correlation,
+    noise_by_infrared,
+    plane_tiles,
     rim_measurements,
 )
 from glsim.bench.validate.run import sheets
@@ -37,9 +37,9 @@ def real_frame() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def test_the_law_of_noise_over_infrared_is_that_of_the_real_frame() -> None:
     depth, infrared = real_frame()
-    for counts, residual_mm, tiles in plane_tiles(depth, infrared).median_rms(COUNTS):
-        assert tiles > 100
-        assert residual_mm == pytest.approx(noise_law_mm(counts), rel=0.15), counts
+    counts, rms_mm, _ = plane_tiles(depth, infrared)
+    for name, share in noise_by_infrared(counts, rms_mm).items():
+        assert share == pytest.approx(1.0, rel=0.15), name
 
 
 def test_the_sheets_bands_hold_the_real_frame() -> None:
@@ -51,9 +51,10 @@ def test_the_sheets_bands_hold_the_real_frame() -> None:
             value = measured.values[band.key]
             assert value is not None
             assert band.holds(value), (number, band.key, value)
-    rows, columns = plane_tiles(depth, infrared, WIDE_PX).correlation(*DIM)
-    for band, value in zip(checks["2"].bands, (*rows, *columns), strict=True):
-        assert value == pytest.approx(0.5 * (band.low + band.high), abs=0.006), band.key
+    counts, _, residual_mm = plane_tiles(depth, infrared, WIDE_PX)
+    found = dim_correlation(counts, residual_mm)
+    for band in checks["2"].bands:
+        assert found[band.key] == pytest.approx(0.5 * (band.low + band.high), abs=0.006), band.key
 
 
 def test_the_field_stop_is_the_real_hexagon(context: moderngl.Context) -> None:

@@ -8,10 +8,12 @@ border of the image, as wide as the disparity there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from glsim.bench.measures.runs import goes_on, successive_runs
 
 Array = NDArray[np.float64]
 
@@ -38,14 +40,11 @@ LEAST_STEPS, LEAST_ROWS = 20, 20
 _BORDER_PX = 6
 
 
-@dataclass(frozen=True, eq=False)
-class Steps:
+class Steps(NamedTuple):
     """The steps of an image along its rows; (N,) arrays with an entry per row and side.
 
     Attributes:
         right: whether the gap is to the right of the foreground, else to its left.
-        row: row of the step.
-        column: column of the last foreground pixel.
         gap: pixels between the two surfaces.
         empty: those of them without disparity.
         step: difference of the disparities: the width of a shadow of the whole baseline, px.
@@ -55,8 +54,6 @@ class Steps:
     """
 
     right: NDArray[np.bool_]
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
     gap: NDArray[np.int64]
     empty: NDArray[np.int64]
     step: Array
@@ -64,106 +61,63 @@ class Steps:
     between: NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Gaps:
-    """The gaps on one side of foregrounds, without those that hold other surfaces.
-
-    Attributes:
-        steps: their number.
-        width_px: median width; NaN with fewer than LEAST_STEPS.
-        step_px: median difference of disparity.
-        relative: median of width over difference of disparity.
-
-    """
-
-    steps: int
-    width_px: float
-    step_px: float
-    relative: float
-
-
 def find_steps(disparity: Array) -> Steps:
-    """Find the steps of an image along its rows.
+    """Find the steps of an image along its rows that the rows above and below have as well.
 
     Args:
         disparity: (H, W) px, NaN = none. Transpose it for the steps along columns: left is then
             above, right below.
 
     """
-    found = [entry for row, line in enumerate(disparity) for entry in _row_steps(line, row)]
-    table = np.array(found, np.float64).reshape(-1, 8)
-    table = table[_goes_on(table)]
-    right, row, column, gap, empty, near, between = np.delete(table, 5, axis=1).astype(np.int64).T
-    return Steps(right > 0, row, column, gap, empty, table[:, 5], near, between)
+    known = np.isfinite(disparity)
+    joined = known[:, 1:] & known[:, :-1] & (np.abs(np.diff(disparity, axis=1)) <= _SAME_PX)
+    row, _, end, start, _ = successive_runs(joined, _LEAST_RUN_PX, _MOST_GAP_PX)
+    run = np.arange(_LEAST_RUN_PX)
+    before = disparity[row[:, None], end[:, None] - _LEAST_RUN_PX + run]
+    after = disparity[row[:, None], start[:, None] + run]
+    first, second = np.median(before[:, -_END_PX:], axis=1), np.median(after[:, :_END_PX], axis=1)
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    step, right = high - low, first > second
+    used = (step >= _LEAST_STEP_PX) & (high >= _LEAST_RATIO * low)
+    used &= np.maximum(np.ptp(before, axis=1), np.ptp(after, axis=1)) <= _MOST_SLOPE * step
+    column = np.where(right, end - 1, start)
+    used[used] = goes_on(right[used], row[used], column[used], _MOST_SLANT_PX).all(axis=0)
+    row, end, start, low, high, step = (v[used] for v in (row, end, start, low, high, step))
+    beside = np.arange(-_BESIDE_PX, _BESIDE_PX)
+    near = np.stack([end[:, None] + beside, start[:, None] + beside], axis=1)
+    around = disparity[row[:, None, None], near]
+    around[:, 1][near[:, 1] < end[:, None] + _BESIDE_PX] = np.nan  # counted once
+    margin = _BETWEEN * step
+    between = (around > (low + margin)[:, None, None]) & (around < (high - margin)[:, None, None])
+    missing = np.cumsum(np.pad(~known, ((0, 0), (1, 0))), axis=1)
+    return Steps(
+        right[used],
+        start - end,
+        missing[row, start] - missing[row, end],
+        step,
+        np.isfinite(around).sum(axis=(1, 2)),
+        between.sum(axis=(1, 2)),
+    )
 
 
-def _row_steps(line: Array, row: int) -> list[tuple[float, ...]]:
-    known = np.isfinite(line)
-    with np.errstate(invalid="ignore"):
-        same = known[1:] & known[:-1] & (np.abs(np.diff(line)) <= _SAME_PX)
-    joined = np.concatenate([[False], same, [False]])
-    starts = np.flatnonzero(joined[1:] & ~joined[:-1])
-    ends = np.flatnonzero(~joined[1:] & joined[:-1]) + 1
-    long = ends - starts >= _LEAST_RUN_PX
-    starts, ends = starts[long], ends[long]
-    steps: list[tuple[float, ...]] = []
-    for end, start in zip(ends[:-1].tolist(), starts[1:].tolist(), strict=True):
-        before, after = line[end - _LEAST_RUN_PX : end], line[start : start + _LEAST_RUN_PX]
-        first, second = float(np.median(before[-_END_PX:])), float(np.median(after[:_END_PX]))
-        low, high = sorted((first, second))
-        step = high - low
-        if step < _LEAST_STEP_PX or high < _LEAST_RATIO * low or start - end > _MOST_GAP_PX:
-            continue
-        if max(np.ptp(before), np.ptp(after)) > _MOST_SLOPE * step:
-            continue
-        middle = min(end + _BESIDE_PX, start)
-        around = np.concatenate(
-            [line[end - _BESIDE_PX : middle], line[max(start - _BESIDE_PX, middle) : start + 3]]
-        )
-        around = around[np.isfinite(around)]
-        margin = _BETWEEN * step
-        between = (around > low + margin) & (around < high - margin)
-        right = first > second
-        gap = line[end:start]
-        steps.append(
-            (
-                float(right), float(row), float(end - 1 if right else start), float(gap.size),
-                float(np.isnan(gap).sum()), step, float(around.size), float(between.sum()),
-            )
-        )  # fmt: skip
-    return steps
-
-
-def _goes_on(table: Array) -> NDArray[np.bool_]:
-    """Keep the steps that the rows above and below have as well."""
-    places: dict[tuple[float, float], list[float]] = {}
-    for right, row, column in table[:, :3]:
-        places.setdefault((right, row), []).append(column)
-    keep = [
-        all(
-            any(abs(other - column) <= _MOST_SLANT_PX for other in places.get((right, row + k), ()))
-            for k in (-1, 1)
-        )
-        for right, row, column in table[:, :3]
-    ]
-    return np.array(keep, np.bool_)
-
-
-def measure_gaps(found: Sequence[Steps], right: bool) -> Gaps:
-    """Measure the width of the gaps beside foregrounds, px, on one side.
+def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
+    """Measure the gaps on one side of foregrounds, without those that hold other surfaces.
 
     Args:
         found: the steps of each frame.
         right: which side.
 
+    Returns:
+        Medians of the width, px, and of the width over the difference of disparity; NaN with fewer
+        than LEAST_STEPS steps.
+
     """
     use = [(s.right == right) & (s.gap == s.empty) for s in found]
-    width = np.concatenate([np.zeros(0), *(s.gap[u] for s, u in zip(found, use, strict=True))])
-    step = np.concatenate([np.zeros(0), *(s.step[u] for s, u in zip(found, use, strict=True))])
+    width = np.concatenate([s.gap[u] for s, u in zip(found, use, strict=True)])
+    step = np.concatenate([s.step[u] for s, u in zip(found, use, strict=True)])
     if width.size < LEAST_STEPS:
-        return Gaps(int(width.size), *(float("nan"),) * 3)
-    medians = (float(np.median(values)) for values in (width, step, width / step))
-    return Gaps(int(width.size), *medians)
+        return float("nan"), float("nan")
+    return float(np.median(width)), float(np.median(width / step))
 
 
 def between_share(found: Sequence[Steps]) -> float:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.measures.runs import goes_on, successive_runs
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ _LEAST_FRONT, _LEAST_BACK = 10, 12
 #: Widest gap, px; a wider one is a hole or an object without depth.
 _MOST_GAP = 40
 #: Largest shift of an edge from one row to the next, px: within 63 degrees of upright.
-_MOST_SLANT = 2.0
+_MOST_SLANT = 2
 #: Width of the band outside the foreground, px.
 BAND_PX = 8
 #: Depth counts as behind the background if it is farther by this much, mm.
@@ -116,77 +117,41 @@ def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
 
 
 def find_edges(frame: DepthFrame) -> Edges:
-    """Find the silhouettes of a frame along its rows."""
-    depth = frame.measured_mm
-    rows = [entry for r in range(depth.shape[0]) for entry in _row_edges(depth[r], r)]
-    table = np.array(rows, np.float64).reshape(-1, 9)
-    table = table[_continues(table)]
-    side, row, column, width, invalid, band_invalid, behind, front, back = table.T
-    shift = frame.intrinsics.fx * (1000.0 / front - 1000.0 / back)
-    return Edges(
-        side.astype(int), row.astype(int), column.astype(int),
-        width, invalid, band_invalid, behind, front, back, shift,
-    )  # fmt: skip
-
-
-def _row_edges(z: NDArray[np.float32], row: int) -> list[tuple[float, ...]]:
+    """Find the silhouettes of a frame along its rows; they go on in the row above or below."""
+    z = frame.measured_mm
     known = np.isfinite(z)
-    same = known[1:] & known[:-1]
-    same &= np.abs(np.diff(z)) <= _SAME_MM + _SAME_MM_PER_M * np.nan_to_num(z[1:]) / 1000.0
-    # Runs of pixels that are joined: starts and ends (exclusive).
-    joined = np.concatenate([[False], same, [False]])
-    starts = np.flatnonzero(joined[1:] & ~joined[:-1])
-    ends = np.flatnonzero(~joined[1:] & joined[:-1]) + 1
-    long = ends - starts >= _LEAST_RUN
-    starts, ends = starts[long], ends[long]
-    edges: list[tuple[float, ...]] = []
-    for k in range(len(starts) - 1):
-        a, b = int(ends[k]), int(starts[k + 1])
-        near, far = _end_depth(z, a, -1), _end_depth(z, b, 1)
-        if abs(far - near) <= STEP_MM or b - a > _MOST_GAP:
-            continue
-        right = near < far  # the foreground is on the left, the gap on its right
-        front = ends[k] - starts[k] if right else ends[k + 1] - starts[k + 1]
-        back = ends[k + 1] - starts[k + 1] if right else ends[k] - starts[k]
-        if front < _LEAST_FRONT or back < _LEAST_BACK:
-            continue
-        z_front, z_back = min(near, far), max(near, far)
-        gap = z[a:b]
-        band = z[a : a + BAND_PX] if right else z[max(b - BAND_PX, 0) : b]
-        if len(band) < BAND_PX:
-            continue
-        behind = float((np.nan_to_num(band) > z_back + _BEHIND_MM).mean())
-        edges.append(
-            (
-                float(right), float(row), float(a - 1 if right else b), float(b - a),
-                float((~np.isfinite(gap)).sum()), float((~np.isfinite(band)).mean()), behind,
-                z_front, z_back,
-            )
-        )  # fmt: skip
-    return edges
-
-
-def _end_depth(z: NDArray[np.float32], at: int, step: int) -> float:
-    """Return the median of the four pixels of a run next to its end, the outermost left out."""
-    part = np.sort(z[at - 5 : at - 1] if step < 0 else z[at + 1 : at + 5])
-    return 0.5 * float(part[1] + part[2])
-
-
-def _continues(table: Array) -> NDArray[np.bool_]:
-    """Keep edges that go on in the row above or below, at most _MOST_SLANT px away."""
-    keep = np.zeros(len(table), np.bool_)
-    if len(table) == 0:
-        return keep
-    for step in (-1, 1):
-        order = np.lexsort((table[:, 2], table[:, 1], table[:, 0]))
-        key = table[:, 0] * 1e7 + table[:, 1] * 1e3 + table[:, 2]
-        ordered = key[order]
-        wanted = key + step * 1e3
-        place = np.searchsorted(ordered, wanted)
-        for neighbour in (place - 1, place):
-            inside = np.clip(neighbour, 0, len(ordered) - 1)
-            keep |= np.abs(ordered[inside] - wanted) <= _MOST_SLANT
-    return keep
+    joined = known[:, 1:] & known[:, :-1]
+    limit = _SAME_MM + _SAME_MM_PER_M * np.nan_to_num(z[:, 1:]) / 1000.0
+    joined &= np.abs(np.diff(z, axis=1)) <= limit
+    row, start, end, next_start, next_end = successive_runs(joined, _LEAST_RUN, _MOST_GAP)
+    # Depth at an end: the median of the four pixels next to the outermost one.
+    ends = (end[:, None] + np.arange(-5, -1), next_start[:, None] + np.arange(1, 5))
+    inner = (np.sort(z[row[:, None], columns], axis=1) for columns in ends)
+    left, right = (0.5 * (part[:, 1] + part[:, 2]).astype(np.float64) for part in inner)
+    on_right = left < right  # the foreground is on the left, the gap on its right
+    widths = end - start, next_end - next_start
+    band = np.where(on_right, end, next_start - BAND_PX)[:, None] + np.arange(BAND_PX)
+    used = (np.abs(right - left) > STEP_MM) & (band[:, 0] >= 0) & (band[:, -1] < z.shape[1])
+    used &= np.where(on_right, *widths) >= _LEAST_FRONT
+    used &= np.where(on_right, *widths[::-1]) >= _LEAST_BACK
+    column = np.where(on_right, end - 1, next_start)
+    used[used] = goes_on(on_right[used], row[used], column[used], _MOST_SLANT).any(axis=0)
+    row, end, next_start, column = (v[used] for v in (row, end, next_start, column))
+    front_mm, back_mm = np.sort([left[used], right[used]], axis=0)
+    missing = np.cumsum(np.pad(~known, ((0, 0), (1, 0))), axis=1)
+    outside = np.nan_to_num(z[row[:, None], band[used]])
+    return Edges(
+        on_right[used].astype(np.int64),
+        row,
+        column,
+        np.asarray(next_start - end, np.float64),
+        np.asarray(missing[row, next_start] - missing[row, end], np.float64),
+        (~known[row[:, None], band[used]]).mean(axis=1),
+        (outside > back_mm[:, None] + _BEHIND_MM).mean(axis=1),
+        front_mm,
+        back_mm,
+        frame.intrinsics.fx * (1000.0 / front_mm - 1000.0 / back_mm),
+    )
 
 
 def _side(found: Sequence[Edges], number: int) -> Side:

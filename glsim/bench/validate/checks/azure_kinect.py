@@ -11,12 +11,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.rims import find_rims
-from glsim.bench.measures.tiles import LAGS_PX, WIDE_PX, plane_tiles
+from glsim.bench.measures.correlation import correlation_of, lagged_sums
+from glsim.bench.measures.runs import successive_runs
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import Frames
+
+Array = NDArray[np.float64]
 
 _SHEET = "azure-kinect"
 
@@ -26,6 +28,22 @@ COUNTS = (60, 100, 150, 200, 300, 500, 1000, 3000, 9000)
 DIM = (60.0, 200.0)
 #: Rims of the mug and its handle before the walls, mm: depth of foreground and background.
 MUG_MM, BEHIND_MM = 330.0, 1300.0
+#: Side of a tile whose noise is measured, and of one whose correlation is, px.
+SIDE_PX, WIDE_PX = 12, 16
+#: Largest spread of depths in a tile, mm; a wider one holds an edge.
+_MOST_SPREAD_MM = 60.0
+#: Ratio of the two depths from which on a step is a rim.
+_STEP = 1.15
+#: Widest gap, px; the shadow of an emitter beside the camera is wider in few scenes.
+_MOST_GAP_PX = 25
+#: Pixels of the line of a run, counted from the rim.
+_LINE_PX = (5, 10)
+#: Pixels on either side of a step among which those between the surfaces are counted.
+_BAND_PX = 3
+#: Largest root mean square about its line, mm per m of depth, of a run that counts as smooth.
+_ROUGH_MM_PER_M = 4.0
+#: A pixel lies between if it is farther from both surfaces than this share of their distance.
+_BETWEEN = 0.15
 #: Distance of the wall whose infrared grows from left to right, mm.
 _RAMP_MM = 1000.0
 
@@ -33,6 +51,55 @@ _RAMP_MM = 1000.0
 def noise_law_mm(counts: float) -> float:
     """Return the plane residual of the real frame over infrared, mm (measured, within 12 %)."""
     return float(np.hypot(0.42, 84 / counts**0.75))
+
+
+def plane_tiles(
+    depth_mm: NDArray[np.floating], infrared: NDArray[np.floating], side_px: int = SIDE_PX
+) -> tuple[Array, Array, Array]:
+    """Fit planes to the half overlapping tiles of a frame that are full of depth and hold no edge.
+
+    Args:
+        depth_mm: (H, W) depth, mm; 0 or NaN where there is none.
+        infrared: (H, W) counts.
+        side_px: of a tile.
+
+    Returns:
+        (N,) median infrared, counts; (N,) root mean square of the residual, mm; and the residual,
+        (N, side, side) depth minus plane, mm.
+    """
+    size, step = (side_px, side_px), side_px // 2
+    z, light = (
+        np.lib.stride_tricks.sliding_window_view(image, size)[:-1:step, :-1:step].reshape(
+            -1, side_px**2
+        )
+        for image in (np.nan_to_num(np.asarray(depth_mm, np.float64)), infrared)
+    )
+    whole = (z.min(axis=1) > 0) & (np.ptp(z, axis=1) <= _MOST_SPREAD_MM)
+    z, light = z[whole], light[whole]
+    y, x = np.indices(size) - (side_px - 1) / 2
+    base = np.column_stack([x.ravel(), y.ravel(), np.ones(side_px**2)])
+    residual = z - z @ np.linalg.pinv(base).T @ base.T
+    rms = np.sqrt((residual**2).sum(axis=1) / (side_px**2 - 3))
+    return np.median(light, axis=1).astype(np.float64), rms, residual.reshape(-1, *size)
+
+
+def dim_correlation(infrared: Array, residual_mm: Array) -> dict[str, float]:
+    """Return the correlation of the dim ones of ``plane_tiles`` along rows and columns."""
+    images = residual_mm[(infrared >= DIM[0]) & (infrared < DIM[1])]
+    lags = {f"rows {n}": (0, n) for n in range(1, 5)}
+    lags |= {f"columns {n}": (n, 0) for n in range(1, 5)}
+    found = correlation_of([lagged_sums(images, list(lags.values()))])
+    return dict(zip(lags, found, strict=True))
+
+
+def noise_by_infrared(infrared: Array, rms_mm: Array) -> dict[str, float]:
+    """Return the median noise of tiles over that of the real frame, in bins of infrared."""
+    found = {}
+    for low, high in pairwise(COUNTS):
+        inside = (infrared >= low) & (infrared < high)
+        law = noise_law_mm(float(np.median(infrared[inside]))) if inside.any() else np.nan
+        found[f"{low}-{high}"] = float(np.median(rms_mm[inside])) / law if inside.any() else np.nan
+    return found
 
 
 def _frame(capture: Frames) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -49,27 +116,17 @@ def noise(captures: Captures) -> dict[str, Measurement]:
         for z in (300.0, 500.0, 800.0, 1200.0, 1600.0, 2000.0)
         for a in (0.05, 0.1, 0.2, 0.4, 0.8)
     ]
-    tiles = [plane_tiles(depth, counts) for depth, counts in shots]
-    every_count = np.concatenate([t.infrared for t in tiles])
-    every_rms = np.concatenate([t.rms_mm for t in tiles])
-    shares: dict[str, float | None] = {}
-    for low, high in pairwise(COUNTS):
-        inside = (every_count >= low) & (every_count < high)
-        law = noise_law_mm(float(np.median(every_count[inside]))) if inside.any() else np.nan
-        rms = float(np.median(every_rms[inside])) if inside.any() else np.nan
-        shares[f"{low}-{high}"] = rms / law
-    sums: dict[str, list[float]] = {}
-    for depth, counts in shots:
-        wide = plane_tiles(depth, counts, WIDE_PX)
-        if ((wide.infrared >= DIM[0]) & (wide.infrared < DIM[1])).sum() < 20:
-            continue
-        for name, values in zip(("rows", "columns"), wide.correlation(*DIM), strict=True):
-            for lag, value in zip(LAGS_PX, values, strict=True):
-                sums.setdefault(f"{name} {lag}", []).append(value)
-    correlation: dict[str, float | None] = {k: float(np.mean(v)) for k, v in sums.items()}
+    tiles = [plane_tiles(*shot)[:2] for shot in shots]
+    infrared, rms_mm = (np.concatenate(parts) for parts in zip(*tiles, strict=True))
+    found = []
+    for shot in shots:
+        counts, _, residual = plane_tiles(*shot, WIDE_PX)
+        if ((counts >= DIM[0]) & (counts < DIM[1])).sum() >= 20:
+            found.append(dim_correlation(counts, residual))
+    mean = {name: float(np.mean([f[name] for f in found])) for name in (found or [{}])[0]}
     return {
-        "1": Measurement(shares),
-        "2": Measurement(correlation, note="the real frame's holds bends of its surfaces too"),
+        "1": Measurement(noise_by_infrared(infrared, rms_mm)),
+        "2": Measurement(mean, note="the real frame's holds bends of its surfaces too"),
     }
 
 
@@ -97,34 +154,52 @@ def rims(captures: Captures) -> dict[str, Measurement]:
 def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
     """Measure checks 5 to 8 on a frame of the mug, real or simulated.
 
+    A rim is a place along a row where the farther of two successive runs is more than _STEP times
+    as far. Each run has a line fitted to its pixels 5 to 10 from the rim; the bend is how far the
+    outermost pixels lie beyond that line: negative towards the camera. Phasors of two surfaces in
+    one pixel bend it either way; a mean of depths would only draw the surfaces together.
+
     Args:
         depth_mm: (H, W) depth, mm; 0 where there is none.
     """
-    found = find_rims(depth_mm)
-    mug = found.where(found.front_mm < MUG_MM)
-    lit, dark = mug.where(~mug.right), mug.where(mug.right & (mug.back_mm > BEHIND_MM))
-    if min(len(lit.gap_px), len(dark.gap_px)) < 20:
+    z = np.nan_to_num(np.asarray(depth_mm, np.float64))
+    # Neighbours belong to one run where their depths differ by less than a tenth.
+    least = np.minimum(z[:, 1:], z[:, :-1])
+    joined = (least > 0) & (np.abs(np.diff(z, axis=1)) < 0.1 * least)
+    row, _, end, start, _ = successive_runs(joined, _LINE_PX[1] + 1, _MOST_GAP_PX)
+    away, outer = np.arange(*_LINE_PX), np.arange(2)[:, None]
+    at_rim, bends, smooth = [], [], np.ones(row.size, np.bool_)
+    for last, step in ((end - 1, -1), (start, 1)):
+        inner = z[row, last + step * away[:, None]]
+        slope, at_end = np.polyfit(away, inner, 1)
+        residual = inner - (at_end + slope * away[:, None])
+        smooth &= np.sqrt((residual**2).mean(axis=0)) <= _ROUGH_MM_PER_M * at_end / 1000.0
+        at_rim.append(at_end)
+        bends.append(z[row, last + step * outer] - (at_end + slope * outer))
+    front, back = np.sort(at_rim, axis=0)
+    right = at_rim[0] < at_rim[1]  # the foreground is to the left, the gap to its right
+    mug = smooth & (back >= _STEP * front) & (front < MUG_MM)
+    band = z[row, (end + start) // 2 + np.arange(-_BAND_PX, _BAND_PX)[:, None]]
+    margin = _BETWEEN * (back - front)
+    between = ((band > front + margin) & (band < back - margin)).mean(axis=0)
+    sides = {"lit": mug & ~right, "shadow": mug & right & (back > BEHIND_MM)}
+    if min(side.sum() for side in sides.values()) < 20:
         return {n: Measurement({}, note="too few rims") for n in ("5", "6", "7", "8")}
+    front_bend, back_bend = np.where(right, bends, bends[::-1])
 
-    def middle(values: NDArray[np.float64]) -> float:
-        return float(np.median(values))
+    def middle(values: Array, *names: str) -> dict[str, float]:
+        return {name: float(np.median(values[sides[name]])) for name in names}
 
     return {
-        "5": Measurement({"lit": middle(lit.gap_px), "shadow": middle(dark.gap_px)}),
-        "6": Measurement({"share": mug.between_share}),
+        "5": Measurement(middle(start - end, "lit", "shadow")),
+        "6": Measurement({"share": float(between[mug].mean())}),
         "7": Measurement(
-            {
-                "lit": middle(lit.front_bend_mm[:, 0]),
-                "shadow": middle(dark.front_bend_mm[:, 0]),
-                "lit, next": middle(lit.front_bend_mm[:, 1]),
-            }
+            middle(front_bend[0], "lit", "shadow")
+            | {"lit, next": middle(front_bend[1], "lit")["lit"]}
         ),
         "8": Measurement(
-            {
-                "shadow": middle(dark.back_bend_mm[:, 0]),
-                "shadow, next": middle(dark.back_bend_mm[:, 1]),
-                "lit": middle(lit.back_bend_mm[:, 0]),
-            }
+            middle(back_bend[0], "shadow", "lit")
+            | {"shadow, next": middle(back_bend[1], "shadow")["shadow"]}
         ),
     }
 

@@ -89,11 +89,11 @@ def _step_rows(
     shot = camera.capture(mesh, 2, None, scene=f"step {near_mm} {far_mm}")
     disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
     found = [find_steps(image.T if upright else image) for image in disparity]
-    before, behind = (measure_gaps(found, right) for right in (False, True))
+    (_, before), (behind_px, behind) = (measure_gaps(found, right) for right in (False, True))
     return {
-        "before": before.relative,
-        "behind": behind.relative,
-        "behind px": behind.width_px,
+        "before": before,
+        "behind": behind,
+        "behind px": behind_px,
         "between": between_share(found),
         "band": border_band(list(disparity))[1],
     }

@@ -1,0 +1,48 @@
+"""Runs of pixels of one surface along the rows of an image, and the steps between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Numbers:
+    """Find the pairs of runs that follow each other in a row.
+
+    Args:
+        joined: (H, W - 1) whether a pixel and the next one of its row are of one surface.
+        least_px: fewest pixels of a run; shorter ones are left out.
+        most_gap_px: most pixels between the runs of a pair.
+
+    Returns:
+        (5, N) row, first pixel of the left run, pixel after its last one, and the same of the
+        right run.
+    """
+    padded = np.pad(joined, ((0, 0), (1, 1)))
+    row, start = np.nonzero(padded[:, 1:] & ~padded[:, :-1])
+    end = np.nonzero(~padded[:, 1:] & padded[:, :-1])[1] + 1
+    row, start, end = np.stack([row, start, end])[:, end - start >= least_px]
+    pair = (row[1:] == row[:-1]) & (start[1:] - end[:-1] <= most_gap_px)
+    return np.stack([row[1:], start[:-1], end[:-1], start[1:], end[1:]])[:, pair]
+
+
+def goes_on(right: Mask, row: Numbers, column: Numbers, most_px: int) -> Mask:
+    """Tell which steps have one of their side, at most so many columns away, above and below.
+
+    Args:
+        right: (N,) whether the farther surface is on the right.
+        row: (N,) row of the step.
+        column: (N,) its column.
+        most_px: most columns from row to row.
+
+    Returns:
+        (2, N): in the row above, in the row below.
+    """
+    key = (right.astype(np.int64) << 40) + (row << 20) + column
+    ordered = np.sort(key)
+    above_below = key + np.array([[-1], [1]]) * (1 << 20)
+    last = np.searchsorted(ordered, above_below + most_px, "right")
+    return np.asarray(last > np.searchsorted(ordered, above_below - most_px))
