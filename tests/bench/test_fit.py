@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from glsim.bench.fit.fixed_pattern import describe_pattern
 from glsim.bench.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
 from glsim.bench.fit.recording_statistics import measure_recording
-from glsim.bench.fit.sensor_file import unplaced_parameters
 from glsim.bench.fit.wiggling import fit_wiggling
 from glsim.bench.measures.frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
@@ -153,7 +152,7 @@ def test_law_without_a_simulator() -> None:
     sigma = np.hypot(FLOOR_MM, white_sigma_mm(amplitude) / stretch)
     depth = np.rint(z + rng.normal(0, 1, (20, *z.shape)) * sigma).astype(np.uint16)
     found = measure_recording(frames_of("synthetic", depth, camera=IMAGE))
-    model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), (0.0, 0.0, 0.0))
+    model = fit_noise_model(found, IMAGE, 1.0, 1.0, LightProfile(), (0.0, 0.0, 0.0), TapNoise())
     assert model.knows_amplitude
     assert model.amplitude == pytest.approx(GAIN, rel=0.05)
     assert model.floor_mm == pytest.approx(FLOOR_MM, rel=0.05)
@@ -323,9 +322,3 @@ def test_wiggling_of_a_slanted_wall() -> None:
         assert wiggling.phase_rad[harmonic] == pytest.approx(list(phases.values()), abs=0.15)
     facing = np.rint(900 + rng.normal(0, 1.0, (4, *depth.shape))).astype(np.uint16)
     assert fit_wiggling(measure_recording(frames_of("wall", facing, camera=IMAGE)), IMAGE) is None
-
-
-def test_values_without_a_place_are_named() -> None:
-    tree = {"stage": [{"use": "tof_floor"}, {"use": "range_gate"}]}
-    values = {"floor_mm": 1.0, "gain": 2.0, "edge_invalid": 0.5}
-    assert unplaced_parameters(tree, values) == ["tof_light.gain"]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.bench.fit.stereo_sensor import stereo_base
 from glsim.bench.fit.stereo_statistics import find_lattice, measure_stereo
 from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
 from glsim.bench.measures.frame import frames_of
@@ -19,7 +20,6 @@ from glsim.bench.measures.validity import flip_share, hole_share_beside_band
 from glsim.bench.validate import VirtualCamera
 from glsim.bench.validate.scenes import room_corner
 from glsim.cli import main
-from glsim.cli.fit_stereo import stereo_base
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic

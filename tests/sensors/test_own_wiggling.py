@@ -15,6 +15,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_depth_png
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
+from glsim.settings.tables import read_toml
 from tests.support.planted_frames import encoded
 
 MHZ = (80.0, 16.0, 120.0)
@@ -103,7 +104,7 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
 ) -> None:
     """Phases that differ between the frequencies have no place in a stage, but in the file."""
     from glsim.bench.fit.recording_statistics import measure_recording
-    from glsim.bench.fit.sensor_file import base_sensor, sensor_toml
+    from glsim.bench.fit.time_of_flight import fitted_toml
     from glsim.bench.fit.wiggling import fit_wiggling
     from glsim.bench.measures.frame import frames_of
     from tests.bench.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
@@ -114,9 +115,9 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     statistics = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
     wiggling = fit_wiggling(statistics, IMAGE, EMITTER_M)
     assert wiggling is not None
-    name, tree = base_sensor()
+    tree = read_toml(SENSOR_FOLDER / "kinect-v2-fast.toml")
     file = tmp_path / "mine.toml"
-    file.write_text(sensor_toml(name, tree, {}, IMAGE, ["walls"], "", wiggling.waves()))
+    file.write_text(fitted_toml("kinect-v2-fast", tree, {}, IMAGE, ["walls"], "", wiggling.waves()))
     sensor = load_sensor(str(file))
     assert [(w.harmonic, w.modulation_mhz) for w in sensor.wiggling] == [(2, 80), (2, 120)]
     depth, clean = statistics.mean_mm, shot.truth_mm

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,12 +46,11 @@ _BRIGHT_SHARE = 0.95
 _PAIRS = 12
 
 
-@dataclass(frozen=True)
-class TapNoise:
+class TapNoise(NamedTuple):
     """Noise of a tap: variance without light, LSB^2, and its growth per LSB of light, LSB."""
 
-    read_lsb2: float = TAP_READ_LSB2
-    shot_lsb: float = TAP_SHOT_LSB
+    read_variance: float = TAP_READ_LSB2
+    shot_variance: float = TAP_SHOT_LSB
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def fit_infrared(
         return nothing
     variance = variance - frames[0].step_mm ** 2 / 12.0
     amplitude = x / COUNTS_PER_AMPLITUDE
-    shape = white_sigma_mm(amplitude, FILTER_GAIN, 0.0, taps.read_lsb2, taps.shot_lsb) ** 2
+    shape = white_sigma_mm(amplitude, FILTER_GAIN, 0.0, *taps) ** 2
     rounding = white_sigma_mm(amplitude, FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
     floor2, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
     return InfraredLaw(
@@ -205,7 +205,7 @@ def fit_noise_model(
     unit_mm: float,
     profile: LightProfile,
     emitter_m: tuple[float, float, float],
-    taps: TapNoise | None = None,
+    taps: TapNoise,
 ) -> NoiseModel:
     """Fit amplitude and floor by weighted least squares over classes of equal light.
 
@@ -216,10 +216,9 @@ def fit_noise_model(
         unit_mm: step of the depth files.
         profile: light over the image.
         emitter_m: position of the emitter in the camera frame.
-        taps: noise of the base sensor's taps; default: that of the published phase noise.
+        taps: noise of the base sensor's taps.
 
     """
-    taps = taps or TapNoise()
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
     light = albedo * facing_light(statistics.mean_mm, image, profile, emitter_m)
     used = statistics.smooth & np.isfinite(light) & (light > 0)
@@ -243,11 +242,7 @@ def _search(
     misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
         white = (
-            squared
-            * white_sigma_mm(
-                amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, taps.read_lsb2, taps.shot_lsb
-            )
-            ** 2
+            squared * white_sigma_mm(amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, *taps) ** 2
         )
         floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())

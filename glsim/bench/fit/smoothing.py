@@ -7,14 +7,12 @@ Noise that reaches farther needs the chain's other filter, ``tof_smooth``, a Gau
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.fit.noise_model import FILTER_GAIN
+from glsim.bench.fit.noise_model import FILTER_GAIN, TapNoise
 from glsim.bench.measures.correlation import LAGS
 
 Array = NDArray[np.float64]
@@ -44,11 +42,6 @@ class Smoothing:
     width_px: float
     share: float
     correlation: tuple[float, ...]
-
-    @property
-    def gain(self) -> float:
-        """How much less noise there is behind the filter."""
-        return float(1.0 / np.sqrt((_kernel(self.width_px) ** 2).sum()))
 
 
 def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
@@ -80,23 +73,8 @@ def _misfit(own: Array, target: Array) -> tuple[float, float]:
     return share, float(np.sqrt(((share * own - target) ** 2).mean()))
 
 
-def with_smoothing(tree: Mapping[str, Any], smoothing: Smoothing) -> dict[str, Any]:
-    """Return a sensor's tree whose narrow filter is replaced; it must have one."""
-    changed = deepcopy(dict(tree))
-    changed["stage"] = [
-        {"use": WIDE, "width_px": round(smoothing.width_px, 2)} if s["use"] == NARROW else s
-        for s in changed["stage"]
-    ]
-    return changed
-
-
-def has_filter(tree: Mapping[str, Any]) -> bool:
-    """Whether a sensor's chain has the filter that can be replaced."""
-    return any(stage["use"] == NARROW for stage in tree["stage"])
-
-
 def smoothed_values(
-    values: Mapping[str, float], smoothing: Smoothing, base: Mapping[str, float], sigma_mm: float
+    values: Mapping[str, float], smoothing: Smoothing, base: TapNoise, sigma_mm: float
 ) -> dict[str, float]:
     """Return fitted values for a chain with the wide filter.
 
@@ -104,17 +82,17 @@ def smoothed_values(
     noise behind the filter is the floor: it gets the share that the correlation leaves.
 
     Args:
-        values: fitted for the narrow filter, see ``glsim.bench.fit.sensor_file``.
+        values: fitted parameters for the narrow filter.
         smoothing: the filter.
-        base: noise of the base sensor's taps, "read_lsb2" and "shot_lsb".
+        base: noise of the base sensor's taps.
         sigma_mm: usual noise in time of a pixel.
     """
-    floor = min(values["floor_mm"], float(np.sqrt(1.0 - smoothing.share)) * sigma_mm)
-    behind = max(sigma_mm**2 - values["floor_mm"] ** 2, 0.1 * sigma_mm**2)
-    grown = (sigma_mm**2 - floor**2) / behind
-    factor = grown * (smoothing.gain / FILTER_GAIN) ** 2
-    taps = {name: factor * values.get(name, base[name]) for name in ("read_lsb2", "shot_lsb")}
-    return {**values, **taps, "floor_mm": floor}
+    gain = 1.0 / np.sqrt((_kernel(smoothing.width_px) ** 2).sum())
+    floor = min(values["sigma_mm"], float(np.sqrt(1.0 - smoothing.share)) * sigma_mm)
+    behind = max(sigma_mm**2 - values["sigma_mm"] ** 2, 0.1 * sigma_mm**2)
+    factor = (sigma_mm**2 - floor**2) / behind * float(gain / FILTER_GAIN) ** 2
+    taps = {name: factor * values.get(name, own) for name, own in base._asdict().items()}
+    return {**values, **taps, "sigma_mm": floor}
 
 
 def _kernel(width_px: float) -> Array:

@@ -12,27 +12,36 @@ and is measured as the recording was. One parameter answers for one measure, in 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.bench.fit.sensor_file import BASES
-from glsim.bench.fit.stereo_statistics import StereoStatistics
+from glsim.bench.fit.sensor_file import FittedSensor, recording_camera, sensor_toml
+from glsim.bench.fit.stereo_statistics import (
+    FRAMES,
+    StereoStatistics,
+    find_lattice,
+    measure_stereo,
+)
+from glsim.bench.fit.time_of_flight import BASES
 from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
 from glsim.bench.validate import scenes
 from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError, did_you_mean
+from glsim.data.recordings.recording import Recording
+from glsim.gl.context import borrowed_context
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 
+#: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
+_VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
+#: Frames whose depths say whether there is a lattice. Chosen: more say nothing new.
+_LATTICE_FRAMES = 12
 #: Step and largest side of the averaged region, px.
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
 #: Lags of LAGS_PX that are compared: 1 to 8 px.
@@ -43,232 +52,266 @@ _FIRST_SPECKLE, _MOST_SPECKLE, _REFINEMENTS = 0.1, 0.8, 3
 _FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
 #: Stages that expose: of two imagers, of one imager and a pattern.
 _EXPOSURES = ("stereo_exposure", "pattern_exposure")
+#: Fitted parameters: the side of the averaged region, and the device's own error.
+_SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
 
 
-@dataclass(frozen=True)
-class StereoFit:
-    """A fitted sensor.
+def stereo_base(recording: Recording, base: str | None) -> str | None:
+    """Return the sensor that a fit extends; None for a camera that measures times of flight.
 
-    Attributes:
-        base: the sensor it extends.
-        image: intrinsics.
-        baseline_m: distance of the two views.
-        values: "stage.parameter" -> value.
-        noise: of the fitted sensor on planes, px.
-        notes: measures that no value of a parameter reaches.
+    Args:
+        recording: whose depths say what made it.
+        base: sensor that the user names; it decides.
+
+    Raises:
+        ConfigError: the named sensor does not match images.
     """
+    if base is not None:
+        if base in BASES:
+            return None
+        if not _matches_images(base):
+            known = [*BASES, *(n for n in sensor_names() if _matches_images(n))]
+            raise ConfigError(f"no fit starts from {base!r} ({did_you_mean(base, known)})")
+        return base
+    stated = recording.stated.sensor
+    if stated and _matches_images(stated):
+        return stated
+    frames = recording.read(_LATTICE_FRAMES)
+    height, width = frames[0].measured_mm.shape
+    return _VGA.get((width, height), _ANY_STEREO) if find_lattice(frames) is not None else None
 
-    base: str
-    image: Intrinsics
-    baseline_m: float
-    values: Mapping[str, float]
-    noise: DisparityNoise
-    notes: tuple[str, ...]
 
-
-def matches_images(name: str) -> bool:
+def _matches_images(name: str) -> bool:
     """Return whether a sensor has two views that it matches. Raises ConfigError if unknown."""
     return any(stage.spec.name == MATCHER for stage in load_sensor(name).stages)
 
 
-def check_base(name: str) -> Sensor:
-    """Return a base sensor. Raises ConfigError if no fit starts from it."""
-    if not matches_images(name):
-        known = [*BASES, *(n for n in sensor_names() if matches_images(n))]
-        raise ConfigError(f"no fit starts from {name!r} ({did_you_mean(name, known)})")
-    return load_sensor(name)
-
-
-def matcher_value(sensor: Sensor, name: str) -> float:
-    """Return a parameter of the stage ``match_stereo`` of a sensor."""
+def _matcher_value(sensor: Sensor, name: str) -> float:
     stage = next(s for s in sensor.stages if s.spec.name == MATCHER)
     return stage.settings[name].bounds()[0]
 
 
-def fit_stereo(
-    statistics: StereoStatistics, base: str, image: Intrinsics, context: moderngl.Context
-) -> StereoFit:
-    """Fit a sensor to the statistics of a recording.
+def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> FittedSensor:
+    """Fit a sensor that matches images to a static recording.
 
     Args:
-        statistics: of the recording.
-        base: name of the sensor that is extended.
-        image: intrinsics of the recording; its focal length gives the baseline.
-        context: to render with.
+        recording: at least two frames of one view.
+        base: sensor that the file extends.
+        focal_px: of the recording; None: as stated, the base's, or by its baseline.
+
+    Raises:
+        ConfigError: the focal length is not known.
+        DatasetError: the recording is not static, or shows no planes.
     """
-    sensor = check_base(base)
-    exposure = next((s.name for s in sensor.stages if s.spec.name in _EXPOSURES), None)
-    baseline_m = statistics.focal_baseline_px_mm / image.fx / 1000.0
-    values = {f"{MATCHER}.depth_unit_mm": statistics.unit_mm}
-    trial = StereoFit(base, image, baseline_m, values, statistics.noise, ())
-    with TemporaryDirectory() as folder:
-        tried = _Trials(statistics, sensor, Path(folder), context)
-        speckle = f"{exposure}.speckle_sigma"
-        first = trial if exposure is None else _fit_speckle(tried, trial, speckle)
-        trial = _fit_support(tried, first)
-        if exposure is not None and not _same_support(trial, sensor):
-            trial = _fit_speckle(tried, replace(trial, notes=()), speckle)
-        trial = _fit_static(tried, trial)
-        return replace(trial, noise=tried.noise(trial))
+    sensor = load_sensor(base)
+    rig, steps = sensor.rig, _matcher_value(sensor, "subpixel_steps")
+    frames = recording.read(FRAMES)
+    product = 1000.0 * rig.intrinsics.fx * rig.baseline_m
+    statistics = measure_stereo(frames, find_lattice(frames), steps, product)
+    other_px = statistics.focal_baseline_px_mm / rig.baseline_m / 1000.0
+    image = recording_camera(statistics.size, recording.camera, rig.intrinsics, focal_px, other_px)
+    named = str(Path(base).resolve()) if base.endswith(".toml") else base
+    with TemporaryDirectory() as folder, borrowed_context(None) as context:
+        fit = _Fit(statistics, named, sensor, image, Path(folder), context)
+        exposure = next((s.name for s in sensor.stages if s.spec.name in _EXPOSURES), None)
+        if exposure is not None:
+            fit.speckle(f"{exposure}.speckle_sigma")
+        fit.support()
+        if exposure is not None and fit.values[_SUPPORT] != fit.own_support:
+            fit.notes.clear()
+            fit.speckle(f"{exposure}.speckle_sigma")
+        fit.static()
+        lines = {"base": named} | _result_lines(statistics, fit.noise(), image, fit.baseline_m)
+    comments = [
+        f"Fitted by glsim fit to {statistics.frames} frames of {image.width}x{image.height}: "
+        f"{recording.path}",
+        *(f"{name}: {text}" for name, text in lines.items()),
+        f"All other values are those of {sensor.name}.",
+    ]
+    return FittedSensor(fit.text(fit.values, comments), lines, (*recording.notes, *fit.notes))
 
 
-class _Trials:
-    """Captures planes with trial sensors, and measures them as the recording was."""
+class _Fit:
+    """The values found so far; captures planes with them and measures them as the recording was."""
 
     def __init__(
         self,
         statistics: StereoStatistics,
+        base: str,
         sensor: Sensor,
+        image: Intrinsics,
         folder: Path,
         context: moderngl.Context,
     ) -> None:
-        self.target = statistics.noise
-        self.sensor = sensor
-        self._distances_mm, self._slopes = statistics.distances_mm, statistics.slopes
+        self.statistics, self.base, self.sensor, self.image = statistics, base, sensor, image
+        self.baseline_m = statistics.focal_baseline_px_mm / image.fx / 1000.0
+        self.values = {f"{MATCHER}.depth_unit_mm": statistics.unit_mm}
+        self.notes: list[str] = []
+        self.own_support = int(_matcher_value(sensor, "support_px")) | 1
         self._folder, self._context, self._count = folder, context, 0
 
-    def noise(self, trial: StereoFit, **changes: float) -> DisparityNoise:
-        """Return the noise of a trial sensor with some other values, px."""
-        values = {**trial.values, **{k.replace("__", "."): v for k, v in changes.items()}}
+    def text(self, values: Mapping[str, float], comments: Sequence[str]) -> str:
+        """Write the sensor file: what it extends, the rig, and the fitted parameters."""
+        image, rig = self.image, self.sensor.rig
+        scale = self.baseline_m / rig.baseline_m
+        places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
+        table = {
+            "width": image.width,
+            "height": image.height,
+            "focal_px": [_rounded(image.fx), _rounded(image.fy)],
+            "centre_px": [_rounded(image.cx), _rounded(image.cy)],
+        } | {
+            name: [{"position_m": [float(f"{scale * v:.7g}") for v in p]} for p in points]
+            for name, points in places.items()
+        }
+        stages = {}
+        for stage in self.sensor.stages:
+            kinds = {f"{stage.name}.{key}": p.type for key, p in stage.spec.parameters.items()}
+            own = {
+                name.partition(".")[2]: int(v) if kinds[name] == "int" else _rounded(v)
+                for name, v in values.items()
+                if name in kinds
+            }
+            named = {} if stage.name == stage.spec.name else {"name": stage.name}
+            if own:
+                stages[stage.name] = {"use": stage.spec.name, **named, **own}
+        title = f"fitted to a recording, from {self.sensor.name}"
+        head = {"extends": self.base, "title": title}
+        return sensor_toml(comments, head, table, list(stages.values()))
+
+    def noise(self, name: str = "", value: float = 0.0) -> DisparityNoise:
+        """Return the noise of planes, px, with the values so far and another one."""
         file = self._folder / f"trial_{self._count}.toml"
         self._count += 1
-        file.write_text(stereo_toml(replace(trial, values=values), self.sensor, ("a trial",)))
+        values = self.values | ({name: value} if name else {})
+        file.write_text(self.text(values, ("a trial",)))
         camera = VirtualCamera(str(file), self._context)
-        product = 1000.0 * camera.rig.intrinsics.fx * camera.rig.baseline_m
-        disparity: list[NDArray[np.float64]] = []
-        pairs: list[tuple[int, int]] = []
-        for z_mm, slope in zip(self._distances_mm, self._slopes, strict=True):
+        focal = camera.rig.intrinsics.fx
+        product = 1000.0 * focal * camera.rig.baseline_m
+        disparity, pairs = [], []
+        planes = zip(self.statistics.distances_mm, self.statistics.slopes, strict=True)
+        for z_mm, slope in planes:
             # Disparity changes by slope, so depth by z^2 slope / (f B), over z / f beside it.
-            steep = slope * z_mm * camera.rig.intrinsics.fx / product
-            tilt = min(float(np.degrees(np.arctan(steep))), _MOST_TILT_DEG)
-            mesh = scenes.tilted(z_mm, tilt, _ALBEDO, half_mm=z_mm)
+            steep = float(np.degrees(np.arctan(slope * z_mm * focal / product)))
+            mesh = scenes.tilted(z_mm, min(steep, _MOST_TILT_DEG), _ALBEDO, half_mm=z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
             first = len(disparity)
             disparity += list(to_disparity(np.nan_to_num(shot.measured_mm), product))
             pairs += [(first + a, first + b) for a, b in pairwise(range(_FRAMES))]
         return measure_disparity_noise(disparity, pairs)
 
+    def support(self) -> None:
+        """Choose the region whose noise in time is correlated as the recording's.
 
-def _fit_support(tried: _Trials, trial: StereoFit) -> StereoFit:
-    """Choose the region whose noise in time is correlated as the recording's.
+        From the base's region on, larger and smaller ones are tried as long as they fit better.
+        """
+        real = self.statistics.noise
+        target = np.array([real.frame_rows[_LAGS], real.frame_columns[_LAGS]])
 
-    From the base's region on, larger and smaller ones are tried as long as they fit better.
-    """
-    target = np.array([tried.target.frame_rows[_LAGS], tried.target.frame_columns[_LAGS]])
+        def misfit(side: int) -> float:
+            found = self.noise(_SUPPORT, side)
+            own = np.array([found.frame_rows[_LAGS], found.frame_columns[_LAGS]])
+            return float(np.nansum((own - target) ** 2)) if np.isfinite(own).any() else np.inf
 
-    def misfit(side: int) -> float:
-        found = tried.noise(trial, match_stereo__support_px=side)
-        own = np.array([found.frame_rows[_LAGS], found.frame_columns[_LAGS]])
-        return float(np.nansum((own - target) ** 2)) if np.isfinite(own).any() else np.inf
+        best = start = self.own_support
+        least = misfit(best)
+        for step in (_SUPPORT_STEP_PX, -_SUPPORT_STEP_PX):
+            while 1 <= best + step <= _MOST_SUPPORT_PX and (own := misfit(best + step)) < least:
+                best, least = best + step, own
+            if best != start:
+                break
+        self.values[_SUPPORT] = best
 
-    best = int(matcher_value(tried.sensor, "support_px")) | 1
-    least = misfit(best)
-    for step in (_SUPPORT_STEP_PX, -_SUPPORT_STEP_PX):
-        start = best
-        while 1 <= best + step <= _MOST_SUPPORT_PX and (own := misfit(best + step)) < least:
-            best, least = best + step, own
-        if best != start:
-            break
-    return _with(trial, f"{MATCHER}.support_px", best)
+    def speckle(self, name: str) -> None:
+        """Find the speckle at which the noise in time is the recording's.
 
+        Variances of noise grow with the square of the speckle: false position in squares. Where so
+        few tiles are full of depth that the noise is not known, it is too large.
+        """
+        target = self.statistics.noise.frame
 
-def _same_support(trial: StereoFit, sensor: Sensor) -> bool:
-    return trial.values[f"{MATCHER}.support_px"] == int(matcher_value(sensor, "support_px")) | 1
+        def noise(speckle: float) -> float:
+            found = self.noise(name, speckle).frame
+            return found if np.isfinite(found) else float("inf")
 
+        low, below = 0.0, noise(0.0)
+        if below >= target:
+            self.notes.append(
+                f"without speckle its noise in time is {below:.3f} px, the recording's {target:.3f}"
+            )
+            self.values[name] = low
+            return
+        high, above = _FIRST_SPECKLE, noise(_FIRST_SPECKLE)
+        while above < target and high < _MOST_SPECKLE:
+            low, below = high, above
+            high *= 2.0
+            above = noise(high)
+        found = high
+        if above < target:
+            self.notes.append(
+                f"the most speckle makes {above:.3f} px in time, the recording has {target:.3f}"
+            )
+            self.values[name] = high
+            return
+        for _ in range(_REFINEMENTS):
+            share = (target**2 - below**2) / (above**2 - below**2) if np.isfinite(above) else 0.25
+            found = float(np.sqrt(low**2 + share * (high**2 - low**2)))
+            reached = noise(found)
+            if reached < target:
+                low, below = found, reached
+            else:
+                high, above = found, reached
+        self.values[name] = round(found, 4)
 
-def _fit_speckle(tried: _Trials, trial: StereoFit, name: str) -> StereoFit:
-    """Find the speckle at which the noise in time is the recording's.
-
-    Variances of noise grow with the square of the speckle: false position in squares. Where so few
-    tiles are full of depth that the noise is not known, it is too large.
-    """
-    key = name.replace(".", "__")
-    target = tried.target.frame
-
-    def noise(speckle: float) -> float:
-        found = tried.noise(trial, **{key: speckle}).frame
-        return found if np.isfinite(found) else float("inf")
-
-    low, below = 0.0, noise(0.0)
-    if below >= target:
-        note = f"without speckle its noise in time is {below:.3f} px, the recording's {target:.3f}"
-        return replace(_with(trial, name, low), notes=(*trial.notes, note))
-    high, above = _FIRST_SPECKLE, noise(_FIRST_SPECKLE)
-    while above < target and high < _MOST_SPECKLE:
-        low, below = high, above
-        high *= 2.0
-        above = noise(high)
-    if above < target:
-        note = f"the most speckle makes {above:.3f} px in time, the recording has {target:.3f}"
-        return replace(_with(trial, name, high), notes=(*trial.notes, note))
-    found = high
-    for _ in range(_REFINEMENTS):
-        share = (target**2 - below**2) / (above**2 - below**2) if np.isfinite(above) else 0.25
-        found = float(np.sqrt(low**2 + share * (high**2 - low**2)))
-        reached = noise(found)
-        if reached < target:
-            low, below = found, reached
-        else:
-            high, above = found, reached
-    return _with(trial, name, round(found, 4))
-
-
-def _fit_static(tried: _Trials, trial: StereoFit) -> StereoFit:
-    """Add as much of the device's own error as the pattern's static share leaves open."""
-    name = f"{MATCHER}.device_sigma_px"
-    own = tried.noise(trial, match_stereo__device_sigma_px=0.0).static
-    target = tried.target.static
-    missing = target**2 - own**2
-    if missing <= 0:
-        note = f"the pattern alone leaves {own:.3f} px as it is, the recording {target:.3f} px"
-        return replace(_with(trial, name, 0.0), notes=(*trial.notes, note))
-    # Planes that are fitted to tiles hide some of it: measured with the same tiles.
-    probe = float(np.sqrt(missing))
-    reached = tried.noise(trial, match_stereo__device_sigma_px=probe).static
-    gained = max(reached**2 - own**2, 0.25 * missing)
-    return _with(trial, name, round(float(np.sqrt(missing**2 / gained)), 4))
+    def static(self) -> None:
+        """Add as much of the device's own error as the pattern's static share leaves open."""
+        own, target = self.noise(_DEVICE, 0.0).static, self.statistics.noise.static
+        missing = target**2 - own**2
+        if missing <= 0:
+            self.notes.append(
+                f"the pattern alone leaves {own:.3f} px as it is, the recording {target:.3f} px"
+            )
+            self.values[_DEVICE] = 0.0
+            return
+        # Planes that are fitted to tiles hide some of it: measured with the same tiles.
+        reached = self.noise(_DEVICE, float(np.sqrt(missing))).static
+        gained = max(reached**2 - own**2, 0.25 * missing)
+        self.values[_DEVICE] = round(float(np.sqrt(missing**2 / gained)), 4)
 
 
-def _with(trial: StereoFit, name: str, value: float) -> StereoFit:
-    return replace(trial, values={**trial.values, name: value})
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
 
 
-def stereo_toml(fit: StereoFit, sensor: Sensor, comments: Sequence[str]) -> str:
-    """Write the sensor file: what it extends, the rig, and the fitted parameters.
+def _result_lines(
+    statistics: StereoStatistics, own: DisparityNoise, image: Intrinsics, baseline_m: float
+) -> dict[str, str]:
+    """Describe the results, of the recording and of the fitted sensor: name -> text."""
+    real, lattice = statistics.noise, statistics.lattice
+    by = "the base sensor's: the depths are on no lattice that says it"
+    if lattice is not None:
+        by = f"depths are round({lattice.constant:,.0f} / n) units"
+    places = ", ".join(f"{z / 1000:.2f}" for z in statistics.distances_mm)
 
-    Args:
-        fit: the fitted values.
-        sensor: the one it extends.
-        comments: lines at the top of the file.
-    """
-    image, rig = fit.image, sensor.rig
-    lines = [f"# {comment}".rstrip() for comment in comments]
-    lines += [
-        f"extends = {json.dumps(fit.base)}",
-        f"title = {json.dumps(f'fitted to a recording, from {sensor.name}')}",
-        "",
-        "[rig]",
-        f"width = {image.width}",
-        f"height = {image.height}",
-        f"focal_px = [{image.fx:.6g}, {image.fy:.6g}]",
-        f"centre_px = [{image.cx:.6g}, {image.cy:.6g}]",
-    ]
-    scale = fit.baseline_m / rig.baseline_m
-    for name, places in (
-        ("imager", rig.imagers_m),
-        ("emitter", [e.position_m for e in rig.emitters]),
-    ):
-        for place in places:
-            numbers = ", ".join(f"{scale * value:.7g}" for value in place)
-            lines += ["", f"[[rig.{name}]]", f"position_m = [{numbers}]"]
-    whole = {s.name: s.spec.parameters for s in sensor.stages}
-    for stage in dict.fromkeys(name.partition(".")[0] for name in fit.values):
-        use = next(s.spec.name for s in sensor.stages if s.name == stage)
-        own_name = [f'name = "{stage}"'] if use != stage else []
-        lines += ["", "[[stage]]", f'use = "{use}"', *own_name]
-        for name, value in fit.values.items():
-            owner, _, key = name.partition(".")
-            if owner == stage:
-                kind = whole[stage][key].type
-                lines.append(f"{key} = {int(value) if kind == 'int' else value:.6g}")
-    return "\n".join(lines) + "\n"
+    def pair(name: str) -> str:
+        return f"{getattr(real, name):.3f} px (fitted sensor: {getattr(own, name):.3f})"
+
+    def correlations(name: str) -> str:
+        first, second = (
+            ", ".join(f"{value:.2f}" for value in getattr(noise, name)[_LAGS])
+            for noise in (real, own)
+        )
+        return f"{first} (fitted sensor: {second})"
+
+    return {
+        "focal length times baseline": f"{statistics.focal_baseline_px_mm:,.0f} px mm ({by}); "
+        f"baseline {1000 * baseline_m:.2f} mm at {image.fx:.1f} px",
+        "planes compared at": f"{places} m",
+        "noise from frame to frame": pair("frame"),
+        "share that stays": pair("static"),
+        "residual of planes": pair("residual"),
+        "correlation in time at 1, 2, 3, 4, 6, 8 px along rows": correlations("frame_rows"),
+        "the same along columns": correlations("frame_columns"),
+        "holes right of the left band": f"{100 * statistics.holes:.1f} %",
+        "pixels with depth in one of two frames only": f"{100 * statistics.flips:.1f} %",
+    }

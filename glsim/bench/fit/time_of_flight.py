@@ -1,0 +1,290 @@
+"""Fit a time-of-flight sensor to a static recording: noise, fixed pattern, wiggling, filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from glsim.bench.fit.noise_model import (
+    InfraredLaw,
+    LightProfile,
+    NoiseModel,
+    TapNoise,
+    fit_infrared,
+    fit_noise_model,
+)
+from glsim.bench.fit.recording_statistics import RecordingStatistics, measure_recording
+from glsim.bench.fit.sensor_file import FittedSensor, recording_camera, sensor_toml
+from glsim.bench.fit.smoothing import NARROW, WIDE, Smoothing, find_smoothing, smoothed_values
+from glsim.bench.fit.wiggling import Wiggling, fit_wiggling
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import Frames
+from glsim.data.recordings.recording import Recording
+from glsim.noise.registry import find_stage
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.sensors.wiggling import Wave
+from glsim.settings.distribution import NumberSetting
+from glsim.settings.tables import read_toml
+
+#: Sensors that a fit of time of flight can start from, the cheapest first.
+BASES = ("kinect-v2-fast", "kinect-v2")
+
+#: Stage -> parameters that are fitted.
+_LIGHT = (
+    "gain", "harmonic_2", "harmonic_5", "harmonic_2_phase_deg", "harmonic_5_phase_deg",
+    "harmonic_phase_spread",
+)  # fmt: skip
+_TAPS = ("read_variance", "shot_variance")
+_PATTERN = (
+    "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_step_mm", "pixel_sigma_mm",
+)  # fmt: skip
+_FITTED = {
+    "tof_light": _LIGHT,
+    "tof_taps": _TAPS,
+    "tof_floor": ("sigma_mm",),
+    "tof_fast": ("sigma_mm", *_LIGHT, *_TAPS),
+    "fixed_pattern": _PATTERN,
+}
+
+#: Least frames for the pattern of single pixels; with fewer, temporal noise hides it.
+LEAST_PATTERN_FRAMES = 10
+#: Largest difference between the phases of the frequencies, rad: the shader has one for all.
+_MOST_APART_RAD = 0.7
+_UNKNOWN = "not determined by this recording (add far or dark walls): the base sensor's is kept"
+
+
+def fit_time_of_flight(
+    recording: Recording, base: str | None, albedo: float, focal_px: float | None, map_name: str
+) -> FittedSensor:
+    """Fit a sensor to a static recording.
+
+    Args:
+        recording: at least two frames of one view.
+        base: one of BASES; None: the first whose filter explains the correlation of the noise.
+        albedo: of the scene, or of its brightest surfaces if there is infrared.
+        focal_px: of the recording; None: as stated, or the base sensor's.
+        map_name: file of the map of the fixed pattern, as the sensor file names it.
+
+    Raises:
+        ConfigError: the focal length is not known.
+        DatasetError: the recording is not static, or shows no smooth surfaces.
+    """
+    name = base or BASES[0]
+    recorded = recording.read_static()
+    height, width = recorded[0].noisy_mm.shape
+    own = load_sensor(name).rig.intrinsics
+    image = recording_camera((width, height), recording.camera, own, focal_px)
+    recorded = Frames.of([frame.changed(intrinsics=image) for frame in recorded], recorded.title)
+    statistics = measure_recording(recorded)
+    smoothing = find_smoothing(statistics.correlation)
+    if smoothing is not None and base is None:
+        name = "kinect-v2"  # its filter can be exchanged
+    tree = read_toml(SENSOR_FOLDER / f"{name}.toml")
+    emitter, taps = load_sensor(name).rig.emitter_m, TapNoise(**_parameters(tree, *_TAPS))
+    profile = LightProfile(**_parameters(tree, "flat_to", "fall_off", "tail", "vignetting"))
+    model = fit_noise_model(statistics, image, albedo, recorded[0].step_mm, profile, emitter, taps)
+    law = None
+    if recorded[0].infrared is not None:
+        law = fit_infrared(statistics, recorded, albedo, taps)
+    wiggling = fit_wiggling(statistics, image, emitter)
+    values = _fitted_values(statistics, model, law, taps, wiggling)
+    lines = _result_lines(statistics, model, law, wiggling)
+    if smoothing is not None:
+        wide = any(stage["use"] == NARROW for stage in tree["stage"])
+        lines["filter of the correlated noise"] = _smoothing_text(smoothing, wide)
+        if wide:
+            sigma_mm = float(np.sqrt(np.nanmedian(statistics.variance_mm2[statistics.smooth])))
+            values = smoothed_values(values, smoothing, taps, sigma_mm)
+            other = {"use": WIDE, "width_px": round(smoothing.width_px, 2)}
+            tree["stage"] = [other if s["use"] == NARROW else s for s in tree["stage"]]
+    usable = _knows_pattern(statistics)
+    comments = [
+        f"Fitted by glsim fit to {statistics.frames} frames of {width}x{height}: {recording.path}",
+        *(f"{title}: {text}" for title, text in lines.items()),
+        f"Map of this device's own fixed pattern: {map_name} (float32 mm, NaN = unknown"
+        + (")." if usable else "); too noisy to add to frames."),
+        f"All other values are those of {name}.",
+    ]
+    waves = wiggling.waves() if wiggling is not None else ()
+    text = fitted_toml(name, tree, values, image, comments, map_name if usable else "", waves)
+    return FittedSensor(text, lines, (), statistics.pattern.map_mm, statistics.table)
+
+
+def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
+    """Return the typical values of parameters in the first stage that declares any of them."""
+    adapter = TypeAdapter[Any](NumberSetting)
+    for stage in tree["stage"]:
+        declared = find_stage(stage["use"]).parameters
+        given = {n: stage.get(n, declared[n].default) for n in names if n in declared}
+        if given:
+            return {n: adapter.validate_python(value).typical for n, value in given.items()}
+    return {}
+
+
+def _knows_pattern(statistics: RecordingStatistics) -> bool:
+    """Return whether the map holds more pattern than temporal noise."""
+    return statistics.pattern.known_share > 0 and statistics.frames >= LEAST_PATTERN_FRAMES
+
+
+def _fitted_values(
+    statistics: RecordingStatistics,
+    model: NoiseModel,
+    infrared: InfraredLaw | None,
+    taps: TapNoise,
+    wiggling: Wiggling | None,
+) -> dict[str, float]:
+    """Collect the parameters that the recording determines; infrared wins over distances."""
+    pattern = statistics.pattern
+    values = {
+        "sigma_mm": model.floor_mm,
+        "column_sigma_mm": pattern.column_mm,
+        "row_sigma_mm": pattern.row_mm,
+        "row_alternation_mm": abs(pattern.alternation_mm),  # its sign is drawn, and in the map
+        "row_step_mm": pattern.row_step_mm,
+    }
+    if _knows_pattern(statistics):
+        values["pixel_sigma_mm"] = pattern.pixel_mm
+    if infrared is not None and math.isfinite(infrared.gain):
+        values["gain"] = infrared.gain
+        if infrared.knows_noise:
+            values["sigma_mm"] = infrared.floor_mm
+            values["read_variance"] = infrared.tap_scale * taps.read_variance
+            values["shot_variance"] = infrared.tap_scale * taps.shot_variance
+    elif model.knows_amplitude:
+        values["gain"] = model.amplitude
+    return values if wiggling is None else values | _harmonics(wiggling)
+
+
+def _harmonics(wiggling: Wiggling) -> dict[str, float]:
+    """Collect sizes of the known harmonics, and phases where one serves all frequencies."""
+    values: dict[str, float] = {}
+    phases: dict[str, float] = {}
+    known = [harmonic for harmonic in wiggling.amplitude if wiggling.known(harmonic)]
+    for harmonic in known:
+        values[f"harmonic_{harmonic}"] = wiggling.amplitude[harmonic]
+        turns = np.exp(1j * wiggling.phase_rad[harmonic])
+        mean = turns.mean()
+        if np.abs(np.angle(turns / mean)).max() < 0.5 * _MOST_APART_RAD:
+            phases[f"harmonic_{harmonic}_phase_deg"] = math.degrees(np.angle(mean))
+    if known and len(phases) == len(wiggling.amplitude):
+        values |= phases | {"harmonic_phase_spread": 0.0}
+    return values
+
+
+def fitted_toml(
+    base: str,
+    tree: Mapping[str, Any],
+    values: Mapping[str, float],
+    image: Intrinsics,
+    comments: Sequence[str],
+    pattern_map: str = "",
+    waves: Sequence[Wave] = (),
+) -> str:
+    """Write the sensor file: rig and stages of the base with fitted values and intrinsics.
+
+    Args:
+        base: name of the base sensor.
+        tree: its file; its lens distortion is dropped.
+        values: fitted parameters.
+        image: intrinsics of the recording.
+        comments: lines at the top of the file.
+        pattern_map: file name of the map of the fixed pattern beside the sensor file, or "".
+        waves: wiggling of the device.
+
+    """
+    rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
+    rig |= {
+        "width": image.width, "height": image.height,
+        "focal_px": [image.fx, image.fy], "centre_px": [image.cx, image.cy],
+    }  # fmt: skip
+    if pattern_map:
+        rig["fixed_pattern_map"] = pattern_map
+    if waves:
+        rig["wiggling"] = [wave.model_dump() for wave in waves]
+    stages = []
+    for stage in tree["stage"]:
+        declared = find_stage(stage["use"]).parameters
+        fitted = {n: values[n] for n in _FITTED.get(stage["use"], ()) if n in values}
+        bounded = {n: min(max(v, declared[n].low), declared[n].high) for n, v in fitted.items()}
+        stages.append(stage | {n: float(f"{value:.5g}") for n, value in bounded.items()})
+    return sensor_toml(comments, {"title": f"fitted to a recording, from {base}"}, rig, stages)
+
+
+def _result_lines(
+    statistics: RecordingStatistics,
+    model: NoiseModel,
+    law: InfraredLaw | None,
+    wiggling: Wiggling | None,
+) -> dict[str, str]:
+    """Describe the results: name -> text."""
+    pattern = statistics.pattern
+    known = f"{100 * pattern.known_share:.0f} % of the pixels, those on flat surfaces"
+    if not _knows_pattern(statistics):
+        known += (
+            f"; mostly temporal noise with {statistics.frames} frames: below "
+            f"{LEAST_PATTERN_FRAMES} the part of single pixels is not fitted, "
+            "and the sensor does not name the map"
+        )
+    lines = _light_lines(model, law) | {
+        "fixed pattern": f"{pattern.total_mm:.2f} mm (alternation of rows "
+        f"{abs(pattern.alternation_mm):.2f}, rows {pattern.row_mm:.2f}, columns "
+        f"{pattern.column_mm:.2f}, pixels {pattern.pixel_mm:.2f}, these alike at 1 px by "
+        f"{pattern.pixel_correlation:.2f})",
+        "map of the fixed pattern": known,
+        "correlation of the noise at 1 to 3 px along rows; diagonal": ", ".join(
+            f"{c:.2f}" for c in statistics.correlation[:3]
+        )
+        + f"; {statistics.correlation[-1]:.2f}",
+        "wiggling": _wiggling_text(wiggling),
+    }
+    if statistics.edge_pixels:
+        lines[f"pixels beside depth edges ({statistics.edge_pixels} per frame)"] = (
+            f"{100 * statistics.invalid_share:.0f} % without depth, "
+            f"{100 * statistics.flying_share:.1f} % between the surfaces"
+        )
+    return lines
+
+
+def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> dict[str, str]:
+    """Describe light and noise: from infrared if there is any, else from the distances."""
+    white, over = "amplitude of a white wall at 1 m", "noise over infrared"
+    if law is None or not math.isfinite(law.gain):
+        amplitude = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
+        floor = f"{model.floor_mm:.2f} mm"
+        known = amplitude if model.knows_amplitude else _UNKNOWN
+        return {white: known, "floor of the temporal noise": floor}
+    lines = {white: f"{law.gain:.0f} (infrared {16 * law.gain:.0f})"}
+    if not law.knows_noise:
+        return lines | {over: _UNKNOWN}
+    own = law.law
+    return lines | {
+        over: f"sigma^2 = {own.floor_mm:.2f}^2 + ({own.slope_mm:.0f} / infrared)^2 mm^2",
+        "floor beside the noise of taps": f"{law.floor_mm:.2f} mm",
+    }
+
+
+def _smoothing_text(smoothing: Smoothing, wide: bool) -> str:
+    if not wide:
+        return "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
+    numbers = ", ".join(f"{c:.2f}" for c in smoothing.correlation[:3])
+    return (
+        f"Gaussian over 7x7 px, {smoothing.width_px:.1f} px (tof_smooth): {numbers} at 1 to 3 px "
+        "along rows"
+    )
+
+
+def _wiggling_text(wiggling: Wiggling | None) -> str:
+    if wiggling is None:
+        return "not determined by this recording (add walls, one at a slant: 0.65 m of distances)"
+    parts = []
+    for harmonic, amplitude in wiggling.amplitude.items():
+        phases = " and ".join(f"{math.degrees(p):.0f}" for p in wiggling.phase_rad[harmonic])
+        parts.append(
+            f"harmonic {harmonic}: {amplitude:.4f} +- {wiggling.error[harmonic]:.4f}, "
+            + (f"{phases} deg at 80 and 120 MHz" if wiggling.known(harmonic) else "not significant")
+        )
+    return "; ".join(parts)
