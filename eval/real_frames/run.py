@@ -9,7 +9,7 @@ import numpy as np
 
 from glsim.bench.measures.boards import find_board
 from glsim.core.errors import ConfigError, DenoiserError
-from glsim.data.recordings.board_corners import board_corners
+from glsim.data.recordings.opencv_yaml import board_corners
 from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise import Denoiser, load_denoiser
 from glsim.eval.real_frames.frame_truth import FrameTruth, ScoredFrame

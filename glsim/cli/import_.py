@@ -53,7 +53,7 @@ def biwi(
 ) -> None:
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
     from glsim.cli.progress import generation_progress, print_summary
-    from glsim.data.recordings.import_biwi import import_biwi
+    from glsim.data.recordings.imports import import_biwi
     from glsim.data.worker_processes import worker_count
 
     with generation_progress() as progress:
@@ -98,7 +98,7 @@ def kinect2(
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
     from glsim.cli.progress import generation_progress, print_summary
-    from glsim.data.recordings.import_kinect2 import import_recordings
+    from glsim.data.recordings.imports import import_recordings
     from glsim.data.worker_processes import worker_count
 
     with generation_progress() as progress:

@@ -3,6 +3,5 @@
 ``recording`` finds the frames and reads them, ``folders`` knows what lies in a folder, ``files``
 reads one frame of a file, ``streams``, ``bag`` and ``mkv`` the files that hold many,
 ``camera_file`` what states the camera. ``names`` tells depth maps from other images,
-``board_corners`` reads the corners of chessboards; ``import_kinect2`` and ``import_biwi`` write
-data sets of glsim.
+``opencv_yaml`` reads calibrations and corners of chessboards; ``imports`` writes data sets.
 """

@@ -46,7 +46,9 @@ class BagStream(FrameStream):
 
     def _choose(self) -> tuple[str, str | None]:
         images = self._topics()
-        depth = [t for t, kind in images.items() if kind in ("u2", "f4") and not _is_infrared(t)]
+        depth = [
+            t for t, kind in images.items() if kind in ("u2", "f4") and not _count(t, _INFRARED)
+        ]
         named = [topic for topic in depth if "depth" in topic.lower()]
         if not depth:
             found = f": its images are {', '.join(sorted(images))}" if images else ""
@@ -54,8 +56,8 @@ class BagStream(FrameStream):
                 f"{self.path}: holds no depth images (16UC1, mono16 or 32FC1){found}: record the "
                 "depth stream, not compressed"
             )
-        lights = [t for t, kind in images.items() if kind in ("u1", "u2") and _is_infrared(t)]
-        chosen = min(named or depth, key=lambda topic: (_lateness(topic), topic))
+        lights = [t for t, kind in images.items() if kind in ("u1", "u2") and _count(t, _INFRARED)]
+        chosen = min(named or depth, key=lambda topic: (_count(topic, _LATER), topic))
         return chosen, min(lights, default=None)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -167,12 +169,9 @@ class BagStream(FrameStream):
         return ""
 
 
-def _is_infrared(topic: str) -> bool:
-    return any(word in topic.lower() for word in _INFRARED)
-
-
-def _lateness(topic: str) -> int:
-    return sum(word in topic.lower() for word in _LATER)
+def _count(topic: str, words: Sequence[str]) -> int:
+    """Count which of the words the name of a topic holds."""
+    return sum(word in topic.lower() for word in words)
 
 
 def _pixels(message: Any, where: str) -> NDArray[np.generic]:

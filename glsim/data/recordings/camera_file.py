@@ -13,9 +13,10 @@ baseline_m = 0.0502                    optional: cameras that triangulate
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -29,6 +30,7 @@ from glsim.settings.tables import TomlTable, parse_table, read_toml
 CAMERA_FILE = "camera.toml"
 
 _Focal = Annotated[float, Field(ge=1, le=1e6)]
+_Coefficient = Literal["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
@@ -57,23 +59,10 @@ class StatedCamera:
 
         A lens belongs to its intrinsics: both come from the same file.
         """
-        open_fields = {f.name for f in fields(self) if getattr(self, f.name) == f.default}
+        said = {f.name for f in fields(self) if getattr(self, f.name) != f.default}
         if self.intrinsics is not None:
-            open_fields.discard("distortion")
-        values = {f.name: getattr(other if f.name in open_fields else self, f.name)
-                  for f in fields(self)}  # fmt: skip
-        return StatedCamera(**values)
-
-
-class _DistortionTable(TomlTable, allow_inf_nan=False):
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k3: float = 0.0
-    k4: float = 0.0
-    k5: float = 0.0
-    k6: float = 0.0
+            said.add("distortion")
+        return replace(other, **{name: getattr(self, name) for name in said})
 
 
 class _CameraTable(TomlTable, allow_inf_nan=False):
@@ -85,7 +74,7 @@ class _CameraTable(TomlTable, allow_inf_nan=False):
     focal_px: tuple[_Focal, _Focal] | None = None
     centre_px: tuple[_Pixels, _Pixels] | None = None
     baseline_m: float | None = Field(None, gt=0, le=10)
-    distortion: _DistortionTable = _DistortionTable()
+    distortion: Mapping[_Coefficient, float] = Field({})
 
     @model_validator(mode="after")
     def _check(self) -> _CameraTable:
@@ -93,8 +82,7 @@ class _CameraTable(TomlTable, allow_inf_nan=False):
         missing = [name for name, value in own.items() if value is None]
         if 0 < len(missing) < len(own):
             raise ValueError(f"{' and '.join(missing)} missing: give width, height and focal_px")
-        lens = self.distortion != _DistortionTable()
-        if missing and (self.centre_px is not None or lens):
+        if missing and (self.centre_px is not None or self.distortion):
             raise ValueError("centre_px and distortion need width, height and focal_px")
         if self.sensor and not self.sensor.endswith(".toml") and self.sensor not in sensor_names():
             raise ValueError(
@@ -111,14 +99,14 @@ def read_camera_file(file: Path) -> StatedCamera:
         ConfigError: it cannot be read, has an unknown key, or a value that no camera has.
     """
     table = parse_table(_CameraTable, read_toml(file), str(file))
-    intrinsics, lens = None, table.distortion
+    intrinsics = None
     if table.width is not None and table.height is not None and table.focal_px is not None:
         centre = table.centre_px or (table.width / 2, table.height / 2)
         intrinsics = Intrinsics(table.width, table.height, *table.focal_px, *centre)
+    lens = Distortion(**dict(table.distortion))
     own = StatedCamera(
-        intrinsics, opencv_order(Distortion(**lens.model_dump())), table.unit_mm,
-        table.baseline_m, table.name, table.sensor,
-    )  # fmt: skip
+        intrinsics, opencv_order(lens), table.unit_mm, table.baseline_m, table.name, table.sensor
+    )
     return own.over(sensor_camera(table.sensor, file)) if table.sensor else own
 
 

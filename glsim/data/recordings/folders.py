@@ -68,22 +68,17 @@ def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
     for folder in dict.fromkeys(folders):
         if (folder / CAMERA_FILE).is_file():
             return read_camera_file(folder / CAMERA_FILE), folder / CAMERA_FILE
-    return _calibration(folders[0])
-
-
-def _calibration(folder: Path) -> tuple[StatedCamera, Path | None]:
-    """Read the calibration of Biwi or iai_kinect2 if the folder has it. Raises DatasetError."""
-    if (file := folder / BIWI_CALIBRATION).is_file():
+    if (file := folders[0] / BIWI_CALIBRATION).is_file():
         try:
             return StatedCamera(read_calibration(file)), file
         except MeshError as error:
             raise DatasetError(str(error)) from None
-    if (file := folder / CALIBRATION).is_file():
-        return StatedCamera(*_opencv_calibration(file)), file
+    if (file := folders[0] / CALIBRATION).is_file():
+        return _opencv_calibration(file), file
     return StatedCamera(), None
 
 
-def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
+def _opencv_calibration(file: Path) -> StatedCamera:
     matrices = read_matrices(file)
     matrix = matrices.get("cameraMatrix", np.empty(0))
     if matrix.shape != (3, 3) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
@@ -91,8 +86,8 @@ def _opencv_calibration(file: Path) -> tuple[Intrinsics, tuple[float, ...]]:
             f"{file}: has no 3 x 3 cameraMatrix with focal lengths above 0: repair or remove it"
         )
     height, width = DUMP_SHAPE
-    # OpenCV counts from the centre of the first pixel, glsim from its corner.
-    cx, cy = float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5
-    camera = Intrinsics(width, height, float(matrix[0, 0]), float(matrix[1, 1]), cx, cy)
+    (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
     lens = matrices.get("distortionCoefficients", np.empty(0))
-    return camera, tuple(float(k) for k in lens.ravel())
+    # OpenCV counts from the centre of the first pixel, glsim from its corner.
+    image = Intrinsics(width, height, fx, fy, cx + 0.5, cy + 0.5)
+    return StatedCamera(image, tuple(lens.ravel().tolist()))

@@ -14,20 +14,10 @@ DepthKind = Literal["clean", "noisy"]
 
 #: Ends of the names of images of one kind each; any other name may be a depth map.
 _ENDINGS = (
-    *(
-        "clean",
-        "expected",
-        "normals",
-        "noisy",
-        "infrared",
-        "infrared_right",
-        "ir",
-        "reason",
-        "regions",
-    ),
-    *("preview", "sigma", "figure"),
-    *("color", "colour", "rgb", "amplitude", "confidence", "mask"),
-)
+    "clean", "expected", "normals", "noisy", "infrared", "infrared_right", "ir", "reason",
+    "regions", "preview", "sigma", "figure", "color", "colour", "rgb", "amplitude", "confidence",
+    "mask",
+)  # fmt: skip
 #: Beginnings of the names of other images, such as rgb_0001.png.
 _BEGINNINGS = ("color", "colour", "rgb", "infrared", "ir")
 #: Pictures without such an ending.
@@ -98,15 +88,13 @@ def infrared_beside(depth_file: Path) -> Path | None:
     """Return the infrared image beside a depth file, or in a folder ``ir`` beside ``depth``."""
     stem, suffix = depth_file.stem, depth_file.suffix
     names = [
-        f"{stem.removesuffix(depth)}{infrared}{suffix}"
-        for depth, infrared in _INFRARED_BESIDE
+        stem.removesuffix(depth) + light
+        for depth, light in _INFRARED_BESIDE
         if stem.endswith(depth)
     ]
     if stem.startswith("depth"):
-        names += [
-            f"{infrared}{stem.removeprefix('depth')}{suffix}" for infrared in _INFRARED_FOLDERS
-        ]
-    found = [depth_file.with_name(name) for name in names]
+        names += [light + stem.removeprefix("depth") for light in _INFRARED_FOLDERS]
+    found = [depth_file.with_name(name + suffix) for name in names]
     if suffix == ".depth":
         found.append(depth_file.with_suffix(".ir"))
     if depth_file.parent.name == "depth":

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.measures.boards import find_corners
+from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import DatasetError
 from glsim.core.files.regular import read_regular
 
@@ -44,8 +46,17 @@ def read_matrices(file: Path) -> dict[str, NDArray[np.float64]]:
     return matrices
 
 
-def read_corners(file: Path) -> NDArray[np.float64]:
-    """Read ``NNNN_ir_points.yaml`` of iai_kinect2: (N, 2) px, row by row. Raises DatasetError."""
+def board_corners(
+    frame: DepthFrame, folder: Path, pattern: tuple[int, int]
+) -> NDArray[np.float64] | None:
+    """Return the corners of a chessboard, (N, 2) px, row by row; None without a board.
+
+    Those of the file ``NNNN_ir_points.yaml`` of iai_kinect2 beside a frame, else those in its
+    infrared. Raises DatasetError.
+    """
+    file = folder / f"{frame.name.removesuffix('_depth')}_ir_points.yaml"
+    if not file.is_file():
+        return None if frame.infrared is None else find_corners(frame.infrared, pattern)
     numbers = re.findall(r"[-+]?\d+\.\d*(?:e[-+]?\d+)?", _text(file).partition("[")[2])
     if len(numbers) % 2 or len(numbers) < 8:
         raise DatasetError(f"{file}: holds no corners of a board (x, y of at least four)")

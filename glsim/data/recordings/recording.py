@@ -248,7 +248,15 @@ def _dataset_recording(path: Path) -> Recording:
 def _stream_recording(
     path: Path, unit_mm: float | None, mirror: bool, infrared: Path | None
 ) -> Recording:
-    stream = _open_stream(path)
+    stream: FrameStream
+    if path.suffix.lower() == ".mkv":
+        from glsim.data.recordings.mkv import MkvStream
+
+        stream = MkvStream(path)
+    else:
+        from glsim.data.recordings.bag import BagStream
+
+        stream = BagStream(path)
     if infrared is not None:
         raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
     if len(stream) > _MAX_FRAMES:
@@ -264,22 +272,6 @@ def _stream_recording(
     stated = _mirrored(stated, mirror)
     frames = _Loader(stream, unit, mirror, stated).frames()
     return Recording(path, kind, frames, stream, stated, file or path, notes)
-
-
-def _open_stream(path: Path) -> FrameStream:
-    """Open a bag or a Matroska file.
-
-    Raises:
-        ConfigError: the library that reads it is not installed.
-        DatasetError: it cannot be read, or has no depth.
-    """
-    if path.suffix.lower() == ".mkv":
-        from glsim.data.recordings.mkv import MkvStream
-
-        return MkvStream(path)
-    from glsim.data.recordings.bag import BagStream
-
-    return BagStream(path)
 
 
 def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:

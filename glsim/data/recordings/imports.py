@@ -1,18 +1,21 @@
-"""Import recordings of a depth camera: noisy depth and infrared, no clean map."""
+"""Import recordings as data sets: real noisy depth, and the clean maps of Biwi's templates."""
 
 from __future__ import annotations
 
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.errors import ConfigError, DatasetError, MeshError
 from glsim.core.files.contents import content_hash
+from glsim.core.pose import pose_matrix
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.data.driver import write_dataset
@@ -23,16 +26,152 @@ from glsim.data.recordings.recording import FrameReader, Recording, open_recordi
 from glsim.data.recordings.streams import is_stream
 from glsim.data.worker_processes import Workers
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
+from glsim.faces.sources.biwi import Biwi
+from glsim.gl.context import describe, open_context
+from glsim.gl.targets import Readback
+from glsim.render.renderer import Renderer
 from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
+from glsim.simulation.assembly import reconcile_reasons
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.tasks import Task, make_tasks
 
-TITLE = "a real depth camera; there are no clean maps"
+#: Titles in data sets, in place of a sensor's.
+_BIWI_TITLE = "Biwi: a real Kinect V1; clean is the person's template, posed"
+_RECORDING_TITLE = "a real depth camera; there are no clean maps"
 #: Step of the depth files of recordings of floats, mm. Chosen: a quarter of a Kinect's noise floor,
 #: and 16 bits reach 16 m.
 FLOAT_UNIT_MM = 0.25
 #: Shares of train, val and test: real frames are for testing.
 DEFAULT_SPLIT = "0,0,1"
+
+
+def import_biwi(
+    root: Path,
+    out: Path,
+    *,
+    every: int = 1,
+    subjects: int | None = None,
+    frames_per_subject: int | None = None,
+    split: str | None = None,
+    workers: Workers = "auto",
+    backend: str | None = None,
+    progress: Callable[[GenerateProgress], None] | None = None,
+) -> GenerateSummary:
+    """Write the recordings of Biwi as a data set of glsim.
+
+    The noisy map is the Kinect's whole depth.bin, mm; the clean map holds the head alone. Notes of
+    a record have the colour camera and the head pose.
+
+    Args:
+        root: folder with NN.obj and NN/frame_*_depth.bin.
+        out: folder of the data set.
+        every: use every n-th frame.
+        subjects: number of people; default: all.
+        frames_per_subject: default: all.
+        split: shares of train, val and test.
+        workers: number of processes.
+        backend: of OpenGL.
+        progress: called with the state after each frame.
+
+    Raises:
+        ConfigError: the root holds no recordings.
+        DatasetError: an error of ``write_dataset``.
+
+    """
+    options = {"kind": "biwi", "root": root, "every": every}
+    options |= {"subjects": subjects, "frames_per_subject": frames_per_subject}
+    tree = {"source": {name: value for name, value in options.items() if value is not None}}
+    settings = load_settings(overrides=tree | ({"split": split} if split else {}))
+    source = Biwi(root, every=every)
+    context = open_context(backend)
+    renderer = describe(context)["renderer"]
+    context.release()
+    return write_dataset(
+        settings,
+        make_tasks(settings, [source]),
+        out,
+        partial(_biwi_frames, source=source, backend=backend),
+        sensor={"name": "biwi", "title": _BIWI_TITLE, "width": 640, "height": 480, "stages": []},
+        renderer=renderer,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def _biwi_frames(
+    settings: Settings, tasks: Iterable[Task], *, source: Biwi, backend: str | None
+) -> Iterator[Frame | Skipped]:
+    """Yield one result per task, in order."""
+    context = open_context(backend)
+    cameras: dict[Intrinsics, tuple[Renderer, Readback]] = {}
+    try:
+        for task in tasks:
+            try:
+                image = read_calibration(source.root / task.key.sequence / "depth.cal")
+                if image not in cameras:
+                    cameras.clear()
+                    cameras[image] = Renderer(context, SensorRig(image)), Readback(context)
+                yield _biwi_frame(settings, task, source, image, *cameras[image])
+            except MeshError as error:
+                yield Skipped(task.key, source.name, str(error))
+    finally:
+        context.release()
+
+
+def _biwi_frame(
+    settings: Settings,
+    task: Task,
+    source: Biwi,
+    image: Intrinsics,
+    renderer: Renderer,
+    readback: Readback,
+) -> Frame:
+    path = source.depth_path(task.key)
+    noisy_m = read_depth_bin(path).astype(np.float32) / np.float32(1000)
+    if noisy_m.shape != (image.height, image.width):
+        raise MeshError(
+            f"{path}: {noisy_m.shape[1]} x {noisy_m.shape[0]} pixels, its depth.cal says "
+            f"{image.width} x {image.height}"
+        )
+    clean_m = np.zeros_like(noisy_m)
+    with renderer.render([(source.in_camera(task.key), pose_matrix({}))]) as rendered:
+        readback.request(rendered.pool, {"clean": rendered.layers["clean"]}, rendered.window)
+        clean_m[rendered.window.slices] = readback.arrays()["clean"]
+    try:
+        rgb = read_calibration(path.with_name("rgb.cal"))
+        colour: object = {"focal_px": [rgb.fx, rgb.fy], "centre_px": [rgb.cx, rgb.cy]}
+    except MeshError as error:
+        colour = str(error)
+    pose = source.pose(task.key)
+    return _frame(
+        settings,
+        task,
+        source,
+        image,
+        clean_m,
+        noisy_m,
+        np.zeros_like(clean_m),
+        reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m)),
+        notes={
+            "real": "depth.bin of a Kinect V1, unchanged",
+            "clean": "the person's template, posed",
+            "head_rotation": [[round(float(v), 6) for v in row] for row in pose.rotation],
+            "depth_file": path.relative_to(source.root).as_posix(),
+            "colour_camera": colour,
+        },
+        pose=dict(zip(("x_mm", "y_mm", "distance_mm"), map(float, pose.centre_mm), strict=True)),
+    )
+
+
+def _frame(
+    settings: Settings, task: Task, source: FaceSource, image: Intrinsics, *maps: Any, **facts: Any
+) -> Frame:
+    """Return a whole image: clean and noisy depth, m, infrared and reasons."""
+    window = Rect(0, 0, image.width, image.height)
+    unit = settings.output.depth_unit_mm
+    head = task.key, source.name, task.seeds.frame, image, window
+    return Frame(*head, *maps, depth_unit_mm=unit, **facts)
 
 
 class RecordingSource(FaceSource):
@@ -53,10 +192,13 @@ class RecordingSource(FaceSource):
             if root.is_file():
                 raise
             parts = sorted(path for path in root.iterdir() if path.is_dir() or is_stream(path))
-            found = [(p, r) for p in parts if (r := _try(p, unit_mm, mirror)) is not None]
+            found: list[tuple[str, Recording]] = []
+            for path in parts:
+                with suppress(DatasetError):
+                    found.append((_word(path.name), open_recording(path, unit_mm, mirror)))
             if not found:
                 raise
-            self.recordings = {_word(path.name): recording for path, recording in found}
+            self.recordings = dict(found)
             if len(self.recordings) < len(found):
                 raise DatasetError(
                     f"{root}: two folders have the same name without spaces: rename one"
@@ -156,14 +298,14 @@ def import_recordings(
     }
     settings = load_settings(overrides=tree)
     camera = next(iter(source.recordings.values())).frames.intrinsics
-    sensor: dict[str, Any] = {"name": "recording", "title": TITLE, "stages": []}
+    sensor: dict[str, Any] = {"name": "recording", "title": _RECORDING_TITLE, "stages": []}
     sensor |= {"width": camera.width, "height": camera.height}
     tasks = make_tasks(settings, [source])
     return write_dataset(
         settings,
         tasks,
         out,
-        partial(recorded_frames, source=source),
+        partial(_recorded_frames, source=source),
         sensor=sensor,
         renderer="none: recorded",
         workers=workers,
@@ -172,20 +314,18 @@ def import_recordings(
     )
 
 
-def recorded_frames(
+def _recorded_frames(
     settings: Settings, tasks: Iterable[Task], *, source: RecordingSource
 ) -> Iterator[Frame | Skipped]:
-    """Yield one result per task, in order; see ``import_recordings``."""
+    """Yield one result per task, in order."""
     for task in tasks:
         try:
-            yield _frame(settings, task, source)
+            yield _recorded_frame(settings, task, source)
         except DatasetError as error:
-            if settings.strict:
-                raise MeshError(str(error)) from None
             yield Skipped(task.key, source.name, str(error))
 
 
-def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
+def _recorded_frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     recording = source.recordings[task.key.subject]
     recorded = recording.frames[task.key.frame]
     noisy_m, infrared = recorded.noisy_mm / np.float32(1000), recorded.infrared
@@ -204,26 +344,9 @@ def _frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     notes["camera"] = stated_by or f"assumed: {DEFAULT_SENSOR}"
     if own and recording.distortion:
         notes["distortion_not_removed"] = [float(k) for k in recording.distortion]
-    return Frame(
-        task.key,
-        source.name,
-        task.seeds.frame,
-        camera,
-        Rect(0, 0, camera.width, camera.height),
-        nothing,
-        noisy_m,
-        nothing if infrared is None else infrared,
-        np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8),
-        depth_unit_mm=settings.output.depth_unit_mm,
-        notes=notes,
-    )
-
-
-def _try(path: Path, unit_mm: float | None, mirror: bool) -> Recording | None:
-    try:
-        return open_recording(path, unit_mm, mirror)
-    except DatasetError:
-        return None
+    reasons = np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8)
+    light = nothing if infrared is None else infrared
+    return _frame(settings, task, source, camera, nothing, noisy_m, light, reasons, notes=notes)
 
 
 def _word(name: str) -> str:
