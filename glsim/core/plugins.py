@@ -61,7 +61,7 @@ def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
     """Return the entries that the modules of a folder of glsim hold, in order, each once.
 
     Args:
-        folder: below glsim, such as "exports/formats".
+        folder: below glsim, such as "data/export/formats".
         wanted: tells whether an object is an entry. Tuples of entries are looked into.
     """
     found: dict[int, Any] = {}

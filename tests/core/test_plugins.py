@@ -161,8 +161,8 @@ def test_adding_a_file_to_a_folder_of_glsim_is_enough(tmp_path: Path) -> None:
     for name, folder in (
         ("clay.py", "faces/sources"),
         ("ripple.glsl", "shaders/noise"),
-        ("counts.py", "exports/formats"),
-        ("flat.py", "validate/checks"),
+        ("counts.py", "data/export/formats"),
+        ("flat.py", "bench/validate/checks"),
     ):
         shutil.copy(lab / name, home / folder)
     camera = (lab / "lab-cam.toml").read_text().replace('[[stage]]\nuse = "speckle"\n', "")

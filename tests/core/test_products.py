@@ -82,10 +82,9 @@ def test_a_system_whose_diagonal_dominates_is_solved() -> None:
 #: Files with the number of their calls of BLAS. They choose among few answers that are far from
 #: each other: which way a mesh faces, what is an iris, whether a matrix is a rotation.
 _DECISIONS = {
-    "meshio/nose_template.py": 6,
-    "meshio/alignment.py": 5,
-    "meshio/load.py": 1,
-    "faces/ict_facekit/triangles.py": 3,
+    "faces/meshes/nose_template.py": 6,
+    "faces/meshes/alignment.py": 5,
+    "faces/meshes/load.py": 1,
     "faces/scans/biwi_files.py": 2,
     "faces/sources/d3dfacs.py": 7,
 }
@@ -104,7 +103,7 @@ def _calls_blas(node: ast.AST) -> bool:
 
 
 def test_nothing_between_a_seed_and_a_frame_calls_blas() -> None:
-    folders = ("appearance", "faces", "geometry", "meshio", "noise", "render", "scene", "sensors")
+    folders = ("core", "faces", "looks", "noise", "render", "sensors")
     found = {}
     for folder in folders:
         for file in Path("glsim", folder).rglob("*.py"):
