@@ -28,10 +28,9 @@ from glsim.looks.binding import Binding, Motion, Points, Rigid, skull_motion
 from glsim.looks.cloth import ClothGrid, Worn, fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.garments import SHOES
 from glsim.looks.glasses import make_glasses
-from glsim.looks.hair import make_hair
+from glsim.looks.hair import Scalp, make_hair, make_scalp
 from glsim.looks.outfit import Outfit, draw_outfit
 from glsim.looks.patterns import Pattern, pattern_factors
-from glsim.looks.scalp import Scalp, make_scalp
 from glsim.looks.shell import Shell, uncovered
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, Array
 from glsim.looks.binding import Rooted
-from glsim.looks.comb import Comb
-from glsim.looks.curtain import hanging_hair
-from glsim.looks.locks import Locks, Obstacle, grow_locks
+from glsim.looks.locks import CROWN, Head, Obstacle, all_locks
 from glsim.looks.noise import openings, ridges, smooth_noise
-from glsim.looks.scalp import Scalp
+from glsim.looks.skin_grid import Anchors, make_grid
 from glsim.looks.styles import HairStyle
-from glsim.looks.tied import tied_locks
 
+#: Longest edge of the scalp's grid, mm; most are 3 to 5: 1.5 pixels of a Kinect V2 at 0.9 m.
+_EDGE_MM = 7.5
+#: Points up to here outside of the mean hairline can carry hair (beards excepted).
+_MARGIN_MM = 14.0
+#: Relief is drawn out along strands by this factor; chosen.
+_ALONG = 0.16
+#: Radius of a mean skull, mm, for angles as lengths.
+_SKULL_MM = 90.0
 #: Wavelengths of the relief across strands: locks of hair are 5 to 15 mm wide; chosen.
 _RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
 #: Mean way of light into hair, mm. 2 hairs/mm2 of scalp (1.5 to 2.3: Birnbaum, Skin Appendage
@@ -33,8 +39,23 @@ _OPENING_MM, _DEEPEST = 9.0, 0.75
 _RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 
-@dataclass(frozen=True, eq=False)
-class Hair:
+class Scalp(NamedTuple):
+    """The grid on a source that hair grows on, fine enough for the relief of hair.
+
+    Args:
+        anchors: (N,) points on the triangles of the source.
+        directions: (N, 3) unit vectors from the middle of the skull.
+        faces: (F, 3).
+        inside_mm: (N,) above the hairline.
+    """
+
+    anchors: Anchors
+    directions: NDArray[np.float32]
+    faces: NDArray[np.int64]
+    inside_mm: NDArray[np.float32]
+
+
+class Hair(NamedTuple):
     """The mesh of a subject's hair.
 
     Args:
@@ -47,6 +68,20 @@ class Hair:
     light: NDArray[np.float64]
 
 
+def make_scalp(anatomy: Anatomy) -> Scalp:
+    """Lay the grid over the reference head of a source."""
+    near = anatomy.above_hairline_mm(anatomy.vertices_mm) > -_MARGIN_MM
+    skin = anatomy.outside & ~anatomy.is_in("ear") & ~anatomy.body & near
+    chosen = np.asarray(skin[anatomy.faces].all(axis=1))
+    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, _EDGE_MM)
+    anchors = Anchors(grid.base[grid.anchors.corners], grid.anchors.weights)
+    points = anchors.place(anatomy.vertices_mm)
+    out = points - anatomy.centre
+    directions = (out / np.linalg.norm(out, axis=1, keepdims=True)).astype(np.float32)
+    inside = anatomy.above_hairline_mm(points).astype(np.float32)
+    return Scalp(anchors, directions, grid.faces, inside)
+
+
 def make_hair(
     anatomy: Anatomy, scalp: Scalp, skin_mm: NDArray[np.float32], style: HairStyle, seed: int
 ) -> Hair:
@@ -56,52 +91,71 @@ def make_hair(
         skin_mm: (V, 3) the subject's reference head.
         seed: of everything that is random.
     """
-    rng = keyed_rng(seed, 0x4A1)
     base = scalp.anchors.place(skin_mm)
-    comb = Comb(style.comb, anatomy, style.parting)
-    thickness = thickness_mm(anatomy, scalp, style, base, seed)
-    strands = comb.strand_coordinates(base)
-    relief = 0.65 * ridges(strands / _RIDGE_MM, seed) + 0.35 * smooth_noise(
-        strands / _FINE_MM, seed + 1
-    )
+    inside = _inside_mm(anatomy, scalp, style, base)
+    thickness = _thickness_mm(anatomy, scalp, style, base, inside, seed)
+    strands = _strand_coordinates(anatomy, style, base)
+    relief = 0.65 * ridges(strands / _RIDGE_MM, seed)
+    relief = relief + 0.35 * smooth_noise(strands / _FINE_MM, seed + 1)
     rough = np.minimum(style.relief, 0.8 * thickness)
-    way = np.minimum(
-        _WAY_MM * openings(strands / _OPENING_MM, seed + 7), _DEEPEST * thickness
-    ).astype(np.float64)
+    way = _WAY_MM * openings(strands / _OPENING_MM, seed + 7)
+    way = np.minimum(way, _DEEPEST * thickness).astype(np.float64)
     height = np.maximum(thickness + rough * relief - way, 0.6)
-    inside = bare_line_mm(anatomy, scalp, style, base)
-    ragged = (
-        inside
-        + 5.0 * smooth_noise(base / 9.0, seed + 2)
-        + 2.5 * smooth_noise(strands / 5.0, seed + 3)
-    )
-    faces = scalp.faces[(ragged > 0)[scalp.faces].all(axis=1)]
-    out = outward(scalp.directions)
-    offsets = height[:, None] * out
-    obstacle = Obstacle(anatomy, skin_mm)
-    parts = [grow_locks(anatomy, base, thickness, ragged, comb, obstacle, style, rng)]
-    if style.hang:
-        parts.append(hanging_hair(anatomy, scalp, base, thickness, obstacle, style, rng))
-    parts += tied_locks(anatomy, base, style, rng)
-    light = np.exp(-way / _WAY_MM / _LOST)
-    return _joined(scalp, base, offsets, faces, light, [part for part in parts if len(part.faces)])
-
-
-def outward(directions: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (N, 3) the way hair stands: away from the middle, level below the middle."""
-    out = directions.copy()
+    ragged = inside + 5.0 * smooth_noise(base / 9.0, seed + 2)
+    ragged = ragged + 2.5 * smooth_noise(strands / 5.0, seed + 3)
+    out = scalp.directions.copy()  # hair stands away from the middle, level below the middle
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])
-    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
+    offsets = height[:, None] * (out / np.linalg.norm(out, axis=1, keepdims=True))
+    rng, obstacle = keyed_rng(seed, 0x4A1), Obstacle(anatomy, skin_mm)
+    head = Head(anatomy, obstacle, style, rng, scalp.directions, base, thickness, ragged)
+    # Join cap and locks, without the vertices of the cap that no triangle uses.
+    used, inverse = np.unique(
+        scalp.faces[(ragged > 0)[scalp.faces].all(axis=1)], return_inverse=True
+    )
+    roots, shifts = [used], [offsets[used]]
+    triangles, lights = [inverse.reshape(-1, 3)], [np.exp(-way / _WAY_MM / _LOST)[used]]
+    for part in all_locks(head):
+        triangles.append(part.faces + sum(map(len, roots)))
+        roots.append(part.roots)
+        shifts.append(part.points_mm - base[part.roots])
+        lights.append(np.ones(len(part.roots)))
+    own, root_of = np.unique(np.concatenate(roots), return_inverse=True)
+    return Hair(
+        Rooted(scalp.anchors.taken(own), root_of, np.concatenate(shifts)),
+        np.ascontiguousarray(np.concatenate(triangles), np.int32),
+        np.concatenate(lights),
+    )
 
 
-def bare_line_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) -> Array:
+def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Array) -> Array:
+    """Return (N, 3) mm in which strands are long along one axis and apart along the others."""
+    out = points - anatomy.centre
+    length = np.linalg.norm(out, axis=1)
+    if style.comb == "curls":
+        return np.asarray(out)
+    if style.comb == "crown":
+        beside = np.cross(CROWN, [1.0, 0.0, 0.0])
+        angle = np.arctan2(product(out, beside), out[:, 0])
+        polar = np.arccos(np.clip(product(out, CROWN) / length, -1, 1)) * _SKULL_MM
+        ring = np.maximum(np.sin(polar / _SKULL_MM), 0.25) * _SKULL_MM
+        columns = (ring * np.cos(angle), ring * np.sin(angle), _ALONG * polar)
+    elif style.comb == "back":
+        angle = np.arctan2(out[:, 0], out[:, 1] + 40.0)
+        columns = (angle * _SKULL_MM, _ALONG * out[:, 2], 0.0 * length)
+    else:
+        parting = style.parting * anatomy.scale
+        angle = np.arctan2(out[:, 0] - parting, out[:, 1] + 40.0)
+        columns = (out[:, 2], _ALONG * angle * _SKULL_MM, 60.0 * np.sign(angle))
+    return np.stack(columns, axis=1)
+
+
+def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) -> Array:
     """Return (N,) mm inside the subject's own hairline, ears and bald places left out."""
     scale = anatomy.scale
     inside = scalp.inside_mm.astype(np.float64).copy()
     local = (base - anatomy.eye) / scale
-    side = np.abs(local[:, 0])
     front = np.clip((local[:, 2] + 110) / 60, 0, 1) * np.clip((local[:, 1] - 20) / 30, 0, 1)
-    corners = np.exp(-(((side - 34) / 17) ** 2))
+    corners = np.exp(-(((np.abs(local[:, 0]) - 34) / 17) ** 2))
     inside -= style.recede * front * (14 + 26 * corners) * scale
     if style.bald:
         crown = np.array([0.0, 95.0, -120.0])
@@ -114,46 +168,18 @@ def bare_line_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) 
     return np.asarray(inside)
 
 
-def thickness_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array, seed: int) -> Array:
+def _thickness_mm(
+    anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array, inside: Array, seed: int
+) -> Array:
     """Return (N,) mm of hair over the skull, thin at the rim, without the relief of strands."""
-    up = scalp.directions[:, 1].astype(np.float64)
-    to_top = np.clip((up - 0.1) / 0.6, 0, 1)
+    to_top = np.clip((scalp.directions[:, 1].astype(np.float64) - 0.1) / 0.6, 0, 1)
     to_top *= to_top * (3 - 2 * to_top)
-    to_back = np.clip(-scalp.directions[:, 2], 0, 1)
-    low = style.side + (style.back - style.side) * to_back
+    low = style.side + (style.back - style.side) * np.clip(-scalp.directions[:, 2], 0, 1)
     full = low + (style.top - low) * to_top
     if style.comb == "back" and not style.extra:  # a quiff is highest over the forehead
         full *= 1 + 0.25 * to_top * np.clip(scalp.directions[:, 2] * 1.5, 0, 1)
-    inside = bare_line_mm(anatomy, scalp, style, base)
     rim = np.clip(inside / max(_RIM_MM, 0.7 * style.top), 0, 1)
     first = np.minimum(_RIM_THICKNESS_MM / full, 0.4)
     rim = first + (1 - first) * np.sqrt(rim)
     clumps = 1 + 0.16 * smooth_noise(base / _CLUMP_MM, seed + 4)
     return np.asarray(full * rim * clumps * anatomy.scale)
-
-
-def _joined(
-    scalp: Scalp,
-    base: Array,
-    offsets: Array,
-    faces: NDArray[np.int64],
-    light: Array,
-    parts: list[Locks],
-) -> Hair:
-    """Join cap and locks, without the vertices of the cap that no triangle uses."""
-    used, inverse = np.unique(faces, return_inverse=True)
-    roots, shifts = [used], [offsets[used]]
-    triangles, lights = [inverse.reshape(-1, 3)], [light[used]]
-    count = len(used)
-    for part in parts:
-        roots.append(part.roots)
-        shifts.append(part.points_mm - base[part.roots])
-        triangles.append(part.faces + count)
-        lights.append(np.ones(len(part.roots)))
-        count += len(part.roots)
-    own, root_of = np.unique(np.concatenate(roots), return_inverse=True)
-    return Hair(
-        Rooted(scalp.anchors.taken(own), root_of, np.concatenate(shifts)),
-        np.ascontiguousarray(np.concatenate(triangles), np.int32),
-        np.concatenate(lights),
-    )

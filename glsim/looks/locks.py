@@ -1,32 +1,46 @@
-"""Grow locks of hair over a head: ribbons with a ridge, off the skin, pulled by gravity."""
+"""Hair that leaves the scalp: locks that lie on it, sheets that hang from it, and tied bundles."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.products import product
-from glsim.looks.anatomy import Anatomy, Array
-from glsim.looks.comb import Comb
-from glsim.looks.noise import smooth_noise
-from glsim.looks.styles import HairStyle
+from glsim.core.products import norm, product
+from glsim.looks.anatomy import Anatomy, Array, Mask
+from glsim.looks.noise import ridges, smooth_noise
+from glsim.looks.styles import Comb, HairStyle
 
 #: Directions of even density (a golden spiral) in which the radius of a head is known, and the
 #: sharpness of the weights by which it is read off them; chosen: neighbours are 0.14 rad apart.
-_DIRECTIONS = 642
-_SHARPNESS = 160.0
+_DIRECTIONS, _SHARPNESS = 642, 160.0
 #: Largest move out of the skin at once, mm; chosen.
 _PUSH_MM = 12.0
-#: A lock has a ring of vertices every so many mm, at least 5 and at most 14 rings.
 #: Distance of the relief within a lock, mm; chosen: strands part every few millimetres.
 _STRAND_MM = 6.0
+#: A lock has a ring of vertices every so many mm, at least 5 and at most 14 rings.
 _STEP_MM, _RINGS = 18.0, (5, 14)
+#: Columns of a sheet around the head, 6 mm apart, and mm between its rows; chosen: as fine as
+#: two pixels of a Kinect V2 at 0.9 m.
+_COLUMNS, _ROW_MM = 76, 10.0
+#: A sheet begins at this height over the middle of the skull, as a sine.
+_START = 0.18
+#: Ridges between strands across a sheet, mm, and how far they are drawn out.
+_RIDGE_MM, _ALONG = 13.0, 0.13
+_DOWN: Final = np.array([0.0, -1.0, 0.0])
+#: Where hair is tied, relative to the eyes of a mean adult, mm; chosen.
+_TIES: Final = {
+    "bun": ((0.0, 22.0, -198.0),),
+    "top bun": ((0.0, 112.0, -120.0),),
+    "pony tail": ((0.0, 45.0, -194.0),),
+    "twin tails": ((74.0, 40.0, -125.0), (-74.0, 40.0, -125.0)),
+}
+#: The crown, from which short hair radiates, as a direction: up and back.
+CROWN: Final = np.array([0.0, 0.86, -0.51])
 
 
-@dataclass(frozen=True, eq=False)
-class Locks:
+class Locks(NamedTuple):
     """Meshes of locks.
 
     Args:
@@ -78,113 +92,127 @@ class Obstacle:
         return np.asarray(self.centre + unit * length[:, None])
 
 
-def grow_locks(
-    anatomy: Anatomy,
-    base: Array,
-    thickness: Array,
-    ragged: Array,
-    comb: Comb,
-    obstacle: Obstacle,
-    style: HairStyle,
-    rng: np.random.Generator,
-) -> Locks:
-    """Grow the locks of a style.
+class Head(NamedTuple):
+    """The head of a subject on which hair of a style grows.
 
     Args:
-        base: (N, 3) the scalp's points.
-        thickness: (N,) mm.
-        ragged: (N,) mm inside the rim.
+        skin_mm: (V, 3) at rest.
+        directions: (N, 3) unit vectors from the middle of the skull to the scalp's points.
+        base: (N, 3) the scalp's points, mm.
+        thickness: (N,) mm of hair.
+        ragged: (N,) mm inside the rim of the hair.
     """
-    candidates = np.flatnonzero(ragged > 1.0)
-    if style.locks == 0 or len(candidates) == 0:
-        return Locks(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3), np.int64))
-    scale = anatomy.scale
+
+    anatomy: Anatomy
+    obstacle: Obstacle
+    style: HairStyle
+    rng: np.random.Generator
+    directions: NDArray[np.float32]
+    base: Array
+    thickness: Array
+    ragged: Array
+
+
+def all_locks(head: Head) -> list[Locks]:
+    """Grow all hair that leaves the scalp of a head."""
+    parts = [_lying(head)] if head.style.locks and (head.ragged > 1.0).any() else []
+    if head.style.hang:
+        parts.append(_hanging(head))
+    return parts + _tied(head)
+
+
+def _lying(head: Head) -> Locks:
+    """Grow the locks that lie on the head."""
+    style, rng, scale = head.style, head.rng, head.anatomy.scale
+    candidates = np.flatnonzero(head.ragged > 1.0)
     # A third of the locks grow near the rim: they make it ragged.
-    odds = np.where(ragged[candidates] < 14, 2.5, 1.0)
+    odds = np.where(head.ragged[candidates] < 14, 2.5, 1.0)
     root = rng.choice(candidates, style.locks, p=odds / odds.sum())
     length = rng.uniform(*style.lock, style.locks) * scale
-    local = (base[root] - anatomy.eye) / scale
-    brow = _over_forehead(local)
+    x, y, z = ((head.base[root] - head.anatomy.eye) / scale).T
+    brow = (z > -62) & (np.abs(x) < 52) & (y > 40)
     if style.fringe:
         length = np.where(brow, style.fringe * scale * rng.uniform(0.8, 1.1, style.locks), length)
     else:  # hair over the forehead is combed away from it, or short
         length = np.where(brow & (style.comb in ("crown", "curls")), 0.5 * length, length)
-    rings = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS))
-    path = _paths(anatomy, base, thickness, root, length, brow, comb, obstacle, style, rings, rng)
+    path = _paths(head, root, length, brow)
     width = style.width * scale * rng.uniform(0.55, 1.35, style.locks)
-    long = style.lock[1] > 100
-    return make_ribbons(path, width, root, anatomy.centre, closed=long, rough_mm=1.2 * style.relief)
+    centre, is_long = head.anatomy.centre, style.lock[1] > 100
+    return _ribbons(path, width, root, centre, closed=is_long, rough_mm=1.2 * style.relief)
 
 
-def _over_forehead(local: Array) -> NDArray[np.bool_]:
-    return np.asarray((local[:, 2] > -62) & (np.abs(local[:, 0]) < 52) & (local[:, 1] > 40))
+def _units(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _paths(
-    anatomy: Anatomy,
-    base: Array,
-    thickness: Array,
-    root: NDArray[np.int64],
-    length: Array,
-    brow: NDArray[np.bool_],
-    comb: Comb,
-    obstacle: Obstacle,
-    style: HairStyle,
-    rings: int,
-    rng: np.random.Generator,
-) -> Array:
+def _directions(head: Head, points: Array) -> Array:
+    """Return (N, 3) unit directions along the strands at (N, 3) points, along the skull."""
+    comb: Comb = head.style.comb
+    centre = head.anatomy.centre
+    out = _units(points - centre)
+    if comb == "curls":
+        return _units(out - (0.0, 0.3, 0.0))
+    wanted = np.zeros_like(out)
+    if comb == "crown":
+        wanted[:] = out - CROWN
+    elif comb == "back":
+        wanted[:] = (0.0, -0.25, -1.0)
+    else:
+        parting = head.style.parting * head.anatomy.scale
+        side = np.tanh((points[:, 0] - centre[0] - parting * np.clip(out[:, 1], 0, 1)) / 6.0)
+        wanted[:, 0] = side * np.clip(out[:, 1] + 0.2, 0, 1)
+        wanted[:, 1] = -np.clip(1.0 - out[:, 1], 0.15, 1)
+        wanted[:, 2] = -0.25 * np.clip(out[:, 1], 0, 1) - 0.6 * np.clip(out[:, 2], 0, 1)
+    wanted -= (wanted * out).sum(axis=1, keepdims=True) * out
+    length = np.linalg.norm(wanted, axis=1, keepdims=True)
+    return np.asarray(wanted / np.maximum(length, 0.05))
+
+
+def _paths(head: Head, root: NDArray[np.int64], length: Array, brow: Mask) -> Array:
     """Return (rings, N, 3) the middle lines of locks from root to tip."""
-    count = len(root)
-    out = base[root] - obstacle.centre
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    height = thickness[root] * rng.uniform(0.3, 1.15, count)
-    place: Array = base[root] + out * height[:, None]
+    style, rng, scale, centre = head.style, head.rng, head.anatomy.scale, head.obstacle.centre
+    rings, count = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS)), len(root)
+    height = head.thickness[root] * rng.uniform(0.3, 1.15, count)
+    place: Array = head.base[root] + _units(head.base[root] - centre) * height[:, None]
     stray = rng.normal(0, 0.05 + 0.12 * style.lift, (count, 3))
-    phase, pitch = rng.uniform(0, 2 * np.pi, count), rng.uniform(28, 48, count) * anatomy.scale
-    wave = style.wave * anatomy.scale * rng.uniform(0.4, 1.3, count)
+    phase, pitch = rng.uniform(0, 2 * np.pi, count), rng.uniform(28, 48, count) * scale
+    wave = style.wave * scale * rng.uniform(0.4, 1.3, count)
     fall: Array = np.where(brow & (style.fringe > 0), np.maximum(style.fall, 0.5), style.fall)
     path = [place]
-    step = length / (rings - 1)
-    down = np.array([0.0, -1.0, 0.0])
     for ring in range(1, rings):
         share = ring / (rings - 1)
-        along = comb.directions(place)
+        along = _directions(head, place)
         if style.fringe:
             along[brow] = (0.0, -0.2, 1.0)
-        out = place - obstacle.centre
-        out /= np.linalg.norm(out, axis=1, keepdims=True)
         hang = fall * np.clip(1.3 * share + 0.25, 0, 1)
-        heading = (1 - hang)[:, None] * along + hang[:, None] * down
-        heading += style.lift * (1 - share) * out + stray
-        heading /= np.linalg.norm(heading, axis=1, keepdims=True)
-        place = place + heading * step[:, None]
+        heading = (1 - hang)[:, None] * along + hang[:, None] * _DOWN
+        heading += style.lift * (1 - share) * _units(place - centre) + stray
+        place = place + _units(heading) * (length / (rings - 1))[:, None]
         least = np.maximum(height * (1 - 0.5 * share), 2.0)
-        place = obstacle.push_out(place, least, height + 3.0 + 16.0 * style.lift * share)
+        place = head.obstacle.push_out(place, least, height + 3.0 + 16.0 * style.lift * share)
         path.append(place)
-    lines = _off_the_face(anatomy, np.stack(path), style)
+    lines = _off_the_face(head, np.stack(path))
     travelled = np.linspace(0, 1, rings)[:, None] * length
     swing = wave * np.minimum(travelled / 25.0, 1.0)
     turn = 2 * np.pi * travelled / pitch + phase
-    level = lines - obstacle.centre
-    level[..., 1] *= 0.3
-    level /= np.linalg.norm(level, axis=2, keepdims=True)
+    level = _units((lines - centre) * (1.0, 0.3, 1.0))
     across = np.cross(np.gradient(lines, axis=0), level)
     across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-6)
     lines = lines + (swing * np.sin(turn))[..., None] * across
     return np.asarray(lines + (0.6 * swing * (1 + np.cos(turn)))[..., None] * level)
 
 
-def _off_the_face(anatomy: Anatomy, lines: Array, style: HairStyle) -> Array:
+def _off_the_face(head: Head, lines: Array) -> Array:
     """End (rings, N, 3) lines where they reach the face; a fringe ends over the eyes."""
-    local = (lines - anatomy.eye) / anatomy.scale
-    low = 16.0 if style.fringe else 50.0
+    local = (lines - head.anatomy.eye) / head.anatomy.scale
+    low = 16.0 if head.style.fringe else 50.0
     before = (np.abs(local[..., 0]) < 58) & (local[..., 2] > -48) & (local[..., 1] < low)
     ends = np.where(before.any(axis=0), np.argmax(before, axis=0) - 1, len(lines) - 1)
     ring = np.minimum(np.arange(len(lines))[:, None], np.maximum(ends, 0)[None, :])
     return np.asarray(np.take_along_axis(lines, ring[..., None], axis=0))
 
 
-def make_ribbons(
+def _ribbons(
     lines: Array,
     width: Array,
     root: NDArray[np.int64],
@@ -203,30 +231,133 @@ def make_ribbons(
     rings, count = lines.shape[:2]
     along = np.gradient(lines, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-6)
-    out = lines - centre
-    out[..., 1] *= 0.5
-    out /= np.linalg.norm(out, axis=2, keepdims=True)
-    across = np.cross(along, out)
+    across = np.cross(along, _units((lines - centre) * (1.0, 0.5, 1.0)))
     across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-6)
     out = np.cross(across, along)
     share = np.linspace(0, 1, rings)
     taper = np.clip(1.6 * (1.04 - share), 0, 1) ** 0.8 * np.clip(0.5 + 3 * share, 0, 1)
     half = 0.5 * taper[:, None, None] * width[None, :, None]
-    ridge = lines + 0.26 * half * out
-    points = np.stack([lines - half * across, ridge, lines + half * across], axis=2)
+    points = np.stack(
+        [lines - half * across, lines + 0.26 * half * out, lines + half * across], axis=2
+    )
     if rough_mm:
         # Strands of a lock part and cross: its surface is no smooth band.
         places = points.reshape(-1, 3) / _STRAND_MM
         rough = rough_mm * smooth_noise(places, len(places)).reshape(points.shape[:3])
         points += (rough * taper[:, None, None])[..., None] * out[:, :, None]
     index = np.arange(rings * count * 3).reshape(rings, count, 3)
-    pairs = ((0, 1), (1, 2), (2, 0)) if closed else ((0, 1), (1, 2))
     faces = []
-    for a, b in pairs:
+    for a, b in ((0, 1), (1, 2), (2, 0))[: 3 if closed else 2]:
         p, q, r, s = index[:-1, :, a], index[:-1, :, b], index[1:, :, b], index[1:, :, a]
-        faces += [np.stack([p, q, r], axis=-1), np.stack([p, r, s], axis=-1)]
-    triangles = np.concatenate([f.reshape(-1, 3) for f in faces])
-    # Keep the winding in which the ridge faces outwards.
-    flat = points.reshape(-1, 3)
+        faces += [np.stack([p, q, r], -1).reshape(-1, 3), np.stack([p, r, s], -1).reshape(-1, 3)]
     roots = np.broadcast_to(root[None, :, None], index.shape).reshape(-1)
-    return Locks(roots, flat, triangles)
+    return Locks(roots, points.reshape(-1, 3), np.concatenate(faces))
+
+
+def _hanging(head: Head) -> Locks:
+    """Hang a rough sheet from the sides and the back of the head, open at the face."""
+    style, rng, scale = head.style, head.rng, head.anatomy.scale
+    # From the left temple over the back to the right one; the face stays open.
+    front = np.radians(style.open_deg)
+    angle = np.linspace(front, 2 * np.pi - front, _COLUMNS)
+    around = np.stack([np.sin(angle), np.zeros(_COLUMNS), np.cos(angle)], 1)
+    rays = around * np.sqrt(1 - _START**2) + (0.0, _START, 0.0)
+    root = np.argmax(product(rays.astype(np.float32), head.directions.T), axis=1)
+    fall = style.hang * scale * rng.uniform(0.85, 1.15)
+    rows = int(np.ceil(fall * 1.1 / _ROW_MM)) + 1
+    place = head.base[root] + rays * (0.75 * head.thickness[root])[:, None]
+    lines = [place]
+    for row in range(1, rows):
+        step = _DOWN + around * style.flare * (1 - 1.6 * (row / rows))
+        place = place + step * _ROW_MM
+        place = head.obstacle.push_out(place, np.full(_COLUMNS, 0.45 * style.side * scale))
+        lines.append(place)
+    sheet = _smoothed(np.stack(lines))  # (rows, columns, 3)
+    arc, down, none = angle * 85.0 * scale, np.arange(rows) * _ROW_MM, np.zeros(_COLUMNS)
+    where = np.stack(np.broadcast_arrays(arc[None, :], down[:, None], 0.0), axis=2)
+    seed = int(rng.integers(1 << 31))
+
+    stretch = np.array([1.0, 1.0 if style.comb == "curls" else _ALONG, 1.0])
+    strands = (where * stretch).reshape(-1, 3)
+    relief = 0.7 * ridges(strands / _RIDGE_MM, seed) + 0.4 * smooth_noise(strands / 7.0, seed + 1)
+    slow = smooth_noise((where * (0.5, 0.3, 1)).reshape(-1, 3) / 25.0, seed + 2).reshape(rows, -1)
+    swing = np.sin(2 * np.pi * down[:, None] / (52 * scale) + 2.5 * slow)
+    grown = np.minimum(down / 30.0, 1.0)[:, None]
+    height = style.relief * 1.1 * relief.reshape(rows, -1)
+    height = height + grown * (0.5 * style.wave * swing + 3.0 * slow)
+    sheet = sheet + height[..., None] * (around + np.array([0.0, 0.1, 0.0]))
+    end = fall * (1 + 0.10 * smooth_noise(np.stack([arc / 16, none, none], 1), seed + 3))
+    end += 12 * smooth_noise(np.stack([arc / 7, none, none], 1), seed + 4)
+    sheet = _stretched(sheet, end / down[-1])
+    # Gaps open towards the tips and at the two edges beside the face.
+    torn = smooth_noise((where * (1 / 9, 1 / 60, 1)).reshape(-1, 3), seed + 5).reshape(rows, -1)
+    rim = np.minimum(np.arange(_COLUMNS), np.arange(_COLUMNS)[::-1])
+    kept = torn < 1.15 - 0.75 * (down / fall)[:, None] ** 3
+    kept &= torn < 0.1 + rim[None, :] * 0.35
+    index = np.arange(rows * _COLUMNS).reshape(rows, _COLUMNS)
+    whole = kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:]
+    p, q, r, s = (
+        part[whole] for part in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
+    )
+    outer = np.concatenate([np.stack([p, r, q], 1), np.stack([p, s, r], 1)])
+    faces = np.concatenate([outer, outer[:, ::-1]])  # it is seen from both sides
+    return Locks(np.broadcast_to(root, index.shape).reshape(-1), sheet.reshape(-1, 3), faces)
+
+
+def _stretched(sheet: Array, share: Array) -> Array:
+    """Shorten each column of (rows, columns, 3) to its (columns,) share of the length."""
+    rows = len(sheet)
+    at = np.arange(rows)[:, None] * np.minimum(share, 1.0)[None, :]
+    low = np.minimum(at.astype(int), rows - 2)[..., None]
+    lower = np.take_along_axis(sheet, low, axis=0)
+    upper = np.take_along_axis(sheet, low + 1, axis=0)
+    return np.asarray(lower + (at[..., None] - low) * (upper - lower))
+
+
+def _smoothed(sheet: Array) -> Array:
+    """Smooth (rows, columns, 3) over neighbours; the first row stays."""
+    for _ in range(4):
+        wide = np.concatenate([sheet[:, :1], sheet, sheet[:, -1:]], axis=1)
+        sheet = 0.25 * wide[:, :-2] + 0.5 * sheet + 0.25 * wide[:, 2:]
+        middle = 0.25 * sheet[:-2] + 0.5 * sheet[1:-1] + 0.25 * sheet[2:]
+        sheet = np.concatenate([sheet[:1], middle, sheet[-1:]])
+    return sheet
+
+
+def _tied(head: Head) -> list[Locks]:
+    """Make the bundles of a style from one place of the scalp each."""
+    anatomy, scale, bundles = head.anatomy, head.anatomy.scale, []
+    for place in _TIES.get(head.style.extra, ()):
+        tie = anatomy.eye + np.array(place) * scale
+        root = int(np.argmin(np.linalg.norm(head.base - tie, axis=1)))
+        out = head.base[root] - anatomy.centre
+        out /= norm(out)
+        make = _bun if "bun" in head.style.extra else _tail
+        lines, width = make(head.base[root] + 6.0 * scale * out, out, scale, head.rng)
+        roots = np.full(lines.shape[1], root)
+        bundles.append(_ribbons(lines, width, roots, anatomy.centre, closed=True))
+    return bundles
+
+
+def _bun(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Wind 26 locks around a ball."""
+    radius = rng.uniform(24, 34) * scale
+    axis = _units(rng.normal(0, 1, (26, 3)) + 2.0 * out)
+    first = _units(np.cross(axis, rng.normal(0, 1, (26, 3))))
+    second = np.cross(axis, first)
+    turn = np.linspace(0, 1.6 * np.pi, 10)[:, None, None]
+    high = rng.uniform(-0.9, 0.9, 26)[None, :, None]
+    ring = np.sqrt(1 - high**2) * (np.cos(turn) * first + np.sin(turn) * second) + high * axis
+    lines = tie + 0.75 * radius * out + radius * rng.uniform(0.88, 1.06, (1, 26, 1)) * ring
+    return lines, np.full(26, 17.0 * scale)
+
+
+def _tail(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Hang 34 locks from a tie, in an arc away from the head."""
+    length = rng.uniform(150, 290) * scale * rng.uniform(0.7, 1.0, 34)
+    share = np.linspace(0, 1, 12)[:, None, None]
+    spread = rng.normal(0, 1, (1, 34, 3)) * np.array([11.0, 4.0, 9.0]) * scale
+    arc = out * (34 * scale) * np.sin(np.clip(2.2 * share, 0, 1) * np.pi / 2)
+    drop = _DOWN * length[None, :, None] * np.clip(share - 0.08, 0, 1)
+    lines = tie + arc + drop + spread * (0.25 + 1.1 * np.sqrt(share))
+    return lines, rng.uniform(9, 15, 34) * scale
