@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.looks.anatomy import Anatomy, Array, Mask
+from glsim.looks.binding import Shell
 from glsim.looks.noise import ridges, smooth_noise
-from glsim.looks.shell import Shell
 from glsim.looks.skin_grid import SkinGrid, make_grid
 
 #: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
-from glsim.looks.skin_grid import Anchors
+from glsim.looks.anatomy import Array, Mask
+from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = NDArray[np.float32]
 
@@ -17,31 +19,26 @@ Points = NDArray[np.float32]
 _REST_MM = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """The rigid motion of a skull from the reference to a frame: x -> x rotation^T + shift."""
 
     rotation: NDArray[np.float32]
     shift: NDArray[np.float32]
     is_rest: bool = False
 
-    def __eq__(self, other: object) -> bool:
+    def equals(self, other: Motion) -> bool:
         """Whether two motions are the same, to the last bit."""
-        return (
-            isinstance(other, Motion)
-            and np.array_equal(self.rotation, other.rotation)
-            and np.array_equal(self.shift, other.shift)
-        )
+        return all(map(np.array_equal, self[:2], other[:2]))
 
-    def move(self, points: Points) -> Points:
-        """Move (N, 3) points."""
-        return product(points, self.rotation.T) + self.shift
+    def turned(self, offsets: Points) -> Points:
+        """Rotate (N, 3) offsets; without a motion they are the same object."""
+        return offsets if self.is_rest else product(offsets, self.rotation.T)
 
 
 def skull_motion(reference: Points, moved: Points) -> Motion:
     """Fit the rotation and shift between (N, 3) points by least squares (Kabsch).
 
-    A skull at rest, up to the ends of what raised brows move, has no motion at all.
+    The identity if no point moved by _REST_MM: raised brows move the edge of the scalp that far.
     """
     first, second = reference.mean(axis=0), moved.mean(axis=0)
     if np.abs(moved - reference).max() < _REST_MM:
@@ -86,8 +83,7 @@ class Rooted:
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
         """Return the (N, 3) vertices over a mesh of the source."""
         points = self._roots.place(vertices_mm[self.used])[self._root_of]
-        points += self._offsets if motion.is_rest else product(self._offsets, motion.rotation.T)
-        return points
+        return points + motion.turned(self._offsets)
 
 
 class Rigid:
@@ -101,4 +97,121 @@ class Rigid:
 
     def place(self, _vertices_mm: Points, motion: Motion) -> Points:
         """Return the (N, 3) moved points."""
-        return motion.move(self.points_mm)
+        return product(self.points_mm, motion.rotation.T) + motion.shift
+
+
+class Shell:
+    """A shell of a subject over a grid, with a fixed offset from the skin at every point.
+
+    Every point keeps its offset in the axes of one triangle beside it, so that a frame needs three
+    vertices per point.
+    """
+
+    def __init__(
+        self,
+        grid: SkinGrid,
+        rest_mm: NDArray[np.floating[Any]],
+        offset_mm: NDArray[np.floating[Any]],
+        drop_mm: Points | None = None,
+    ) -> None:
+        """Lay a shell over the skin.
+
+        Args:
+            rest_mm: (V, 3) the subject's vertices at rest.
+            offset_mm: (N,) along the smooth normals of the skin, or (N, 3) in the axes at rest.
+            drop_mm: (N, 3) besides, in the frame of the skull.
+        """
+        self.used = grid.base
+        drop = np.zeros((1, 3), np.float32) if drop_mm is None else drop_mm
+        self._dropped = np.flatnonzero(drop.any(axis=1))
+        self._drop = drop[self._dropped]
+        skin = rest_mm[grid.base].astype(np.float64)
+        flat = offset_mm.ndim == 1
+        offset = point_normals(grid, skin) * offset_mm[:, None] if flat else offset_mm
+        beside = _beside(grid, skin)
+        axes = _axes(*(np.ascontiguousarray(skin[corner].T) for corner in beside.T))
+        shares = np.stack([(offset.T * axis).sum(axis=0) for axis in axes])
+        self._shares = shares.astype(np.float32)
+        self._beside = np.ascontiguousarray(beside.T)
+        self._between = np.flatnonzero(grid.anchors.weights[:, 0] != 1)
+        between = grid.anchors.taken(self._between)
+        self._corners = np.ascontiguousarray(between.corners.T)
+        self._weights = np.ascontiguousarray(between.weights.T)
+
+    def place(self, vertices_mm: Points, motion: Motion) -> Points:
+        """Return the (N, 3) points over a mesh of the source."""
+        skin = np.ascontiguousarray(vertices_mm[self.used].T)
+        corners = [skin[:, corner] for corner in self._beside]
+        points = corners[0].copy()
+        first, second, third = self._corners
+        between = skin[:, first] * self._weights[0]
+        between += skin[:, second] * self._weights[1]
+        between += skin[:, third] * self._weights[2]
+        points[:, self._between] = between
+        for share, axis in zip(self._shares, _axes(*corners), strict=True):
+            points += share * axis
+        placed = np.ascontiguousarray(points.T)
+        placed[self._dropped] += motion.turned(self._drop)
+        return placed
+
+
+def _axes(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return three orthogonal (3, N) unit vectors: along a side of triangles, across, outwards.
+
+    Args:
+        a, b, c: (3, N) mm, by column: NumPy works along the long axis several times faster.
+    """
+    along = b - a
+    along /= np.maximum(np.sqrt((along * along).sum(axis=0)), 1e-9)
+    out = _crossed(along, c - a)
+    out /= np.maximum(np.sqrt((out * out).sum(axis=0)), 1e-9)
+    return along, _crossed(out, along), out
+
+
+def _crossed(first: Array, second: Array) -> Array:
+    """Return the (3, N) cross products of (3, N) vectors."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return np.stack([first[i] * second[j] - first[j] * second[i] for i, j in pairs])
+
+
+def uncovered(
+    faces: NDArray[np.int32], may_hide: Mask, shells: Sequence[Shell], rings: int = 4
+) -> NDArray[np.int32]:
+    """Return the triangles of a mesh that shells leave visible: ``faces`` itself if all are.
+
+    Args:
+        faces: (F, 3).
+        may_hide: (V,) vertices whose triangles may be left out.
+        rings: of triangles that stay along the rims of each shell, where one can look under it; the
+            base of a shell is one ring wider than the shell.
+    """
+    covered = np.zeros(len(faces), bool)
+    for shell in shells:
+        worn = np.zeros(len(may_hide), bool)
+        worn[shell.used] = True
+        hidden = worn[faces].all(axis=1)
+        for _ in range(rings):
+            seen = np.zeros(len(may_hide), bool)
+            seen[faces[~hidden]] = True
+            hidden &= ~seen[faces].any(axis=1)
+        covered |= hidden & may_hide[faces].all(axis=1)
+    return np.ascontiguousarray(faces[~covered]) if covered.any() else faces
+
+
+def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return (N, 3) the triangle beside each point, from the vertex that is nearest to it on.
+
+    Of the triangles at that vertex, the one that lies most along the skin.
+    """
+    a, b, c = (skin_mm[grid.triangles[:, k]] for k in range(3))
+    facing = np.cross(b - a, c - a)
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-9)
+    smooth = vertex_normals(skin_mm, grid.triangles)[grid.triangles]  # (T, 3, 3)
+    flat = np.einsum("tki,ti->tk", smooth, facing)
+    turned = np.stack([np.roll(grid.triangles, -k, axis=1) for k in range(3)], axis=1)
+    order = np.argsort(flat.ravel(), kind="stable")  # the best one is written last
+    best = np.zeros((len(skin_mm), 3), np.int64)
+    best[grid.triangles.ravel()[order]] = turned.reshape(-1, 3)[order]
+    row = np.arange(len(grid.anchors.corners))
+    nearest = grid.anchors.corners[row, grid.anchors.weights.argmax(axis=1)]
+    return np.asarray(best[nearest])

@@ -17,10 +17,9 @@ from glsim.core.mesh import vertex_normals
 from glsim.core.products import norm, principal_axis, product
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, Array
-from glsim.looks.binding import Points
+from glsim.looks.binding import Points, Shell
 from glsim.looks.garments import COLLARS, HEMS, Garment, Profile
 from glsim.looks.noise import smooth_noise
-from glsim.looks.shell import Shell
 from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 
 #: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.

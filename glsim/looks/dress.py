@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, cast
+from typing import Final, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +17,22 @@ from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.faces.generated import GeneratedFaces
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.beard import (
-    BeardGrid,
-    BrowGrid,
     make_beard,
     make_beard_grid,
     make_brow_grid,
     make_brows,
 )
-from glsim.looks.binding import Binding, Motion, Points, Rigid, skull_motion
-from glsim.looks.cloth import ClothGrid, Worn, fit_cloth, make_cloth_grid, make_clothes
+from glsim.looks.binding import Binding, Motion, Points, Rigid, Shell, skull_motion, uncovered
+from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.garments import SHOES
 from glsim.looks.glasses import make_glasses
-from glsim.looks.hair import Scalp, make_hair, make_scalp
+from glsim.looks.hair import make_hair, make_scalp
 from glsim.looks.outfit import Outfit, draw_outfit
 from glsim.looks.patterns import Pattern, pattern_factors
-from glsim.looks.shell import Shell, uncovered
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
+
+_Grid = TypeVar("_Grid")
 
 #: Regions of what people wear, in the order of the settings.
 WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
@@ -78,7 +77,7 @@ class _Worn:
         skin = vertices_mm[self.binding.used]
         if self.last is not None:
             before, moved, part = self.last
-            if np.array_equal(skin, before) and (moved == motion):
+            if np.array_equal(skin, before) and moved.equals(motion):
                 return part
         placed = self.binding.place(vertices_mm, motion)
         mesh = Mesh(placed, self.faces, self.albedo, self.occluder)
@@ -121,6 +120,7 @@ class Dresser:
         self._source = cast("GeneratedFaces[object]", source)
         self._settings = settings
         self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
+        self._grids: dict[object, object] = {}
 
     def dress(self, face: Face, seeds: DrawKeys) -> Face:
         """Return the face with what its subject wears; a pure function of face and seeds."""
@@ -132,11 +132,8 @@ class Dresser:
         parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
         return replace(
             face,
-            mesh=replace(
-                mesh,
-                faces=wardrobe.faces,
-                albedo=self._skin(wardrobe, mesh),
-                occluder=wardrobe.occluder,
+            mesh=Mesh(
+                mesh.vertices_mm, wardrobe.faces, self._skin(wardrobe, mesh), wardrobe.occluder
             ),
             notes={**face.notes, **wardrobe.outfit.words},
             parts=(*face.parts, *parts),
@@ -169,21 +166,11 @@ class Dresser:
         ]
         return chosen
 
-    @cached_property
-    def _scalp(self) -> Scalp:
-        return make_scalp(self._reference)
-
-    @cached_property
-    def _beard(self) -> BeardGrid:
-        return make_beard_grid(self._reference)
-
-    @cached_property
-    def _brows(self) -> BrowGrid:
-        return make_brow_grid(self._reference)
-
-    @cached_property
-    def _cloth(self) -> ClothGrid | None:
-        return make_cloth_grid(self._reference)
+    def _grid(self, make: Callable[[Anatomy], _Grid]) -> _Grid:
+        """Return where something grows or lies on the source, made when it is first needed."""
+        if make not in self._grids:
+            self._grids[make] = make(self._reference)
+        return cast("_Grid", self._grids[make])
 
     def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:
         key = face.key.subject, seeds.subject
@@ -200,6 +187,7 @@ class Dresser:
         own = replace(self._reference, vertices_mm=vertices)
         rest = skull_motion(vertices[:3], vertices[:3])
         worn: list[_Worn] = []
+        shells: list[Shell] = []
 
         def wear(
             region: str,
@@ -217,70 +205,46 @@ class Dresser:
                 worn.append(_Worn(region, binding, faces, values.astype(np.float32), occluder))
 
         if outfit.hair is not None:
-            hair = make_hair(own, self._scalp, vertices, outfit.hair, outfit.seed)
+            hair = make_hair(own, self._grid(make_scalp), vertices, outfit.hair, outfit.seed)
             wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
         if outfit.beard is not None:
-            wear(
-                "beard",
-                *make_beard(self._beard, vertices, outfit.beard, outfit.beard_mm, outfit.seed),
-                outfit.hair_albedo,
-            )
+            grid = self._grid(make_beard_grid)
+            made = make_beard(grid, vertices, outfit.beard, outfit.beard_mm, outfit.seed)
+            wear("beard", *made, outfit.hair_albedo)
         if outfit.brow_mm:
-            wear(
-                "brow",
-                *make_brows(self._brows, vertices, outfit.brow_mm, outfit.seed),
-                outfit.hair_albedo,
-            )
+            made = make_brows(self._grid(make_brow_grid), vertices, outfit.brow_mm, outfit.seed)
+            wear("brow", *made, outfit.hair_albedo)
         if outfit.glasses is not None:
-            glasses = make_glasses(own, vertices, outfit.glasses, outfit.lens, outfit.seed)
-            wear("glasses", Rigid(glasses.points_mm), glasses.faces, outfit.rim_albedo)
-            worn[-1].albedo[glasses.is_lens] = outfit.lens_albedo
-        for piece, albedo, pattern in self._clothes(vertices, own.scale, outfit):
-            wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
-        cloth = [
-            thing.binding
-            for thing in worn
-            if thing.region == "cloth" and isinstance(thing.binding, Shell)
-        ]
-        faces, occluder = uncovered(own.faces, own.body, cloth), face.mesh.occluder
+            points, faces, is_lens = make_glasses(
+                own, vertices, outfit.glasses, outfit.lens, outfit.seed
+            )
+            wear("glasses", Rigid(points), faces, outfit.rim_albedo)
+            worn[-1].albedo[is_lens] = outfit.lens_albedo
+        cloth = self._grid(make_cloth_grid) if outfit.garment is not None else None
+        if cloth is not None and outfit.garment is not None and outfit.lower is not None:
+            garments, body = (outfit.garment, outfit.lower, SHOES), fit_cloth(cloth, vertices)
+            pieces = make_clothes(body, garments, outfit.tucked, own.scale, outfit.seed)
+            albedos = outfit.cloth_albedo, outfit.trousers_albedo, outfit.shoes_albedo
+            patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
+            for piece, albedo, pattern in zip(pieces, albedos, patterns, strict=True):
+                if piece is not None:
+                    wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
+                    shells.append(piece.binding)
+        faces, occluder = uncovered(own.faces, own.body, shells), face.mesh.occluder
         if occluder is not None:
-            occluder = uncovered(occluder, own.body, cloth)
+            occluder = uncovered(occluder, own.body, shells)
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
-
-    def _clothes(
-        self, vertices: Points, scale: float, outfit: Outfit
-    ) -> Iterator[tuple[Worn, float, Pattern]]:
-        """Yield the pieces of cloth, each with its albedo and pattern."""
-        if outfit.garment is None or outfit.lower is None or self._cloth is None:
-            return
-        garments = outfit.garment, outfit.lower, SHOES
-        body, tucked = fit_cloth(self._cloth, vertices), outfit.tucked
-        pieces = make_clothes(body, garments, tucked, scale, outfit.seed)
-        albedos = outfit.cloth_albedo, outfit.trousers_albedo, outfit.shoes_albedo
-        patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
-        for piece, albedo, pattern in zip(pieces, albedos, patterns, strict=True):
-            if piece is not None:
-                yield piece, albedo, pattern
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
         """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
-            albedo = (
-                np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
-                if mesh.albedo is None
-                else mesh.albedo.copy()
-            )
-            skin = float(np.median(albedo[self._face_skin])) if self._face_skin.any() else 0.6
+            plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
+            albedo = plain if mesh.albedo is None else mesh.albedo.copy()
+            skin = albedo[self._reference.is_in("skin", "face", "cheek")]
             if self._settings.hair:
-                outfit = wardrobe.outfit
-                albedo[self._scalp_skin] = outfit.hair_albedo if outfit.hair is not None else skin
+                bald = float(np.median(skin)) if len(skin) else 0.6
+                has_hair = wardrobe.outfit.hair is not None
+                under = wardrobe.outfit.hair_albedo if has_hair else bald
+                albedo[self._reference.is_in("scalp", "hair")] = under
             wardrobe.skin = (mesh.albedo, albedo)
         return wardrobe.skin[1]
-
-    @cached_property
-    def _face_skin(self) -> NDArray[np.bool_]:
-        return self._reference.is_in("skin", "face", "cheek")
-
-    @cached_property
-    def _scalp_skin(self) -> NDArray[np.bool_]:
-        return self._reference.is_in("scalp", "hair")

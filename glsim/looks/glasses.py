@@ -46,25 +46,10 @@ GLASSES: Final = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Glasses:
-    """The mesh of a pair of glasses.
-
-    Args:
-        points_mm: (N, 3).
-        faces: (F, 3).
-        is_lens: (N,) whether a vertex belongs to a lens.
-    """
-
-    points_mm: NDArray[np.float32]
-    faces: NDArray[np.int32]
-    is_lens: NDArray[np.bool_]
-
-
 def make_glasses(
     anatomy: Anatomy, skin_mm: NDArray[np.float32], style: GlassesStyle, lens: str, seed: int
-) -> Glasses:
-    """Fit glasses to a subject.
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
+    """Fit glasses to a subject: (N, 3) mm, (F, 3) triangles, and (N,) whether a lens's vertex.
 
     Args:
         skin_mm: (V, 3) reference head.
@@ -77,22 +62,20 @@ def make_glasses(
     balls = skin_mm[anatomy.is_in("sclera", "iris", "pupil", "eyes")].astype(np.float64)
     middle = 0.5 * (balls.min(axis=0) + balls.max(axis=0))
     apart = float(np.abs(balls[:, 0] - middle[0]).mean())
-    half_width = 0.5 * style.width * min(scale, 1.05)
-    half_height = 0.5 * style.height * min(scale, 1.05)
+    half_width, half_height = (
+        0.5 * size * min(scale, 1.05) for size in (style.width, style.height)
+    )
     # The middle of a lens is at the pupil or outside of it; rims are 19 mm apart at least.
     centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     cosine, sine = np.cos(turn), np.sin(turn)
     corner = (np.abs(cosine) ** style.power + np.abs(sine) ** style.power) ** (-1 / style.power)
-    flat = np.stack([cosine * corner * half_width, sine * corner * half_height], axis=1)
+    x, y = centre_x + cosine * corner * half_width, sine * corner * half_height
     wrap, tilt = np.radians(rng.uniform(3, 8)), np.radians(rng.uniform(4, 10))
     front = balls[:, 2].max() + _VERTEX_MM
-    height = middle[1] - 2.0
-    outline = np.empty((_SIDES, 3))  # of the left lens; the right one mirrors it
-    outline[:, 0] = centre_x + flat[:, 0]
-    outline[:, 1] = flat[:, 1]
-    outline[:, 2] = -np.tan(wrap) * np.maximum(outline[:, 0] - 10, 0) + np.tan(tilt) * flat[:, 1]
-    place = np.array([middle[0], height, front])
+    z = -np.tan(wrap) * np.maximum(x - 10, 0) + np.tan(tilt) * y
+    outline = np.stack([x, y, z], axis=1)  # of the left lens; the right one mirrors it
+    place = np.array([middle[0], middle[1] - 2.0, front])
     both = np.concatenate([outline, outline * (-1, 1, 1)]) + place
     place[2] += max(_overlap(both, skin) + _CLEARANCE_MM, -5.0)
     parts: list[tuple[Array, Array]] = []
@@ -105,20 +88,13 @@ def make_glasses(
         if lens != "clear":
             lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
     parts.append(_tube(_bridge(outline, place, skin), style.rim, style.rim, closed=False))
-    every: list[Array] = []
-    triangles: list[Array] = []
-    is_lens: list[NDArray[np.bool_]] = []
-    count = 0
-    for group, flag in ((parts, False), (lenses, True)):
-        for vertices, corners in group:
-            every.append(vertices)
-            triangles.append(corners + count)
-            is_lens.append(np.full(len(vertices), flag))
-            count += len(vertices)
-    return Glasses(
-        np.concatenate(every).astype(np.float32),
+    counts = [len(points) for points, _ in parts + lenses]
+    starts = np.cumsum([0, *counts[:-1]])
+    triangles = [part[1] + start for part, start in zip(parts + lenses, starts, strict=True)]
+    return (
+        np.concatenate([points for points, _ in parts + lenses]).astype(np.float32),
         np.ascontiguousarray(np.concatenate(triangles), np.int32),
-        np.concatenate(is_lens),
+        np.arange(sum(counts)) >= sum(counts[: len(parts)]),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -118,61 +118,50 @@ def draw_outfit(
     # The share is of all subjects: where the men are known, twice as many of these have a beard.
     of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
     bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
-    hair = beard = glasses = garment = lower = None
-    beard_mm = brow_mm = rim_albedo = lens_albedo = cloth_albedo = trousers_albedo = (
-        shoes_albedo
-    ) = 0.0
-    tucked, lens = False, "clear"
-    pattern: Pattern = "plain"
+    given: dict[str, Any] = {"seed": int(rng("relief").integers(1 << 31))}
     if has_hair:
         draw = rng("hair")
         weights = _hair_weights(age, woman if woman is not None or not bearded else False)
-        hair = _varied(STYLES[_choose(weights, draw)], draw)
+        given["hair"] = hair = _varied(STYLES[_choose(weights, draw)], draw)
         words["appearance.hair"] = hair.name
         note("hair_length_mm", max(hair.hang, hair.lock[1], hair.top), 1)
     if bearded:
         draw = rng("beard")
-        beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
+        given["beard"] = beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
         words["appearance.beard"] = beard.name
-        beard_mm = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
+        given["beard_mm"] = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
     if worn("brows"):
-        brow_mm = note("brow_height_mm", float(rng("brows").uniform(0.8, 2.4)), 2)
-    if has_hair or bearded or brow_mm:
+        given["brow_mm"] = note("brow_height_mm", float(rng("brows").uniform(0.8, 2.4)), 2)
+    if given.keys() & {"hair", "beard", "brow_mm"}:
         words["appearance.hair_colour"] = name
-        hair_albedo = note("hair_albedo", hair_albedo, 3)
+        given["hair_albedo"] = note("hair_albedo", hair_albedo, 3)
     if worn("glasses"):
         draw = rng("glasses")
-        glasses = GLASSES[int(draw.integers(len(GLASSES)))]
-        lens = LENSES[_choose([share for _, share in LENSES], draw)][0]
+        given["glasses"] = glasses = GLASSES[int(draw.integers(len(GLASSES)))]
+        given["lens"] = lens = LENSES[_choose([share for _, share in LENSES], draw)][0]
         words |= {"appearance.glasses": glasses.name, "appearance.lenses": lens}
-        rim_albedo = note("rim_albedo", float(draw.uniform(*RIM_ALBEDO)), 3)
+        given["rim_albedo"] = note("rim_albedo", float(draw.uniform(*RIM_ALBEDO)), 3)
         if lens != "clear":
-            lens_albedo = note("lens_albedo", float(draw.uniform(*LENS_ALBEDO[lens])), 3)
+            given["lens_albedo"] = note("lens_albedo", float(draw.uniform(*LENS_ALBEDO[lens])), 3)
     if worn("cloth"):
         draw = rng("cloth")
-        garment = UPPER[_choose(_garment_weights(UPPER, woman), draw)]
+        given["garment"] = garment = UPPER[_choose(_shares(UPPER, woman), draw)]
         words["appearance.cloth"] = garment.name
-        cloth_albedo = note("cloth_albedo", _cloth_albedo(draw), 3)
-        trousers_albedo = note("trousers_albedo", _cloth_albedo(draw), 3)
-        shoes_albedo = note("shoes_albedo", _cloth_albedo(draw), 3)
-        lower = LOWER[_choose(_garment_weights(LOWER, woman), draw)]
-        pattern = PATTERNS[_choose([share for _, share in PATTERNS], draw)][0]
+        for albedo in ("cloth_albedo", "trousers_albedo", "shoes_albedo"):
+            _, span = CLOTH_ALBEDO[_choose([share for share, _ in CLOTH_ALBEDO], draw)]
+            given[albedo] = note(albedo, float(draw.uniform(*span)), 3)
+        given["lower"] = lower = LOWER[_choose(_shares(LOWER, woman), draw)]
+        given["pattern"] = pattern = PATTERNS[_choose([share for _, share in PATTERNS], draw)][0]
         words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
-        tucked = bool(draw.random() < garment.tucked)
-    return Outfit(
-        hair, beard, beard_mm, brow_mm, hair_albedo, glasses, lens, rim_albedo, lens_albedo,
-        garment, cloth_albedo, pattern, trousers_albedo, tucked, lower, shoes_albedo,
-        int(rng("relief").integers(1 << 31)), words, numbers,
-    )  # fmt: skip
+        given["tucked"] = bool(draw.random() < garment.tucked)
+    return Outfit(**{"hair_albedo": hair_albedo, **given}, words=words, numbers=numbers)
 
 
 def _person(notes: Mapping[str, object]) -> tuple[float, bool | None]:
     """Return age in years, 35 if unknown, and whether it is a woman, None if unknown."""
     age, woman = notes.get("age_years"), notes.get("woman")
-    return (
-        float(age) if isinstance(age, int | float) else 35.0,
-        woman if isinstance(woman, bool) else None,
-    )
+    years = float(age) if isinstance(age, int | float) else 35.0
+    return years, woman if isinstance(woman, bool) else None
 
 
 def _colour_weights(age: float) -> list[float]:
@@ -181,30 +170,23 @@ def _colour_weights(age: float) -> list[float]:
     return [w * (grey if name == "grey" else 1.0) for name, w, _ in HAIR_COLOURS]
 
 
-def _hair_weights(age: float, woman: bool | None) -> list[float]:
-    """Weights of STYLES; of people of unknown sex the mean of women and men."""
+def _shares(choices: Sequence[HairStyle | Garment], woman: bool | None) -> list[float]:
+    """Weights of styles; of people of unknown sex the mean of women and men."""
     share = 0.5 if woman is None else float(woman)
-    weights = [share * s.women + (1 - share) * s.men for s in STYLES]
-    bald = [bool(s.bald or s.recede) for s in STYLES]
+    return [share * s.women + (1 - share) * s.men for s in choices]
+
+
+def _hair_weights(age: float, woman: bool | None) -> list[float]:
+    """Weights of STYLES."""
     old = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0)))
     can_be_bald = old * (0.1 if woman else 1.0)
-    return [w * (can_be_bald if b else 1.0) for w, b in zip(weights, bald, strict=True)]
-
-
-def _garment_weights(garments: Sequence[Garment], woman: bool | None) -> list[float]:
-    """Weights of garments; of people of unknown sex the mean of women and men."""
-    share = 0.5 if woman is None else float(woman)
-    return [share * garment.women + (1 - share) * garment.men for garment in garments]
+    pairs = zip(STYLES, _shares(STYLES, woman), strict=True)
+    return [w * (can_be_bald if s.bald or s.recede else 1.0) for s, w in pairs]
 
 
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
     share = np.cumsum(weights) / np.sum(weights)
     return int(np.searchsorted(share, rng.random(), side="right"))
-
-
-def _cloth_albedo(rng: np.random.Generator) -> float:
-    _, span = CLOTH_ALBEDO[_choose([share for share, _ in CLOTH_ALBEDO], rng)]
-    return float(rng.uniform(*span))
 
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
