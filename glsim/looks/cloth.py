@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -194,8 +195,8 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
 
 def make_clothes(
     body: ClothBody, garments: Sequence[Garment], tucked: bool, scale: float, seed: int
-) -> list[Worn | None]:
-    """Make an upper garment, a lower one and shoes; None for what covers nothing.
+) -> list[Worn]:
+    """Make an upper garment, a lower one and shoes; of a bust the upper one, if it covers skin.
 
     Args:
         body: the whole subject.
@@ -226,15 +227,15 @@ def make_clothes(
     upper = replace(upper, fold=upper.fold * folds, gathered=upper.gathered or tucked)
     if tucked:
         lower, upper = replace(lower, ease=9.0), replace(upper, flare=0.0)
-    top = _garment(body.cut(neck, trunk), upper, ARMS, hem_mm, scale, seed)
-    if not on_leg.any():
-        return [top, None, None]
+    above, below = body.cut(neck, trunk), body.cut(top_mm - y, legs)
     feet = body.cut(far, np.where(on_foot, 1.0, -1.0))
-    return [
-        top,
-        _garment(body.cut(top_mm - y, legs), lower, LEGS, body.crotch_mm, scale, seed + 40),
-        _garment(feet, shoes, FEET, 0.0, scale, seed + 60),
-    ]
+    pieces = (
+        (above, upper, ARMS, hem_mm, seed),
+        (below, lower, LEGS, body.crotch_mm, seed + 40),
+        (feet, shoes, FEET, 0.0, seed + 60),
+    )
+    chosen = pieces if on_leg.any() else pieces[:1]
+    return [_garment(*piece, scale) for piece in chosen if len(piece[0].grid.faces) >= 20]
 
 
 def _garment(
@@ -242,16 +243,10 @@ def _garment(
     garment: Garment,
     limbs: tuple[int, int],
     hem_mm: float,
-    scale: float,
     seed: int,
-) -> Worn | None:
-    """Make a garment of the skin that it covers; None if that is hardly any.
-
-    Args:
-        limbs: of its sleeves or legs; all else counts as trunk.
-    """
-    if len(piece.grid.faces) < 20:
-        return None
+    scale: float,
+) -> Worn:
+    """Make a garment of the skin that it covers, with sleeves or legs on ``limbs``."""
     on_limb = np.isin(piece.part, limbs)
     as_trunk = (piece.skin - piece.neck) * (-1.0, -1.0, 1.0)
     local = np.where(on_limb[:, None], piece.local, as_trunk)
@@ -264,20 +259,20 @@ def _garment(
     end = held * _step(own, 0.9, 0.98)  # ribs hold the cloth, which bulges over them
     bulge = held * 0.3 * np.exp(-(((own - 0.86) / 0.08) ** 2))
     mean = _averaging(piece)
-    border: Array = on_limb.astype(np.float64)
-    for _ in range(_JOINED):
-        border = mean(border)
+    border = _repeated(mean, _JOINED, on_limb.astype(np.float64))
     border = 4 * border * (1 - border)
 
     def joined(values: Array) -> Array:
         """Match values of trunk and limbs at their border."""
-        smooth = values
-        for _ in range(_JOINED):
-            smooth = mean(smooth)
-        return np.asarray(values + border * (smooth - values))
+        return np.asarray(values + border * (_repeated(mean, _JOINED, values) - values))
 
     away = np.linalg.norm(piece.skin[:, None] - piece.armpits, axis=2).min(axis=1)
-    room = joined(_eases(piece, garment, own, on_limb) * (1 + bulge) * (1 - 0.85 * end)) * scale
+    trunk = garment.ease * _step(own, 0.0, 0.3) + garment.flare * np.clip(own, 0, 1.1)
+    limb = garment.limb_ease + garment.limb_flare * np.clip(own, 0, 1.1)
+    wide = _step(piece.local[:, 1], 0.0, 70.0) * on_limb
+    ease = (1 - wide) * trunk + wide * limb
+    ease *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # it rests on the shoulders
+    room = joined(ease * (1 + bulge) * (1 - 0.85 * end)) * scale
     free = np.minimum(_PIT_MM + _PIT_SLOPE * away, _FREE_MM)
     room = rest + np.minimum(room, free)
     most = room + free * (1 - 0.9 * end)
@@ -295,14 +290,10 @@ def _garment(
     return _sewn(piece, garment, surface, scale)
 
 
-def _eases(piece: ClothBody, garment: Garment, own: Array, on_limb: NDArray[np.bool_]) -> Array:
-    """Return (N,) mm of room between skin and cloth, at least; (N,) places of ``_garment``."""
-    trunk = garment.ease * _step(own, 0.0, 0.3) + garment.flare * np.clip(own, 0, 1.1)
-    limb = garment.limb_ease + garment.limb_flare * np.clip(own, 0, 1.1)
-    wide = _step(piece.local[:, 1], 0.0, 70.0) * on_limb
-    room = (1 - wide) * trunk + wide * limb
-    room *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # it rests on the shoulders
-    return np.asarray(room)
+def _repeated(change: Averaging, rounds: int, values: Array) -> Array:
+    for _ in range(rounds):
+        values = change(values)
+    return values
 
 
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
@@ -371,22 +362,19 @@ def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
         column = ((np.arctan2(out[:, 1], out[:, 0]) / np.pi + 1) * 9.99).astype(np.int64)
         cells = np.zeros((row.max() + 3, 20))
         np.maximum.at(cells, (row + 1, column), radius)
-        for wider in (np.maximum, np.maximum, _mean_of_two, _mean_of_two):
-            cells = wider(wider(np.roll(cells, 1, 1), np.roll(cells, -1, 1)), cells)
+        for _ in range(2):
+            beside = np.maximum(np.roll(cells, 1, 1), np.roll(cells, -1, 1))
+            cells = np.maximum(beside, cells)
+        for _ in range(2):
+            cells = 0.5 * (0.5 * (np.roll(cells, 1, 1) + np.roll(cells, -1, 1)) + cells)
         toes = skin[:, 2].max() - 20.0
         hull[own, 2] = np.minimum(hull[own, 2], toes)
         hull[own] += ((cells[row + 1, column] + ease) / radius - 1)[:, None] * out
-    mean, columns = _averaging(piece), np.ascontiguousarray(hull.T)
-    for _ in range(_SMOOTH_ROUNDS):
-        columns = mean(columns)
+    columns = _repeated(_averaging(piece), _SMOOTH_ROUNDS, np.ascontiguousarray(hull.T))
     ankle = _step(piece.skin[:, 1] - floor, 45.0, 80.0)[:, None]
     shoes = ankle * surface + (1 - ankle) * columns.T
     shoes[:, 1] = np.maximum(shoes[:, 1], floor)
     return np.asarray(shoes)
-
-
-def _mean_of_two(one: Array, other: Array) -> Array:
-    return 0.5 * (one + other)
 
 
 def crests(places: Array, seed: int) -> NDArray[np.float32]:
@@ -451,14 +439,13 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> W
     spacing = float(np.median(np.linalg.norm(surface[ends[:, 1]] - surface[ends[:, 0]], axis=1)))
     rounds = int(np.clip((_SEAM_MM / max(spacing, 1.0)) ** 2, 6, _SEAM_ROUNDS))
 
-    def even(values: Array) -> Array:
-        for _ in range(rounds):
-            total = 2.0 * values
-            np.add.at(total, first, values[second])
-            np.add.at(total, second, values[first])
-            values = total / ways
-        return values
+    def smoothed(values: Array) -> Array:
+        total = 2.0 * values
+        np.add.at(total, first, values[second])
+        np.add.at(total, second, values[first])
+        return total / ways
 
+    even = partial(_repeated, smoothed, rounds)
     normal = _units(even(vertex_normals(surface, faces)[edge]))
     places = even(surface[edge])
     tangent = np.zeros((len(edge), 3))
@@ -521,8 +508,7 @@ def _collar(garment: Garment, away: Array, normal: Array, beside: Array, scale: 
     """
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
-    out = beside - (beside * UP).sum(axis=1, keepdims=True) * UP
-    out = _units(out)
+    out = _units(beside - (beside * UP).sum(axis=1, keepdims=True) * UP)
     turn = np.abs(np.arctan2(out[:, 0], out[:, 2]))  # 0 in front, pi behind
     front, back = (np.array(rows, np.float64)[:, None] for rows in COLLARS[garment.collar])
     behind = np.clip((turn - 0.9) / 1.3, 0, 1)[None, :, None]

@@ -24,7 +24,6 @@ from glsim.looks.beard import (
 )
 from glsim.looks.binding import Binding, Motion, Points, Rigid, Shell, skull_motion, uncovered
 from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
-from glsim.looks.garments import SHOES
 from glsim.looks.glasses import make_glasses
 from glsim.looks.hair import make_hair, make_scalp
 from glsim.looks.outfit import Outfit, draw_outfit
@@ -220,16 +219,14 @@ class Dresser:
             )
             wear("glasses", Rigid(points), faces, outfit.rim_albedo)
             worn[-1].albedo[is_lens] = outfit.lens_albedo
-        cloth = self._grid(make_cloth_grid) if outfit.garment is not None else None
-        if cloth is not None and outfit.garment is not None and outfit.lower is not None:
-            garments, body = (outfit.garment, outfit.lower, SHOES), fit_cloth(cloth, vertices)
-            pieces = make_clothes(body, garments, outfit.tucked, own.scale, outfit.seed)
-            albedos = outfit.cloth_albedo, outfit.trousers_albedo, outfit.shoes_albedo
+        cloth = self._grid(make_cloth_grid) if outfit.garments else None
+        if cloth is not None:
+            body = fit_cloth(cloth, vertices)
+            pieces = make_clothes(body, outfit.garments, outfit.tucked, own.scale, outfit.seed)
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
-            for piece, albedo, pattern in zip(pieces, albedos, patterns, strict=True):
-                if piece is not None:
-                    wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
-                    shells.append(piece.binding)
+            for piece, albedo, pattern in zip(pieces, outfit.cloth_albedos, patterns, strict=False):
+                wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
+                shells.append(piece.binding)
         faces, occluder = uncovered(own.faces, own.body, shells), face.mesh.occluder
         if occluder is not None:
             occluder = uncovered(occluder, own.body, shells)

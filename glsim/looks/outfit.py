@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
 from glsim.core.seeds import rng_for
 from glsim.looks.beard import BEARDS, BeardStyle
-from glsim.looks.garments import LOWER, UPPER, Garment
+from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
 from glsim.looks.glasses import GLASSES, GlassesStyle
 from glsim.looks.patterns import Pattern
 from glsim.looks.styles import STYLES, HairStyle
 from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
+
+_Choice = TypeVar("_Choice")
 
 # Diffuse reflectivity at 860 nm relative to a white wall (0.87 absolute). Melanin absorbs less and
 # less towards the infrared, as the power -3.5 of the wavelength (S. L. Jacques, Phys. Med. Biol.
@@ -33,12 +35,8 @@ HAIR_COLOURS: Final = (
 )
 #: Dyes of cotton, wool and polyester are clear beyond 750 to 800 nm, so that thin cloth of any
 #: colour has the reflectance of undyed fibre there, 0.5 to 0.8; coarse and hairy weaves, denim and
-#: wool, trap light between their yarns; carbon-black pigments stay dark. Share, range; chosen.
-CLOTH_ALBEDO: Final = (
-    (0.48, (0.50, 0.85)),
-    (0.30, (0.25, 0.50)),
-    (0.22, (0.06, 0.22)),
-)
+#: wool, trap light between their yarns; carbon-black pigments stay dark. Range, share; chosen.
+CLOTH_ALBEDO: Final = (((0.50, 0.85), 0.48), ((0.25, 0.50), 0.30), ((0.06, 0.22), 0.22))
 #: Patterns of the cloth and their shares; chosen. What is woven of two dyes is hardly seen in the
 #: infrared, what is of two fibres is, and prints with carbon black are.
 PATTERNS: Final[tuple[tuple[Pattern, float], ...]] = (
@@ -63,6 +61,8 @@ class Outfit:
     """What a subject wears; None or 0 for nothing.
 
     Args:
+        garments, cloth_albedos: an upper garment, a lower one and shoes.
+        pattern: of the upper garment.
         words, numbers: for the manifest, by "appearance.name".
     """
 
@@ -75,13 +75,10 @@ class Outfit:
     lens: str = "clear"
     rim_albedo: float = 0.0
     lens_albedo: float = 0.0
-    garment: Garment | None = None
-    cloth_albedo: float = 0.0
+    garments: tuple[Garment, ...] = ()
+    cloth_albedos: tuple[float, ...] = ()
     pattern: Pattern = "plain"
-    trousers_albedo: float = 0.0
     tucked: bool = False
-    lower: Garment | None = None
-    shoes_albedo: float = 0.0
     seed: int = 0
     words: Mapping[str, str] = field(default_factory=dict)
     numbers: Mapping[str, float] = field(default_factory=dict)
@@ -138,20 +135,22 @@ def draw_outfit(
     if worn("glasses"):
         draw = rng("glasses")
         given["glasses"] = glasses = GLASSES[int(draw.integers(len(GLASSES)))]
-        given["lens"] = lens = LENSES[_choose([share for _, share in LENSES], draw)][0]
+        given["lens"] = lens = _one_of(LENSES, draw)
         words |= {"appearance.glasses": glasses.name, "appearance.lenses": lens}
         given["rim_albedo"] = note("rim_albedo", float(draw.uniform(*RIM_ALBEDO)), 3)
         if lens != "clear":
             given["lens_albedo"] = note("lens_albedo", float(draw.uniform(*LENS_ALBEDO[lens])), 3)
     if worn("cloth"):
         draw = rng("cloth")
-        given["garment"] = garment = UPPER[_choose(_shares(UPPER, woman), draw)]
+        garment = UPPER[_choose(_shares(UPPER, woman), draw)]
         words["appearance.cloth"] = garment.name
-        for albedo in ("cloth_albedo", "trousers_albedo", "shoes_albedo"):
-            _, span = CLOTH_ALBEDO[_choose([share for share, _ in CLOTH_ALBEDO], draw)]
-            given[albedo] = note(albedo, float(draw.uniform(*span)), 3)
-        given["lower"] = lower = LOWER[_choose(_shares(LOWER, woman), draw)]
-        given["pattern"] = pattern = PATTERNS[_choose([share for _, share in PATTERNS], draw)][0]
+        given["cloth_albedos"] = tuple(
+            note(f"{name}_albedo", float(draw.uniform(*_one_of(CLOTH_ALBEDO, draw))), 3)
+            for name in ("cloth", "trousers", "shoes")
+        )
+        lower = LOWER[_choose(_shares(LOWER, woman), draw)]
+        given["garments"] = garment, lower, SHOES
+        given["pattern"] = pattern = _one_of(PATTERNS, draw)
         words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
         given["tucked"] = bool(draw.random() < garment.tucked)
     return Outfit(**{"hair_albedo": hair_albedo, **given}, words=words, numbers=numbers)
@@ -187,6 +186,11 @@ def _hair_weights(age: float, woman: bool | None) -> list[float]:
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
     share = np.cumsum(weights) / np.sum(weights)
     return int(np.searchsorted(share, rng.random(), side="right"))
+
+
+def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) -> _Choice:
+    """Choose from pairs of a choice and its share."""
+    return table[_choose([share for _, share in table], rng)][0]
 
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:

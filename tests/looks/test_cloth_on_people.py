@@ -47,8 +47,7 @@ def still() -> Motion:
 
 
 def clothes(upper: Garment, lower: Garment = LOWER[0], tucked: bool = False) -> list[Worn]:
-    made = make_clothes(fitted(), (upper, lower, SHOES), tucked, 1.0, 5)
-    return [piece for piece in made if piece is not None]
+    return make_clothes(fitted(), (upper, lower, SHOES), tucked, 1.0, 5)
 
 
 def points_of(worn: Worn) -> np.ndarray:

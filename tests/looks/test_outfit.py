@@ -29,7 +29,7 @@ def test_shares_over_people_are_as_set(name: str) -> None:
         "beard": lambda o: o.beard is not None,
         "brows": lambda o: o.brow_mm > 0,
         "glasses": lambda o: o.glasses is not None,
-        "cloth": lambda o: o.garment is not None,
+        "cloth": lambda o: bool(o.garments),
     }[name]
     count = sum(worn(o) for o in outfits(**{name: share}))
     z = (count - share * PEOPLE) / np.sqrt(PEOPLE * share * (1 - share))
@@ -40,9 +40,9 @@ def test_shares_over_people_are_as_set(name: str) -> None:
 
 def test_a_switch_changes_nothing_else() -> None:
     for all_on, without in zip(outfits(beard=0), outfits(beard=0, glasses=0), strict=True):
-        assert (all_on.hair, all_on.garment, all_on.hair_albedo, all_on.seed) == (
+        assert (all_on.hair, all_on.garments, all_on.hair_albedo, all_on.seed) == (
             without.hair,
-            without.garment,
+            without.garments,
             without.hair_albedo,
             without.seed,
         )
