@@ -21,9 +21,9 @@ from glsim.faces.neck import bend_neck
 from glsim.faces.regions import RegionLabels
 from glsim.faces.variation import draw_variation, vary
 from glsim.looks.dress import Dresser, worn_regions
-from glsim.looks.room.body import body_of
 from glsim.looks.room.other_people import OtherPeople
-from glsim.looks.room.scenery import Prop, build_scenery, check_behind, scene_regions
+from glsim.looks.room.scenery import Prop, body_of, build_scenery, check_behind, scene_regions
+from glsim.looks.room.view import tilted
 from glsim.settings.schema import SPEEDS, Settings
 from glsim.settings.source_settings import generates
 from glsim.simulation.plan.tasks import Task
@@ -239,7 +239,7 @@ class FrameScenes:
             bend_neck(mesh, face.neck, pose, still)
             for mesh in (face.mesh, *(part.mesh for part in face.parts))
         ]
-        view = scenery.stands(pose_matrix(pose))
+        view = tilted(pose_matrix(pose), scenery.tilt_deg)
         check_behind(scenery, person, view)
         others = self._others.props(task.source, seeds, scenery) if body is not None else []
         further = [*scenery.props, *others]

@@ -13,9 +13,8 @@ from glsim.core.camera import Emitter, SensorRig
 from glsim.core.errors import ConfigError
 from glsim.core.pose import pose_matrix
 from glsim.faces.base import Face, FaceKey, FaceSource
-from glsim.looks.room.body import body_of
 from glsim.looks.room.room import RoomNumbers, build_room
-from glsim.looks.room.scenery import build_scenery
+from glsim.looks.room.scenery import body_of, build_scenery
 from glsim.looks.room.view import camera_place, room_view, visible_mesh
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, load_settings
@@ -190,7 +189,7 @@ def test_flat_walls_and_floors_are_all_lit(context: moderngl.Context) -> None:
     rig = SensorRig(V2, (Emitter((0.045, 0.0, 0.0), 0.005),))
     numbers = RoomNumbers("empty", 3, 2500.0, 4000.0, 2500.0, 12.0, 0.0, 0, None, (0.0, 1500.0),
                           (0.0, 0.0, 0.0))  # fmt: skip
-    plain = [s for s in build_room(numbers).shapes if s.region in ("wall", "floor", "ceiling")]
+    plain = [s for s in build_room(numbers)[0] if s.region in ("wall", "floor", "ceiling")]
     flat = [
         s for s in plain if len(s.faces) == 2 and abs(np.ptp(s.vertices_mm, axis=0).min()) < 1e9
     ]

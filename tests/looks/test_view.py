@@ -60,7 +60,7 @@ def test_the_cut_room_looks_like_the_whole_one(context: moderngl.Context, kind: 
     rig = SensorRig(V2)
     camera = camera_place((0.0, 0.0, 1500.0), 1250.0, 8.0)
     view = room_view(camera, 8.0)
-    shapes = build_room(replace(NUMBERS, kind=kind)).shapes
+    shapes = build_room(replace(NUMBERS, kind=kind))[0]
     cut = visible_mesh(shapes, view, rig)
     assert cut is not None
     vertices = np.concatenate([s.vertices_mm for s in shapes]).astype(np.float32)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import SensorRig
+from glsim.core.products import product
 from glsim.core.seeds import pcg_rng, stable_seed
 from glsim.faces.base import Face, FaceKey, FaceSource
 from glsim.faces.variation import vary
 from glsim.looks.dress import Dresser
-from glsim.looks.room.body import body_of
-from glsim.looks.room.scenery import Prop, Scenery, standing_prop
+from glsim.looks.room.scenery import Prop, Scenery, body_of
+from glsim.looks.room.view import visible_part
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings
 
@@ -86,30 +87,29 @@ class OtherPeople:
         settings = self._settings.source[source]
         known = settings.subjects or 0
         name = self._sources[source].subjects(known + STRANGERS)[known + number]
-        for key in self._first_frames(source, name):
-            for face in self._sources[source].load([key]):
-                body = body_of(face) if isinstance(face, Face) else None
-                if isinstance(face, Face) and body is not None and not face.notes.get("sitting"):
-                    words = "other people", self._settings.seed, source, name
-                    seeds = DrawKeys(*(stable_seed(*words, scope) for scope in DrawKeys._fields))
-                    varied = vary(face, self._settings.variation, seeds)
-                    return self._dressers[source].dress(varied, seeds), body.floor_mm
-                if body is None:
-                    return None
-        return None
-
-    def _first_frames(self, source: int, name: str) -> list[FaceKey]:
-        """One frame of each of the first sequences of a subject."""
-        firsts: dict[str, FaceKey] = {}
+        firsts: dict[str, FaceKey] = {}  # of each sequence
         for key in self._sources[source].frames(name, 40 * _TRIES):
             firsts.setdefault(key.sequence, key)
-        return list(firsts.values())[:_TRIES]
+        for key in list(firsts.values())[:_TRIES]:
+            face = next(iter(self._sources[source].load([key])))
+            body = body_of(face) if isinstance(face, Face) else None
+            if body is None or not isinstance(face, Face):
+                return None
+            if not face.notes.get("sitting"):
+                words = "other people", self._settings.seed, source, name
+                seeds = DrawKeys(*(stable_seed(*words, scope) for scope in DrawKeys._fields))
+                varied = vary(face, self._settings.variation, seeds)
+                return self._dressers[source].dress(varied, seeds), body.floor_mm
+        return None
 
     def _place(self, source: int, number: int, place: NDArray[np.float32]) -> list[Prop]:
-        loaded = self._faces.get((source, number))
-        if loaded is None:
+        """Return what is in view of a person on one of the places."""
+        face, floor_mm = self._faces.get((source, number)) or (None, 0.0)
+        if face is None:
             return []
-        face, floor_mm = loaded
+        lift = np.eye(4, dtype=np.float32)
+        lift[1, 3] = -floor_mm
+        view = product(place, lift)
         meshes = [face.mesh, *(part.mesh for part in face.parts)]
-        props = [standing_prop(mesh, floor_mm, place, self._rig) for mesh in meshes]
-        return [prop for prop in props if prop is not None]
+        parts = [visible_part(mesh, view, self._rig) for mesh in meshes]
+        return [Prop(part, view, "person") for part in parts if part is not None]

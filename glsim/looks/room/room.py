@@ -9,9 +9,15 @@ import numpy as np
 
 from glsim.core.seeds import pcg_rng
 from glsim.looks.room.furniture import draw_albedo, make_seat
-from glsim.looks.room.layout import FloorPlan, furnish_wall, stand_free
-from glsim.looks.room.shapes import Shape, moved, turned
-from glsim.looks.room.shell import Wall, build_level, build_wall, draw_openings
+from glsim.looks.room.layout import (
+    FloorPlan,
+    Wall,
+    build_wall,
+    draw_openings,
+    furnish_wall,
+    stand_free,
+)
+from glsim.looks.room.shapes import Shape, moved, plate, turned
 
 Rng = np.random.Generator
 
@@ -52,20 +58,12 @@ class RoomNumbers:
     reach_mm: tuple[float, float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Room:
-    """The shapes of a room, and (x, z, turn) of further people, mm and degrees.
+def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, float]]]:
+    """Build a room: its shapes, and (x, z, turn) of further people, mm and degrees.
 
-    Axes: mm, origin on the floor below the face, +z towards the camera, not turned.
+    A pure function of its numbers. Axes: mm, origin on the floor below the face, +z towards the
+    camera, not turned.
     """
-
-    shapes: tuple[Shape, ...]
-    people: tuple[tuple[float, float, float], ...]
-
-
-def build_room(numbers: RoomNumbers) -> Room:
-    """Build a room; a pure function of its numbers."""
-    n = numbers
     way = _way(n)
     left, back, right, front = _extent(n, way)
     walls = _walls(n, left, back, right, front)
@@ -76,8 +74,10 @@ def build_room(numbers: RoomNumbers) -> Room:
     corners = [(left, back), (left, front), (right, front), (right, back)]
     rng = _rng(n, "levels")
     ground = "carpet" if rng.random() < 0.3 else "floor"
-    shapes.append(build_level(corners, 0.0, draw_albedo(rng, ground)))
-    shapes.append(build_level(corners, n.height_mm, draw_albedo(rng, "ceiling paint")))
+    floor = [(x, 0.0, z) for x, z in corners]  # counter-clockwise from above
+    shapes.append(plate(floor, draw_albedo(rng, ground), region="floor"))
+    ceiling = [(x, n.height_mm, z) for x, z in corners[::-1]]
+    shapes.append(plate(ceiling, draw_albedo(rng, "ceiling paint"), region="ceiling"))
     plan = FloorPlan((left, back, right, front), [*way])
     people = _places(n, plan)
     for wall in walls:
@@ -86,8 +86,7 @@ def build_room(numbers: RoomNumbers) -> Room:
     if n.seat_mm is not None:
         seat = make_seat(_rng(n, "seat"), n.kind, n.seat_mm)
         shapes += moved(seat, turn_deg=-n.turn_deg)  # it faces the camera
-    world = moved(shapes, turn_deg=n.turn_deg)
-    return Room(tuple(world), tuple(_turned_place(p, n.turn_deg) for p in people))
+    return moved(shapes, turn_deg=n.turn_deg), people
 
 
 def _rng(numbers: RoomNumbers, *words: str) -> Rng:
@@ -138,19 +137,15 @@ def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float)
 
 
 def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]:
-    """Places of other people in room axes: 1 to 3 m behind and beside, inside the room."""
+    """Places of other people, not turned: 1 to 3 m behind and beside, inside the room."""
     rng, found = _rng(n, "people"), []
     for _ in range(n.people):
         for _ in range(30):
             angle, far = rng.uniform(-1.1, 1.1), rng.uniform(1000, 3000)
-            x, z = far * np.sin(angle), -far * np.cos(angle)
-            at = turned(np.array([[x, 0.0, z]]), -n.turn_deg)[0]
-            if plan.take_disc(float(at[0]), float(at[2]), 350.0):
-                found.append((float(at[0]), float(at[2]), float(rng.uniform(-70, 70))))
+            place = np.array([[far * np.sin(angle), 0.0, -far * np.cos(angle)]])
+            at = turned(place, -n.turn_deg)
+            if plan.take_disc(float(at[0, 0]), float(at[0, 2]), 350.0):
+                x, _, z = turned(at, n.turn_deg)[0].tolist()
+                found.append((x, z, float(rng.uniform(-70, 70)) + n.turn_deg))
                 break
     return found
-
-
-def _turned_place(place: tuple[float, float, float], turn: float) -> tuple[float, float, float]:
-    at = turned(np.array([[place[0], 0.0, place[1]]]), turn)[0]
-    return float(at[0]), float(at[2]), place[2] + turn

@@ -7,8 +7,8 @@ sees, and kept: its arrays are the same objects in every frame, so the GPU gets 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,47 +18,36 @@ from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import product
-from glsim.looks.room.body import Body
+from glsim.faces.base import Face
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.shapes import Shape
-from glsim.looks.room.view import (
-    camera_place,
-    camera_tilt_deg,
-    room_view,
-    tilted,
-    visible_mesh,
-    visible_part,
-)
+from glsim.looks.room.view import camera_place, camera_tilt_deg, room_view, visible_mesh
 from glsim.settings.distribution import Distribution, DrawKeys
 from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.schema import PoseSettings
 
 #: Half the side of the square wall, mm; it fills any view up to 12 m.
 _WALL_MM = 20_000.0
-
-_WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-
 #: Eyes below this height, mm, belong to somebody who sits: standing adults have theirs above 1.4 m
 #: (DIN 33402, 5th percentile of women), sitting ones below 1.35 m. Between the two.
 _SITTING_MM = 1380.0
-
 #: Seat and z of its back for a head without a body: EN 12520, and behind the head (chosen).
 _SEAT_MM = (450.0, -330.0)
-
+#: A mesh that reaches this far below its origin, mm, has a body: heads and busts end above, and the
+#: origin of a sitting child of four years is higher (chosen).
+_BODY_MM = 550.0
+#: The floor and the seat are rounded to this, mm, so that a breath does not build another room.
+_STEP_MM = 4.0
 #: Rooms that stay in memory; neighbouring tasks share one. A room takes half a megabyte.
 _KEPT_ROOMS = 8
-
 #: Regions of a room, other people in it included.
 ROOM_REGIONS = (
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
 )  # fmt: skip
-
-#: Where the shapes of a room are: canonical axes around the camera, mm.
-_AROUND_CAMERA = pose_matrix({})
+_SCOPES = ("frame", "sequence", "subject", "device")
 
 
-@dataclass(frozen=True, eq=False)
-class Prop:
+class Prop(NamedTuple):
     """A mesh of the scenery.
 
     Args:
@@ -72,8 +61,7 @@ class Prop:
     region: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Scenery:
+class Scenery(NamedTuple):
     """The scenery of one frame.
 
     Args:
@@ -84,13 +72,54 @@ class Scenery:
     """
 
     props: tuple[Prop, ...] = ()
-    drawn: Mapping[str, float] = field(default_factory=dict)
+    drawn: Mapping[str, float] = {}
     tilt_deg: float = 0.0
     places: tuple[NDArray[np.float32], ...] = ()
 
-    def stands(self, view: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the view matrix of a person who is upright in this scenery."""
-        return tilted(view, self.tilt_deg)
+
+class Body(NamedTuple):
+    """The place of a whole person in a room; canonical mm.
+
+    Args:
+        floor_mm: y of the floor.
+        seat_mm: y of the seat and z of its back; None if the person stands.
+    """
+
+    floor_mm: float
+    seat_mm: tuple[float, float] | None = None
+
+
+def body_of(face: Face) -> Body | None:
+    """Return the floor and the seat below a face, or None for a head without a body.
+
+    ``Face.notes`` may hold "floor_mm" and "sitting"; otherwise the lowest vertex stands on the
+    floor.
+    """
+    y = face.mesh.vertices_mm[:, 1]
+    lowest = float(y.min())
+    noted = face.notes.get("floor_mm")
+    if not isinstance(noted, int | float) and not lowest <= -_BODY_MM:  # NaN: no body
+        return None
+    floor = _rounded(float(noted) if isinstance(noted, int | float) else lowest)
+    return Body(floor, _seat(face, floor) if face.notes.get("sitting") else None)
+
+
+def _seat(face: Face, floor_mm: float) -> tuple[float, float] | None:
+    """The underside of the hips and the back of the trunk; shares of the height are chosen."""
+    x, y, z = face.mesh.vertices_mm.T
+    height = (y - floor_mm) / -floor_mm
+    trunk = (np.abs(x) < 110) & (height > 0.55) & (height < 0.85)
+    if not trunk.any():
+        return None
+    back = float(np.percentile(z[trunk], 2))
+    hips = (np.abs(x) < 160) & (z > back) & (z < back + 250) & (height > 0.2) & (height < 0.6)
+    if not hips.any():
+        return None
+    return _rounded(float(y[hips].min())), _rounded(back)
+
+
+def _rounded(place_mm: float) -> float:
+    return round(place_mm / _STEP_MM) * _STEP_MM
 
 
 def scene_regions(settings: SceneSettings) -> tuple[str, ...]:
@@ -118,7 +147,10 @@ def build_scenery(
     if settings.wall_mm is None:
         return Scenery()
     wall_mm = settings.wall_mm.draw(seeds, "scene.wall_mm")
-    wall = Prop(_wall(settings.wall_albedo), pose_matrix({"distance_mm": wall_mm}), "wall")
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * _WALL_MM
+    albedo = np.full(4, settings.wall_albedo, np.float32)
+    mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), albedo)
+    wall = Prop(mesh, pose_matrix({"distance_mm": wall_mm}), "wall")
     return Scenery((wall,), {"scene.wall_mm": wall_mm})
 
 
@@ -141,11 +173,6 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.floa
         )
 
 
-def _wall(albedo: float) -> Mesh:
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
-    return Mesh(corners * _WALL_MM, _WALL_FACES, np.full(4, albedo, dtype=np.float32))
-
-
 def _room_scenery(
     settings: SceneSettings,
     pose: PoseSettings,
@@ -161,10 +188,13 @@ def _room_scenery(
         number: Distribution = getattr(settings, name)
         return number.draw(keys, f"scene.{name}")
 
-    place = {name: getattr(pose, name) for name in ("x_mm", "y_mm", "distance_mm")}
-    face = {name: setting.draw(_held(setting, seeds, settings), f"pose.{name}")
-            for name, setting in place.items()}  # fmt: skip
-    moves = {name: _moves(setting, settings, face[name]) for name, setting in place.items()}
+    face, reach = [], []  # the face's place, and how far it moves while a room stays
+    for name in ("x_mm", "y_mm", "distance_mm"):
+        setting: Distribution = getattr(pose, name)
+        stays = _SCOPES.index(setting.per) >= _SCOPES.index(settings.per)
+        value = setting.draw(seeds if stays else keys, f"pose.{name}")
+        face.append(value)
+        reach.append([0.0 if stays else end - value for end in setting.bounds()])
     if body is None:
         eye_mm = draw("eye_mm")
         seat_mm = _SEAT_MM if eye_mm < _SITTING_MM and settings.room != "empty" else None
@@ -173,9 +203,8 @@ def _room_scenery(
         if body.seat_mm is not None:
             seat_mm = body.seat_mm[0] - body.floor_mm, body.seat_mm[1]
     wanted = eye_mm if settings.camera_mm is None else draw("camera_mm")
-    at = face["x_mm"], face["y_mm"], face["distance_mm"]
-    tilt = camera_tilt_deg(at, eye_mm - wanted)
-    camera = camera_place(at, eye_mm, tilt)
+    tilt = camera_tilt_deg(face, eye_mm - wanted)
+    camera = camera_place(face, eye_mm, tilt)
     numbers = RoomNumbers(
         kind=settings.room,
         seed=key,
@@ -187,7 +216,7 @@ def _room_scenery(
         people=round(draw("people")),
         seat_mm=seat_mm,
         camera_mm=(float(camera[0]), float(camera[2])),
-        reach_mm=(moves["x_mm"][0], moves["x_mm"][1], max(0.0, moves["distance_mm"][1])),
+        reach_mm=(reach[0][0], reach[0][1], max(0.0, reach[2][1])),
     )
     props, places = _visible_room(numbers, tuple(camera), tilt, rig, draw("albedo"))
     drawn = {
@@ -199,24 +228,6 @@ def _room_scenery(
     return Scenery(props, drawn, tilt, places)
 
 
-_SCOPES = ("frame", "sequence", "subject", "device")
-
-
-def _held(setting: Distribution, seeds: DrawKeys, settings: SceneSettings) -> DrawKeys:
-    """The seeds of a pose setting in a room: its own if it is constant there, else the room's."""
-    if _SCOPES.index(setting.per) >= _SCOPES.index(settings.per):
-        return seeds
-    return DrawKeys(*[getattr(seeds, settings.per)] * 3)
-
-
-def _moves(setting: Distribution, settings: SceneSettings, value: float) -> tuple[float, float]:
-    """How far a setting of the pose goes below and above ``value`` while a room stays."""
-    if _SCOPES.index(setting.per) >= _SCOPES.index(settings.per):
-        return 0.0, 0.0
-    low, high = setting.bounds()
-    return low - value, high - value
-
-
 @lru_cache(maxsize=_KEPT_ROOMS)
 def _visible_room(
     numbers: RoomNumbers,
@@ -226,38 +237,21 @@ def _visible_room(
     albedo: float,
 ) -> tuple[tuple[Prop, ...], tuple[NDArray[np.float32], ...]]:
     """Build a room, cut to the view; one prop for each region that is in view."""
-    room = build_room(numbers)
+    room, people = build_room(numbers)
     view = room_view(np.asarray(camera_mm), tilt_deg)
     regions: dict[str, list[Shape]] = {}
-    for shape in room.shapes:
+    for shape in room:
         regions.setdefault(shape.region, []).append(shape)
     props = []
     for region, shapes in regions.items():
         mesh = visible_mesh(shapes, view, rig, albedo)
         if mesh is not None:
-            props.append(Prop(mesh, _AROUND_CAMERA, region))
+            props.append(Prop(mesh, pose_matrix({}), region))
     places = []
-    for x, z, turn in room.people:
+    for x, z, turn in people:
         stand = np.eye(4)
         c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
         stand[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
         stand[:3, 3] = x, 0.0, z
         places.append(product(view, stand).astype(np.float32))
     return tuple(props), tuple(places)
-
-
-def standing_prop(
-    mesh: Mesh, floor_mm: float, place: NDArray[np.float32], rig: SensorRig
-) -> Prop | None:
-    """Return another person on one of the places, or None if nothing of them is in view.
-
-    Args:
-        mesh: canonical mm.
-        floor_mm: y of the floor below the feet.
-        place: of ``Scenery.places``.
-    """
-    lift = np.eye(4, dtype=np.float32)
-    lift[1, 3] = -floor_mm
-    view = product(place, lift)
-    part = visible_part(mesh, view, rig)
-    return None if part is None else Prop(part, view, "person")
