@@ -27,8 +27,7 @@ from glsim.core.files.png import (
 )
 from glsim.core.files.regular import read_regular
 from glsim.data.export.formats.arrays import encode_npy
-from glsim.simulation.depth_arrays import refuse_millimetres
-from glsim.simulation.frame import encode_depth, to_mm
+from glsim.simulation.frame import encode_depth, refuse_millimetres, to_mm
 
 #: Suffixes of the files that are read and written.
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")

@@ -15,11 +15,10 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import checksum, missing
 from glsim.core.files.png import MAX_IMAGE_BYTES
 from glsim.core.files.store import Store
-from glsim.core.normal_codes import decode_normals
 from glsim.core.reason import Reason
 from glsim.data.header import REPAIR
 from glsim.data.layer_images import LayerImage, decode_layer
-from glsim.simulation.frame import to_mm
+from glsim.simulation.frame import decode_normals, to_mm
 
 #: Bytes between two members of a shard: a header and the rest of the last block, 512 each.
 _TAR_BYTES = 1024

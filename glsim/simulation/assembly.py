@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,35 +32,38 @@ def assemble_frame(
 ) -> Frame:
     """Cut the crop, reconcile the reasons with the depths, and apply the output settings.
 
-    layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally expected
-        (metres), infrared (counts) and region (numbers).
-    window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
-    extra: names of layers to copy to ``Frame.extra``. identity: the other fields of Frame.
     Raises ConfigError if a stage wrote NaN or infinity.
+
+    Args:
+        layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally
+            expected (metres), infrared (counts) and region (numbers).
+        window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
+        extra: names of layers to copy to ``Frame.extra``.
+        identity: the other fields of Frame.
     """
     visible = window.intersection(crop)
-    inside = Rect(
-        visible.left - window.left, visible.top - window.top, visible.width, visible.height
-    ).slices
-    clean, noisy = layers["clean"][inside], layers["depth"][inside]
+    left, top = visible.left - window.left, visible.top - window.top
+    inside = Rect(left, top, visible.width, visible.height).slices
     for name in ("depth", "reason", "infrared", "infrared_right", "expected"):
         if name in layers and not np.isfinite(layers[name][inside]).all():
             bad = int((~np.isfinite(layers[name][inside])).sum())
             raise ConfigError(
                 f"the noise stages left NaN or infinity in {bad} pixels of the {name}"
             )
-    noisy = np.maximum(noisy, np.float32(0.0))
+    none = np.float32(0.0)
+    clean, noisy = layers["clean"][inside], np.maximum(layers["depth"][inside], none)
     reason = reconcile_reasons(clean, noisy, layers["reason"][inside])
     if output.clean_mask == "as-noisy":
-        clean = np.where(noisy > 0, clean, np.float32(0.0))
+        clean = np.where(noisy > 0, clean, none)
+    step_m, offset_mm = output.depth_unit_mm / 1000.0, 0.0
     expected = layers.get("expected")
-    if expected is not None:
-        expected = _where_clean(expected[inside], clean, output)
-    offset_mm = 0.0
+    if expected is not None:  # where clean has depth, at least one step there
+        expected = np.where(clean > 0, np.maximum(expected[inside], np.float32(step_m)), none)
     if output.nearest_to_mm is not None and (clean > 0).any():
         offset_mm = 1000.0 * offset_to_nearest(clean, 0.0) - output.nearest_to_mm
-        clean, noisy = (_shifted(depth, offset_mm, output) for depth in (clean, noisy))
-        expected = None if expected is None else _shifted(expected, offset_mm, output)
+        move = partial(subtract_offset, offset=offset_mm / 1000.0, least=step_m)
+        clean, noisy = move(clean), move(noisy)
+        expected = None if expected is None else move(expected)
     infrared, region = layers.get("infrared"), layers.get("region")
     right = layers.get("infrared_right")
     return Frame(
@@ -120,18 +124,3 @@ def reconcile_reasons(
     codes[has_depth & ~expects_depth] = Reason.VALID
     codes[has_depth & (codes == Reason.VALID) & (clean_m <= 0)] = Reason.GROWN
     return codes
-
-
-def _where_clean(
-    expected_m: NDArray[np.float32], clean_m: NDArray[np.float32], output: OutputSettings
-) -> NDArray[np.float32]:
-    """Return ``expected_m`` where clean has depth, at least one unit there, and 0 elsewhere."""
-    least_m = np.float32(output.depth_unit_mm / 1000.0)
-    return np.where(clean_m > 0, np.maximum(expected_m, least_m), np.float32(0.0))
-
-
-def _shifted(
-    depth_m: NDArray[np.float32], offset_mm: float, output: OutputSettings
-) -> NDArray[np.float32]:
-    """Subtract ``offset_mm`` from depths in metres; a pixel with depth keeps at least one unit."""
-    return subtract_offset(depth_m, offset_mm / 1000.0, output.depth_unit_mm / 1000.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from types import TracebackType
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,11 +27,12 @@ from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import OutputSettings, Settings, load_settings
 from glsim.simulation.assembly import assemble_frame
-from glsim.simulation.depth_arrays import depth_batch, refuse_millimetres, surface_depth
-from glsim.simulation.frame import Frame, decode_depth
+from glsim.simulation.frame import Frame, decode_depth, refuse_millimetres
 
 #: An array of NumPy or a tensor of PyTorch.
 _Depths = TypeVar("_Depths")
+#: The floating types that both NumPy and PyTorch have, by name.
+_FLOATS = ("float16", "float32", "float64")
 
 
 class _Graphics:
@@ -125,12 +126,7 @@ class Corrupter:
     def __enter__(self) -> Corrupter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._opened is not None and self._opened.process == os.getpid():
             self._opened.context.release()
         self._opened = None
@@ -171,14 +167,13 @@ class Corrupter:
         depth that is in millimetres by its range.
         """
         image = self.rig.intrinsics
-        batch = depth_batch(depth_m, (image.height, image.width))
-        refuse_millimetres(batch.maps, self.rig.near_m, self.rig.far_m)
-        for number, clean in enumerate(batch.maps):
-            batch.results[number] = self.corrupt_depth(
-                clean, frame=frame + number, sequence=sequence
-            ).noisy_m
-        answer: _Depths = batch.answer()
-        return answer
+        maps, results, answer = depth_batch(depth_m, (image.height, image.width))
+        refuse_millimetres(maps, self.rig.near_m, self.rig.far_m)
+        for number, clean in enumerate(maps):
+            made = self.corrupt_depth(clean, frame=frame + number, sequence=sequence)
+            results[number] = made.noisy_m
+        noisy: _Depths = answer()
+        return noisy
 
     def corrupt_depth(
         self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
@@ -216,7 +211,9 @@ class Corrupter:
             frame = self._frame(window, seeds, depth_m, nearest_m)
             run_twins(self.sensor.stages, layers, frame, values)
         else:
-            graphics = self._graphics()
+            if self._opened is None or self._opened.process != os.getpid():
+                self._opened = _Graphics(self, self._backend)
+            graphics = self._opened
             make_current(graphics.context)
             normal = depth_map.normals(depth_m, self.canvas.rays())
             surface = depth_map.surface(depth_m, self.canvas)
@@ -236,12 +233,6 @@ class Corrupter:
             seed=seeds.frame,
             parameters=drawn,
         )
-
-    def _graphics(self) -> _Graphics:
-        """Return what this process draws with, opened when it is first needed."""
-        if self._opened is None or self._opened.process != os.getpid():
-            self._opened = _Graphics(self, self._backend)
-        return self._opened
 
     def _frame(
         self, window: Rect, seeds: DrawKeys, depth_m: NDArray[np.float32], nearest_m: float
@@ -275,3 +266,53 @@ class Corrupter:
             "lit": depth_map.lit_by_marching(depth_m, self.rig),
             "rays": rays,
         }
+
+
+def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.float32]:
+    """Return depth as float32 metres, 0 for no surface: NaN, values up to 0, and beyond ``far_m``.
+
+    Simulators use any of these for the empty background. Memory is shared where nothing changes.
+    """
+    seen = (depth > 0) & (depth <= far_m)  # NaN compares as False
+    if seen.all() and depth.dtype == np.float32:
+        return np.ascontiguousarray(depth, np.float32)
+    return np.where(seen, depth, 0).astype(np.float32)
+
+
+def depth_batch(
+    depth: Any, shape: tuple[int, int]
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], Callable[[], Any]]:
+    """View an array or tensor of floating depth as maps of ``shape`` (height, width).
+
+    PyTorch is not imported: its tensors are known by their type's module.
+
+    Args:
+        depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
+
+    Returns:
+        (B, H, W) view of the maps, a copy only of a tensor on a GPU and of rows that are not
+        contiguous; (B, H, W) view of the array to return, unset; and a function that gives that
+        array in the form of the input: type, shape, number type and device.
+
+    Raises:
+        ConfigError: for whole numbers, for another size and for what is no array.
+    """
+    kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
+    if kind not in _FLOATS or not hasattr(depth, "shape"):
+        raise ConfigError(
+            f"depth must be an array or a tensor of float metres ({', '.join(_FLOATS)}), "
+            f"not {kind}: of whole millimetres give depth.astype('float32') / 1000"
+        )
+    full, stack = tuple(int(side) for side in depth.shape), (-1, *shape)
+    if full[-2:] != shape and full[-3:] != (*shape, 1):
+        raise ConfigError(
+            f"depth has the shape {full}: the camera has {shape[1]}x{shape[0]} pixels, so it must "
+            f"be {shape}, (batch, {shape[0]}, {shape[1]}), or one of them with a last axis of 1"
+        )
+    if type(depth).__module__.partition(".")[0] != "torch":
+        array = np.asarray(depth)
+        answer = np.empty(full, array.dtype)
+        return array.reshape(stack), answer.reshape(stack), lambda: answer
+    host = depth.detach().cpu()
+    made = host.new_empty(full)
+    return (host.numpy().reshape(stack), made.numpy().reshape(stack), lambda: made.to(depth.device))

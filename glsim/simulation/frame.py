@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError, DepthRangeError, did_you_mean
-from glsim.core.normal_codes import encode_normals
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.faces.base import FaceKey
@@ -20,6 +19,9 @@ _T = TypeVar("_T", bound=np.generic)
 
 #: The largest value of a 16-bit file.
 _UINT16_MAX = 65535
+
+#: Code of a normal's component of 0, and steps from 0 to 1: -1 becomes 1, so that 0 is "none".
+_ZERO, _STEPS = 32768, 32767
 
 #: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
@@ -58,6 +60,42 @@ def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.f
     if offset_mm:
         np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
     return depth_mm
+
+
+def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: float) -> None:
+    """Raise ConfigError if all surfaces of some maps have a depth that makes sense in millimetres.
+
+    In metres they would be beyond the sensor's far plane, and the result empty without a word. A
+    background at one distance is none: simulators put their far plane there.
+
+    Args:
+        depth: of any shape.
+        near_m, far_m: the sensor's clip planes.
+    """
+    seen = depth[(depth > 0) & (depth < np.inf)]
+    if not seen.size:
+        return
+    nearest, farthest = float(seen.min()), float(seen.max())
+    in_mm = 1000.0 * near_m <= nearest and float(np.median(seen)) <= 1000.0 * far_m
+    if far_m < nearest < farthest and in_mm:
+        raise ConfigError(
+            f"depth is {nearest:g} to {farthest:g}: this is millimetres, and metres are wanted: "
+            "give depth / 1000"
+        )
+
+
+def encode_normals(normals: NDArray[np.floating], seen: NDArray[np.bool_]) -> NDArray[np.uint16]:
+    """Return (..., 3) uint16 codes of (..., 3) unit normals; 0, 0, 0 where ``seen`` is False."""
+    codes = np.rint(np.clip(normals, -1, 1) * _STEPS) + _ZERO
+    return np.where(seen[..., None], codes, 0).astype(np.uint16)
+
+
+def decode_normals(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Invert ``encode_normals``: (..., 3) float32 unit normals, 0 where there is none."""
+    seen = codes.any(axis=-1, keepdims=True)
+    normals = (codes.astype(np.float32) - _ZERO) / _STEPS
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    return np.where(seen, normals / np.where(seen, length, 1), 0).astype(np.float32)
 
 
 def _encode_counts(counts: NDArray[np.float32]) -> NDArray[np.uint16]:
@@ -156,9 +194,8 @@ class Frame:
 
         Raises ConfigError if it was not requested.
         """
-        if self.expected_m is None:
-            raise ConfigError(f"{self.source}: this frame was made without the layer 'expected'")
-        return self._paste(encode_depth(self.expected_m, self.depth_unit_mm))
+        depth_m = self._requested("expected", self.expected_m)
+        return self._paste(encode_depth(depth_m, self.depth_unit_mm))
 
     @property
     def infrared(self) -> NDArray[np.uint16]:
@@ -171,11 +208,8 @@ class Frame:
 
         Raises ConfigError if it was not requested.
         """
-        if self.infrared_right_counts is None:
-            raise ConfigError(
-                f"{self.source}: this frame was made without the layer 'infrared_right'"
-            )
-        return self._paste(_encode_counts(self.infrared_right_counts))
+        counts = self._requested("infrared_right", self.infrared_right_counts)
+        return self._paste(_encode_counts(counts))
 
     @property
     def reason(self) -> NDArray[np.uint8]:
@@ -185,19 +219,16 @@ class Frame:
     @property
     def regions(self) -> NDArray[np.uint8]:
         """Parts of the face, (H, W) uint8, 0 = none. Raises ConfigError if they were not drawn."""
-        if self.region_codes is None:
-            raise ConfigError(f"{self.source}: this frame was made without the layer 'regions'")
-        return self._paste(self.region_codes)
+        return self._paste(self._requested("regions", self.region_codes))
 
     @property
     def normals(self) -> NDArray[np.uint16]:
-        """Normals of the surface, (H, W, 3) uint16, see ``glsim.core.normal_codes``.
+        """Normals of the surface, (H, W, 3) uint16, see ``encode_normals``.
 
         Raises ConfigError if they were not requested.
         """
-        if self.normal is None:
-            raise ConfigError(f"{self.source}: this frame was made without the layer 'normals'")
-        return self._paste(encode_normals(self.normal, self.clean_m > 0))
+        normal = self._requested("normals", self.normal)
+        return self._paste(encode_normals(normal, self.clean_m > 0))
 
     @property
     def seen_regions(self) -> dict[str, int]:
@@ -211,6 +242,11 @@ class Frame:
             raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, WRITABLE)}")
         image: NDArray[np.uint16] | NDArray[np.uint8] = getattr(self, layer)
         return image
+
+    def _requested(self, layer: str, values: NDArray[_T] | None) -> NDArray[_T]:
+        if values is None:
+            raise ConfigError(f"{self.source}: this frame was made without the layer {layer!r}")
+        return values
 
     def _paste(self, part: NDArray[_T], fill: int = 0) -> NDArray[_T]:
         shape: tuple[int, ...] = (self.intrinsics.height, self.intrinsics.width)

@@ -1,7 +1,7 @@
 """Turn settings into frames: the file to read first.
 
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
-    FrameScenes.load     -> faces (meshes in canonical axes, mm), varied and dressed, in batches
+    FaceLoader.load      -> faces (meshes in canonical axes, mm), varied and dressed, in batches
     FrameScenes.build    -> the scene: face, pose, room, other people, and the delivered crop
     draw_values          -> stage parameters, drawn from the task's seeds
     MovingFrames.draw    -> instead of the next two lines, if the scene moves in the exposure
@@ -41,12 +41,12 @@ from glsim.render.renderer import NORMAL, Rendered
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
 from glsim.settings.schema import Settings, with_assignments
 from glsim.simulation.assembly import assemble_frame, seen_landmarks
-from glsim.simulation.face_batches import load_ahead
+from glsim.simulation.face_loader import unusable
 from glsim.simulation.frame import LAYERS, Frame, Skipped
 from glsim.simulation.motion import MovingFrames, exposure_parts, settle_reasons
 from glsim.simulation.plan.tasks import Task, make_tasks
 from glsim.simulation.render_cache import RenderCache
-from glsim.simulation.scenes import FrameScene, unusable
+from glsim.simulation.scenes import FrameScene
 
 #: Frames in flight between drawing and readback. A GPU draws asynchronously and needs a few; the
 #: software rasteriser draws at once, where more frames only add delay.
@@ -287,7 +287,7 @@ class Simulator:
         """Yield one result per task, in order."""
         in_flight: deque[_InFlight | Skipped] = deque()
         ring = len(self._readbacks)
-        for number, (task, face) in enumerate(load_ahead(tasks, self._scenes.load)):
+        for number, (task, face) in enumerate(self._scenes.loader.load_ahead(tasks)):
             if len(in_flight) == ring:
                 yield self._deliver(in_flight.popleft())
             in_flight.append(self._start(task, face, self._readbacks[number % ring]))
@@ -315,7 +315,7 @@ class Simulator:
         rig, stages = self._canvas, self.sensor.stages
         make_current(self._context)  # the caller may have used another since the last frame
         scene = self._scenes.build(task, face)
-        drawn, values = draw_values(stages, self._scenes.held(task).seeds)
+        drawn, values = draw_values(stages, self._scenes.loader.held(task).seeds)
         reach_px = array_reach_px(stages, values)
         crop = self.sensor.rig.on_canvas(scene.crop)
 

@@ -17,6 +17,7 @@ from glsim.noise.stage_pass import LinkedStages
 from glsim.render.renderer import Rendered, Renderer
 from glsim.render.sub_frames import SubFrames
 from glsim.settings.schema import Settings
+from glsim.simulation.face_loader import FaceLoader
 from glsim.simulation.scenes import FrameScene, FrameScenes
 
 #: Scenes of a plan, of the pose that is shown and of the one before.
@@ -55,30 +56,23 @@ class RenderCache:
     ) -> FrameScenes:
         """Return the scenes of some settings. Raises as FrameScenes."""
         for scenes in self._scenes:
-            if scenes.builds(settings, rig, regions=regions):
+            same = rig == scenes.loader.rig and regions == scenes.regions
+            if same and scenes.loader.changed_settings(settings) <= {"stage"}:
                 return scenes
         if self._scenes:
-            made = self._scenes[-1].like(settings, rig, regions=regions)
+            loader = self._scenes[-1].loader.like(settings, rig)
         else:
-            made = FrameScenes(settings, sources, rig, regions=regions)
-        self._scenes.append(made)
-        return made
+            loader = FaceLoader(settings, sources, rig)
+        self._scenes.append(FrameScenes(loader, regions=regions))
+        return self._scenes[-1]
 
     def rendered(
         self, renderer: Renderer, scene: FrameScene, crop: Rect, reach_px: int
     ) -> tuple[Rendered, KeptLayers | None]:
         """Return a scene's clean layers, and the owner of what its stages draw.
 
-        Both are valid until another scene is asked for. Raises MeshError.
-
-        Args:
-            renderer: of the scene's rig.
-            scene: what is rendered, unless it is the last one.
-            crop: what is delivered of the renderer's image.
-            reach_px: border of the rendered window around the crop.
-
-        Returns:
-            The layers, and None as owner for a scene that is new: few are asked for again.
+        Both are valid until another scene is asked for. A new scene has None as owner: few are
+        asked for again. Raises MeshError.
         """
         asked = scene, reach_px
         if self._last is not None and self._last[0] == asked:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from glsim import Corrupter, GlsimError, load_settings
 from glsim.core.errors import ConfigError
+from glsim.simulation.corrupt import depth_batch
 from tests.support.scenes import Plane, face_mesh
 
 CAMERA: dict[str, Any] = {"width": 96, "height": 72, "fx": 90.0, "fy": 91.0, "cx": 48.0, "cy": 36.0}
@@ -78,13 +79,11 @@ def test_the_types_and_shapes_of_simulators_come_back() -> None:
 
 def test_tensors_are_not_copied_and_not_changed() -> None:
     torch = pytest.importorskip("torch")
-    from glsim.simulation.depth_arrays import depth_batch
-
     clean = maps(2)
     tensor = torch.from_numpy(clean.copy()).requires_grad_()
-    batch = depth_batch(tensor, (72, 96))
-    assert batch.maps.ctypes.data == tensor.data_ptr()
-    assert batch.results.ctypes.data == batch.answer().data_ptr()
+    given, results, answer = depth_batch(tensor, (72, 96))
+    assert given.ctypes.data == tensor.data_ptr()
+    assert results.ctypes.data == answer().data_ptr()
     with corrupter() as corrupt:
         noisy = corrupt(tensor)
         np.testing.assert_array_equal(noisy.numpy(), corrupt(clean))
@@ -92,8 +91,7 @@ def test_tensors_are_not_copied_and_not_changed() -> None:
     assert noisy.dtype == torch.float32
     assert not noisy.requires_grad
     np.testing.assert_array_equal(tensor.detach().numpy(), clean)
-    assert depth_batch(clean, (72, 96)).maps.base is not None
-    assert np.shares_memory(depth_batch(clean, (72, 96)).maps, clean)
+    assert np.shares_memory(depth_batch(clean, (72, 96))[0], clean)
 
 
 @pytest.mark.parametrize("empty", [np.nan, np.inf, -np.inf, 1e10, -1.0, 65.535, 0.0])

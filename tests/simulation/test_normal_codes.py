@@ -7,8 +7,8 @@ import pytest
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import encode_png
-from glsim.core.normal_codes import decode_normals, encode_normals
 from glsim.data.layer_images import decode_layer
+from glsim.simulation.frame import decode_normals, encode_normals
 
 
 def test_normals_come_back_within_the_step_of_a_code() -> None:
