@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from glsim.core.reason import Reason
     from glsim.data.driver import generate
     from glsim.data.export import export_dataset, push_dataset
-    from glsim.data.export.base import Export
+    from glsim.data.export.frames import Export
     from glsim.data.layer_images import webdataset_decoder
     from glsim.data.reader import open_dataset
     from glsim.data.verification import verify
@@ -48,7 +48,7 @@ _HOME = {
     "Band": "glsim.bench.validate.report",
     "Check": "glsim.bench.validate.report",
     "Corrupter": "glsim.simulation.corrupt",
-    "Export": "glsim.data.export.base",
+    "Export": "glsim.data.export.frames",
     "Face": "glsim.faces.base",
     "FaceKey": "glsim.faces.base",
     "FaceSettings": "glsim.faces.base",

@@ -125,8 +125,7 @@ def start_file(start: str) -> Iterator[Path]:
     if path.exists():
         yield path
     elif is_shipped(start):
-        with shipped_file(start) as path:
-            yield path
+        yield shipped_file(start)
     else:
         raise TrainError(
             f"{start}: no such checkpoint: give a best.pt, an ONNX file of glsim export, or the "

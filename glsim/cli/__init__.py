@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from glsim.cli.common import run_command_line, with_messages
+from glsim.cli.common import epilog, run_command_line, with_messages
 
 #: Command -> the heading above it, its module and function (or group), and what it does.
 _COMMANDS = {
@@ -72,7 +72,7 @@ def load_command(name: str) -> Any:
     found = getattr(imported, attribute)
     if not isinstance(found, typer.Typer):
         own = typer.Typer(add_completion=False, rich_markup_mode="rich")
-        own.command(name, epilog=imported.EXAMPLES)(with_messages(found))
+        own.command(name, epilog=epilog(imported.EXAMPLES))(with_messages(found))
         found = own
     return typer.main.get_command(found)
 

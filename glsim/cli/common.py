@@ -14,10 +14,11 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
 import typer
 from rich.console import Console
@@ -61,12 +62,6 @@ class MessageOptions:
     verbose: bool = False
     debug: bool = False
 
-    @property
-    def flags(self) -> list[str]:
-        """The options in force, as arguments of a command: ["-q"]."""
-        given = (("-q", self.quiet), ("-v", self.verbose), ("--debug", self.debug))
-        return [flag for flag, on in given if on]
-
 
 options = MessageOptions()
 
@@ -79,10 +74,7 @@ def _set_messages(
     verbose: Annotated[
         bool,
         typer.Option(
-            "-v",
-            "--verbose",
-            help="Log detected units, axes and decisions.",
-            rich_help_panel=MORE,
+            "-v", "--verbose", help="Log detected units, axes and decisions.", rich_help_panel=MORE
         ),
     ] = False,
     debug: Annotated[
@@ -99,8 +91,21 @@ def _set_messages(
         logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
 
 
+def _documented(parameter: inspect.Parameter, help: str) -> inspect.Parameter:
+    """Return a parameter of a command with its help; one without a default is an argument."""
+    annotation, info = parameter.annotation, None
+    if get_origin(annotation) is Annotated:
+        annotation, info = get_args(annotation)
+    if info is None:
+        required = parameter.default is inspect.Parameter.empty
+        info = typer.Argument() if required else typer.Option()
+    info = copy(info)
+    info.help = help
+    return parameter.replace(annotation=Annotated[annotation, info])
+
+
 def with_messages(command: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Give a command the options --quiet, --verbose and --debug after its own."""
+    """Give a command the help in its docstring's Args, and --quiet, --verbose and --debug."""
     own = inspect.signature(command, eval_str=True)
     shared = inspect.signature(_set_messages, eval_str=True).parameters
 
@@ -109,20 +114,28 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
         _set_messages(**{name: values.pop(name) for name in shared})
         return command(**values)
 
+    wrapped.__doc__, _, section = (inspect.getdoc(command) or "").partition("\n\nArgs:\n")
+    found = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", section, re.MULTILINE)
+    texts = {name: " ".join(text.split()) for name, text in found}
     # Typer reads a command's options from its signature.
-    parameters = [*own.parameters.values(), *shared.values()]
+    parameters = [
+        _documented(each, texts[each.name]) if each.name in texts else each
+        for each in own.parameters.values()
+    ]
+    parameters += shared.values()
     wrapped.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
     wrapped.__annotations__ = {each.name: each.annotation for each in parameters}
     return wrapped
 
 
+def epilog(examples: str) -> str:
+    """Return the end of a command's help: a heading, then each line as a paragraph."""
+    return "\n\n".join(["[bold]Examples[/bold]", *examples.strip().splitlines()])
+
+
 SensorOption = Annotated[
     str | None,
-    typer.Option(
-        "--sensor",
-        "-s",
-        help="A shipped sensor (glsim sensors) or a .toml file.",
-    ),
+    typer.Option("--sensor", "-s", help="A shipped sensor (glsim sensors) or a .toml file."),
 ]
 SetOption = Annotated[
     list[str] | None,

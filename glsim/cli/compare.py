@@ -18,14 +18,9 @@ from glsim.cli.common import (
 )
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim compare recording data
-
 glsim compare kinect_cal_data simulated -o table.md --json compare.json
-
 glsim compare monday tuesday --frames 200
-
 glsim compare recording --replay kinect-v2 --set fixed_pattern.enabled=0
 """
 

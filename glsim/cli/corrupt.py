@@ -24,43 +24,23 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim corrupt clean.png -o noisy.png
-
 glsim corrupt maps/ -o noisy/ --sensor kinect-v2-paper --seed 3
-
 glsim corrupt clean.png -o noisy.png --backend numpy --focal-px 575.8 --centre-px 320,240
 """
 
 
 def corrupt(
-    clean: Annotated[
-        Path,
-        typer.Argument(
-            help="A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them."
-        ),
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The noisy map, or a folder for them.")],
+    clean: Path,
+    out: Annotated[Path, typer.Option("-o", "--out")],
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
-    depth_unit_mm: Annotated[
-        float | None, typer.Option(help="Step of the depth files, mm.")
-    ] = None,
-    focal_px: Annotated[
-        float | None, typer.Option(help="Focal length of the maps, pixels. Default: the sensor's.")
-    ] = None,
-    centre_px: Annotated[
-        str | None,
-        typer.Option(
-            help="Principal point x,y of the maps, pixels. Default: the sensor's, or the centre."
-        ),
-    ] = None,
+    depth_unit_mm: float | None = None,
+    focal_px: float | None = None,
+    centre_px: str | None = None,
     config: ConfigOption = None,
-    backend: Annotated[
-        str | None, typer.Option(help="egl, osmesa, or numpy, which needs no OpenGL.")
-    ] = None,
+    backend: str | None = None,
 ) -> None:
     """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 
@@ -69,6 +49,14 @@ def corrupt(
     the seed and on its name. Maps that cannot be read are reported and skipped. Of a folder that
     glsim wrote, only the clean depth is taken. Noisy PNGs state their step if the clean one does,
     or if it is not 1 mm.
+
+    Args:
+        clean: A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them.
+        out: The noisy map, or a folder for them.
+        depth_unit_mm: Step of the depth files, mm.
+        focal_px: Focal length of the maps, pixels. Default: the sensor's.
+        centre_px: Principal point x,y of the maps, pixels. Default: the sensor's, or the centre.
+        backend: egl, osmesa, or numpy, which needs no OpenGL.
     """
     import numpy as np
 

@@ -16,114 +16,33 @@ if TYPE_CHECKING:
     from glsim.denoise.frames import MapReader
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim denoise noisy.png -o clean.png                     the shipped network
-
 glsim denoise recording/ -o denoised/ -d face-azure-kinect    the network of one camera
-
 glsim denoise noisy.png -o clean.png --uncertainty sigma.png
-
 glsim denoise noisy.png -o clean.png --denoiser quadric:sigma_px=2.5,cleanup=5
-
 glsim denoise recording/ -o denoised/ -d temporal_median
-
 glsim denoise recording/ -o denoised/ --device my_kinect.toml    calibrated by glsim fit
-
 glsim denoise noisy.png -o clean.png -d runs/face-ir/best.pt --infrared infrared.png
-
 glsim denoise noisy.png -o clean.png --out-unit-mm 0.1   whole millimetres cost accuracy
-
 glsim denoise recording/ -o denoised/ --format npy       float32 metres
-
 glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
 """
 
 
 def denoise(
-    noisy: Annotated[
-        list[str],
-        typer.Argument(
-            help="Depth maps (16-bit PNG or TIFF, .npy, .exr), folders, or a glob pattern."
-        ),
-    ],
+    noisy: list[str],
     *,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="The denoised map, or a folder for them.")
-    ],
-    denoiser: Annotated[
-        str,
-        typer.Option(
-            "-d",
-            "--denoiser",
-            help="A name of glsim eval --list, or a checkpoint. face is a network for any camera; "
-            "face-kinect-v2, face-azure-kinect and face-stereo know one kind and are better "
-            "there.",
-        ),
-    ] = "face",
+    out: Annotated[Path, typer.Option("-o", "--out")],
+    denoiser: Annotated[str, typer.Option("-d", "--denoiser")] = "face",
     device: CalibratedDeviceOption = None,
-    infrared: Annotated[
-        Path | None,
-        typer.Option(
-            help="16-bit infrared PNG, or a folder of them named as the maps, for networks that "
-            "use it. Default: those beside the maps (*_infrared.png, or *_ir.png of *_depth.png)."
-        ),
-    ] = None,
-    uncertainty: Annotated[
-        Path | None,
-        typer.Option(
-            help="PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm, "
-            "0 where there is no depth; only for networks that estimate it."
-        ),
-    ] = None,
-    composite: Annotated[
-        str,
-        typer.Option(
-            help="Use of a network's probability of depth: measured (the input's pixels without "
-            "flying and unlikely ones, small holes closed), soft, hard or 'input mask'."
-        ),
-    ] = "measured",
-    around: Annotated[
-        str | None,
-        typer.Option(
-            help="face: denoise only around the nearest head, found by its depth; the rest stays "
-            "as measured.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
-    depth_unit_mm: Annotated[
-        float | None,
-        typer.Option(
-            min=0.01,
-            max=10,
-            help="Step of the depth files, mm. Default: what their data set or they state, else 1.",
-        ),
-    ] = None,
-    out_unit_mm: Annotated[
-        float | None,
-        typer.Option(
-            min=0.01,
-            max=10,
-            help="Step of the denoised maps, mm; 0.1 holds 6.5 m. Default: 0.1 for PNG of inputs "
-            "that state their step (data sets, maps of this command), else that of the input.",
-        ),
-    ] = None,
-    form: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            help="Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float "
-            "(float32 metres). Default: by the suffix.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
-    protocol: Annotated[
-        str | None,
-        typer.Option(
-            help="Depth for the denoiser: depth (as measured) or paper (moved so that the nearest "
-            "point of each map is at 1 mm, and back). Default: as the network was trained."
-        ),
-    ] = None,
+    infrared: Path | None = None,
+    uncertainty: Path | None = None,
+    composite: str = "measured",
+    around: Annotated[str | None, typer.Option(rich_help_panel=MORE)] = None,
+    depth_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
+    out_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
+    form: Annotated[str | None, typer.Option("--format", rich_help_panel=MORE)] = None,
+    protocol: str | None = None,
 ) -> None:
     """Denoise depth maps; 0 means no depth, in and out.
 
@@ -136,6 +55,28 @@ def denoise(
     sequence in the order of their names. Of a folder that glsim wrote, only the noisy depth is
     used. Maps of a data set with an offset (--protocol paper) are denoised at their distance from
     the camera and written with the same offset.
+
+    Args:
+        noisy: Depth maps (16-bit PNG or TIFF, .npy, .exr), folders, or a glob pattern.
+        out: The denoised map, or a folder for them.
+        denoiser: A name of glsim eval --list, or a checkpoint. face is a network for any camera;
+            face-kinect-v2, face-azure-kinect and face-stereo know one kind and are better there.
+        infrared: 16-bit infrared PNG, or a folder of them named as the maps, for networks that use
+            it. Default: those beside the maps (*_infrared.png, or *_ir.png of *_depth.png).
+        uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm, 0
+            where there is no depth; only for networks that estimate it.
+        composite: Use of a network's probability of depth: measured (the input's pixels without
+            flying and unlikely ones, small holes closed), soft, hard or 'input mask'.
+        around: face: denoise only around the nearest head, found by its depth; the rest stays as
+            measured.
+        depth_unit_mm: Step of the depth files, mm. Default: what their data set or they state, else
+            1.
+        out_unit_mm: Step of the denoised maps, mm; 0.1 holds 6.5 m. Default: 0.1 for PNG of inputs
+            that state their step (data sets, maps of this command), else that of the input.
+        form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (float32
+            metres). Default: by the suffix.
+        protocol: Depth for the denoiser: depth (as measured) or paper (moved so that the nearest
+            point of each map is at 1 mm, and back). Default: as the network was trained.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.core.files.atomic import flush_outputs

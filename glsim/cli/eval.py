@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
 from glsim.cli.common import MORE, WorkersOption, check_outputs, print_message, print_written
-from glsim.cli.figures import figures_wanted
 from glsim.cli.progress import scoring_progress
 from glsim.core.errors import ConfigError, did_you_mean
 
@@ -18,24 +18,14 @@ if TYPE_CHECKING:
     from glsim.eval.scoring.blocks import ScoringJob
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim eval data -d median -d quadric:sigma_px=2.5,cleanup=5 -o scores
-
 glsim eval data --tune-filters -o scores     the classical filters, tuned on the validation split
-
 glsim eval data -d noisy -d mine@my_module:my_function -d run/best.pt
-
 glsim eval data --runs runs              all networks in runs/*/
-
 glsim eval data -d face --truth expected  needs generate --set output.layers=clean,expected,noisy
-
 glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
-
 glsim eval --list
-
-Repeat the same command to resume an interrupted run. Real frames: glsim eval-real. The paper's
-tables: glsim paper tables.
+Repeat the same command to resume an interrupted run. Real frames: glsim eval-real.
 """
 
 DatasetArgument = Annotated[
@@ -77,6 +67,23 @@ FocalOption = Annotated[
 ]
 
 
+#: Package -> its name in a sentence. report.html comes from a template of Jinja2.
+_NEEDED = {"matplotlib": "Matplotlib", "jinja2": "Jinja2"}
+
+
+def figures_wanted(asked: bool) -> bool:
+    """Return whether to draw figures: as asked, unless a library is missing, which is said."""
+    if not asked:
+        return False
+    missing = [name for package, name in _NEEDED.items() if find_spec(package) is None]
+    if missing:
+        print_message(
+            f"no figures and no report.html, tables alone: they need {' and '.join(missing)}: "
+            "pip install 'glsim[eval]'"
+        )
+    return not missing
+
+
 def _print_list(asked: bool) -> None:
     if not asked:
         return
@@ -96,40 +103,16 @@ def evaluate(
     denoiser: DenoisersOption = None,
     split: SplitOption = "test",
     out: OutOption = Path("scores"),
-    truth: Annotated[
-        str,
-        typer.Option(
-            help="What predictions are compared with: clean, or expected (clean with the sensor's "
-            "systematic error, which a denoiser leaves)."
-        ),
-    ] = "clean",
+    truth: str = "clean",
     protocol: ProtocolOption = None,
     runs: RunsOption = None,
-    tune_filters: Annotated[
-        bool,
-        typer.Option(
-            "--tune-filters", help="Add the classical filters, tuned on the validation split."
-        ),
-    ] = False,
+    tune_filters: Annotated[bool, typer.Option("--tune-filters")] = False,
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
-    device: Annotated[
-        Path | None,
-        typer.Option(
-            help="Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the "
-            "input of all denoisers.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
+    device: Annotated[Path | None, typer.Option(rich_help_panel=MORE)] = None,
     _list_denoisers: Annotated[
-        bool,
-        typer.Option(
-            "--list",
-            callback=_print_list,
-            is_eager=True,
-            help="Print the shipped denoisers and exit.",
-        ),
+        bool, typer.Option("--list", callback=_print_list, is_eager=True)
     ] = False,
 ) -> None:
     """Score denoisers; write rows.csv, table.md, table.csv, table.tex and report.html with figures.
@@ -138,6 +121,14 @@ def evaluate(
 
     Frames that cannot be scored are reported and skipped; the exit status is then 1. Without
     --denoiser the paper's filters are scored. Nothing is trained.
+
+    Args:
+        truth: What predictions are compared with: clean, or expected (clean with the sensor's
+            systematic error, which a denoiser leaves).
+        tune_filters: Add the classical filters, tuned on the validation split.
+        device: Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the
+            input of all denoisers.
+        _list_denoisers: Print the shipped denoisers and exit.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.eval.scoring.blocks import ScoringJob

@@ -16,8 +16,13 @@ from glsim.cli.common import (
     print_table,
     print_written,
 )
-from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption
-from glsim.cli.figures import figures_wanted
+from glsim.cli.eval import (
+    DenoisersOption,
+    FiguresOption,
+    FocalOption,
+    OutOption,
+    figures_wanted,
+)
 from glsim.cli.progress import scoring_progress
 from glsim.core.errors import ConfigError
 
@@ -25,10 +30,7 @@ if TYPE_CHECKING:
     from glsim.eval.real_frames import RealScores
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim eval-real recording -d face -o real
-
 glsim eval-real recording -d face --tune-filters -o real    beside the classical filters
 """
 
@@ -37,17 +39,11 @@ _DEFAULT = ("face",)
 
 
 def evaluate_real(
-    recording: Annotated[Path, typer.Argument(help="Folder of real frames.")],
+    recording: Path,
     denoiser: DenoisersOption = None,
     out: OutOption = Path("scores"),
-    tune_filters: Annotated[
-        bool,
-        typer.Option(
-            "--tune-filters",
-            help="Add the classical filters, tuned on the static pairs of one half.",
-        ),
-    ] = False,
-    board: Annotated[str, typer.Option(help="Inner corners of the chessboard.")] = "5x7",
+    tune_filters: Annotated[bool, typer.Option("--tune-filters")] = False,
+    board: str = "5x7",
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
@@ -57,6 +53,11 @@ def evaluate_real(
 
     Measures static pairs, a chessboard's plane, the shift of surfaces, losses and fills at edges.
     Without --denoiser the shipped network is scored.
+
+    Args:
+        recording: Folder of real frames.
+        tune_filters: Add the classical filters, tuned on the static pairs of one half.
+        board: Inner corners of the chessboard.
     """
     from glsim.data.worker_processes import worker_count
     from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs

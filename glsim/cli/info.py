@@ -8,12 +8,8 @@ from glsim.cli.common import JsonOption, make_console, print_json, print_table
 from glsim.core.errors import ConfigError, DeviceError
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim info
-
 GLSIM_BACKEND=osmesa glsim info
-
 glsim info --json
 """
 

@@ -20,12 +20,8 @@ if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim inspect d3dfacs_alignments
-
 glsim inspect FaceWarehouse_Data_0 -o look.png --frames 0
-
 glsim inspect scan.ply --unit cm
 """
 
@@ -34,24 +30,25 @@ _PROBLEMS = 20
 
 
 def inspect(
-    path: Annotated[Path, typer.Argument(help="A face set or a mesh file.")],
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder or PNG file for the contact sheet.")
-    ] = Path("inspect.png"),
-    frames: Annotated[int, typer.Option(min=0, help="Number of frames to read; 0 reads all.")] = 40,
-    shown: Annotated[
-        int, typer.Option(min=0, max=60, help="Number of faces on the sheet; 0 draws none.")
-    ] = 12,
-    unit: Annotated[
-        str, typer.Option(help="Unit of the mesh files; overrides detection.")
-    ] = "auto",
-    axes: Annotated[
-        str, typer.Option(help="Axes of the mesh files; overrides detection.")
-    ] = "auto",
+    path: Path,
+    out: Annotated[Path, typer.Option("-o", "--out")] = Path("inspect.png"),
+    frames: Annotated[int, typer.Option(min=0)] = 40,
+    shown: Annotated[int, typer.Option(min=0, max=60)] = 12,
+    unit: str = "auto",
+    axes: str = "auto",
     backend: BackendOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces."""
+    """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces.
+
+    Args:
+        path: A face set or a mesh file.
+        out: Folder or PNG file for the contact sheet.
+        frames: Number of frames to read; 0 reads all.
+        shown: Number of faces on the sheet; 0 draws none.
+        unit: Unit of the mesh files; overrides detection.
+        axes: Axes of the mesh files; overrides detection.
+    """
     from glsim.core.files.png import write_picture
     from glsim.data import inspection
     from glsim.data.preview import gallery

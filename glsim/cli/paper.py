@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import WorkersOption, print_message, print_written, with_messages
+from glsim.cli.common import WorkersOption, epilog, print_message, print_written, with_messages
 from glsim.cli.eval import (
     DatasetArgument,
     DenoisersOption,
@@ -26,36 +26,21 @@ app = typer.Typer(
 )
 
 REPRODUCE_EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim paper reproduce -o reproduced               small, for a CPU: an hour of one core
-
 glsim paper reproduce -o tiny --size tiny         every step once, as a check: two minutes
-
 glsim paper reproduce -o paper --size full        the paper's size, for a GPU
-
 glsim paper reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
-
 glsim paper reproduce -o reproduced --plan        print the steps, run nothing
-
 glsim paper reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
-
 Repeat the same command to resume an interrupted one.
 """
 TABLES_EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim paper tables data -o table1                     table 1, the filters
-
 glsim paper tables data --table 2 --table 3 --runs runs -o tables    networks in runs/*/
-
 Repeat the same command to resume an interrupted run.
 """
 PAGES_EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim paper figures reproduced
-
 glsim paper values reproduced                 each printed value beside ours
 """
 
@@ -67,14 +52,9 @@ FolderArgument = Annotated[Path, typer.Argument(help="Folder of glsim paper repr
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for all results.")],
-    size: Annotated[
-        str,
-        typer.Option(help="Plan: tiny (a check), small (CPU), full (GPU), or your own .toml."),
-    ] = "small",
-    plan: Annotated[
-        bool, typer.Option("--plan", help="Print the steps without running them.")
-    ] = False,
+    out: Annotated[Path, typer.Option("-o", "--out")],
+    size: str = "small",
+    plan: Annotated[bool, typer.Option("--plan")] = False,
     d3dfacs: RootOption = None,
     facewarehouse: RootOption = None,
     biwi: RootOption = None,
@@ -87,6 +67,11 @@ def reproduce(
     protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
     1 mm), mask_as-noisy/ those with BlenSor's mask. Rows with artefact removal are their partners'
     networks. A finished step is not repeated: delete its folder to do it again.
+
+    Args:
+        out: Folder for all results.
+        size: Plan: tiny (a check), small (CPU), full (GPU), or your own .toml.
+        plan: Print the steps without running them.
     """
     from glsim.data.worker_processes import worker_count
     from glsim.eval.paper.reproduce import load_plan
@@ -104,10 +89,7 @@ def reproduce(
 
 def tables(
     dataset: DatasetArgument,
-    table: Annotated[
-        list[int],
-        typer.Option(help="Table of the paper: 1 (filters), 2 or 3 (networks). Repeatable."),
-    ] = [1],  # noqa: B006  # Typer reads it and makes a new list
+    table: list[int] = [1],  # noqa: B006  # Typer reads it and makes a new list
     runs: RunsOption = None,
     denoiser: DenoisersOption = None,
     split: SplitOption = "test",
@@ -120,6 +102,9 @@ def tables(
 
     Nothing is trained: tables 2 and 3 contain the networks in --runs and list the rows that are
     missing there.
+
+    Args:
+        table: Table of the paper: 1 (filters), 2 or 3 (networks). Repeatable.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.eval.scoring.blocks import ScoringJob
@@ -144,7 +129,7 @@ def values(folder: FolderArgument) -> None:
     print_written(write_values(folder))
 
 
-app.command("reproduce", epilog=REPRODUCE_EXAMPLES)(with_messages(reproduce))
-app.command("tables", epilog=TABLES_EXAMPLES)(with_messages(tables))
-app.command("figures", epilog=PAGES_EXAMPLES)(with_messages(figures))
-app.command("values", epilog=PAGES_EXAMPLES)(with_messages(values))
+app.command("reproduce", epilog=epilog(REPRODUCE_EXAMPLES))(with_messages(reproduce))
+app.command("tables", epilog=epilog(TABLES_EXAMPLES))(with_messages(tables))
+app.command("figures", epilog=epilog(PAGES_EXAMPLES))(with_messages(figures))
+app.command("values", epilog=epilog(PAGES_EXAMPLES))(with_messages(values))

@@ -11,10 +11,7 @@ from glsim.cli.common import print_written
 from glsim.core.errors import DatasetError
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim preview data
-
 glsim preview data -o pictures --frames 12 --split test
 """
 
@@ -23,17 +20,21 @@ _MEASURED_FRAMES = 200
 
 
 def preview(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a data set.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the two files.")] = Path(),
-    frames: Annotated[
-        int, typer.Option(min=1, max=40, help="Number of frames on the contact sheet.")
-    ] = 6,
-    split: Annotated[str | None, typer.Option(help="train, val or test. Default: all.")] = None,
+    dataset: Path,
+    out: Annotated[Path, typer.Option("-o", "--out")] = Path(),
+    frames: Annotated[int, typer.Option(min=1, max=40)] = 6,
+    split: str | None = None,
 ) -> None:
     """Draw a contact sheet of a data set and summarise its noise.
 
     Writes contact_sheet.png (shaded clean, shaded noisy, difference, invalid mask) and summary.md.
     Of a data set without clean maps, such as a recording, it draws the noisy maps and the infrared.
+
+    Args:
+        dataset: Folder of a data set.
+        out: Folder for the two files.
+        frames: Number of frames on the contact sheet.
+        split: train, val or test. Default: all.
     """
     from glsim.bench.measures.depth_errors import measure_errors, noise_table, recording_table
     from glsim.core.files.atomic import write_atomic

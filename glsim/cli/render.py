@@ -20,35 +20,23 @@ from glsim.cli.common import (
 )
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim render face.obj
-
 glsim render face.obj --set scene.room=office --set scene.camera_mm=1000
-
 glsim render scan.ply -o out --sensor kinect-v2-paper --seed 7
-
 glsim render face.glb --set pose.yaw_deg=30 --set tof_floor.sigma_mm=2 --set scene.wall_mm=1300
 """
 
 
 def render(
-    face: Annotated[Path, typer.Argument(help="A mesh file: OBJ, PLY, STL, GLB or OFF.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the images.")] = Path(),
+    face: Path,
+    out: Annotated[Path, typer.Option("-o", "--out")] = Path(),
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
-    crop: Annotated[int | None, typer.Option(help="Side of the centre crop, pixels.")] = None,
-    depth_unit_mm: Annotated[
-        float | None, typer.Option(help="Step of the depth files, mm.")
-    ] = None,
-    unit: Annotated[
-        str, typer.Option(help="Unit of the mesh file: mm, cm, dm, m or inch; overrides detection.")
-    ] = "auto",
-    axes: Annotated[
-        str,
-        typer.Option(help="File axes that become x, y, z, such as +x+y+z; overrides detection."),
-    ] = "auto",
+    crop: int | None = None,
+    depth_unit_mm: float | None = None,
+    unit: str = "auto",
+    axes: str = "auto",
     preset: PresetOption = None,
     config: ConfigOption = None,
     backend: BackendOption = None,
@@ -56,6 +44,14 @@ def render(
     """Render one mesh to a clean and a noisy depth map (16-bit PNG, millimetres).
 
     Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png.
+
+    Args:
+        face: A mesh file: OBJ, PLY, STL, GLB or OFF.
+        out: Folder for the images.
+        crop: Side of the centre crop, pixels.
+        depth_unit_mm: Step of the depth files, mm.
+        unit: Unit of the mesh file: mm, cm, dm, m or inch; overrides detection.
+        axes: File axes that become x, y, z, such as +x+y+z; overrides detection.
     """
     from glsim.core.files.png import write_picture
     from glsim.data.layer_images import write_frame

@@ -17,33 +17,26 @@ if TYPE_CHECKING:
     from glsim.sensors.sensor import Sensor
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim sensors
-
 glsim sensors kinect-v2
-
 glsim sensors --json
-
 glsim sensors kinect-v2 -o my_sensor.toml
-
 glsim render face.obj --sensor my_sensor.toml
 """
 
 
 def sensors(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Print the file of this sensor, or copy it with -o."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="New .toml file for the copy.")
-    ] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """List the sensors, shipped and of installed packages, with their noise stages.
 
     Stages in brackets are switched off.
+
+    Args:
+        name: Print the file of this sensor, or copy it with -o.
+        out: New .toml file for the copy.
     """
     from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names
 

@@ -13,26 +13,22 @@ if TYPE_CHECKING:
     from glsim.noise.stage import StageSpec
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim stages
-
 glsim stages axial
-
 glsim stages my_noise.glsl
-
 glsim stages tof_light --json
 """
 
 
 def stages(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="The name of a stage, a .glsl file, or file.py:function."),
-    ] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the noise stages, or the parameters of one stage, as declared in its source file."""
+    """List the noise stages, or the parameters of one stage, as declared in its source file.
+
+    Args:
+        name: The name of a stage, a .glsl file, or file.py:function.
+    """
     from glsim.noise.registry import describe_stage, find_stage, stage_names
 
     if as_json:

@@ -25,24 +25,14 @@ if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim train face --data data -o runs/face --minutes 30
-
 glsim train face --data data -o runs/face --minutes 60 --resume      trains for 30 more
-
 glsim train face-video --data videos --from runs/face/best.pt
-
 glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
-
 glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
-
 glsim train paper-d7-small --data data --protocol paper     as the paper: nearest point at 1 mm
-
 glsim train face --simulate --minutes 30
-
 glsim train --list
-
 Ctrl-C stops after the current step and saves the training; --resume continues it.
 """
 
@@ -58,77 +48,42 @@ _METRICS = {
 
 
 def train(
-    recipe: Annotated[
-        str | None,
-        typer.Argument(metavar="RECIPE", help="A shipped recipe, or a .toml file."),
-    ] = None,
-    data: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--data",
-            metavar="DIR",
-            help="A data set of glsim generate: a folder, or a URL such as s3://bucket/faces. "
-            "Repeatable; data sets are joined.",
-        ),
-    ] = None,
-    simulate: Annotated[
-        bool,
-        typer.Option(
-            "--simulate", help="Render pairs during training instead of reading a data set."
-        ),
-    ] = False,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
-    minutes: Annotated[
-        float | None,
-        typer.Option(help="Training time, minutes, including earlier runs that are resumed."),
-    ] = None,
-    steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
+    recipe: Annotated[str | None, typer.Argument(metavar="RECIPE")] = None,
+    data: Annotated[list[Path] | None, typer.Option("--data", metavar="DIR")] = None,
+    simulate: Annotated[bool, typer.Option("--simulate")] = False,
+    ray: Annotated[str | None, typer.Option(metavar="ADDRESS", rich_help_panel=MORE)] = None,
+    minutes: float | None = None,
+    steps: int | None = None,
     start: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            metavar="BEST.PT",
-            help="Start from the weights of a checkpoint, an ONNX file or a shipped network "
-            "(face); weights of further inputs start at 0.",
-            rich_help_panel=MORE,
-        ),
+        Path | None, typer.Option("--from", metavar="BEST.PT", rich_help_panel=MORE)
     ] = None,
-    assignment: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="Override the recipe, such as optimiser.lr=1e-3 or training.max_epochs=20. "
-            "Repeatable.",
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the training in the folder, if there is one.")
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder of the run. Default: runs/RECIPE.")
-    ] = None,
-    protocol: Annotated[
-        str | None,
-        typer.Option(
-            help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
-            "each frame at 1 mm). Default: as the data sets are stored.",
-            rich_help_panel=MORE,
-        ),
-    ] = None,
+    assignment: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE")] = None,
+    resume: Annotated[bool, typer.Option("--resume")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out")] = None,
+    protocol: Annotated[str | None, typer.Option(rich_help_panel=MORE)] = None,
     seed: SeedOption = None,
-    list_recipes: Annotated[
-        bool, typer.Option("--list", help="Print the shipped recipes and exit.")
-    ] = False,
+    list_recipes: Annotated[bool, typer.Option("--list")] = False,
 ) -> None:
-    """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images."""
+    """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images.
+
+    Args:
+        recipe: A shipped recipe, or a .toml file.
+        data: A data set of glsim generate: a folder, or a URL such as s3://bucket/faces.
+            Repeatable; data sets are joined.
+        simulate: Render pairs during training instead of reading a data set.
+        ray: With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.
+        minutes: Training time, minutes, including earlier runs that are resumed.
+        steps: Number of steps.
+        start: Start from the weights of a checkpoint, an ONNX file or a shipped network (face);
+            weights of further inputs start at 0.
+        assignment: Override the recipe, such as optimiser.lr=1e-3 or training.max_epochs=20.
+            Repeatable.
+        resume: Continue the training in the folder, if there is one.
+        out: Folder of the run. Default: runs/RECIPE.
+        protocol: Where depth is counted from: depth (as measured) or paper (the nearest point of
+            each frame at 1 mm). Default: as the data sets are stored.
+        list_recipes: Print the shipped recipes and exit.
+    """
     from glsim.core.depth_protocol import check_protocol
     from glsim.train.recipe import load_recipe
 

@@ -13,59 +13,24 @@ from glsim.cli.progress import study_displays
 from glsim.core.errors import ConfigError
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim transfer -o transfer                           the filters, tuned under each sensor
-
 glsim transfer -o transfer -d face                   the shipped network beside them
-
 glsim transfer -o transfer --leave sensor:led3d      train without this sensor, score under it
-
 glsim transfer -o transfer --train-on any --ict-root FaceXModel     one training, on random sensors
-
 glsim transfer -o mine --study my_study.toml -d run/best.pt
-
 Repeat the same command to resume an interrupted one.
 """
 
 
 def transfer(
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for all data and results.")],
+    out: Annotated[Path, typer.Option("-o", "--out")],
     network: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--network",
-            "-d",
-            metavar="[LABEL@]FILE",
-            help="Score this network (best.pt, .onnx, or face) in every cell. Repeatable.",
-        ),
+        list[str] | None, typer.Option("--network", "-d", metavar="[LABEL@]FILE")
     ] = None,
-    leave: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Train a network without sensor:NAME or source:NAME (of faces) and score it "
-            "there; all: one without each. Repeatable.",
-        ),
-    ] = None,
-    train_on: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="SENSOR",
-            help="Train one network on this sensor alone, such as any, and score it under all "
-            "others. Repeatable.",
-        ),
-    ] = None,
-    study: Annotated[
-        str,
-        typer.Option(
-            help="full (ten sensors), small (some minutes, to try the command), or your own .toml "
-            "file like those of eval/studies/transfers/.",
-        ),
-    ] = "full",
-    ict_root: Annotated[
-        Path | None,
-        typer.Option(help="ICT-FaceKit's FaceXModel. Without it: no such faces."),
-    ] = None,
+    leave: list[str] | None = None,
+    train_on: Annotated[list[str] | None, typer.Option(metavar="SENSOR")] = None,
+    study: str = "full",
+    ict_root: Path | None = None,
     workers: WorkersOption = "auto",
 ) -> None:
     """Score filters and networks under many sensors; train networks without one of them.
@@ -73,6 +38,17 @@ def transfer(
     Writes transfer.md and transfer.csv: interior error, normals, flips and flying pixels of the
     noisy input, the best tuned filter and the network, for each sensor, source of faces and scene.
     Test people are never in training.
+
+    Args:
+        out: Folder for all data and results.
+        network: Score this network (best.pt, .onnx, or face) in every cell. Repeatable.
+        leave: Train a network without sensor:NAME or source:NAME (of faces) and score it there;
+            all: one without each. Repeatable.
+        train_on: Train one network on this sensor alone, such as any, and score it under all
+            others. Repeatable.
+        study: full (ten sensors), small (some minutes, to try the command), or your own .toml file
+            like those of eval/studies/transfers/.
+        ict_root: ICT-FaceKit's FaceXModel. Without it: no such faces.
     """
     from glsim.data.worker_processes import worker_count
     from glsim.eval.studies.runner import Runner

@@ -20,65 +20,41 @@ from glsim.cli.common import (
 )
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim tune
-
 glsim tune kinect-v1 --face face.obj
-
 glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
 """
 
 
 def tune(
-    sensor: Annotated[
-        str | None,
-        typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file."),
-    ] = None,
-    face: Annotated[
-        Path | None, typer.Option("--face", help="A mesh file: OBJ, PLY, STL, GLB or OFF.")
-    ] = None,
-    source: Annotated[
-        str | None, typer.Option(help="Source of faces, as for glsim generate.")
-    ] = None,
-    root: Annotated[
-        Path | None, typer.Option(help="Folder of the meshes or of the face model.")
-    ] = None,
-    real: Annotated[
-        Path | None,
-        typer.Option("--real", help="A recording, whose figures stand beside the frame's."),
-    ] = None,
+    sensor: Annotated[str | None, typer.Argument()] = None,
+    face: Annotated[Path | None, typer.Option("--face")] = None,
+    source: str | None = None,
+    root: Path | None = None,
+    real: Annotated[Path | None, typer.Option("--real")] = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
     preset: PresetOption = None,
     config: ConfigOption = None,
-    host: Annotated[
-        str,
-        typer.Option(
-            help="Address to listen on; others than loopback are reachable.", rich_help_panel=MORE
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            max=65535,
-            help="Port; a free one is taken if it is in use.",
-            rich_help_panel=MORE,
-        ),
-    ] = 8137,
-    no_browser: Annotated[
-        bool,
-        typer.Option(
-            "--no-browser", help="Print the address and open no browser.", rich_help_panel=MORE
-        ),
-    ] = False,
+    host: Annotated[str, typer.Option(rich_help_panel=MORE)] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, rich_help_panel=MORE)] = 8137,
+    no_browser: Annotated[bool, typer.Option("--no-browser", rich_help_panel=MORE)] = False,
 ) -> None:
     """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
 
     Needs the extra tune. Only browsers that were opened with the printed address see the page,
     which listens on this machine alone unless --host is given. A page that is opened again has its
     last settings.
+
+    Args:
+        sensor: A shipped sensor (glsim sensors) or a .toml file.
+        face: A mesh file: OBJ, PLY, STL, GLB or OFF.
+        source: Source of faces, as for glsim generate.
+        root: Folder of the meshes or of the face model.
+        real: A recording, whose figures stand beside the frame's.
+        host: Address to listen on; others than loopback are reachable.
+        port: Port; a free one is taken if it is in use.
+        no_browser: Print the address and open no browser.
     """
     from glsim.core.errors import ConfigError, require_package
 

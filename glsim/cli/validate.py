@@ -25,12 +25,8 @@ if TYPE_CHECKING:
     from glsim.bench.validate.report import ValidationReport
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim validate kinect-v2
-
 glsim validate my_sensor.toml --json checks.json
-
 glsim validate kinect-v1 --frames 200 --seed 3
 """
 

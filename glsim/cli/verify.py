@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,10 +13,7 @@ from glsim.cli.common import JsonOption, make_console, print_json, print_message
 from glsim.core.errors import DatasetError, GlsimError, printable
 
 EXAMPLES = """
-[bold]Examples[/bold]
-
 glsim verify data
-
 glsim verify data --deep --repair
 """
 
@@ -32,19 +28,19 @@ _IMPORT_OPTIONS = {
 
 
 def verify(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a data set.")],
-    deep: Annotated[
-        bool,
-        typer.Option("--deep", help="Also read every image: CRC32, size, and members of shards."),
-    ] = False,
-    repair: Annotated[
-        bool, typer.Option("--repair", help="Print the command that makes the damaged files again.")
-    ] = False,
+    dataset: Path,
+    deep: Annotated[bool, typer.Option("--deep")] = False,
+    repair: Annotated[bool, typer.Option("--repair")] = False,
     as_json: JsonOption = False,
 ) -> int:
     """Check a data set: header, counts, checksums, splits, files without a record.
 
     Prints one line a problem. The exit status is 1 if there is any. Nothing is changed.
+
+    Args:
+        dataset: Folder of a data set.
+        deep: Also read every image: CRC32, size, and members of shards.
+        repair: Print the command that makes the damaged files again.
     """
     from glsim.data.reader import open_dataset
     from glsim.data.verification import verify as find_problems
@@ -94,7 +90,7 @@ def _command(dataset: Path, header: Mapping[str, Any]) -> str:
     Raises GlsimError if the settings are not those of this version.
     """
     from glsim.settings.schema import Settings
-    from glsim.settings.tables import parse_table
+    from glsim.settings.tables import parse_table, toml_value
 
     settings = parse_table(Settings, header.get("settings", {}), str(dataset))
     tree = settings.model_dump(mode="json", exclude_none=True)
@@ -117,15 +113,5 @@ def _command(dataset: Path, header: Mapping[str, Any]) -> str:
         return shlex.join(words) + more
     for name, value in tree.items():
         if value != default.get(name):
-            words += ["--set", f"{name}={_toml(value)}"]
+            words += ["--set", f"{name}={toml_value(value)}"]
     return shlex.join(words)
-
-
-def _toml(value: Any) -> str:
-    """Write a JSON value in one line of TOML."""
-    if isinstance(value, dict):
-        pairs = (f"{json.dumps(key)} = {_toml(entry)}" for key, entry in value.items())
-        return "{" + ", ".join(pairs) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value)

@@ -72,10 +72,13 @@ def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
     return list(found.values())
 
 
+_all_entry_points = cache(entry_points)  # reads the files of all installed packages
+
+
 @cache
 def _entry_points(group: str) -> Mapping[str, EntryPoint]:
     found: dict[str, EntryPoint] = {}
-    for entry in entry_points(group=f"glsim.{group}"):
+    for entry in _all_entry_points().select(group=f"glsim.{group}"):
         if (other := found.setdefault(entry.name, entry)) is not entry:
             raise ConfigError(
                 f"{_place(entry)}: {_package(other)} brings one of this name too: uninstall one of "

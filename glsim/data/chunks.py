@@ -1,15 +1,16 @@
-"""Chunks: how the planned frames of a data set are cut into units of work."""
+"""Chunks: how the planned frames of a data set are cut into units of work, and shares of these."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.record_schema import is_file_name
 from glsim.settings.schema import SPLIT_NAMES
 from glsim.simulation.plan.tasks import Plan, Task, people_of
@@ -38,6 +39,40 @@ class Chunk:
     def shard(self) -> str:
         """The name of the shard that holds these frames in the format "webdataset"."""
         return f"{self.split}-{self.order:06d}.tar"
+
+
+@dataclass(frozen=True)
+class Part:
+    """The chunks whose number modulo ``of`` is ``number`` modulo ``of``.
+
+    Both 0 to of - 1 and 1 to of name all parts: of/of and 0/of are the same.
+    """
+
+    number: int
+    of: int
+
+    def chunks(self, count: int) -> range:
+        """Return the numbers of this part's chunks among ``count``."""
+        return range(self.number % self.of, count, self.of)
+
+    @property
+    def name(self) -> str:
+        """The name of its files: the same for every spelling of the part."""
+        return f"{self.number % self.of}-of-{self.of}"
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+
+def parse_part(text: str) -> Part:
+    """Parse "3/16". Raises ConfigError."""
+    match = re.fullmatch(r"(\d{1,9})/([1-9]\d{0,8})", text, re.ASCII)
+    if match is None:
+        raise ConfigError(f"--part {text}: give the number of the part and of all, such as 3/16")
+    number, of = int(match[1]), int(match[2])
+    if number > of:
+        raise ConfigError(f"--part {text}: parts are numbered 0 to {of - 1}, or from 1")
+    return Part(number, of)
 
 
 class ChunkPlan:

@@ -1,7 +1,7 @@
 """The steps of a run: which chunks are missing, render them, merge their records.
 
-``run_all`` takes all steps under the lock of the data set. Parts (``glsim.data.part_run``) take
-the first two, each under a lock of its own, and whoever finds all records merges.
+``run_all`` takes all steps under the lock of the data set. Parts (``run_part``) take the first two,
+each under a lock of its own, and whoever finds all records merges.
 """
 
 from __future__ import annotations
@@ -18,23 +18,12 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import parse_json
 from glsim.core.files.store import Store
 from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
-from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan
+from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan, Part
 from glsim.data.disk_format import HEADER, SKIPPED
 from glsim.data.identity import InputHashes, make_identity
-from glsim.data.merge import (
-    bounded_lines,
-    merge,
-    merged_files_are_intact,
-    read_merged_chunks,
-    unmerge,
-)
-from glsim.data.parts import Part
-from glsim.data.progress import GenerateSummary, Progress, RunCounts
-from glsim.data.record_schema import (
-    MAX_HEADER_BYTES,
-    MAX_LINE_BYTES,
-    parse_header,
-)
+from glsim.data.merge import bounded_lines, merge, merged_files_are_intact
+from glsim.data.progress import GenerateSummary, PartSummary, Progress, RunCounts
+from glsim.data.record_schema import MAX_HEADER_BYTES, MAX_LINE_BYTES, parse_header
 from glsim.data.records import ChunkRecord, ChunkSummary
 from glsim.data.run_state import RunState
 from glsim.data.worker_processes import run_tasks
@@ -162,8 +151,7 @@ def _find_missing_chunks(
 
     A complete data set with any damage is turned back into a resumable one.
     """
-    plan, merged = run.plan, state.is_merged
-    recorded = set() if merged else state.recorded_chunks()
+    plan, recorded = run.plan, state.recorded_chunks()
 
     def load(number: int) -> ChunkRecord | None:
         try:
@@ -172,15 +160,14 @@ def _find_missing_chunks(
             log.warning("%s: rendering it again", error)
             return None
 
-    def check(found: tuple[int, ChunkRecord | None]) -> tuple[int, ChunkRecord | None, str | None]:
-        number, record = found
+    def check(number: int) -> tuple[int, ChunkRecord | None, str | None]:
+        record = load(number)
         if record is None:
-            return number, None, "its record is damaged" if merged else None
+            return number, None, None
         return number, record, state.chunk_problem(record, number, plan.frames_in(number))
 
-    records = read_merged_chunks(state, len(plan)) if merged else state.store.map(load, numbers)
     missing: list[int] = []
-    for number, record, problem in state.store.map(check, zip(numbers, records, strict=True)):
+    for number, record, problem in state.store.map(check, numbers):
         if record is not None and problem is None:
             counts.complete(record.summary, reused=True)
             continue
@@ -188,20 +175,36 @@ def _find_missing_chunks(
         if problem is not None:
             first = plan[number].tasks[0].stem
             log.warning("%s: rendering %s and the next frames again", problem, first)
-    if merged:
-        if missing or not merged_files_are_intact(state, len(plan)):
-            unmerge(state, len(plan), set(missing))
-        else:  # left over if the last run was killed at its very end
-            state.discard_chunks(state.recorded_chunks())
+    if state.is_merged and (missing or not merged_files_are_intact(state)):
+        state.withdraw()
     return missing
 
 
-def absent_chunks(state: RunState, plan: ChunkPlan) -> list[int]:
-    """Return the numbers of all chunks that have no record, of any part; [] if all are merged."""
-    recorded = state.recorded_chunks()
-    if state.is_merged:  # asked last: another part may merge, which removes the records
-        return []
-    return [number for number in range(len(plan)) if number not in recorded]
+def run_part(
+    run: DatasetRun, part: Part, render: ChunkRenderer, progress: Progress | None
+) -> PartSummary:
+    """Make the chunks of a part with ``render``, and merge if no chunk is missing then."""
+    counts = run.counts(part, progress)
+    with run.state.locked(run.identity, part=part) as state:
+        make_missing_chunks(run, state, part, render, counts)
+    counts.report(last=True)
+    # The part that completes the last chunk sees all records here, after its lock is free: two
+    # parts that end together both come to this line, and the second finds the work done.
+    absent = len(run.plan) - len(run.state.recorded_chunks())
+    whole = None
+    if not absent:
+        with run.state.locked(run.identity, wait=True) as state:
+            whole = finish(state, run.plan, run.identity, run.counts())
+    return PartSummary(
+        part=part,
+        frames=counts.frames,
+        skipped=counts.skipped,
+        rendered=counts.rendered,
+        reused=counts.reused,
+        seconds=counts.seconds,
+        absent_chunks=absent,
+        dataset=whole,
+    )
 
 
 def finish(

@@ -6,7 +6,7 @@
     train|val|test/<subject>/<sequence>_<frame>_<layer>.png     format "png"
     train|val|test/metadata.jsonl    the records as rows for Hugging Face's image-folder loader
     train-000000.tar ...             format "webdataset": <index>.<layer>.png, <index>.json
-    README.md, croissant.json        cards for publication, written on request
+    README.md                        card for publication, written on request
     .glsim/                          lock, plan, chunk records, temporary files; no data
 
 <index> is the frame's position in the plan, eight digits.
@@ -23,7 +23,6 @@ MANIFEST = "manifest.jsonl"
 SKIPPED = "skipped.jsonl"
 METADATA = "metadata.jsonl"
 README = "README.md"
-CROISSANT = "croissant.json"
 STATE = ".glsim"
-#: In STATE: the first lines of all chunk records, and in its last line the header's checksum.
-MERGED_INDEX = "chunks.jsonl"
+#: The header's size and CRC32, written last.
+COMPLETE = f"{STATE}/complete.json"

@@ -12,10 +12,9 @@ from typing import Any
 
 from glsim.core.files.cloud import open_store
 from glsim.data.chunk_writer import FrameMaker
-from glsim.data.dataset_run import ChunkRenderer, DatasetRun, in_processes, run_all
+from glsim.data.chunks import Part
+from glsim.data.dataset_run import ChunkRenderer, DatasetRun, in_processes, run_all, run_part
 from glsim.data.identity import InputHashes
-from glsim.data.part_run import run_part
-from glsim.data.parts import Part
 from glsim.data.progress import GenerateSummary, PartSummary, Progress
 from glsim.data.worker_processes import Workers, available_workers, portable_environment
 from glsim.settings.schema import Settings

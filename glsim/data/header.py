@@ -16,7 +16,7 @@ from glsim.core.files.cloud import cloud_url, open_store
 from glsim.core.files.contents import text_hash
 from glsim.core.files.regular import open_regular
 from glsim.core.files.store import Store
-from glsim.data.disk_format import FORMAT, FORMAT_VERSION, HEADER, MANIFEST, MERGED_INDEX, STATE
+from glsim.data.disk_format import COMPLETE, FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
 from glsim.data.record_schema import (
     MAX_HEADER_BYTES,
     MAX_LINE_BYTES,
@@ -24,10 +24,6 @@ from glsim.data.record_schema import (
     parse_frame,
     parse_header,
 )
-
-_INDEX = f"{STATE}/{MERGED_INDEX}"
-#: Bytes from the end of the index of chunks that surely hold its last line, the header's checksum.
-_LAST_LINE_BYTES = 4096
 
 _BLOCK_BYTES = 1 << 24
 #: Fewest bytes of a line on average: the keys that each record has take 200. Below it, the places
@@ -175,12 +171,9 @@ def header_problem(store: Store, found: Mapping[str, int]) -> str | None:
     A data set without the folder .glsim, such as a copy, has no checksum of its header.
     """
     try:
-        size = store.size(_INDEX) or 0
-        start = max(0, size - _LAST_LINE_BYTES)
-        tail = store.read_range(_INDEX, start, size - start)
-        recorded = parse_checksum(tail.splitlines()[-1] if tail else b"", _INDEX)
+        recorded = parse_checksum(store.read(COMPLETE, MAX_LINE_BYTES) or b"", COMPLETE)
     except DatasetError:
-        return None  # no index, or one that a run writes again
+        return None  # no checksum, or one that a run writes again
     if found == {"size": recorded["size"], "crc32": recorded["crc32"]}:
         return None
     return f"was changed after it was written (its checksum is in {STATE})"

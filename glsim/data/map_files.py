@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.exr import decode_exr, encode_exr, require_exr
-from glsim.core.files.npy import map_npy
+from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import (
     MAX_IMAGE_BYTES,
     MAX_MAP_PX,
@@ -26,7 +26,6 @@ from glsim.core.files.png import (
     stated_unit_mm,
 )
 from glsim.core.files.regular import read_regular
-from glsim.data.export.formats.arrays import encode_npy
 from glsim.simulation.frame import encode_depth, refuse_millimetres, to_mm
 
 #: Suffixes of the files that are read and written.

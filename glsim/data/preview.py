@@ -106,22 +106,16 @@ class PreviewFrame:
     def of_depth_frame(cls, frame: DepthFrame) -> PreviewFrame:
         """Take a frame of a data set; without a reason layer, infer reasons from the depths."""
         noisy_m = frame.noisy_mm / np.float32(1000)
-        if "clean_mm" not in frame:
-            codes = np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8)
-            infrared = None
-            if "infrared" in frame:
-                infrared = np.asarray(frame.infrared, np.uint16)
-            clean_m = np.zeros_like(noisy_m)
-            return cls(
-                clean_m, noisy_m, codes, frame.intrinsics, frame.name, False, False, infrared
-            )
-        clean_m = frame.clean_mm / np.float32(1000)
-        has_reasons = "reason" in frame
+        has_clean, has_reasons = "clean_mm" in frame, "reason" in frame
+        clean_m = frame.clean_mm / np.float32(1000) if has_clean else np.zeros_like(noisy_m)
         if has_reasons:
             codes = np.asarray(frame.reason, dtype=np.uint8)
         else:
             codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
-        return cls(clean_m, noisy_m, codes, frame.intrinsics, frame.name, has_reasons=has_reasons)
+        infrared = np.asarray(frame.infrared, np.uint16) if "infrared" in frame else None
+        return cls(
+            clean_m, noisy_m, codes, frame.intrinsics, frame.name, has_clean, has_reasons, infrared
+        )
 
 
 def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
@@ -132,19 +126,14 @@ def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
     Args:
         side: width and height of a cell, pixels.
     """
-    if not frame.has_clean:
-        light = brightness(frame.infrared, frame.noisy_m.shape)
-        row = np.hstack([_fit(c, side) for c in (shaded(frame.noisy_m, frame.intrinsics), light)])
-        _write(row, frame.caption, (10, 16), 0.4)
-        return row
-    cells = [
-        shaded(frame.clean_m, frame.intrinsics),
-        shaded(frame.noisy_m, frame.intrinsics),
-        difference(frame.clean_m, frame.noisy_m),
-        reasons(frame.reason),
-    ]
-    crop = _surface_slices(frame.clean_m)
-    row = np.hstack([_fit(cell[crop], side) for cell in cells])
+    noisy = shaded(frame.noisy_m, frame.intrinsics)
+    if frame.has_clean:
+        clean = shaded(frame.clean_m, frame.intrinsics)
+        cells = [clean, noisy, difference(frame.clean_m, frame.noisy_m), reasons(frame.reason)]
+        cells = [cell[_surface_slices(frame.clean_m)] for cell in cells]
+    else:
+        cells = [noisy, brightness(frame.infrared, frame.noisy_m.shape)]
+    row = np.hstack([_fit(cell, side) for cell in cells])
     _write(row, frame.caption, (10, 16), 0.4)
     return row
 
@@ -170,34 +159,31 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
     More than four frames stand in up to three columns, with smaller cells. All frames have a clean
     map, or none has.
     """
-    recorded = not frames[0].has_clean
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
     side = side if columns == 1 else min(side, _NARROW_PX)
-    block = (2 if recorded else 4) * side
-    width = columns * block
+    headings = ("noisy, shaded", "infrared")
+    if frames[0].has_clean:
+        headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
+    width = columns * len(headings) * side
     head = np.full((66, width, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.62)
-    headings: tuple[str, ...] = (
-        "clean, shaded",
-        "noisy, shaded",
-        "noisy - clean",
-        "invalid or altered",
-    )
-    if recorded:
-        headings = ("noisy, shaded", "infrared")
     for column, text in enumerate(headings * columns):
         _write(head, text, (column * side + 10, 56), 0.5 if columns == 1 else 0.45)
-    cells = [frame_row(frame, side) for frame in frames]
-    cells += [np.full((side, block, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
-    height = len(cells) // columns  # down, then to the right, as the frames follow each other
-    rows = [np.hstack(cells[row::height]) for row in range(height)]
-    if recorded:
-        return np.vstack([head, *rows])
+    rows = _grid([frame_row(frame, side) for frame in frames], columns, down=True)
+    if not frames[0].has_clean:
+        return np.vstack([head, rows])
     used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
     known = all(frame.has_reasons for frame in frames)
-    return np.vstack(
-        [head, *rows, _legend(width, [(code, legend_text(code, known)) for code in used])]
-    )
+    legend = _legend(width, [(code, legend_text(code, known)) for code in used])
+    return np.vstack([head, rows, legend])
+
+
+def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
+    """Put cells of one size into columns, one below the other or, unless ``down``, side by side."""
+    cells = cells + [np.full_like(cells[0], _BACKGROUND)] * (-len(cells) % columns)
+    height = len(cells) // columns
+    groups = [cells[n::height] if down else cells[n * columns :][:columns] for n in range(height)]
+    return np.vstack([np.hstack(group) for group in groups])
 
 
 def legend_text(code: Reason, known: bool) -> str:
@@ -222,11 +208,9 @@ def gallery(
         cell = _fit(shaded(face.clean_m, face.intrinsics)[crop], side)
         _write(cell, face.caption, (8, 16), 0.4)
         cells.append(cell)
-    cells += [np.full((side, side, 3), _BACKGROUND, np.uint8)] * (-len(cells) % columns)
-    rows = [np.hstack(cells[n : n + columns]) for n in range(0, len(cells), columns)]
     head = np.full((40, columns * side, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.5)
-    return np.vstack([head, *rows])
+    return np.vstack([head, _grid(cells, columns, down=False)])
 
 
 def _legend(width: int, used: Sequence[tuple[Reason, str]]) -> Picture:
@@ -266,10 +250,5 @@ def _fit(picture: Picture, side: int) -> Picture:
 
 
 def _write(picture: Picture, text: str, at: tuple[int, int], size: float) -> None:
-    """Draw text.
-
-    Args:
-        at: (x, y) of its lower left corner, pixels.
-        size: scale of the font.
-    """
+    """Draw text; ``at``: (x, y) of its lower left corner, pixels."""
     cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _TEXT, 1, cv2.LINE_AA)

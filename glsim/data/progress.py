@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from glsim.data.parts import Part
+from glsim.data.chunks import Part
 from glsim.data.records import ChunkSummary
 
 #: Seconds between two calls of ``progress``.

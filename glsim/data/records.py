@@ -120,29 +120,12 @@ class ChunkRecord:
     frames: list[str]
     skipped: list[str]
 
-    @property
-    def first_line(self) -> str:
-        """The first line of the chunk's file: a CRC32 over all lines, then the summary."""
-        summary = to_json(asdict(self.summary), f"chunk {self.summary.chunk}")
-        crc32 = zlib.crc32("".join([summary, *self.frames, *self.skipped]).encode())
-        return f"{crc32:08x} {summary}\n"
-
     def to_bytes(self) -> bytes:
-        """Return the bytes of the chunk's file."""
-        return "".join([self.first_line, *self.frames, *self.skipped]).encode()
-
-
-def parse_first_line(line: str) -> ChunkSummary:
-    """Parse the first line of a chunk's file without checking the CRC32. Raises DatasetError."""
-    return ChunkSummary(**parse_summary(line[9:], "a chunk record"))
-
-
-def checked_chunk_record(first_line: str, frames: list[str], skipped: list[str]) -> ChunkRecord:
-    """Make a chunk record from its lines. Raises DatasetError if they do not match the CRC32."""
-    record = ChunkRecord(parse_first_line(first_line), frames, skipped)
-    if record.first_line != first_line:
-        raise DatasetError(f"the record of chunk {record.summary.chunk} is damaged")
-    return record
+        """Return the chunk's file: a CRC32 over all lines, the summary, and the lines."""
+        summary = to_json(asdict(self.summary), f"chunk {self.summary.chunk}")
+        lines = "".join([*self.frames, *self.skipped])
+        crc32 = zlib.crc32(f"{summary}{lines}".encode())
+        return f"{crc32:08x} {summary}\n{lines}".encode()
 
 
 def parse_chunk_record(data: bytes) -> ChunkRecord:
@@ -150,8 +133,11 @@ def parse_chunk_record(data: bytes) -> ChunkRecord:
     if len(data) > _MAX_BYTES:
         raise DatasetError(f"a chunk record is damaged: it has more than {_MAX_BYTES} bytes")
     try:
-        first_line, *lines = io.StringIO(data.decode(), newline="\n").readlines()
+        first, *lines = io.StringIO(data.decode(), newline="\n").readlines()
     except ValueError:
         raise DatasetError("a chunk record is damaged") from None
-    count = parse_first_line(first_line).frames
-    return checked_chunk_record(first_line, lines[:count], lines[count:])
+    summary = ChunkSummary(**parse_summary(first[9:], "a chunk record"))
+    record = ChunkRecord(summary, lines[: summary.frames], lines[summary.frames :])
+    if record.to_bytes() != data:  # as by its CRC32
+        raise DatasetError(f"the record of chunk {summary.chunk} is damaged")
+    return record

@@ -9,14 +9,12 @@ from typing import Any
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import parse_json, to_json
 from glsim.core.files.store import Store
-from glsim.data.disk_format import HEADER, MERGED_INDEX, STATE
+from glsim.data.chunks import Part
+from glsim.data.disk_format import COMPLETE, HEADER, STATE
 from glsim.data.identity import refuse_difference
-from glsim.data.parts import Part
 from glsim.data.record_schema import parse_frame
 from glsim.data.records import ChunkRecord, parse_chunk_record
 
-#: The records' first lines, once all records are merged into the manifest.
-INDEX = f"{STATE}/{MERGED_INDEX}"
 PLAN = f"{STATE}/plan.json"
 _CHUNKS = f"{STATE}/chunks"
 #: Largest file of the state, bytes: a record of 512 frames takes a thousandth.
@@ -30,7 +28,7 @@ class RunState:
                         part-<number>-of-<parts>.lock
         plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
         chunks/         one record per complete chunk
-        chunks.jsonl    the records' first lines, once all records are merged into the manifest
+        complete.json   the header's checksum, once all records are merged into the manifest
         temporary/      files being written
 
     Many processes may read it; what ``locked`` returns may write.
@@ -135,7 +133,7 @@ class RunState:
     @property
     def is_merged(self) -> bool:
         """Whether a run has completed the data set."""
-        return self.store.size(INDEX) is not None
+        return self.store.size(COMPLETE) is not None
 
     def chunk_problem(self, record: ChunkRecord, number: int, frames: int) -> str | None:
         """Compare a record with the plan and with the files in the store.
@@ -164,9 +162,9 @@ class RunState:
         return None if same else f"{file['name']} is damaged"
 
     def withdraw(self) -> None:
-        """Mark the data set as incomplete: remove its header, then the index of its chunks."""
+        """Mark the data set as incomplete: remove its header, then the header's checksum."""
         self.store.delete([HEADER])
-        self.store.delete([INDEX])
+        self.store.delete([COMPLETE])
 
     def discard_part_locks(self) -> None:
         """Remove the locks of parts; none is in use while the whole set is locked."""

@@ -59,7 +59,6 @@ class DeviceCalibration:
 
         Raises:
             ConfigError: the size or the crop is not of this device's image.
-
         """
         top, left = self._corner(depth_mm.shape, crop)
         height, width = depth_mm.shape
@@ -87,22 +86,14 @@ class DeviceCalibration:
                     "they lie (in Python: intrinsics=)"
                 )
             return 0, 0
-        if max(abs(crop.fx - own.fx), abs(crop.fy - own.fy)) > 1e-3 * own.fx:
-            raise ConfigError(
-                f"--device {self.file}: the maps have a focal length of {crop.fx:.5g} px, the "
-                f"device {own.fx:.5g}: these are maps of another camera"
-            )
         left, top = own.cx - crop.cx, own.cy - crop.cy
         column, row = round(left), round(top)
-        if max(abs(left - column), abs(top - row)) > _CROP_PX:
-            raise ConfigError(
-                f"--device {self.file}: the principal point of the maps is no whole number of "
-                "pixels from the device's: these are maps of another camera"
-            )
+        other_focal = max(abs(crop.fx - own.fx), abs(crop.fy - own.fy)) > 1e-3 * own.fx
         inside = 0 <= column <= own.width - shape[1] and 0 <= row <= own.height - shape[0]
-        if not inside:
+        if other_focal or max(abs(left - column), abs(top - row)) > _CROP_PX or not inside:
             raise ConfigError(
-                f"--device {self.file}: a map of {size} at column {column}, row {row} is not "
-                f"within the device's image of {whole}"
+                f"--device {self.file}: a map of {size} with a focal length of {crop.fx:.5g} px at "
+                f"column {left:.5g}, row {top:.5g} is no crop of the device's {whole}, "
+                f"{own.fx:.5g} px: these are maps of another camera"
             )
         return row, column

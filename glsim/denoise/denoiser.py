@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import MEANING, DepthProtocol, check_protocol
 from glsim.core.errors import ConfigError, DenoiserError, GlsimError
 from glsim.denoise.around import check_around, head_box
-from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
 from glsim.denoise.interface import (
     MIN_MEASURED_MM,
@@ -24,6 +23,9 @@ from glsim.denoise.interface import (
     Mask,
     Probability,
 )
+
+if TYPE_CHECKING:
+    from glsim.denoise.calibration import DeviceCalibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +108,11 @@ class Denoiser:
         self.protocol: DepthProtocol | None = check_protocol(
             getattr(function, "protocol", None), f"{label}: protocol"
         )
-        self.device = None if device is None else DeviceCalibration(device)
+        self.device: DeviceCalibration | None = None
+        if device is not None:
+            from glsim.denoise.calibration import DeviceCalibration  # with all of the sensors
+
+            self.device = DeviceCalibration(device)
         self.composite = composite
         self._own_code, self._around_head = own_code, around is not None
         self._held: deque[Depth] = deque(maxlen=1 + self.before)

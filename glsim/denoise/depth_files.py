@@ -12,11 +12,9 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import read_json
 from glsim.core.files.png import read_depth_png, stated_unit_mm
 from glsim.data.disk_format import FORMAT, HEADER
-from glsim.data.header import read_header
 from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, format_of, is_map
 from glsim.data.recordings.names import depth_pngs, infrared_beside, left_out
 from glsim.data.recordings.names import infrared_files as named_infrared_files
-from glsim.settings.schema import SPLIT_NAMES
 
 #: Step of denoised maps where a reader can know it, mm: rounding to it adds 0.03 mm, and depth up
 #: to 6.5 m fits 16 bits. Whole millimetres cost a network 4 to 8 % of its error.
@@ -111,7 +109,11 @@ def dataset_root(folder: Path) -> Path | None:
     """Return the data set of a folder <split>/<subject>/, where one writes maps; else None."""
     split = folder.absolute().parent
     header = split.parent / HEADER
-    if split.name not in SPLIT_NAMES or not header.is_file():
+    if not header.is_file():
+        return None
+    from glsim.settings.schema import SPLIT_NAMES  # with all of the settings
+
+    if split.name not in SPLIT_NAMES:
         return None
     try:
         ours = read_json(header).get("format") == FORMAT
@@ -185,7 +187,11 @@ def _fine_mm(files: Sequence[Path], step_mm: float) -> float:
 def _stated_mm(files: Sequence[Path]) -> set[float]:
     """Return the steps that files state; of several, those that state none count as 1 mm."""
     roots = {folder: dataset_root(folder) for folder in {file.parent for file in files}}
-    headers = {root: float(read_header(root)["depth_unit_mm"]) for root in roots.values() if root}
+    headers: dict[Path | None, float] = {}
+    for root in filter(None, roots.values()):
+        from glsim.data.header import read_header
+
+        headers[root] = float(read_header(root)["depth_unit_mm"])
     stated = set()
     for file in files:
         root = roots[file.parent]

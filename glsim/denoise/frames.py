@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,12 +21,12 @@ from glsim.core.depth_protocol import (
 )
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import read_depth_png
-from glsim.data.header import read_header
 from glsim.data.map_files import read_map_mm
-from glsim.data.reader import open_dataset
-from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.depth_files import dataset_root
 from glsim.denoise.interface import MIN_MEASURED_MM, Depth
+
+if TYPE_CHECKING:
+    from glsim.denoise.calibration import DeviceCalibration
 
 #: A frame with its nearest point at 1 mm and a smaller median depth, mm, is in whole metres.
 _METRES_MM = 10.0
@@ -38,7 +39,7 @@ def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth
     """
     values = depth[depth > 0]
     least_mm = MIN_MEASURED_MM if protocol == "depth" else _METRES_MM
-    if values.size and (middle := float(np.median(values))) < least_mm:
+    if values.size and (middle := float(np.percentile(values, 50))) < least_mm:
         other = ", or moved to 1 mm (--protocol paper)" if is_moved(depth) else ""
         raise DatasetError(
             f"{where}: its middle depth is {middle:g} mm: is it in metres instead of millimetres"
@@ -51,7 +52,7 @@ def is_moved(depth: Depth) -> bool:
     values = depth[depth > 0]
     if not values.size:
         return False
-    return float(values.min()) == NEAREST_MM and float(np.median(values)) >= _METRES_MM
+    return float(values.min()) == NEAREST_MM and float(np.percentile(values, 50)) >= _METRES_MM
 
 
 def moved_frames(frames: Frames) -> Frames:
@@ -109,11 +110,12 @@ class MapReader:
         self._infrared = infrared
         self._roots = {folder: dataset_root(folder) for folder in {f.parent for f in files}}
         #: Data set -> depth of the nearest point of its maps, mm; None: as measured.
-        self._nearest_mm = {
-            root: read_header(root)["settings"]["output"].get("nearest_to_mm")
-            for root in {*self._roots.values()}
-            if root is not None
-        }
+        self._nearest_mm: dict[Path, float | None] = {}
+        for root in filter(None, {*self._roots.values()}):
+            from glsim.data.header import read_header  # with all of the settings
+
+            output = read_header(root)["settings"]["output"]
+            self._nearest_mm[root] = output.get("nearest_to_mm")
         moved = any(nearest is not None for nearest in self._nearest_mm.values())
         self._pairs = self._dataset_pairs() if device is not None or moved else {}
 
@@ -160,6 +162,8 @@ class MapReader:
 
     def _dataset_pairs(self) -> dict[Path, DepthFrame]:
         """Return the frames of those maps that belong to data sets, by absolute path."""
+        from glsim.data.reader import open_dataset
+
         wanted = {file.absolute() for file in self._files}
         return {
             path: pair

@@ -47,7 +47,7 @@ _OPERATOR_NAMES: Final = """
     ScatterElements ScatterND Shape Sigmoid Sign Sin Sinh Size Slice Softmax Softplus SpaceToDepth
     Split Sqrt Squeeze Sub Sum Tan Tanh TopK Transpose Unsqueeze Where Xor
 """
-_OPERATORS: Final = frozenset(_OPERATOR_NAMES.split())
+_OPERATORS: Final = frozenset(_OPERATOR_NAMES.encode().split())
 #: Prefix of the keys of a record, before the names of its fields; what is default has no entry.
 _PREFIX: Final = "glsim."
 
@@ -56,6 +56,8 @@ _GRAPH, _METADATA = 7, 14
 _NODE, _INITIALIZER, _INPUT = 1, 5, 11
 _OPERATOR, _ATTRIBUTE, _DOMAIN = 4, 5, 7
 _TENSOR, _EXTERNAL = 5, 13
+#: Wire type -> bytes of a number of fixed length.
+_LENGTHS: Final = {1: 8, 5: 4}
 #: ValueInfoProto.name and .type, and the way from a type to the sides of its shape.
 _NAME, _TYPE, _TO_SIDES, _SIDE = 1, 2, (1, 2, 1), 1
 
@@ -228,12 +230,18 @@ def record_entries(record: NetworkRecord) -> dict[str, str]:
 
 
 def _check_node(node: memoryview) -> None:
-    name, domain = _text(node, _OPERATOR), _text(node, _DOMAIN)
-    if domain or name not in _OPERATORS:
-        raise ValueError(f"uses the operator {f'{domain} {name}'.strip()!a:.60}")
-    for attribute in _messages(node, _ATTRIBUTE):
-        for tensor in _messages(attribute, _TENSOR):
-            _check_tensor(tensor)
+    name = domain = b""
+    for number, content in _fields(node):
+        if number == _OPERATOR:
+            name = bytes(content)
+        elif number == _DOMAIN:
+            domain = bytes(content)
+        elif number == _ATTRIBUTE:
+            for tensor in _messages(content, _TENSOR):
+                _check_tensor(tensor)
+    operator = b"%b %b" % (domain, name) if domain else name
+    if operator not in _OPERATORS:
+        raise ValueError(f"uses the operator {operator.decode(errors='replace')!a:.60}")
 
 
 def _check_tensor(tensor: memoryview) -> None:
@@ -262,19 +270,16 @@ def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
 
     Raises ValueError for what is no message, IndexError for one that is cut short.
     """
-    at = 0
-    while at < len(message):
+    at, end = 0, len(message)
+    while at < end:
         key, at = _varint(message, at)
-        if key < 8:
-            raise ValueError("is damaged")
-        if key & 7 == 0:
+        kind = key & 7
+        if kind == 0:
             value, at = _varint(message, at)
             yield key >> 3, value
             continue
-        length = {1: 8, 5: 4}.get(key & 7)
-        if key & 7 == 2:
-            length, at = _varint(message, at)
-        if length is None or at + length > len(message):
+        length, at = _varint(message, at) if kind == 2 else (_LENGTHS.get(kind, end), at)
+        if key < 8 or at + length > end:
             raise ValueError("is damaged or cut short")
         yield key >> 3, message[at : at + length]
         at += length
@@ -282,6 +287,8 @@ def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
 
 def _varint(message: memoryview, at: int) -> tuple[int, int]:
     """Return an integer in seven bits a byte, and the place behind it."""
+    if message[at] < 128:
+        return message[at], at + 1
     value = 0
     for shift in range(0, 70, 7):
         value |= (message[at] & 127) << shift

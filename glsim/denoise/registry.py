@@ -8,15 +8,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
-import importlib.resources
 import itertools
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.resources.abc import Traversable
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Final
 
 from glsim.core.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean
@@ -50,8 +47,8 @@ NETWORKS: Final = {
     "face-azure-kinect": "Heads before an Azure Kinect.",
     "face-stereo": "Heads before a RealSense D4xx or TrueDepth.",
 }
-#: Package of the shipped networks, one file each; docs/model_card.md describes them.
-_SHIPPED_PACKAGE: ModuleType | str = shipped
+#: Folder of the shipped networks, one file each; docs/model_card.md describes them.
+_SHIPPED_FOLDER = Path(shipped.__file__).parent
 
 #: The columns of the paper's table 1, in its order.
 PAPER_FILTERS: Final = ("noisy", "adaptive", "median", "nlm", "bilateral")
@@ -163,7 +160,13 @@ def _resolve(text: str, spec: str, label: str) -> tuple[Any, str, bool]:
         return build(_FILTERS[name], _assignments(tail, spec), spec), "", False
     if name in NETWORKS:
         options = build(NetworkOptions, _assignments(tail, spec), spec)
-        return *_from_shipped(name, label, options), False
+        if not is_shipped(name):
+            raise DenoiserError(
+                f"{label}: this installation has no {name}{ONNX_SUFFIX}, the weights of the "
+                "shipped network: install glsim again, or choose a network or filter with -d "
+                "(glsim eval --list)"
+            )
+        return *_from_file(shipped_file(name), label, options), False
     if name in _plugins():
         found = _filter(name)
         given = _assignments(tail, spec)
@@ -200,11 +203,7 @@ def _assignments(text: str, spec: str) -> dict[str, str]:
 def _from_callable(
     module: str, name: str, parameters: dict[str, str], label: str
 ) -> tuple[Any, str]:
-    """Load ``module:name`` with parameters as keyword arguments, as numbers where possible.
-
-    Modules in the current folder are found too. A class is instantiated. Raises DenoiserError if
-    it cannot be imported or made.
-    """
+    """Load ``module:name``, also of the current folder; parameters become keyword arguments."""
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
@@ -228,10 +227,7 @@ def _from_callable(
 
 
 def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, str]:
-    """Load a network from an ONNX file, or from a checkpoint, which needs PyTorch.
-
-    Raises DenoiserError without the file or PyTorch, or for a damaged file.
-    """
+    """Load a network from an ONNX file, or from a checkpoint, which needs PyTorch."""
     if not path.exists():
         raise DenoiserError(
             f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
@@ -257,32 +253,14 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
     return network, f"{_version(path)} {options}"
 
 
-def _from_shipped(name: str, label: str, options: NetworkOptions) -> tuple[Any, str]:
-    """Load a network shipped with glsim. Raises DenoiserError without its file."""
-    if is_shipped(name):
-        with shipped_file(name) as path:
-            return _from_file(path, label, options)
-    raise DenoiserError(
-        f"{label}: this installation has no {name}{ONNX_SUFFIX}, the weights of the shipped "
-        "network: install glsim again, or choose a network or filter with -d (glsim eval --list)"
-    )
-
-
-def shipped_file(name: str) -> AbstractContextManager[Path]:
-    """Return a context whose value is the file of a shipped network's weights."""
-    return importlib.resources.as_file(_shipped_folder() / f"{name}{ONNX_SUFFIX}")
+def shipped_file(name: str) -> Path:
+    """Return the file of a shipped network's weights, which may be missing."""
+    return _SHIPPED_FOLDER / f"{name}{ONNX_SUFFIX}"
 
 
 def is_shipped(name: str) -> bool:
     """Return whether this installation has the weights of a network."""
-    try:
-        return (_shipped_folder() / f"{name}{ONNX_SUFFIX}").is_file()
-    except (ImportError, FileNotFoundError):
-        return False
-
-
-def _shipped_folder() -> Traversable:
-    return importlib.resources.files(_SHIPPED_PACKAGE)
+    return shipped_file(name).is_file()
 
 
 def _version(file: Path) -> str:
@@ -293,8 +271,6 @@ def _version(file: Path) -> str:
 
 def _number(text: str) -> int | float | str:
     for kind in (int, float):
-        try:
+        with suppress(ValueError):
             return kind(text)
-        except ValueError:
-            continue
     return text

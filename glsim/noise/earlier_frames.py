@@ -18,7 +18,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.seeds import stable_seed
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import EARLIER_LAYER, INFRARED
-from glsim.noise.registry import shipped_stages
+from glsim.noise.registry import shipped_stage
 from glsim.noise.rig_checks import MATCHER
 from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
 
@@ -30,7 +30,7 @@ def twin_of(stage: Stage) -> ArrayFunction | None:
     """
     from glsim.noise.numpy_twins import TWINS
 
-    ours = shipped_stages().get(stage.spec.name) is stage.spec
+    ours = shipped_stage(stage.spec.name) is stage.spec
     return TWINS.get(stage.spec.name) if ours else None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -30,21 +30,30 @@ ARRAY_MODULES = (array_stages, realsense_filters, point_filling, stereo_matching
 
 
 @lru_cache(maxsize=1)
-def shipped_stages() -> dict[str, StageSpec]:
-    """Return the stages that come with glsim, by name. Reads text only; needs no GL."""
+def _shipped() -> dict[str, Path | ModuleType]:
+    """Return name -> GLSL file or module of the stages that come with glsim."""
     files = [f for folder in STAGE_FOLDERS for f in sorted((SHADER_ROOT / folder).glob("*.glsl"))]
-    specs = [_shader_spec(file.stem, file) for file in files]
-    specs += [
-        _array_spec(name, getattr(module, name), module.__file__ or "")
-        for module in ARRAY_MODULES
-        for name in module.__all__
-    ]
-    return {spec.name: spec for spec in specs}
+    arrays = {name: module for module in ARRAY_MODULES for name in module.__all__}
+    return {file.stem: file for file in files} | arrays
+
+
+@cache
+def shipped_stage(name: str) -> StageSpec | None:
+    """Return a stage that comes with glsim, else None. Reads text only; needs no GL."""
+    place = _shipped().get(name)
+    if isinstance(place, ModuleType):
+        return _array_spec(name, getattr(place, name), place.__file__ or "")
+    return None if place is None else _shader_spec(name, place)
+
+
+def shipped_stages() -> dict[str, StageSpec]:
+    """Return all stages that come with glsim, by name."""
+    return {name: spec for name in _shipped() if (spec := shipped_stage(name)) is not None}
 
 
 def stage_names() -> list[str]:
     """Return the names of the shipped stages and of those that other packages bring."""
-    return [*shipped_stages(), *plugin_names("stages", shipped_stages())]
+    return [*_shipped(), *plugin_names("stages", _shipped())]
 
 
 def find_stage(use: str, beside: Path | None = None) -> StageSpec:
@@ -57,14 +66,14 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
     Raises:
         ConfigError, ShaderError: there is no such stage, or it is wrong.
     """
-    if use in shipped_stages():
-        return shipped_stages()[use]
+    if (shipped := shipped_stage(use)) is not None:
+        return shipped
     if is_code(use):
         return _python_spec(use, beside)
     if use.endswith(".glsl"):
         file = (beside / use) if beside is not None and not Path(use).is_absolute() else Path(use)
         return _shader_spec(file.stem, file)
-    if use in plugin_names("stages", shipped_stages()):
+    if use in plugin_names("stages", _shipped()):
         return _plugin_spec(use)
     raise ConfigError(
         f"no such stage {use!r} ({did_you_mean(use, stage_names())}; "
@@ -74,7 +83,7 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
 
 def is_code(use: str) -> bool:
     """Return whether a sensor file's ``use`` names a Python function; nothing is read or run."""
-    return use not in shipped_stages() and ":" in use and not use.endswith(".glsl")
+    return use not in _shipped() and ":" in use and not use.endswith(".glsl")
 
 
 def describe_stage(use: str) -> StageSpec:

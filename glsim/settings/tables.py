@@ -5,6 +5,7 @@ Settings (``schema``), sensors, recipes and plans each have a model of their own
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -171,3 +172,14 @@ def _fields_at(model: type[BaseModel], path: list[str]) -> list[str]:
         elif is_dataclass(field.annotation):
             return [entry.name for entry in fields(field.annotation)]
     return list(model.model_fields)
+
+
+def toml_value(value: Any) -> str:
+    """Write a value as TOML: a number, true, a string, an array or an inline table."""
+    if isinstance(value, Mapping):
+        names = (name if name.isidentifier() else json.dumps(name) for name in value)
+        pairs = zip(names, map(toml_value, value.values()), strict=True)
+        return "{ " + ", ".join(map(" = ".join, pairs)) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    return json.dumps(value)

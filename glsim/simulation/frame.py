@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,9 @@ from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError, DepthRangeError, did_you_mean
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.faces.base import FaceKey
+
+if TYPE_CHECKING:
+    from glsim.faces.base import FaceKey
 
 _T = TypeVar("_T", bound=np.generic)
 

@@ -10,8 +10,6 @@ from glsim.cli.tune_page.controls import (
     Control,
     parameter_control,
     pose_controls,
-    rig_controls,
-    rig_value,
     stage_controls,
     wall_control,
 )
@@ -92,17 +90,3 @@ def test_pose_and_wall_are_settings() -> None:
                 with_assignments(settings, {control.name: value})
         assert control.low <= control.least < control.most <= control.high
     assert with_assignments(settings, {"scene.wall_mm": 1800}).scene.wall_mm == constant(1800)
-
-
-def test_a_moved_slider_of_the_rig_moves_one_thing() -> None:
-    sensor = load_sensor("kinect-v2")
-    labels = [control.label for control in rig_controls(sensor)]
-    assert labels == ["focal_px", "emitter1_x_mm", "emitter1_y_mm"]
-    name, value = rig_value(sensor, "emitter1_x_mm", 80.0)
-    moved = load_sensor("kinect-v2", None, {name.removeprefix("rig."): value}).rig
-    assert moved.emitters[0].position_m == (0.08, 0, 0)
-    assert moved.emitters[0].spread_m == sensor.rig.emitters[0].spread_m
-    assert moved.emitters[0].path_from_m == sensor.rig.emitters[0].path_from_m
-    name, value = rig_value(sensor, "focal_px", 300.0)
-    assert name == "rig.focal_px"
-    assert value == [300.0, 300.0]

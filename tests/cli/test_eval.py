@@ -157,15 +157,12 @@ def test_checkpoints_need_the_training_part(
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package with the stand-in of a network that knows its uncertainty."""
+    """A folder with the stand-in of a network that knows its uncertainty."""
     package = tmp_path / "shipped_stand_in"
     write_run(package, 0.2, row=None, sigma_mm=1.234)
-    (package / "__init__.py").write_text("")
     (package / "best.pt").rename(package / "face.onnx")
     monkeypatch.setattr("glsim.denoise.onnx_file.load_onnx", checkpoint_stand_in.load_network)
-    monkeypatch.setattr("glsim.denoise.registry._SHIPPED_PACKAGE", "shipped_stand_in")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "shipped_stand_in", raising=False)
+    monkeypatch.setattr("glsim.denoise.registry._SHIPPED_FOLDER", package)
     return package / "face.onnx"
 
 
@@ -239,7 +236,7 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     write_pairs(tmp_path / "pairs", 4)
     found = importlib.util.find_spec
     monkeypatch.setattr(
-        "glsim.cli.figures.find_spec", lambda name: None if name == "matplotlib" else found(name)
+        "glsim.cli.eval.find_spec", lambda name: None if name == "matplotlib" else found(name)
     )
     command = ["eval", "pairs", "-d", "median", "-o", "s", "--workers", "1"]
     assert main(command) == 0

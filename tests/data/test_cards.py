@@ -1,15 +1,14 @@
-"""README.md and croissant.json of a data set, and the libraries that read them."""
+"""README.md of a data set, and the library that loads its folder."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glsim.core.errors import ConfigError
-from glsim.data.cards import licence_of, write_cards
+from glsim.data.export.hub import licence_of, write_card
 from glsim.data.reader import open_dataset
 from glsim.data.verification import verify
 from tests.support.dataset_fakes import contents, make, make_settings, make_tasks
@@ -39,21 +38,19 @@ def test_the_licence_is_that_of_the_faces(kinds: list[str], licence: str) -> Non
     assert licence_of({"settings": settings}) == "other"
 
 
-def test_cards_name_the_splits_and_change_no_byte_of_the_set(tree: Path) -> None:
+def test_the_card_names_the_splits_and_changes_no_byte_of_the_set(tree: Path) -> None:
     yaml = pytest.importorskip("yaml")
-    pytest.importorskip("mlcroissant")
     before = contents(tree)
-    paths = write_cards(tree)
-    assert [path.name for path in paths] == ["README.md", "croissant.json"]
+    path = write_card(tree)
     assert {name: data for name, data in contents(tree).items() if name in before} == before
     assert verify(tree, deep=True) == []
-    card = yaml.safe_load(paths[0].read_text().split("---\n")[1])
+    card = yaml.safe_load(path.read_text().split("---\n")[1])
     assert card["configs"][0]["data_files"] == [
         {"split": "train", "path": "train/**"},
         {"split": "validation", "path": "val/**"},
         {"split": "test", "path": "test/**"},
     ]
-    assert json.loads(paths[1].read_text())["license"] == card["license"] == "cc0-1.0"
+    assert card["license"] == "cc0-1.0"
 
 
 def test_without_the_libraries_it_says_what_to_install(
@@ -61,20 +58,7 @@ def test_without_the_libraries_it_says_what_to_install(
 ) -> None:
     monkeypatch.setattr("glsim.core.errors.find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"pip install 'glsim\[hub\]'"):
-        write_cards(tree)
-
-
-@pytest.mark.filterwarnings("ignore")  # of the library's own dependencies
-def test_mlcroissant_reads_the_manifest_by_the_card(
-    tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    mlc = pytest.importorskip("mlcroissant", exc_type=ImportError)
-    monkeypatch.chdir(tree)
-    write_cards(tree)
-    described = mlc.Dataset(jsonld=str(tree / "croissant.json"))
-    rows = list(described.records("frames"))
-    records = [pair.record for pair in open_dataset(tree)]
-    assert [row["frames/index"] for row in rows] == [record["index"] for record in records]
+        write_card(tree)
 
 
 @pytest.mark.filterwarnings("ignore")  # of the library's own dependencies

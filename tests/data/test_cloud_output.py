@@ -11,10 +11,8 @@ import pytest
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files import cloud
 from glsim.core.files.cloud import CloudStore, open_store
-from glsim.data.chunks import CHUNK_FRAMES
-from glsim.data.dataset_run import DatasetRun, in_processes
-from glsim.data.part_run import run_part
-from glsim.data.parts import Part
+from glsim.data.chunks import CHUNK_FRAMES, Part
+from glsim.data.dataset_run import DatasetRun, in_processes, run_part
 from glsim.data.reader import open_dataset
 from glsim.data.verification import verify
 from tests.support.dataset_fakes import (
@@ -28,7 +26,6 @@ from tests.support.dataset_fakes import (
 )
 from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
-BUSY = DatasetError("another run is writing here")
 SHARDS = make_settings(format="webdataset")
 #: Two shards of the split train, one of each of the others.
 TASKS = make_tasks(4, 5)
@@ -85,13 +82,12 @@ def memory(request: pytest.FixtureRequest) -> str:
 
 
 def stored(url: str) -> dict[str, bytes]:
-    """Return name -> bytes of all objects of a data set, without locks."""
+    """Return name -> bytes of all objects of a data set."""
     from fsspec.core import url_to_fs
 
     fs, root = url_to_fs(url)
     fs.invalidate_cache()
-    found = {path.removeprefix(f"{root}/"): fs.cat_file(path) for path in fs.find(root)}
-    return {name: data for name, data in found.items() if not name.endswith("lock")}
+    return {path.removeprefix(f"{root}/"): fs.cat_file(path) for path in fs.find(root)}
 
 
 def test_the_objects_are_the_files_of_a_local_run(store: S3Server, url: str, expected) -> None:
@@ -135,7 +131,7 @@ def test_a_list_that_lags_costs_work_and_no_bytes(store: S3Server, url: str, exp
     "damage",
     [
         {"train-000000.tar": b"short", "dataset.json": b"{}"},
-        {"train-000000.tar": None, ".glsim/chunks.jsonl": b"nothing"},
+        {"train-000000.tar": None, ".glsim/complete.json": b"nothing"},
         {"manifest.jsonl": None, "skipped.jsonl": b"more\n"},
     ],
     ids=str,
@@ -184,41 +180,13 @@ def test_a_bucket_that_is_not_there_is_named(store: S3Server) -> None:
         make("s3://nobody/set", SHARDS, TASKS)
 
 
-def test_one_of_two_runs_gets_the_lock(store: S3Server, url: str, monkeypatch) -> None:
-    monkeypatch.setattr(cloud, "BEAT_S", 0.05)
-    monkeypatch.setattr(cloud, "EXPIRES_S", 5.0)
-    folder, won, refused = CloudStore(url), [], []
-    both = threading.Barrier(2)
-
-    def run() -> None:
-        both.wait()
-        try:
-            with folder.lock("lock", BUSY):
-                won.append(1)
-                both.wait()
-        except DatasetError as error:
-            refused.append(str(error))
-            both.wait()
-
-    threads = [threading.Thread(target=run) for _ in range(2)]
+def test_two_runs_at_once_write_the_same_bytes(store: S3Server, url: str, expected) -> None:
+    threads = [threading.Thread(target=make, args=(url, SHARDS, TASKS)) for _ in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(won) == 1
-    assert "another run is writing here" in refused[0]
-    assert folder.size("lock") is None
-
-
-def test_the_lock_of_a_dead_run_is_taken_over(
-    here: None, memory: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cloud, "EXPIRES_S", 0.2)
-    folder = CloudStore(memory)
-    folder.put("lock", b"process 1 on another-machine, x, 3")
-    with folder.lock("lock", BUSY):
-        assert b"another-machine" not in folder.read("lock", 4096)
-    assert folder.size("lock") is None
+    assert stored(url) == expected
 
 
 def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None:

@@ -55,7 +55,7 @@ def test_a_data_set_is_pushed_byte_for_byte_and_only_once(data: Path, hub: HubSt
         for path in data.rglob("*")
         if path.is_file() and ".glsim" not in path.parts
     }
-    assert {"README.md", "croissant.json", "dataset.json", "manifest.jsonl"} <= expected.keys()
+    assert {"README.md", "dataset.json", "manifest.jsonl"} <= expected.keys()
     assert hub.files == expected
     stored = dict(hub.objects)
     again = push(data, hub.url, "--hf", "me/faces")

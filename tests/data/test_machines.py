@@ -13,8 +13,8 @@ import pytest
 from glsim.core.errors import ConfigError, DeviceError
 from glsim.data import arithmetic, chunks
 from glsim.data.arithmetic import Machine, machine_of_workers
+from glsim.data.chunks import parse_part
 from glsim.data.driver import generate, generate_part
-from glsim.data.parts import parse_part
 from glsim.data.worker_processes import SINGLE_THREADED, portable_environment
 from glsim.settings.schema import Settings, load_settings
 from tests.support.dataset_fakes import TINY_SENSOR, contents

@@ -14,10 +14,9 @@ import pytest
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.cloud import open_store
-from glsim.data.dataset_run import DatasetRun, in_processes
+from glsim.data.chunks import Part, parse_part
+from glsim.data.dataset_run import DatasetRun, in_processes, run_part
 from glsim.data.identity import InputHashes
-from glsim.data.part_run import run_part
-from glsim.data.parts import Part, parse_part
 from glsim.data.progress import PartSummary
 from glsim.data.verification import verify
 from tests.support.dataset_fakes import (
@@ -144,10 +143,11 @@ def test_one_run_completes_parts_and_any_part_merges(
     assert make_part(tmp_path / "a", "1/3").rendered == 0
     assert contents(tmp_path / "a") == undisturbed["png"]
     # Both parts are complete, and the last process was killed just before it merged.
-    monkeypatch.setattr("glsim.data.part_run.absent_chunks", lambda folder, plan: [0])
-    for number in (0, 1):
-        assert make_part(tmp_path / "b", f"{number}/2").dataset is None
-    monkeypatch.undo()
+    assert make_part(tmp_path / "b", "0/2").dataset is None
+    with monkeypatch.context() as patch:
+        patch.delattr("glsim.data.dataset_run.finish")
+        with pytest.raises(NameError):
+            make_part(tmp_path / "b", "1/2")
     assert make_part(tmp_path / "b", "0/2").rendered == 0
     assert contents(tmp_path / "b") == undisturbed["png"]
 

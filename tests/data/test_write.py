@@ -46,7 +46,8 @@ def test_layout_of_a_png_tree_is_exact(tmp_path: Path) -> None:
     }
     others = {"dataset.json", "manifest.jsonl", "skipped.jsonl"}
     others |= {"train/metadata.jsonl", "test/metadata.jsonl"}
-    state = {".glsim/plan.json", ".glsim/chunks.jsonl"}
+    state = {".glsim/plan.json", ".glsim/complete.json"}
+    state |= {f".glsim/chunks/{number:08d}.jsonl" for number in range(2)}
     assert set(contents(tmp_path / "a")) == images | others | state
 
 

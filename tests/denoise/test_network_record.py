@@ -61,8 +61,8 @@ def test_the_shipped_networks_and_files_without_a_record() -> None:
         ("face-azure-kinect", NetworkRecord(unlikely=0.3)),
         ("face-stereo", NetworkRecord(keep_clean=False, margin_px=80)),
     ):
-        with shipped_file(name) as path:
-            assert read_onnx(path)[1].record == record
+        path = shipped_file(name)
+        assert read_onnx(path)[1].record == record
     assert record_entries(NetworkRecord()) == {}, "files of older versions keep their bytes"
 
 
@@ -70,8 +70,8 @@ def test_the_shipped_networks_and_files_without_a_record() -> None:
     "bad", [{"margin_px": "-9"}, {"margin_px": "ab"}, {"unlikely": "0.5"}, {"protocol": "other"}]
 )
 def test_a_damaged_record_is_refused(tmp_path: Path, bad: dict[str, str]) -> None:
-    with shipped_file("face-live") as path:
-        model = onnx.load(path)
+    path = shipped_file("face-live")
+    model = onnx.load(path)
     onnx.helper.set_model_props(model, {f"glsim.{name}": text for name, text in bad.items()})
     damaged = tmp_path / "damaged.onnx"
     onnx.save(model, damaged)

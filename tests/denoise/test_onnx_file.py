@@ -62,8 +62,8 @@ def test_graphs_that_no_export_wrote(tmp_path: Path, graph: bytes, words: str) -
 def test_a_damaged_file_is_refused_in_one_line_or_still_runs(
     tmp_path_factory: pytest.TempPathFactory, cut: bool, place: float, bit: int
 ) -> None:
-    with shipped_file("face-live") as path:
-        data = bytearray(path.read_bytes())
+    path = shipped_file("face-live")
+    data = bytearray(path.read_bytes())
     at = int(place**4 * len(data))  # most often in the graph, which stands before the weights
     if cut:
         del data[at:]
@@ -85,8 +85,8 @@ def test_files_that_are_missing_too_large_or_have_other_outputs(
     path = tmp_path / "net.onnx"
     with pytest.raises(DenoiserError, match="cannot be read"):
         load_onnx(path)
-    with shipped_file("face-live") as shipped:
-        path.write_bytes(shipped.read_bytes().replace(b"depth_mm", b"depth_cm"))
+    shipped = shipped_file("face-live")
+    path.write_bytes(shipped.read_bytes().replace(b"depth_mm", b"depth_cm"))
     with pytest.raises(DenoiserError, match=r"has no output .depth_mm. .*glsim export"):
         load_onnx(path)
     monkeypatch.setattr("glsim.denoise.onnx_file._MAX_BYTES", 100)
@@ -95,7 +95,7 @@ def test_files_that_are_missing_too_large_or_have_other_outputs(
 
 
 def test_a_network_that_is_not_shipped_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("glsim.denoise.registry._SHIPPED_PACKAGE", "no_such_package")
+    monkeypatch.setattr("glsim.denoise.registry._SHIPPED_FOLDER", Path("/nowhere"))
     for name in ("face", "face-video"):
         with pytest.raises(DenoiserError, match=f"has no {name}.onnx"):
             load_denoiser(name)
@@ -214,5 +214,5 @@ def test_eval_gives_networks_their_infrared_and_neighbours(tmp_path: Path) -> No
 
 def test_every_shipped_network_states_what_it_sees() -> None:
     for name, inputs in (("face", NetworkInputs()), ("face-video", NetworkInputs(before=4))):
-        with shipped_file(name) as path:
-            assert read_content(path.read_bytes()).inputs == inputs
+        path = shipped_file(name)
+        assert read_content(path.read_bytes()).inputs == inputs

@@ -60,8 +60,8 @@ def test_tiles_give_what_the_whole_frame_gives(shape: tuple[int, int]) -> None:
 
 @pytest.mark.long
 def test_the_shipped_network_gives_the_same_to_a_hundredth_of_a_millimetre() -> None:
-    with shipped_file("face") as path:
-        network = OpenCvNetwork(*read_onnx(path))
+    path = shipped_file("face")
+    network = OpenCvNetwork(*read_onnx(path))
     frame = scene(288, 304)
     whole = network(frame[None])
     tiled = run_tiled(network, frame[None], tile_px=272)

@@ -209,6 +209,4 @@ def sign(out: Path, **changes: Any) -> None:
         header["files"]["manifest.jsonl"] = file_checksum(out / "manifest.jsonl")
     data = json.dumps(header).encode()
     (out / "dataset.json").write_bytes(data)
-    index = out / ".glsim" / "chunks.jsonl"
-    lines = index.read_text().splitlines()[:-1]
-    index.write_text("\n".join([*lines, json.dumps(checksum(data))]) + "\n")
+    (out / ".glsim" / "complete.json").write_text(json.dumps(checksum(data)))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from glsim.gl.declarations import Parameter
 from glsim.noise.stage import ENABLED, Stage
-from glsim.sensors.sensor import Sensor
 from glsim.settings.distribution import Distribution
 from glsim.settings.schema import Settings
 
@@ -144,46 +143,3 @@ def wall_control(settings: Settings) -> Control:
         "scene.wall_mm", "wall_mm", "float", 100.0, 12000.0, 1000.0, 4500.0, "mm",
         "distance of a wall behind the face", start, off=settings.scene.wall_mm is None,
     )  # fmt: skip
-
-
-def rig_controls(sensor: Sensor) -> list[Control]:
-    """Return the sliders of the rig: focal length, and the place of each emitter."""
-
-    def control(
-        label: str, least: float, most: float, unit: str, help: str, start: float
-    ) -> Control:
-        value = Distribution(constant=start)
-        return Control(f"rig:{label}", label, "float", least, most, least, most, unit, help, value)
-
-    focal = sensor.rig.intrinsics.fx
-    found = [control("focal_px", 0.5 * focal, 2 * focal, "px", "focal length, both axes", focal)]
-    for number, emitter in enumerate(sensor.rig.emitters, 1):
-        x_mm, y_mm = (1000 * emitter.position_m[axis] for axis in (0, 1))
-        found += [
-            control(f"emitter{number}_x_mm", -200, 200, "mm", "emitter beside the camera", x_mm),
-            control(f"emitter{number}_y_mm", -200, 200, "mm", "emitter below the camera", y_mm),
-        ]
-    return found
-
-
-def rig_value(sensor: Sensor, label: str, value: float | None) -> tuple[str, object]:
-    """Return name and value of ``--set`` for a moved slider of the rig; None takes it back."""
-    name = f"rig.{label}" if label == "focal_px" else "rig.emitter"
-    if value is None:
-        return name, None
-    if label == "focal_px":
-        camera = sensor.rig.intrinsics
-        return name, [value, float(f"{value * camera.fy / camera.fx:.6g}")]
-    number, axis = int(label[7:].split("_")[0]) - 1, "xy".index(label.split("_")[1])
-    tables: list[dict[str, object]] = []
-    for emitter in sensor.rig.emitters:
-        table: dict[str, object] = {"position_m": list(emitter.position_m)}
-        if emitter.spread_m:
-            table["spread_m"] = emitter.spread_m
-        if emitter.path_from_m is not None:
-            table["path_from_m"] = list(emitter.path_from_m)
-        tables.append(table)
-    place = list(sensor.rig.emitters[number].position_m)
-    place[axis] = float(f"{value / 1000:.6g}")
-    tables[number]["position_m"] = place
-    return name, tables

@@ -1,4 +1,4 @@
-"""The left of the page: pose, rig and stages with their switches; one of them shows its sliders."""
+"""The left of the page: pose and stages with their switches; one of them shows its sliders."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from nicegui import ui
 from glsim.cli.tune_page.controls import (
     Control,
     pose_controls,
-    rig_controls,
-    rig_value,
     stage_controls,
     wall_control,
 )
@@ -24,7 +22,7 @@ from glsim.noise.stage import Stage
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.distribution import Distribution, constant
 
-_POSE, _RIG = "pose and scene", "rig"
+_POSE = "pose and scene"
 #: The slider sends at most one change in this time, seconds; the last one always.
 _THROTTLE = 0.04
 
@@ -206,18 +204,16 @@ class StageList:
         """Show a picture's stages and values; elements that still fit are kept."""
         page, sensor = self._page, picture.sensor
         names = [stage.name for stage in sensor.stages]
-        if page.selected not in (*names, _POSE, _RIG):
+        if page.selected not in (*names, _POSE):
             page.selected = (*names, _POSE)[0]
         declared = tuple((s.name, tuple(s.spec.parameters.items())) for s in sensor.stages)
-        plan = (page.selected, declared, len(sensor.rig.emitters), page.history.now.sensor)
+        plan = (page.selected, declared, page.history.now.sensor)
         if plan != self._plan:
             self._plan = plan
             self._fill(picture)
         values = page.history.now.values
-        now = {control.name: plain_value(control.start) for control in rig_controls(sensor)}
-        now.update(values)
         for name, row in self._rows.items():
-            row.set(now[name] if name in now else own_value(row.control))
+            row.set(values[name] if name in values else own_value(row.control))
         for stage in sensor.stages:
             self._switches[stage.name].set_value(_is_on(stage))
             changed = any(name.startswith(f"{stage.name}.") for name in values)
@@ -237,24 +233,15 @@ class StageList:
             pose = pose_controls(page.session.base)
             if page.session.base.scene.room == "none":
                 pose.append(wall_control(page.session.base))
-            self._section(_POSE, pose, page.set_value)
-            self._section(_RIG, rig_controls(own), self._rig_moved)
+            self._section(_POSE, pose)
             ui.label("noise, stage by stage").classes("section")
             for stage in picture.sensor.stages:
-                self._section(
-                    stage.name, stage_controls(_with_values_of(stage, own)), page.set_value, stage
-                )
+                self._section(stage.name, stage_controls(_with_values_of(stage, own)), stage)
             new = ui.button("New stage", icon="add", on_click=self._new_stage)
             new.props("flat dense size=sm").style("margin: 8px")
 
-    def _section(
-        self,
-        name: str,
-        controls: list[Control],
-        change: Callable[[str, Any], None],
-        stage: Stage | None = None,
-    ) -> None:
-        """Add the row of a stage, of the pose or of the rig; with its controls if selected."""
+    def _section(self, name: str, controls: list[Control], stage: Stage | None = None) -> None:
+        """Add the row of a stage or of the pose; with its controls if selected."""
         page = self._page
         with ui.element("div").classes("stage-row") as row:
             row.props["data-section" if stage is None else "data-stage"] = name
@@ -275,7 +262,9 @@ class StageList:
         with ui.element("div").classes("sliders"):
             for control in controls:
                 value = page.history.now.values.get(control.name, own_value(control))
-                self._rows[control.name] = ControlRow(control, value, change, page.history.settle)
+                self._rows[control.name] = ControlRow(
+                    control, value, page.set_value, page.history.settle
+                )
             if not controls:
                 ui.label("no parameters").classes("unit")
 
@@ -288,11 +277,6 @@ class StageList:
             except GlsimError:
                 return picture.sensor
         return self._own[1]
-
-    def _rig_moved(self, name: str, value: Any) -> None:
-        if self._page.picture is not None and not isinstance(value, Mapping):
-            sensor = self._page.picture.sensor
-            self._page.set_value(*rig_value(sensor, name.removeprefix("rig:"), value))
 
     def _select(self, name: str) -> None:
         self._page.selected = name

@@ -29,7 +29,7 @@ from glsim.core.errors import GlsimError
 from glsim.faces.base import FaceSource
 from glsim.gl.context import open_context
 from glsim.noise.layer_names import DISPARITY_LAYER, INFRARED_RIGHT
-from glsim.noise.registry import shipped_stages
+from glsim.noise.registry import shipped_stage
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings, with_assignments
 from glsim.simulation.frame import LAYERS, Frame
@@ -113,7 +113,7 @@ class Preview:
 
     def reload(self) -> None:
         """Read the sensor's files and the stages' GLSL anew at the next frame."""
-        shipped_stages.cache_clear()
+        shipped_stage.cache_clear()
         self._plan = None
 
 

@@ -9,12 +9,13 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Table
 
-from glsim.cli.tune_page.tuning import Tuning, toml_value
+from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.sensors.inheritance import EXTENDS, RIG_FILES
 from glsim.sensors.sensor import Sensor
 from glsim.settings.schema import Settings
+from glsim.settings.tables import toml_value
 
 
 def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:

@@ -17,6 +17,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from glsim.core.errors import ConfigError
+from glsim.settings.tables import toml_value
 
 #: A number, a switch, or a distribution such as {"uniform": [1, 3]}.
 Value = Any
@@ -147,15 +148,6 @@ class History:
         """Go one step forward, if there is one."""
         self._at, self._open = min(self._at + 1, len(self._steps) - 1), ""
         return self.now
-
-
-def toml_value(value: Value) -> str:
-    """Write a value as TOML: a number, true, a string, an array or an inline table."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return json.dumps(value)
 
 
 def set_options(tuning: Tuning) -> str:

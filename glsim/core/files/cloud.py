@@ -1,13 +1,8 @@
-"""Stores in object storage (s3://, gs://, az://), through fsspec, with retries and a lock.
+"""Stores in object storage (s3://, gs://, az://), through fsspec, with retries.
 
 An object appears whole or not at all: a file is written on this machine's disk first, uploaded when
 it is complete, and compared with what arrived. What fails for a moment (a timeout, a throttled
 request) is tried again; what cannot succeed is a DatasetError at once.
-
-The lock is an object that only one of several processes can create. A store frees nothing when a
-process dies. Its holder therefore writes the object again and again, and another process that sees
-it unchanged for a while takes it over. No clocks are compared. Two holders at once would do no
-harm, for both write the same bytes; the lock saves their work.
 """
 
 from __future__ import annotations
@@ -18,13 +13,11 @@ import os
 import random
 import re
 import secrets
-import socket
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -75,11 +68,6 @@ CONNECTIONS = 16
 _MAX_PUT_BYTES = 5 * 1000**3
 #: Attempts to upload a file whose bytes do not arrive as they were sent.
 _UPLOADS = 3
-#: Seconds between two signs of life of a lock's holder, and without one until the lock is free:
-#: three signs may be lost to a store that is throttled.
-BEAT_S, EXPIRES_S = 10.0, 45.0
-_POLL_S = 1.0
-_MAX_LOCK_BYTES = 4096
 
 
 def open_store(place: Path | str) -> Store:
@@ -280,52 +268,8 @@ class CloudStore(Store):
     def lock(
         self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
     ) -> AbstractContextManager[None]:
-        return nullcontext() if shared else self._locked(name, busy, wait)
-
-    @contextmanager
-    def _locked(self, name: str, busy: GlsimError, wait: bool) -> Iterator[None]:
-        holder = f"process {os.getpid()} on {socket.gethostname()}, {secrets.token_hex(8)}"
-
-        def is_ours(content: bytes | None) -> bool:
-            return (content or b"").startswith(holder.encode())
-
-        while not is_ours(found := self.put_first(name, holder.encode())):
-            if self._is_abandoned(name, found):
-                self.delete([name])
-            elif not wait:
-                raise type(busy)(f"{busy} (it is {_holder(found)})")
-        ended = threading.Event()
-
-        def show_life() -> None:
-            beat = 0
-            while not ended.wait(BEAT_S):
-                beat += 1
-                with suppress(DatasetError):  # the next one may arrive
-                    self.put(name, f"{holder}, {beat}".encode())
-
-        thread = threading.Thread(target=show_life, name="lock", daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            ended.set()
-            thread.join()
-            with suppress(DatasetError):  # it expires
-                if is_ours(self.read(name, _MAX_LOCK_BYTES)):
-                    self.delete([name])
-
-    def _is_abandoned(self, name: str, seen: bytes) -> bool:
-        """Watch a lock until it changes (False) or has expired (True)."""
-        log.warning(
-            "%s: %s holds the lock: waiting up to %.0f s to see whether it lives",
-            self, _holder(seen), EXPIRES_S,
-        )  # fmt: skip
-        started_s = time.monotonic()
-        while time.monotonic() - started_s < EXPIRES_S:
-            time.sleep(min(_POLL_S, EXPIRES_S))
-            if self.read(name, _MAX_LOCK_BYTES) != seen:
-                return False
-        return True
+        """Hold no lock: runs at the same time write the same bytes."""
+        return nullcontext()
 
     # ---------------------------------------------------------------- connection and retries
 
@@ -396,11 +340,6 @@ def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
     if file is not None and file.stat().st_size < _MAX_PUT_BYTES:
         options["chunksize"] = _MAX_PUT_BYTES  # one request: S3 keeps its CRC32
     return options
-
-
-def _holder(content: bytes) -> str:
-    """Return the process that holds a lock, by the lock's content."""
-    return ascii(content.decode(errors="replace").rpartition(", ")[0][:100])[1:-1]
 
 
 def _one_line(error: Exception) -> str:

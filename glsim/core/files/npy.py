@@ -1,8 +1,9 @@
-"""Read .npy files that others made: plain real numbers, mapped from the disk."""
+"""NPY files: plain real numbers of others, mapped from the disk, and our own."""
 
 from __future__ import annotations
 
 import errno
+import io
 from pathlib import Path
 from typing import Any
 
@@ -33,3 +34,10 @@ def map_npy(file: Path) -> NDArray[Any]:
     if not isinstance(mapped, np.ndarray) or mapped.dtype.kind not in "fiub":
         raise OSError(errno.EINVAL, "its values are no plain real numbers")
     return np.asarray(mapped)
+
+
+def encode_npy(array: NDArray[Any]) -> bytes:
+    """Return an NPY file."""
+    data = io.BytesIO()
+    np.save(data, np.asarray(array, order="C"), allow_pickle=False)  # keeps () of a text
+    return data.getvalue()

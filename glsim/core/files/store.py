@@ -173,7 +173,7 @@ class Store:
             name: the file of the lock.
             busy: raised if another process holds it.
             wait: wait for the other process instead.
-            shared: hold it together with others that do so; object storage cannot, and holds none.
+            shared: hold it together with others that do so. Object storage holds no locks.
         """
         file = self.root / name
         with wrap_write_errors(self.root):

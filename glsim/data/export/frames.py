@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -68,6 +68,23 @@ class ExportFrame:
             return self.true_normals
         normals = depth_map.normals(depth, self.rays)
         return np.where(depth[..., None] > 0, normals, np.float32(0))
+
+
+@dataclass(frozen=True)
+class Export:
+    """A format for the frames of a data set.
+
+    Args:
+        name: as in ``--to``.
+        help: what the format is, in one line.
+        encode: returns the files of one frame, each as the end of its name and its bytes.
+        library: package that it imports; it comes with glsim[formats].
+    """
+
+    name: str
+    help: str
+    encode: Callable[[ExportFrame], Iterable[tuple[str, bytes]]]
+    library: str = ""
 
 
 def export_frames(

@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, Final
 
 from glsim.core.errors import ConfigError, DatasetError, require_package
-from glsim.data.cards import write_cards
+from glsim.core.files.atomic import write_atomic
 from glsim.data.disk_format import README, STATE
 from glsim.data.header import read_header
+from glsim.settings.schema import SPLIT_NAMES
+
+#: Names of splits on the Hub.
+_HUB_SPLITS: Final = {"train": "train", "val": "validation", "test": "test"}
+#: Source of faces -> licence of frames of them, as the Hub names it (docs/licence.md). Nobody
+#: claims rights in what glsim computes by itself, nor in results of MakeHuman's body model (CC0);
+#: of other faces the owners decide. A frame of several sources is under the last licence.
+_LICENCES: Final = {"procedural": "cc0-1.0", "people": "cc0-1.0", "ict-facekit": "mit"}
+_OTHER: Final = "other"
+_TEXT: Final = """# {title}
+
+Frames of a depth camera ({frames}), written by glsim {version}. Layers: {layers}.
+Depth is 16-bit, in steps of {unit_mm:g} mm, 0 = no return; add `depth_offset_mm` of a record for
+the distance from the camera. `manifest.jsonl` has one record per frame, `dataset.json` all
+settings.
+
+```python
+from glsim import open_dataset
+
+for pair in open_dataset("PATH OF THIS FOLDER").split("train"):
+    pair.clean_mm, pair.noisy_mm, pair.intrinsics
+```
+"""
 
 
 def push_dataset(place: Path | str, repository: str, *, public: bool = False) -> str:
     """Push a complete data set to a repository of the Hub, which is made if there is none.
 
-    The files go as they are, with cards (``write_cards``) unless README.md is there: the Hub reads
+    The files go as they are, with a card (``write_card``) unless README.md is there: the Hub reads
     it and shows the splits. A second push sends what has changed. The token is that of ``hf auth
     login``, or HF_TOKEN; HF_ENDPOINT names another server than the Hub.
 
@@ -41,7 +66,7 @@ def push_dataset(place: Path | str, repository: str, *, public: bool = False) ->
     if repository.count("/") != 1:
         raise ConfigError(f"--hf {repository}: give owner/name")
     if not (place / README).is_file():
-        write_cards(place)
+        write_card(place)
     api = hub.HfApi(token=token, library_name="glsim")
     try:
         url = api.create_repo(repository, repo_type="dataset", private=not public, exist_ok=True)
@@ -61,3 +86,57 @@ def push_dataset(place: Path | str, repository: str, *, public: bool = False) ->
 
 def _first_line(error: Exception) -> str:
     return " ".join(str(error).split())[:300] or type(error).__name__
+
+
+def write_card(place: Path) -> Path:
+    """Write README.md into a complete data set, with the fields that the Hub reads.
+
+    It is no part of the data set. Raises ConfigError without huggingface_hub, DatasetError if the
+    data set is not complete.
+    """
+    require_package("huggingface_hub", "writing the card of a data set", "hub")
+    write_atomic(_hub_card(read_header(place)).encode(), place / README)
+    return place / README
+
+
+def licence_of(header: Mapping[str, Any]) -> str:
+    """Return the licence of the frames as the Hub names it, "other" if owners of faces decide."""
+    kinds = {str(source["kind"]) for source in header["settings"].get("source", [])}
+    recorded = "clean" not in header["settings"]["output"]["layers"]
+    if recorded or not kinds or kinds - _LICENCES.keys():
+        return _OTHER
+    return max((_LICENCES[kind] for kind in kinds), key=[*_LICENCES.values()].index)
+
+
+def _title(header: Mapping[str, Any]) -> str:
+    kinds = sorted({str(s["kind"]) for s in header["settings"].get("source", [])})
+    sensor = header["sensor"].get("name", "a sensor")
+    return f"Depth of {' and '.join(kinds) or 'given'} faces seen by {sensor}"
+
+
+def _hub_card(header: Mapping[str, Any]) -> str:
+    from huggingface_hub import DatasetCardData
+
+    counts, output, licence = header["frames"], header["settings"]["output"], licence_of(header)
+    pattern = "{}/**" if output["format"] == "png" else "{}-*.tar"
+    files = [
+        {"split": _HUB_SPLITS[split], "path": pattern.format(split)}
+        for split in SPLIT_NAMES
+        if counts[split]
+    ]
+    data = DatasetCardData(
+        license=licence,
+        license_name="licence-of-the-faces" if licence == _OTHER else None,
+        pretty_name=_title(header),
+        task_categories=["image-to-image", "depth-estimation"],
+        tags=["depth", "denoising", "faces", "glsim"],
+        configs=[{"config_name": "default", "data_files": files}],
+    )
+    text = _TEXT.format(
+        title=_title(header),
+        frames=", ".join(f"{counts[split]} {split}" for split in SPLIT_NAMES),
+        version=header["glsim_version"],
+        layers=", ".join(output["layers"]),
+        unit_mm=header["depth_unit_mm"],
+    )
+    return f"---\n{data.to_yaml()}\n---\n\n{text}"

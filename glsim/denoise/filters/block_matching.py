@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import require_package
-from glsim.denoise.filters.masked import CLEANUP, Masked
+from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import fill
 from glsim.denoise.interface import Depth, Mask, parameter
 from glsim.denoise.safeguards import estimate_noise_mm, noise_share
@@ -45,7 +45,6 @@ class BlockMatching(Masked):
         0.7, 0.0, 10, "standard deviation of the Gaussian that correlates the noise, px; 0: white"
     )
     strength: float = parameter(1.0, 0.1, 10, "factor on the noise as estimated from the frame")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def __post_init__(self) -> None:
         require_package("bm3d", "the denoiser bm3d", "bm3d")

@@ -6,26 +6,37 @@ mask clean-up; without it the output keeps the input's validity.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from glsim.denoise.filters.polynomial import local_polynomial
 from glsim.denoise.filters.windows import around, clean_up, fill
 from glsim.denoise.interface import Denoised, Depth, Mask, parameter
+
+#: Radius of the window in standard deviations.
+_REACH = 2.5
+#: Relative ridge weight that pulls slope and curvature to 0: negligible where the pixels determine
+#: them, decisive where they do not (pixels in a line, fewer pixels than coefficients).
+_RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
 class Masked:
     """A filter that estimates the depth of wanted pixels from supporting ones."""
 
+    cleanup: int = parameter(
+        0, 0, 31, "side of the window of the mask clean-up, px, odd; 0 keeps the input's mask"
+    )
+
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter (H, W) millimetres; pixels without a valid neighbour get no depth."""
         support, wanted = valid, valid
-        cleanup = getattr(self, "cleanup", 0)
-        if cleanup:
-            support, wanted = clean_up(noisy_mm, valid, cleanup)
+        if self.cleanup:
+            support, wanted = clean_up(noisy_mm, valid, self.cleanup)
         depth = np.zeros_like(noisy_mm)
         if not support.any() or not wanted.any():
             return Denoised(depth, np.zeros_like(valid))
@@ -38,15 +49,11 @@ class Masked:
         raise NotImplementedError
 
 
-CLEANUP = "side of the window of the mask clean-up, px, odd; 0 keeps the input's mask"
-
-
 @dataclass(frozen=True)
 class MaskedMedian(Masked):
     """Median of the valid pixels of a square."""
 
     size: int = parameter(5, 3, 31, "side of the window, px, odd")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return medians; for an even number of valid pixels the mean of the middle two."""
@@ -68,7 +75,6 @@ class MaskedBilateral(Masked):
     diameter: int = parameter(9, 3, 31, "side of the window, px, odd")
     sigma_mm: float = parameter(15.0, 0.1, 8000, "standard deviation of the depth weight")
     sigma_px: float = parameter(2.0, 0.1, 500, "standard deviation of the distance weight")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return weighted means; a hole takes the nearest valid depth as its own."""
@@ -81,43 +87,43 @@ class MaskedBilateral(Masked):
         # 80: exp(-80) is negligible, and float32 does not underflow there.
         weight = np.exp(-np.minimum(nearness + likeness, np.float32(80)))
         weight *= around(support, radius, wanted, False)
-        return _ratio((weight * depth).sum(axis=1), weight.sum(axis=1))
+        total, share = (weight * depth).sum(axis=1), weight.sum(axis=1)
+        return np.divide(total, share, out=np.zeros_like(total), where=share > 0)
+
+
+class LocalPolynomial(Masked):
+    """A filter that fits a polynomial to the valid pixels under a Gaussian window."""
+
+    degree: ClassVar[int]
+    sigma_px: float
+
+    def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
+        """Return the polynomials' values at the window centres."""
+        return local_polynomial(noisy_mm, support, wanted, self.sigma_px, self.degree)
 
 
 @dataclass(frozen=True)
-class MaskedGaussian(Masked):
+class MaskedGaussian(LocalPolynomial):
     """Gaussian mean of the valid pixels (normalised convolution, Knutsson and Westin 1993)."""
 
+    degree = 0
     sigma_px: float = parameter(1.5, 0.3, 20, "standard deviation of the window")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
-
-    def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return weighted means."""
-        return local_polynomial(noisy_mm, support, wanted, self.sigma_px, degree=0)
 
 
 @dataclass(frozen=True)
-class LocalPlane(Masked):
+class LocalPlane(LocalPolynomial):
     """Plane fitted to the valid pixels under a Gaussian window."""
 
+    degree = 1
     sigma_px: float = parameter(2.0, 0.5, 20, "standard deviation of the window")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
-
-    def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return the plane's value at the window centre."""
-        return local_polynomial(noisy_mm, support, wanted, self.sigma_px, degree=1)
 
 
 @dataclass(frozen=True)
-class LocalQuadric(Masked):
+class LocalQuadric(LocalPolynomial):
     """Quadric fitted to the valid pixels under a Gaussian window."""
 
+    degree = 2
     sigma_px: float = parameter(2.5, 0.7, 20, "standard deviation of the window")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
-
-    def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return the quadric's value at the window centre."""
-        return local_polynomial(noisy_mm, support, wanted, self.sigma_px, degree=2)
 
 
 @dataclass(frozen=True)
@@ -126,7 +132,6 @@ class Guided(Masked):
 
     radius: int = parameter(3, 1, 30, "radius of the square window, px")
     epsilon_mm: float = parameter(5.0, 0.01, 1000, "depth variations below this are smoothed away")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return smoothed depths; holes take the nearest depth, which keeps edges off 0."""
@@ -146,7 +151,6 @@ class RollingGuidance(Masked):
     sigma_mm: float = parameter(10.0, 0.1, 1000, "standard deviation of the depth weight")
     sigma_px: float = parameter(2.0, 0.3, 20, "structures below this size are removed")
     iterations: int = parameter(4, 1, 10, "number of guidance updates")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return smoothed depths; holes are filled with the nearest depth."""
@@ -156,11 +160,53 @@ class RollingGuidance(Masked):
         return np.asarray(smooth[wanted], np.float32)
 
 
-def _ratio(total: Depth, weight: Depth) -> Depth:
-    """Return total / weight, 0 where the weight is 0."""
-    ratio = np.zeros_like(total)
-    np.divide(total, weight, out=ratio, where=weight > 0)
-    return ratio
+def local_polynomial(
+    depth_mm: Depth, support: Mask, wanted: Mask, sigma_px: float, degree: int
+) -> Depth:
+    """Estimate depth at the N pixels of ``wanted`` from those of ``support``, both (H, W).
+
+    Around each pixel a polynomial in the offsets (u, v) is fitted by least squares, weighted by a
+    Gaussian times the mask; its constant term is the estimate. The normal equations need only the
+    sums of w u^p v^q and w u^p v^q z, which are separable convolutions of the mask and of the
+    masked depth (Fan and Gijbels 1996; Farnebaeck 2002 for images with certainties).
+
+    Args:
+        depth_mm: (H, W).
+        degree: 0 mean, 1 plane, 2 quadric.
+
+    Returns:
+        (N,) millimetres, 0 without support.
+    """
+    radius = max(1, math.ceil(_REACH * sigma_px))
+    offset = np.arange(-radius, radius + 1) / radius
+    bell = np.exp(-0.5 * (offset * radius / sigma_px) ** 2)
+    powers = [
+        (p, q) for order in range(degree + 1) for p in range(order, -1, -1) for q in [order - p]
+    ]
+    mask = support.astype(np.float64)
+    middle = float(np.median(depth_mm[support]))
+    masked = np.where(support, depth_mm - middle, 0.0)
+
+    def moment(image: NDArray[np.float64], p: int, q: int) -> NDArray[np.float64]:
+        row, column = bell * offset**p, bell * offset**q
+        full = cv2.sepFilter2D(image, cv2.CV_64F, row, column, borderType=cv2.BORDER_CONSTANT)
+        return np.asarray(full[wanted], np.float64)
+
+    needed = {(a + c, b + d) for a, b in powers for c, d in powers}
+    weights = {power: moment(mask, *power) for power in needed}
+    left = np.stack(
+        [np.stack([weights[a + c, b + d] for c, d in powers], -1) for a, b in powers], -2
+    )
+    right = np.stack([moment(masked, p, q) for p, q in powers], -1)
+    total = weights[0, 0]
+    # Without support the sums are 0 up to rounding; the smallest real weight is far larger.
+    some = total > 1e-6
+    size = len(powers)
+    ridge = np.diag([0.0] + [_RIDGE] * (size - 1))
+    left = np.where(some[:, None, None], left + total[:, None, None] * ridge, np.eye(size))
+    solved = np.linalg.solve(left, right[..., None])[:, 0, 0]
+    estimate: Depth = np.where(some, np.maximum(solved + middle, 0.0), 0.0).astype(np.float32)
+    return estimate
 
 
 #: Name on the command line -> filter.

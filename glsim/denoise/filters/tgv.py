@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.filters.masked import CLEANUP, Masked
+from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import FLYING_MM, fill
 from glsim.denoise.interface import Depth, Mask, parameter
 from glsim.denoise.safeguards import estimate_noise_mm, local_noise_mm
@@ -45,7 +45,6 @@ class TotalGeneralisedVariation(Masked):
     alpha: float = parameter(2.0, 0.01, 100, "weight of the slopes' misfit, in units of the noise")
     ratio: float = parameter(2.0, 0.1, 10, "weight of bends relative to that of the slopes' misfit")
     iterations: int = parameter(200, 10, 5000, "primal-dual iterations")
-    cleanup: int = parameter(0, 0, 31, CLEANUP)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Return smoothed depths; wanted pixels without support continue their surface."""

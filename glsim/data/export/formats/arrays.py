@@ -11,19 +11,12 @@ from numpy.typing import NDArray
 
 from glsim.core.files.atomic import to_json
 from glsim.core.files.exr import encode_exr
-from glsim.data.export.base import Export
+from glsim.core.files.npy import encode_npy
 from glsim.data.export.formats.cameras import centre_at_zero, coefficients
-from glsim.data.export.frames import ExportFrame
+from glsim.data.export.frames import Export, ExportFrame
 
 #: The first time that a ZIP file can hold: the same frame gives the same bytes.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
-
-
-def encode_npy(array: NDArray[Any]) -> bytes:
-    """Return an NPY file."""
-    data = io.BytesIO()
-    np.save(data, np.asarray(array, order="C"), allow_pickle=False)  # keeps () of a text
-    return data.getvalue()
 
 
 def encode_npz(frame: ExportFrame) -> bytes:
