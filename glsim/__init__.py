@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from glsim.gl.context import open_context
     from glsim.noise.realsense_filters import filter_sequence
     from glsim.noise.stage import array_stage
-    from glsim.sensors.pattern_map import remove_fixed_pattern
+    from glsim.sensors.images import remove_fixed_pattern
     from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
     from glsim.settings.schema import Settings, load_settings
     from glsim.simulation.corrupt import Corrupter
@@ -82,7 +82,7 @@ _HOME = {
     "open_dataset": "glsim.data.reader",
     "open_sources": "glsim.simulation.pipeline",
     "push_dataset": "glsim.data.export",
-    "remove_fixed_pattern": "glsim.sensors.pattern_map",
+    "remove_fixed_pattern": "glsim.sensors.images",
     "sensor_names": "glsim.sensors.sensor",
     "simulate": "glsim.simulation.pipeline",
     "validation_check": "glsim.bench.validate.report",

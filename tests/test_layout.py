@@ -9,8 +9,6 @@ import moderngl
 import pytest
 
 import glsim
-from glsim.noise.numpy_twins import TWINS
-from glsim.noise.registry import shipped_stages
 from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names
 from tests.support.imports import loaded_after
 
@@ -34,11 +32,6 @@ def test_public_names_exist() -> None:
     assert glsim.__version__ == importlib.metadata.version("glsim")
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         _ = glsim.nothing
-
-
-def test_every_shader_stage_has_a_twin() -> None:
-    shaders = {name for name, spec in shipped_stages().items() if spec.source is not None}
-    assert set(TWINS) == shaders
 
 
 @pytest.mark.parametrize("name", sensor_names())

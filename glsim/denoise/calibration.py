@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
 from glsim.denoise.interface import Depth
-from glsim.sensors.pattern_map import remove_fixed_pattern
+from glsim.sensors.images import remove_fixed_pattern
 from glsim.sensors.sensor import load_sensor
 from glsim.sensors.wiggling import remove_wiggling
 
@@ -65,7 +65,7 @@ class DeviceCalibration:
         part = np.s_[top : top + height, left : left + width]
         result = np.asarray(depth_mm, np.float32)
         if self._pattern is not None:
-            result = remove_fixed_pattern(result, self._pattern.error_mm[part])
+            result = remove_fixed_pattern(result, self._pattern.values[part])
         if self._waves:
             rig = self._rig
             result = remove_wiggling(

@@ -212,38 +212,27 @@ def slider_of(
     """
     if text is None:
         return None, False, 0.0
-    match = _SLIDER.match(text)
-    if match is None or not text.strip():
-        raise ShaderError(
-            f"{where}: after ';' write a range, 'log' or 'step 2', or a range and one of the two, "
-            f"not {text.strip()!r}"
-        )
-    shown, step = None, 0.0
+    match = _SLIDER.match(text) if text.strip() else None
     try:
-        if match["low"] is not None:
-            shown = _number(match["low"]), _number(match["high"])
-        if match["step"] is not None:
-            step = _number(match["step"])
+        if match is None:
+            raise ValueError("is no range, 'log' or 'step 2', nor a range and one of the two")
+        ends = [_number(match[k]) for k in ("low", "high") if match[k] is not None]
+        shown = (ends[0], ends[1]) if ends else None
+        step = _number(match["step"] or "0")
+        if shown is not None and not low <= shown[0] < shown[1] <= high:
+            raise ValueError(f"its range must lie in [{low:g}, {high:g}]")
+        if match["log"] and (shown or (low, high))[0] <= 0:
+            raise ValueError("a logarithmic one starts above 0")
+        if match["step"] and not 0 < step <= high - low:
+            raise ValueError(f"its step must lie in (0, {high - low:g}]")
     except ValueError as error:
-        raise ShaderError(f"{where}: {error}") from None
-    if shown is not None and not low <= shown[0] < shown[1] <= high:
-        raise ShaderError(
-            f"{where}: the slider's range {list(shown)} must lie in [{low:g}, {high:g}]"
-        )
-    log_scale = match["log"] is not None
-    if log_scale and (shown or (low, high))[0] <= 0:
-        raise ShaderError(f"{where}: a logarithmic slider starts above 0")
-    if match["step"] is not None and not 0 < step <= high - low:
-        raise ShaderError(f"{where}: the slider's step {step:g} must lie in (0, {high - low:g}]")
-    return shown, log_scale, step
+        raise ShaderError(f"{where}: the slider {text.strip()!r}: {error}") from None
+    return shown, match["log"] is not None, step
 
 
 def _number(text: str) -> float:
-    words = {"true": 1.0, "false": 0.0}
-    stripped = text.strip().rstrip("uf")
-    if text.strip() in words:
-        return words[text.strip()]
+    plain = {"true": "1", "false": "0"}.get(text.strip(), text.strip())
     try:
-        return float(stripped)
+        return float(plain.rstrip("uf"))
     except ValueError:
-        raise ValueError(f"{text.strip()!r} is not a plain number") from None
+        raise ValueError(f"{plain!r} is not a plain number") from None

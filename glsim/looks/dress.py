@@ -28,8 +28,8 @@ from glsim.looks.glasses import make_glasses
 from glsim.looks.hair import make_hair, make_scalp
 from glsim.looks.outfit import Outfit, draw_outfit
 from glsim.looks.patterns import Pattern, pattern_factors
-from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import AppearanceSettings
 
 _Grid = TypeVar("_Grid")
 

@@ -15,8 +15,8 @@ from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
 from glsim.looks.glasses import GLASSES, GlassesStyle
 from glsim.looks.patterns import Pattern
 from glsim.looks.styles import STYLES, HairStyle
-from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import AppearanceSettings
 
 _Choice = TypeVar("_Choice")
 

@@ -1,17 +1,33 @@
-"""Run stages on arrays: Python stages after the shaders, or a whole chain by its NumPy twins."""
+"""Run stages on arrays: Python stages after the shaders, or a whole chain by its NumPy twins.
+
+Filters over time read the depth of earlier frames of the same still scene. Any frame must be the
+same alone and in any order, so that the earlier ones are not those of its sequence. They are other
+draws of the noise of this frame: the images are exposed again, by the NumPy twin of the stage that
+exposes them, and matched again. What belongs to the device (dots, gains of pixels, its own error)
+is the same in all of them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
-from glsim.noise.earlier_frames import draws_earlier, earlier_depth, twin_of
-from glsim.noise.frame_context import FrameContext, StageView
-from glsim.noise.layer_names import EARLIER_LAYER, EXPECTED_LAYER, FINE_LAYERS, INITIAL_LAYERS
-from glsim.noise.stage import ENABLED, Stage, StageValues
+from glsim.core.seeds import stable_seed
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.layer_names import (
+    EARLIER_LAYER,
+    EXPECTED_LAYER,
+    FINE_LAYERS,
+    INFRARED,
+    INITIAL_LAYERS,
+)
+from glsim.noise.registry import shipped_stage
+from glsim.noise.rig_checks import MATCHER
+from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
 
 
 def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
@@ -36,8 +52,8 @@ def run_array_stages(
     for number, stage in enumerate(stages):
         if stage.spec.function is not None and values[stage.name][ENABLED]:
             written = dict(stage.spec.function(frame.view(stage.name), layers, values[stage.name]))
-            if draws_earlier(stages, number, values):
-                written[EARLIER_LAYER] = earlier_depth(stages, number, layers, frame, values)
+            if _asked_at(stages, values) == number:
+                written[EARLIER_LAYER] = _earlier_depth(stages, number, layers, frame, values)
             _update(stage, layers, written, frame.view(stage.name))
 
 
@@ -55,7 +71,7 @@ def run_twins(
     for stage in stages:
         if not values[stage.name][ENABLED]:
             continue
-        function = stage.spec.function or twin_of(stage)
+        function = stage.spec.function or _twin_of(stage)
         if function is None:
             raise ConfigError(
                 f"stage {stage.name!r} has no NumPy twin: use --backend egl or osmesa, "
@@ -69,7 +85,7 @@ def _update(
     stage: Stage,
     layers: dict[str, NDArray[np.float32]],
     written: Mapping[str, NDArray[np.float32]],
-    view: StageView,
+    view: FrameContext,
 ) -> None:
     shape = (view.window.height, view.window.width)
     for name, array in written.items():
@@ -80,3 +96,74 @@ def _update(
                 f"stage {stage.name!r} returned {name!r} of shape {array.shape}, not {shape}"
             )
         layers[name] = np.ascontiguousarray(array, dtype=np.float32)
+
+
+def _twin_of(stage: Stage) -> ArrayFunction | None:
+    """Return the NumPy twin of a shader stage; None for one of a user's file, which has none.
+
+    A user's file may have the name of a shipped stage.
+    """
+    from glsim.noise.numpy_twins import find_twin
+
+    ours = shipped_stage(stage.spec.name) is stage.spec
+    return find_twin(stage.spec.name) if ours else None
+
+
+def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
+    """Return the shaders' layers that earlier frames are exposed from; none if no stage asks."""
+    may_run = {s.name: float(s.settings[ENABLED].bounds()[1] > 0) for s in stages}
+    asked = _asked_at(stages, {name: {ENABLED: on} for name, on in may_run.items()})
+    exposure = None if asked is None else _exposure(stages[:asked])
+    return () if exposure is None or exposure.spec.source is None else exposure.spec.source.reads
+
+
+def _earlier_depth(
+    stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
+) -> NDArray[np.float32]:
+    """Return the depth of earlier frames, (h, w, N) metres, oldest first.
+
+    Frame k before this one is exposed with a seed that is a function of (seed of this frame, k).
+
+    Args:
+        number: of the stage that matches.
+        layers: those of ``layers_for_earlier``, and what the matcher reads.
+
+    Raises:
+        ConfigError: no stage before exposes images, or it has no twin.
+    """
+    matcher, exposure = stages[number], _exposure(stages[:number])
+    twin = None if exposure is None else _twin_of(exposure)
+    if exposure is None or twin is None or matcher.spec.function is None:
+        raise ConfigError(
+            f"earlier frames (for temporal_filter) are exposed by the NumPy twin of the stage that "
+            f"writes {INFRARED!r}, and {'it' if exposure is None else exposure.name!r} has none: "
+            "switch temporal_filter off, or use glsim.filter_sequence"
+        )
+    depths = []
+    for before in range(int(values[matcher.name]["earlier_frames"]), 0, -1):
+        at = replace(frame, seed=stable_seed("earlier frame", frame.seed, before))
+        exposed = twin(at.view(exposure.name), layers, values[exposure.name])
+        seen: Mapping[str, NDArray[np.float32]] = {**layers, **exposed}
+        written = matcher.spec.function(at.view(matcher.name), seen, values[matcher.name])
+        depths.append(written["depth"])
+    return np.stack(depths, axis=-1)
+
+
+def _asked_at(stages: Sequence[Stage], values: StageValues) -> int | None:
+    """Return the number of the matcher whose earlier frames a later stage reads, if any."""
+    runs = [bool(values[stage.name][ENABLED]) for stage in stages]
+    for number, stage in enumerate(stages):
+        if stage.spec.name == MATCHER and runs[number]:
+            later = zip(stages[number + 1 :], runs[number + 1 :], strict=True)
+            if any(on and EARLIER_LAYER in s.spec.array_reads for s, on in later):
+                return number
+    return None
+
+
+def _exposure(stages: Sequence[Stage]) -> Stage | None:
+    """Return the last stage that draws the infrared image."""
+    for stage in reversed(stages):
+        source = stage.spec.source
+        if source is not None and INFRARED in {layer.name for layer in source.writes}:
+            return stage
+    return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 
@@ -15,7 +15,7 @@ from glsim.core.errors import ConfigError, did_you_mean
 from glsim.gl.declarations import Layer
 from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
-from glsim.noise.earlier_frames import layers_for_earlier
+from glsim.noise.array_chain import layers_for_earlier
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import (
     EXPECTED_CONSTANT,
@@ -27,7 +27,6 @@ from glsim.noise.layer_names import (
     INITIAL_LAYERS,
 )
 from glsim.noise.stage import ENABLED, Stage, StageValues
-from glsim.noise.stage_layers import StageLayers
 from glsim.noise.stage_pass import BOUND, LinkedStages, StagePass
 from glsim.render.renderer import Rendered
 from glsim.render.sub_frames import LIGHT_LAYERS
@@ -93,6 +92,85 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
         return False
     amplitudes = [stage.settings[n] for n in ("sigma_px", "amplitude_px") if n in stage.settings]
     return not amplitudes or any(a.bounds() != (0.0, 0.0) for a in amplitudes)
+
+
+class StageLayers:
+    """Own the targets that the stages of a frame draw.
+
+    Without ``kept`` each goes back to its pool once no later stage can read it. With it they stay
+    for the next run over the same rendering, which draws only stages whose inputs differ. A kept
+    target is lent again only after a run that did not use it, so that no kept stage has read it.
+    """
+
+    def __init__(self, *, kept: bool = False) -> None:
+        self._kept = kept
+        self._over: tuple[Rendered, FrameContext] | None = None
+        self._stages: dict[str, tuple[tuple[object, ...], dict[str, Target]]] = {}
+        self._used: set[str] = set()
+        self._unused: list[Target] = []
+
+    @contextmanager
+    def run(self, rendered: Rendered, frame: FrameContext) -> Iterator[None]:
+        """Own what is drawn in the block, over ``rendered`` for ``frame``."""
+        if self._over is None or self._over[0] is not rendered or self._over[1] != frame:
+            self.clear()
+            self._over = rendered, frame
+        self._used = set()
+        kept = False
+        try:
+            yield
+            kept = self._kept
+        finally:
+            self._drop([n for n in self._stages if n not in self._used] if kept else None)
+
+    def draw(
+        self, name: str, draw: Callable[[], dict[str, Target]], *inputs: object
+    ) -> dict[str, Target]:
+        """Return the layers that the stage ``name`` draws, or drew from the same inputs.
+
+        Args:
+            inputs: all that they depend on, besides the rendering and the frame. Mappings count by
+                their values, stages and targets by identity.
+        """
+        known = self._stages.get(name)
+        if known is None or not all(map(_same, known[0], inputs)):
+            drawn = draw()
+            self._unused += self._stages.pop(name, ((), {}))[1].values()
+            known = self._stages[name] = inputs, drawn
+        self._used.add(name)
+        return known[1]
+
+    def replaced(self, targets: Iterable[Target]) -> None:
+        """Give back the targets of layers that a stage has drawn anew, unless they are kept."""
+        gone = () if self._kept else tuple(targets)
+        for _, drawn in self._stages.values():
+            for layer in [layer for layer, target in drawn.items() if target in gone]:
+                self._unused.append(drawn.pop(layer))
+        if gone:
+            self._give_back()
+
+    def clear(self) -> None:
+        """Give all targets back. Call it before the rendering they were drawn over ends."""
+        self._drop(None)
+
+    def _drop(self, names: Sequence[str] | None) -> None:
+        """Give back the targets of some stages; None: of all, and forget the rendering."""
+        # In reverse: the next frame then takes them in the same order.
+        for name in reversed(tuple(self._stages) if names is None else names):
+            self._unused += reversed(self._stages.pop(name)[1].values())
+        self._give_back()
+        if names is None:
+            self._over = None
+
+    def _give_back(self) -> None:
+        for target in self._unused:
+            assert self._over is not None, "drawn within run()"
+            self._over[0].pool.give_back(target)
+        self._unused = []
+
+
+def _same(one: object, two: object) -> bool:
+    return one is two or (isinstance(one, Mapping) and one == two)
 
 
 class ShaderChain:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,15 @@ def _two(points: Sequence[Point]) -> tuple[Point, Point]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Optics:
-    """The rig's and the scene's parameters for stages that integrate light.
+class FrameContext:
+    """The facts about a frame that noise stages read besides its layers.
 
     Args:
+        window: the part of the frame that the layers hold.
+        width, height: of the frame, pixels.
+        seed, sequence_seed, device_seed: 64 bits; in the ``view`` of a stage its own ones, 32 bits.
+        time_s: since the start of the sequence.
+        focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
         emitter_m: where paths of light start (SensorRig.emitter_m).
         modulation_mhz: three frequencies.
         supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
@@ -43,7 +48,15 @@ class Optics:
             rows; 0 without one.
     """
 
-    emitter_m: Point = (0.0, 0.0, 0.0)
+    window: Rect
+    width: int
+    height: int
+    seed: int
+    sequence_seed: int
+    device_seed: int
+    time_s: float = 0.0
+    focal_baseline_px_m: float = 0.0
+    emitter_m: Point = _ORIGIN
     modulation_mhz: tuple[float, ...] = ()
     supersample: int = 1
     nearest_m: float = 0.0
@@ -54,38 +67,6 @@ class Optics:
     subject_m: float = 1.0
     lens: Distortion = field(default_factory=Distortion)
     projector_tan: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _FrameFacts:
-    """The fields of FrameContext and StageView.
-
-    Args:
-        window: the part of the frame that the layers hold.
-        width, height: of the frame, pixels.
-        time_s: since the start of the sequence.
-        focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
-    """
-
-    window: Rect
-    width: int
-    height: int
-    seed: int
-    sequence_seed: int
-    device_seed: int
-    time_s: float
-    focal_baseline_px_m: float
-    optics: Optics = Optics()
-
-
-@dataclass(frozen=True, kw_only=True)
-class StageView(_FrameFacts):
-    """One stage's view of a frame. Its seeds are the stage's own, 32 bits."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrameContext(_FrameFacts):
-    """The frame that a chain runs on. Its seeds have 64 bits."""
 
     @classmethod
     def for_frame(
@@ -109,7 +90,15 @@ class FrameContext(_FrameFacts):
             supersample: samples per pixel along each axis of the fine layers (default: the rig's).
         """
         image = rig.intrinsics
-        optics = Optics(
+        return cls(
+            window=window,
+            width=image.width,
+            height=image.height,
+            seed=seed,
+            sequence_seed=sequence_seed,
+            device_seed=device_seed,
+            time_s=time_s,
+            focal_baseline_px_m=image.fx * rig.baseline_m,
             emitter_m=rig.emitter_m,
             modulation_mhz=rig.modulation_mhz,
             supersample=rig.supersample if supersample is None else supersample,
@@ -122,28 +111,12 @@ class FrameContext(_FrameFacts):
             lens=rig.distortion,
             projector_tan=rig.projector_tan,
         )
-        return cls(
-            window=window,
-            width=image.width,
-            height=image.height,
-            seed=seed,
-            sequence_seed=sequence_seed,
-            device_seed=device_seed,
-            time_s=time_s,
-            focal_baseline_px_m=image.fx * rig.baseline_m,
-            optics=optics,
-        )
 
-    def view(self, stage: str) -> StageView:
-        """Return the view of one stage, given by its name in the chain, with its own seeds."""
-        return StageView(
-            window=self.window,
-            width=self.width,
-            height=self.height,
+    def view(self, stage: str) -> FrameContext:
+        """Return the frame as a stage sees it, given by its name in the chain: its own seeds."""
+        return replace(
+            self,
             seed=stage_seed(self.seed, stage),
             sequence_seed=stage_seed(self.sequence_seed, stage),
             device_seed=stage_seed(self.device_seed, stage),
-            time_s=self.time_s,
-            focal_baseline_px_m=self.focal_baseline_px_m,
-            optics=self.optics,
         )

@@ -39,7 +39,7 @@ EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
 
 #: Depth of N earlier frames of the same still scene, (h, w, N) metres, oldest first: other draws of
 #: the noise of the same device, a function of the frame's seed. Drawn after the matcher if a later
-#: stage reads it, as temporal_filter does (glsim.noise.earlier_frames); a stage on arrays may too.
+#: stage reads it, as temporal_filter does (glsim.noise.array_chain); a stage on arrays may too.
 EARLIER_LAYER = "earlier_depth"
 
 #: Stands for NaN, which GLSL compilers may assume away: larger than any error.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
-from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import EARLIER_LAYER
 from glsim.noise.stage import array_stage, own_pixel
 
@@ -60,11 +60,11 @@ def _spatial_reach_px(p: Mapping[str, float]) -> int:
     filling_mode=("int", 0, 0, 5, "1", "0: none; else less than 2, 4, 8, 16, 255 px along a row"),
     unit_mm=("float", 1, 0, 100, "mm", "step of the depth that is delivered; 0: none"),
 )  # fmt: skip
-def spatial_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
+def spatial_filter(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
     """Smooths the disparity along rows and columns, but not across edges."""
 
     def filtered(depth_m: Image) -> Image:
-        steps = _disparity(depth_m, view, "spatial_filter")
+        steps = _steps(depth_m, view.focal_baseline_px_m)
         smooth = smooth_disparity(steps, p["alpha"], p["delta"], int(p["iterations"]))
         smooth = fill_rows(smooth, _FILLED_BELOW_PX[int(p["filling_mode"])])
         return _depth_m(smooth, steps, depth_m, view.focal_baseline_px_m, p["unit_mm"])
@@ -85,7 +85,7 @@ def spatial_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> d
         "0 never; 1 8/8; 2 2/3; 3 2/4; 4 2/8; 5 1/2; 6 1/5; 7 1/8; 8 always"),
     unit_mm=("float", 1, 0, 100, "mm", "step of the depth that is delivered; 0: none"),
 )  # fmt: skip
-def temporal_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
+def temporal_filter(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
     """Averages each pixel's disparity over this frame and earlier ones of the same still scene."""
     if EARLIER_LAYER not in layers:
         raise ConfigError(
@@ -93,24 +93,18 @@ def temporal_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> 
             "match_stereo does; filter the depth of other cameras by filter_sequence"
         )
     stack = np.concatenate([np.moveaxis(layers[EARLIER_LAYER], -1, 0), layers["depth"][None]])
-    steps = _disparity(stack, view, "temporal_filter")
-    smooth = smooth_in_time(steps, p["alpha"], p["delta"], int(p["persistence"]))[-1]
-    return _with_reasons(
-        layers, _depth_m(smooth, steps[-1], layers["depth"], view.focal_baseline_px_m, p["unit_mm"])
+    smooth = filter_sequence(
+        stack, view.focal_baseline_px_m, p["alpha"], p["delta"], int(p["persistence"]), p["unit_mm"]
     )
-
-
-def _whole_frame(_: Mapping[str, float]) -> int:
-    """Return the reach of ``hole_filling``: a hole may be as wide as the frame."""
-    return _WHOLE_FRAME_PX
+    return _with_reasons(layers, smooth[-1])
 
 
 @array_stage(
-    _whole_frame,
+    lambda _: _WHOLE_FRAME_PX,
     (),
     mode=("int", 1, 0, 2, "1", "0: left neighbour; 1: farthest, 2: nearest of five neighbours"),
 )
-def hole_filling(view: StageView, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
+def hole_filling(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
     """Fills holes with a neighbour's depth, from left to right and from top to bottom."""
     return _with_reasons(layers, fill_holes(layers["depth"], int(p["mode"])))
 
@@ -121,7 +115,9 @@ def hole_filling(view: StageView, layers: Layers, p: Mapping[str, float]) -> dic
     near_mm=("float", 100, 0, 65535, "mm", "depths below are removed"),
     far_mm=("float", 4000, 0, 65535, "mm", "depths beyond are removed"),
 )
-def threshold_filter(view: StageView, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
+def threshold_filter(
+    view: FrameContext, layers: Layers, p: Mapping[str, float]
+) -> dict[str, Image]:
     """Removes depths outside a range."""
     depth, reason = layers["depth"].copy(), layers["reason"].copy()
     near_m, far_m = (np.float32(0.001 * p[name]) for name in ("near_mm", "far_mm"))
@@ -264,18 +260,13 @@ def fill_holes(depth: Image, mode: int) -> Image:
     return bits.astype(np.int32).view(np.float32)
 
 
-def _disparity(depth_m: Image, view: StageView, stage: str) -> Image:
-    """Return disparities in 1/32 px. Raises ConfigError for a rig without a baseline."""
-    if view.focal_baseline_px_m <= 0:
-        raise ConfigError(
-            f"stage {stage!r} works on disparity, but the rig has no baseline: give it an emitter "
-            "or a second imager beside the camera"
-        )
-    return _steps(depth_m, view.focal_baseline_px_m)
-
-
 def _steps(depth_m: Image, focal_baseline_px_m: float) -> Image:
-    """Return disparities in 1/32 px for depth in metres; 0 stays 0."""
+    """Return disparities in 1/32 px for depth in metres, and back; 0 stays 0."""
+    if focal_baseline_px_m <= 0:
+        raise ConfigError(
+            "spatial_filter and temporal_filter work on disparity, but the rig has no baseline: "
+            "give it an emitter or a second imager beside the camera"
+        )
     known = depth_m > 0
     constant = np.float32(_STEPS_PER_PX * focal_baseline_px_m)
     return np.divide(constant, depth_m, out=np.zeros_like(depth_m), where=known)

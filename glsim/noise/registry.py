@@ -18,15 +18,15 @@ from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.core.files.regular import read_regular
 from glsim.core.plugins import announce_code, load_plugin, plugin_file, plugin_names
 from glsim.gl.includes import SHADER_ROOT
-from glsim.gl.shader_source import ShaderSource, load_source, parse_source
-from glsim.noise import array_stages, point_filling, realsense_filters, stereo_matching
+from glsim.gl.shader_source import load_source, parse_source
+from glsim.noise import array_stages, realsense_filters, stereo_matching
 from glsim.noise.stage import StageSpec, array_parameter
 
 #: The folders of the shipped shader stages, below shaders/.
 STAGE_FOLDERS = ("noise", "tof", "stereo")
 
 #: The modules of the shipped array stages; ``__all__`` of a module names its stages.
-ARRAY_MODULES = (array_stages, realsense_filters, point_filling, stereo_matching)
+ARRAY_MODULES = (array_stages, realsense_filters, stereo_matching)
 
 
 @lru_cache(maxsize=1)
@@ -43,7 +43,7 @@ def shipped_stage(name: str) -> StageSpec | None:
     place = _shipped().get(name)
     if isinstance(place, ModuleType):
         return _array_spec(name, getattr(place, name), place.__file__ or "")
-    return None if place is None else _shader_spec(name, place)
+    return None if place is None else shader_stage(place)
 
 
 def shipped_stages() -> dict[str, StageSpec]:
@@ -71,8 +71,7 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
     if is_code(use):
         return _python_spec(use, beside)
     if use.endswith(".glsl"):
-        file = (beside / use) if beside is not None and not Path(use).is_absolute() else Path(use)
-        return _shader_spec(file.stem, file)
+        return shader_stage((beside or Path()) / use)
     if use in plugin_names("stages", _shipped()):
         return _plugin_spec(use)
     raise ConfigError(
@@ -95,26 +94,19 @@ def describe_stage(use: str) -> StageSpec:
     return declared_stage(Path(target), name) if target.endswith(".py") else find_stage(use)
 
 
-def shader_stage(text: str, file: Path) -> StageSpec:
-    """Return the stage of GLSL that need not be on disk. Raises ShaderError with file and line.
+def shader_stage(file: Path, text: str | None = None) -> StageSpec:
+    """Return the stage of a GLSL file. Raises ShaderError with file and line.
 
     Args:
-        file: its name without suffix is the stage's; named in messages; includes are searched
-            beside.
+        file: its name without suffix is the stage's; includes are searched beside it.
+        text: GLSL that need not be on disk; default: what the file holds.
     """
-    return _spec_of(file.stem, file, parse_source(text, file))
-
-
-def _shader_spec(name: str, file: Path) -> StageSpec:
-    return _spec_of(name, file, load_source(file))
-
-
-def _spec_of(name: str, file: Path, source: ShaderSource) -> StageSpec:
+    source = load_source(file) if text is None else parse_source(text, file)
     if not source.writes:
         raise ShaderError(f"{file}: the stage writes no layer: declare e.g. 'out float depth;'")
     if len({layer.scale for layer in source.writes}) > 1:
         raise ShaderError(f"{file}: all layers that a stage writes must have the same size")
-    return StageSpec(name, source.title, source.parameters, str(file), source=source)
+    return StageSpec(file.stem, source.title, source.parameters, str(file), source=source)
 
 
 def _array_spec(name: str, function: Any, file: str) -> StageSpec:
@@ -136,7 +128,7 @@ def _plugin_spec(name: str) -> StageSpec:
 
     found = load_plugin("stages", name, valid)
     if (file := plugin_file(found, shader)) is not None:
-        return _shader_spec(name, file)
+        return shader_stage(file)
     return _array_spec(name, found, str(found.__module__))
 
 
@@ -157,7 +149,7 @@ def _python_spec(use: str, beside: Path | None) -> StageSpec:
 
 
 def _load_file(target: str, beside: Path | None) -> ModuleType:
-    path = Path(target) if beside is None or Path(target).is_absolute() else beside / target
+    path = (beside or Path()) / target
     announce_code(str(path))
     spec = importlib.util.spec_from_file_location(f"glsim_user_{path.stem}", path)
     if spec is None or spec.loader is None:

@@ -15,13 +15,11 @@ from glsim.noise.stage import ENABLED, Stage
 #: is right for any value, because light is encoded and decoded with the same one.
 SPEED_OF_LIGHT = 3.0e8
 
+#: Stages that do nothing without an emitter.
+_SHADOW_STAGES = ("shadow", "tof_shadow")
+
 #: Frequencies are rounded to multiples of this to find their common period, MHz.
 _GRID_MHZ = Fraction(1, 1000)
-
-
-def half_waves_m(modulation_mhz: Sequence[float]) -> tuple[float, ...]:
-    """Return the distance after which each frequency's phase repeats, metres."""
-    return tuple(SPEED_OF_LIGHT / 2e6 / mhz for mhz in modulation_mhz)
 
 
 def unambiguous_m(modulation_mhz: Sequence[float]) -> float:
@@ -33,8 +31,8 @@ def _whole(modulation_mhz: Sequence[float]) -> list[int]:
     return [round(Fraction(mhz) / _GRID_MHZ) for mhz in modulation_mhz]
 
 
-def check_light(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError for contradictory ranges, a missing emitter, or unsuitable frequencies.
+def check_rig(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
+    """Raise ConfigError for a chain that this rig's light, emitters or imagers cannot serve.
 
     Args:
         where: the sensor file, for messages.
@@ -47,15 +45,16 @@ def check_light(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
                     f"{where}: {stage.name}.near_mm {near:g} must be less than "
                     f"{stage.name}.far_mm {far:g}"
                 )
-    timed = [s for s in stages if s.spec.source and "u_modulation_mhz" in s.spec.source.bound]
-    if not timed:
-        return
-    if not rig.emitters:
-        raise ConfigError(
-            f"{where}: stage {timed[0].name!r} measures the emitter's light, but the rig has no "
-            "emitter: give it one under [[rig.emitter]]"
-        )
-    _check_frequencies(rig.modulation_mhz, rig.far_m, where)
+        timed = stage.spec.source is not None and "u_modulation_mhz" in stage.spec.source.bound
+        shaded = stage.spec.name in _SHADOW_STAGES and stage.settings[ENABLED].bounds()[1] > 0
+        if (timed or shaded) and not rig.emitters:
+            raise ConfigError(
+                f"{where}: stage {stage.name!r} measures the emitter's light or its shadows, but "
+                "the rig has no emitter: give it one under [[rig.emitter]]"
+            )
+        if timed:
+            _check_frequencies(rig.modulation_mhz, rig.far_m, where)
+    _check_triangulation(stages, rig, where)
 
 
 def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str) -> None:
@@ -88,12 +87,8 @@ MATCHER = "match_stereo"
 _LARGEST_SKEW = 1e-3
 
 
-def check_triangulation(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError if the imagers do not fit each other, the lens or the matcher.
-
-    Args:
-        where: the sensor file, for messages.
-    """
+def _check_triangulation(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
+    """Raise ConfigError if the imagers do not fit each other, the lens or the matcher."""
     matches = any(s.spec.name == MATCHER and s.settings[ENABLED].bounds()[1] > 0 for s in stages)
     imagers, emitters = len(rig.imagers_m), len(rig.emitters)
     if matches and (imagers == 0 or imagers + emitters < 2):
@@ -104,22 +99,21 @@ def check_triangulation(stages: Sequence[Stage], rig: SensorRig, where: str) -> 
         )
     if not imagers:
         return
-    if imagers > 2 or emitters > 2:
-        raise ConfigError(
-            f"{where}: the rig has {imagers} imagers and {emitters} emitters: two of each at most"
-        )
     across, along = sorted(abs(v) for v in rig.second_view_m[:2])
-    if imagers + emitters > 1 and (along == 0 or across > _LARGEST_SKEW * along):
-        raise ConfigError(
-            f"{where}: the second view is at {rig.second_view_m} m from the first: images are "
-            "matched along rows or columns, so move it along x or along y alone"
+    problem = ""
+    if imagers > 2 or emitters > 2:
+        problem = f"{imagers} imagers and {emitters} emitters: two of each at most"
+    elif imagers + emitters > 1 and (along == 0 or across > _LARGEST_SKEW * along):
+        problem = (
+            f"its second view at {rig.second_view_m} m from the first: images are matched along "
+            "rows or columns, so move it along x or along y alone"
         )
-    if rig.second_view_m[2] != 0 or any(z != 0 for _, _, z in rig.imagers_m):
-        raise ConfigError(f"{where}: imagers and their projector must have z = 0: rectified images")
-    if rig.keeps_distortion or rig.supersample > 1:
-        raise ConfigError(
-            f'{where}: images are matched after rectification, so deliver = "undistorted" and '
-            "supersample = 1"
+    elif any(z != 0 for _, _, z in (rig.second_view_m, *rig.imagers_m)):
+        problem = "an imager or a projector away from z = 0: rectified images need z = 0"
+    elif rig.keeps_distortion or rig.supersample > 1 or rig.distortion != Distortion():
+        problem = (
+            'imagers, whose images are rectified: deliver = "undistorted", supersample = 1, and no '
+            "lens distortion"
         )
-    if rig.distortion != Distortion():
-        raise ConfigError(f"{where}: rectified images have no lens distortion: leave it out")
+    if problem:
+        raise ConfigError(f"{where}: the rig has {problem}")

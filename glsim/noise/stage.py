@@ -26,13 +26,13 @@ from numpy.typing import NDArray
 from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.declarations import Parameter, slider_of
 from glsim.gl.shader_source import ShaderSource
-from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.frame_context import FrameContext, Layers
 from glsim.settings.distribution import Distribution, DrawKeys, constant
 
 #: A stage on arrays: takes the view of the frame, its layers and the parameters' values; returns
 #: the layers that it writes.
 ArrayFunction = Callable[
-    [StageView, Layers, Mapping[str, float]], Mapping[str, NDArray[np.float32]]
+    [FrameContext, Layers, Mapping[str, float]], Mapping[str, NDArray[np.float32]]
 ]
 
 #: How far around a pixel a stage on arrays reads, pixels, as a function of its parameters' values.
@@ -87,23 +87,6 @@ class Stage:
     name: str
     spec: StageSpec
     settings: Mapping[str, Distribution]
-
-    def draw(self, draw: Callable[[Distribution, str], float]) -> dict[str, float]:
-        """Draw one frame's values of all parameters and of ``enabled``. Raises ConfigError.
-
-        Args:
-            draw: takes a distribution and its name, "stage.parameter".
-        """
-        values = {}
-        for name, setting in self.settings.items():
-            value = draw(setting, f"{self.name}.{name}")
-            parameter = self.spec.parameters.get(name, _ENABLED)
-            if parameter.type != "float":
-                value = float(round(value))
-            if problem := parameter.problem(value):
-                raise ConfigError(f"{self.name}.{name}: {problem}")
-            values[name] = value
-        return values
 
 
 def array_stage(
@@ -193,11 +176,18 @@ def draw_values(
     Returns the values that are not constant, "stage.parameter" -> value, and all values,
     stage -> parameter -> value.
     """
-    values = {stage.name: stage.draw(lambda s, name: s.draw(seeds, name)) for stage in stages}
-    drawn = {
-        f"{stage.name}.{name}": values[stage.name][name]
-        for stage in stages
-        for name, setting in stage.settings.items()
-        if not setting.is_constant
-    }
+    drawn: dict[str, float] = {}
+    values: dict[str, dict[str, float]] = {stage.name: {} for stage in stages}
+    for stage in stages:
+        for name, setting in stage.settings.items():
+            key = f"{stage.name}.{name}"
+            value = setting.draw(seeds, key)
+            parameter = stage.spec.parameters.get(name, _ENABLED)
+            if parameter.type != "float":
+                value = float(round(value))
+            if problem := parameter.problem(value):
+                raise ConfigError(f"{key}: {problem}")
+            values[stage.name][name] = value
+            if not setting.is_constant:
+                drawn[key] = value
     return drawn, values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from weakref import WeakValueDictionary
 
 import moderngl
@@ -13,33 +14,27 @@ from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link
 from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Target, TargetPool
-from glsim.noise.frame_context import FrameContext, StageView
+from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import BLANK
 from glsim.render.silhouette import Silhouette
 
 #: The ``u_`` uniforms other than layers that a stage may declare, and the sources of their values.
-BOUND: dict[str, Callable[[StageView], object]] = {
-    "u_seed": lambda view: view.seed,
-    "u_sequence_seed": lambda view: view.sequence_seed,
-    "u_device_seed": lambda view: view.device_seed,
-    "u_time_s": lambda view: view.time_s,
-    "u_focal_baseline_px_m": lambda view: view.focal_baseline_px_m,
-    "u_frame_size_px": lambda view: (view.width, view.height),
-    "u_emitter_m": lambda view: view.optics.emitter_m,
-    "u_modulation_mhz": lambda view: view.optics.modulation_mhz,
-    "u_supersample": lambda view: view.optics.supersample,
-    "u_focal_px": lambda view: view.optics.focal_px,
-    "u_nearest_m": lambda view: view.optics.nearest_m,
-    "u_emitter_1_m": lambda view: view.optics.emitters_m[0],
-    "u_emitter_2_m": lambda view: view.optics.emitters_m[1],
-    "u_imager_1_m": lambda view: view.optics.imagers_m[0],
-    "u_imager_2_m": lambda view: view.optics.imagers_m[1],
-    "u_subject_m": lambda view: view.optics.subject_m,
-    "u_projector_tan": lambda view: view.optics.projector_tan,
-    "u_second_view_m": lambda view: view.optics.second_view_m,
-    "u_lens_upper": lambda view: (view.optics.lens.k1, view.optics.lens.k2, view.optics.lens.k3),
-    "u_lens_lower": lambda view: (view.optics.lens.k4, view.optics.lens.k5, view.optics.lens.k6),
-}
+BOUND: dict[str, Callable[[FrameContext], object]] = {
+    f"u_{name}": attrgetter(name)
+    for name in (
+        "seed", "sequence_seed", "device_seed", "time_s", "focal_baseline_px_m", "emitter_m",
+        "modulation_mhz", "supersample", "focal_px", "nearest_m", "subject_m", "projector_tan",
+        "second_view_m",
+    )
+} | {
+    "u_frame_size_px": attrgetter("width", "height"),
+    "u_emitter_1_m": lambda view: view.emitters_m[0],
+    "u_emitter_2_m": lambda view: view.emitters_m[1],
+    "u_imager_1_m": lambda view: view.imagers_m[0],
+    "u_imager_2_m": lambda view: view.imagers_m[1],
+    "u_lens_upper": attrgetter("lens.k1", "lens.k2", "lens.k3"),
+    "u_lens_lower": attrgetter("lens.k4", "lens.k5", "lens.k6"),
+}  # fmt: skip
 
 
 class LinkedStages:

@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 from glsim.core.camera import Point
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.image_alignment import STEPS_PER_PX
+from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import DISPARITY_LAYER
 from glsim.noise.numpy_twins.layers import pixels
 from glsim.noise.numpy_twins.random import normal_pair, random_bits
-from glsim.noise.semi_global import NO_MATCH, match, reject_unlit
+from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match, reject_unlit
 from glsim.noise.stage import array_stage
 
 __all__ = ["match_stereo"]
@@ -104,11 +103,11 @@ def _reach_px(p: Mapping[str, float]) -> int:
     ),
 )  # fmt: skip
 def match_stereo(
-    view: StageView, layers: Layers, p: Mapping[str, float]
+    view: FrameContext, layers: Layers, p: Mapping[str, float]
 ) -> dict[str, NDArray[np.float32]]:
     """Matches two infrared images (or an image and a pattern) into depth: f B / disparity."""
     second = "infrared_right" if "infrared_right" in layers else "reference"
-    turn = _Turn(view.optics.second_view_m)
+    turn = _Turn(view.second_view_m)
     left, right = (turn.forth(layers[name]) for name in ("infrared", second))
     found = match(left, right, p)
     if second == "infrared_right":
@@ -130,8 +129,8 @@ def match_stereo(
     units = np.rint(scale / np.where(kept, steps, 1))
     kept &= units <= _LARGEST_UNITS
     depth = np.where(kept, units * p["depth_unit_mm"] / 1000.0, 0).astype(np.float32)
-    if any(imager := view.optics.imagers_m[0]):
-        depth = warp_to_camera(depth, imager, view.optics.focal_px)
+    if any(imager := view.imagers_m[0]):
+        depth = warp_to_camera(depth, imager, view.focal_px)
     if p["half_floats"] > 0:
         depth = depth.astype(np.float16).astype(np.float32)
     shown = np.where(kept, steps / p["subpixel_steps"], 0)
@@ -155,7 +154,7 @@ class _Turn:
         turned = image[:, ::-1] if self.mirrored else image
         return np.ascontiguousarray(turned.T if self.upright else turned)
 
-    def first_px(self, view: StageView) -> int:
+    def first_px(self, view: FrameContext) -> int:
         """Return how far the turned window's first column is from the image's first."""
         window = view.window
         first, size = window.left, window.width
@@ -194,7 +193,7 @@ _HIDDEN_SHARE = 0.02
 
 
 def match_reasons(
-    view: StageView, layers: Layers, depth_m: NDArray[np.float32], p: Mapping[str, float]
+    view: FrameContext, layers: Layers, depth_m: NDArray[np.float32], p: Mapping[str, float]
 ) -> NDArray[np.float32]:
     """Return the reason codes of matched depth.
 
@@ -219,7 +218,7 @@ def match_reasons(
 
 
 def is_other_surface(
-    view: StageView, clean_m: NDArray[np.float32], depth_m: NDArray[np.float32]
+    view: FrameContext, clean_m: NDArray[np.float32], depth_m: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
     """Return where a depth's disparity is not that of the clean surface.
 
@@ -233,11 +232,11 @@ def is_other_surface(
     return other
 
 
-def _hidden(view: StageView, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _hidden(view: FrameContext, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return where the second imager sees another surface, or nothing of the scene."""
     right, clean = layers["right_clean"], layers["clean"]
     height, width = clean.shape
-    axis_px = np.array(view.optics.second_view_m[:2]) / np.hypot(*view.optics.second_view_m[:2])
+    axis_px = np.array(view.second_view_m[:2]) / np.hypot(*view.second_view_m[:2])
     row, column = np.mgrid[:height, :width]
     column = np.rint(column - axis_px[0] * true_px).astype(np.int64)
     row = np.rint(row - axis_px[1] * true_px).astype(np.int64)

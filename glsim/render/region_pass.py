@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -16,24 +15,10 @@ from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes, index_buffer
 from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool, set_matrix
-from glsim.render.mesh_cache import CACHED_TOPOLOGIES
+from glsim.render.mesh_cache import CACHED_TOPOLOGIES, GpuMesh
 
 REGION = Layer("region", "float")
-
-
-@dataclass(frozen=True, eq=False)
-class LabelledMesh:
-    """A mesh with region numbers.
-
-    Attributes:
-        faces: (F, 3).
-        positions: its vertices on the GPU.
-        labels: (V,) float32 numbers; None: all 0.
-    """
-
-    faces: NDArray[np.int32]
-    positions: moderngl.Buffer
-    labels: NDArray[np.float32] | None
+Labels = NDArray[np.float32] | None
 
 
 class RegionPass:
@@ -59,7 +44,7 @@ class RegionPass:
         set_matrix(self._program, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         self._depth = context.depth_renderbuffer((pinhole.width, pinhole.height))
         self._buffers: dict[int, moderngl.Framebuffer] = {}
-        self._arrays: OrderedDict[tuple[int, int], tuple[LabelledMesh, moderngl.VertexArray]]
+        self._arrays: OrderedDict[tuple[int, int], tuple[object, moderngl.VertexArray]]
         self._arrays = OrderedDict()
         self._lens_pass: FullscreenPass | None = None
         if rig.keeps_distortion:
@@ -69,11 +54,16 @@ class RegionPass:
             self._lens_pass = FullscreenPass(context, lens)
 
     def draw(
-        self, meshes: Sequence[LabelledMesh], views: Sequence[NDArray[np.float32]], window: Rect
+        self,
+        meshes: Sequence[GpuMesh],
+        labels: Sequence[Labels],
+        views: Sequence[NDArray[np.float32]],
+        window: Rect,
     ) -> Target:
         """Draw the layer REGION of a window (0 = no region) in a target of the image's pool.
 
         Args:
+            labels: per mesh the (V,) region numbers of its vertices; None: all 0.
             views: one (4, 4) matrix per mesh, canonical mm to camera m.
         """
         whole = Rect(0, 0, self._pinhole.width, self._pinhole.height)
@@ -86,7 +76,8 @@ class RegionPass:
         buffer.use()
         buffer.viewport, buffer.scissor = whole, area
         buffer.clear(viewport=area)
-        draw_meshes(self._context, [self._array(mesh) for mesh in meshes], self._program, views)
+        arrays = list(map(self._array, meshes, labels))
+        draw_meshes(self._context, arrays, self._program, views)
         if self._lens_pass is None:
             return target
         distorted = self._pool.take(REGION, window)
@@ -99,22 +90,20 @@ class RegionPass:
         self._camera_pool.give_back(target)
         return distorted
 
-    def _array(self, mesh: LabelledMesh) -> moderngl.VertexArray:
-        key = mesh.positions.glo, id(mesh.labels)
-        if key not in self._arrays or self._arrays[key][0].faces is not mesh.faces:
-            self._arrays[key] = mesh, self._upload(mesh)  # keeps the mesh, and so its ids, alive
+    def _array(self, mesh: GpuMesh, labels: Labels) -> moderngl.VertexArray:
+        key = id(mesh.positions), id(labels)
+        if key not in self._arrays:
+            count = mesh.positions.size // 12  # three float32 per vertex
+            numbers = np.zeros(count, np.float32) if labels is None else labels
+            indices, size = index_buffer(self._context, majority_last(mesh.faces, numbers), count)
+            position = (mesh.positions, "3f", "in_position_mm")
+            label = (self._context.buffer(numbers), "1f", "in_region")
+            array = self._context.vertex_array(self._program, [position, label], indices, size)
+            self._arrays[key] = (mesh.positions, labels), array  # keeps both, and so their ids
             if len(self._arrays) > CACHED_TOPOLOGIES:
                 self._arrays.popitem(last=False)
         self._arrays.move_to_end(key)
         return self._arrays[key][1]
-
-    def _upload(self, mesh: LabelledMesh) -> moderngl.VertexArray:
-        count = mesh.positions.size // 12  # three float32 per vertex
-        labels = np.zeros(count, np.float32) if mesh.labels is None else mesh.labels
-        indices, size = index_buffer(self._context, majority_last(mesh.faces, labels), count)
-        position = (mesh.positions, "3f", "in_position_mm")
-        label = (self._context.buffer(labels), "1f", "in_region")
-        return self._context.vertex_array(self._program, [position, label], indices, size)
 
 
 def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDArray[np.int32]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 
 import moderngl
 import numpy as np
@@ -40,17 +41,19 @@ from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
-from glsim.gl.program import link_files
+from glsim.gl.includes import SHADER_ROOT
+from glsim.gl.program import link, link_files
+from glsim.gl.shader_source import load_source
 from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.mesh_cache import GpuMesh, MeshCache
-from glsim.render.region_pass import REGION, LabelledMesh, RegionPass
+from glsim.render.region_pass import REGION, RegionPass
 from glsim.render.shadow_map import LIT, LIT_BY_EACH, ShadowMap, View
 from glsim.render.silhouette import Silhouette, SilhouettePass
-from glsim.render.supersampling import CentrePass, sample_layer, supersampled_pass
 
 CLEAN = Layer("clean", "float")
 NORMAL = Layer("normal", "vec4")
 ALBEDO = Layer("albedo", "float")
+UNEVEN = Layer("uneven", "float")
 _RAYS = Layer("rays", "vec2")
 
 #: Prefixes of the layers of the first and the second imager.
@@ -100,14 +103,15 @@ class Renderer:
         self._rays = self._pool.upload(_RAYS, rig.rays())
         self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
         fragment = "render/surface.frag"
-        self._centres: CentrePass | None = None
+        self._centres: FullscreenPass | None = None
         if rig.supersample > 1:
             fragment = "render/samples.frag"
-            self._centres = CentrePass(context, rig, self._rays, self._drawn)
-            self._drawn = (sample_layer(rig),)
+            self._centres = supersampled_pass(context, rig, "centres.frag")
+            # Depth and albedo of the samples.
+            self._drawn = (Layer("fine_seen", "vec2", Fraction(rig.supersample)),)
         self._surface = link_files(context, fragment, "render/surface.vert")
         set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
-        self._lens_pass = _lens_pass(context, rig) if rig.keeps_distortion else None
+        self._lens_pass = _linked_lens(context, rig) if rig.keeps_distortion else None
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
         self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
@@ -145,7 +149,7 @@ class Renderer:
             layers = self._draw_surface(uploaded, views, window)
             held += layers.values()
             if self._centres is not None:
-                pixels = self._centres.draw(self._pool, layers["fine_seen"], window)
+                pixels = self._reduced(self._centres, layers["fine_seen"], window)
                 held += pixels.values()
                 layers |= pixels
             with ExitStack() as silhouettes:
@@ -320,6 +324,18 @@ class Renderer:
             self._camera_pool.give_back(target)
         return layers
 
+    def _reduced(self, centres: FullscreenPass, samples: Target, window: Rect) -> dict[str, Target]:
+        """Reduce samples to pixels: the middle sample, and how much the others differ from it."""
+        targets = [self._pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
+        buffer = self._pool.framebuffer(targets)
+        buffer.use()
+        buffer.viewport = window
+        samples.texture.use(0)
+        self._rays.texture.use(1)
+        centres.program["u_fine_seen"], centres.program["u_rays"] = 0, 1
+        centres.draw()
+        return {target.layer.name: target for target in targets}
+
     def _draw_regions(
         self,
         meshes: Sequence[GpuMesh],
@@ -330,11 +346,7 @@ class Renderer:
         if self._regions is None:
             pools = self._camera_pool, self._pool
             self._regions = RegionPass(self._context, self.rig, pools, self._rays)
-        labelled = [
-            LabelledMesh(mesh.faces, mesh.positions, numbers)
-            for mesh, numbers in zip(meshes, labels, strict=True)
-        ]
-        return self._regions.draw(labelled, views, window)
+        return self._regions.draw(meshes, labels, views, window)
 
 
 def _moved(view: NDArray[np.float32], eye_m: Point) -> NDArray[np.float32]:
@@ -344,7 +356,18 @@ def _moved(view: NDArray[np.float32], eye_m: Point) -> NDArray[np.float32]:
     return moved
 
 
-def _lens_pass(context: moderngl.Context, rig: SensorRig) -> FullscreenPass:
+def _linked_lens(context: moderngl.Context, rig: SensorRig) -> FullscreenPass:
     if rig.supersample > 1:
         return supersampled_pass(context, rig, "lens_samples.frag")
     return FullscreenPass(context, link_files(context, "render/lens.frag"))
+
+
+def supersampled_pass(context: moderngl.Context, rig: SensorRig, file: str) -> FullscreenPass:
+    """Link a shader below shaders/render/ that visits the samples of a pixel.
+
+    Samples per axis are a constant in it, SAMPLES_PER_AXIS, so that its loops unroll.
+    """
+    source = load_source(SHADER_ROOT / "render" / file)
+    program = link(context, source.with_defines(SAMPLES_PER_AXIS=rig.supersample))
+    program["u_focal_px"] = rig.intrinsics.fx, rig.intrinsics.fy
+    return FullscreenPass(context, program)

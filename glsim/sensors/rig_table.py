@@ -11,7 +11,7 @@ modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
 fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
 projector_image = "dots.png"   optional: thrown by all emitters instead of drawn dots; and its
-projector_view_deg = [90, 63]  field of view, degrees (glsim.sensors.projector_image)
+projector_view_deg = [90, 63]  field of view, degrees (glsim.sensors.images)
 [rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
 [[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
 border_px = [0, 0, 0, 0]  optional: left, top, right, bottom of what imagers see around the image
@@ -32,7 +32,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_co
 
 from glsim.core.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.core.exposure import Exposure
-from glsim.sensors.projector_image import half_tan
+from glsim.sensors.images import half_tan
 from glsim.sensors.wiggling import Wave
 from glsim.settings.tables import TomlTable
 

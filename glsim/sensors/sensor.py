@@ -25,13 +25,12 @@ from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.plugins import load_plugin, plugin_file, plugin_names
 from glsim.noise.chain import check_chain
-from glsim.noise.layer_names import PATTERN_LAYER, PROJECTOR_LAYER
+from glsim.noise.layer_names import NO_PATTERN, PATTERN_LAYER, PROJECTOR_LAYER
 from glsim.noise.registry import find_stage, is_code
-from glsim.noise.rig_checks import check_light, check_triangulation
+from glsim.noise.rig_checks import check_rig
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
+from glsim.sensors.images import SensorImage, read_pattern_map, read_projector_image
 from glsim.sensors.inheritance import read_sensor_tree
-from glsim.sensors.pattern_map import PatternMap, read_pattern_map
-from glsim.sensors.projector_image import ProjectorImage, read_projector_image
 from glsim.sensors.rig_table import RigTable
 from glsim.sensors.wiggling import Wave, stage_waves
 from glsim.settings.distribution import Distribution, NumberSetting
@@ -39,9 +38,6 @@ from glsim.settings.schema import Settings, place_of
 from glsim.settings.tables import TomlTable, first_problem, merge_tables, parse_table
 
 SENSOR_FOLDER = Path(__file__).parent
-
-#: Stages that do nothing without an emitter.
-_SHADOW_STAGES = ("shadow", "tof_shadow")
 
 #: Returns the place of a setting for messages, see ``glsim.settings.schema.place_of``.
 _Place = Callable[..., str]
@@ -80,7 +76,8 @@ class Sensor:
         file: the TOML file it was read from.
         pattern_map: the device's own fixed pattern, which the stage ``fixed_pattern`` adds; None:
             the stage draws one.
-        projector_image: what the emitters throw; None: the light stage draws dots.
+        projector_image: what the emitters throw, over ``projector_view_deg``, degrees (columns,
+            rows); None: the light stage draws dots.
         wiggling: the device's own, for ``remove_wiggling``; the light stage does not read it.
     """
 
@@ -89,21 +86,24 @@ class Sensor:
     rig: SensorRig
     stages: tuple[Stage, ...]
     file: Path
-    pattern_map: PatternMap | None = None
+    pattern_map: SensorImage | None = None
     wiggling: tuple[Wave, ...] = ()
-    projector_image: ProjectorImage | None = None
+    projector_image: SensorImage | None = None
+    projector_view_deg: tuple[float, float] | None = None
 
     @property
     def images(self) -> dict[str, NDArray[np.float32]]:
         """The images that stages read in every frame, by the name of the layer."""
-        own, thrown = self.pattern_map, self.projector_image
-        return ({} if own is None else {PATTERN_LAYER: own.layer}) | (
-            {} if thrown is None else {PROJECTOR_LAYER: thrown.brightness}
-        )
+        images = {}
+        if self.pattern_map is not None:
+            images[PATTERN_LAYER] = np.nan_to_num(self.pattern_map.values, nan=NO_PATTERN)
+        if self.projector_image is not None:
+            images[PROJECTOR_LAYER] = self.projector_image.values
+        return images
 
     def describe(self) -> dict[str, Any]:
         """The complete sensor as JSON values, for the header of a data set."""
-        i, d, thrown = self.rig.intrinsics, self.rig.distortion, self.projector_image
+        i, thrown = self.rig.intrinsics, self.projector_image
         return {
             "name": self.name,
             "title": self.title,
@@ -113,7 +113,7 @@ class Sensor:
             "centre_px": [i.cx, i.cy],
             "distortion": {
                 name: value
-                for name, value in asdict(d).items()
+                for name, value in asdict(self.rig.distortion).items()
                 if value or name in ("k1", "k2", "k3", "p1", "p2")
             },
             "deliver": self.rig.deliver,
@@ -131,8 +131,17 @@ class Sensor:
                 for s in self.stages
             ],
             **({"fixed_pattern_map": self.pattern_map.digest} if self.pattern_map else {}),
-            **({"projector_image": thrown.describe()} if thrown else {}),
-        }
+        } | (
+            {}
+            if thrown is None or self.projector_view_deg is None
+            else {
+                "projector_image": {
+                    "digest": thrown.digest,
+                    "size_px": list(thrown.values.shape[::-1]),
+                    "view_deg": list(self.projector_view_deg),
+                }
+            }
+        )
 
 
 def sensor_names() -> list[str]:
@@ -219,14 +228,27 @@ def load_sensor(
                 f"({did_you_mean(stage_name, names)})"
             )
     rig = table.rig.rig()
-    check_light(stages, rig, str(file))
     check_chain(stages, rig, str(file))
-    check_triangulation(stages, rig, str(file))
-    _check_shadow(stages, rig, str(file))
-    pattern_map = _pattern_map(table.rig, stages, file)
-    thrown = _projector_image(table.rig, stages, file)
-    waves = table.rig.wiggling or stage_waves(stages, rig.modulation_mhz)
-    return Sensor(file.stem, table.title, rig, tuple(stages), file, pattern_map, waves, thrown)
+    check_rig(stages, rig, str(file))
+    given, view_deg = table.rig, table.rig.projector_view_deg
+    pattern = _image_file(
+        given.fixed_pattern_map, "fixed_pattern_map", PATTERN_LAYER, stages, file, "'fixed_pattern'"
+    )
+    thrown = _image_file(
+        given.projector_image, "projector_image", PROJECTOR_LAYER, stages if rig.emitters else (),
+        file, "'stereo_light' or 'pattern_light' and an emitter",
+    )  # fmt: skip
+    return Sensor(
+        file.stem,
+        table.title,
+        rig,
+        tuple(stages),
+        file,
+        pattern and read_pattern_map(pattern, (given.height, given.width)),
+        given.wiggling or stage_waves(stages, rig.modulation_mhz),
+        thrown and view_deg and read_projector_image(thrown, view_deg, given.focal_px),
+        view_deg,
+    )
 
 
 def _insert(
@@ -250,44 +272,18 @@ def _insert(
     stages.insert(before, make_stage(change.name, change.spec, own, where))
 
 
-def _pattern_map(rig: RigTable, stages: Sequence[Stage], file: Path) -> PatternMap | None:
-    """Read the map that the rig names, from the folder of the sensor file. Raises ConfigError."""
-    if not rig.fixed_pattern_map:
+def _image_file(
+    name: str, key: str, layer: str, stages: Sequence[Stage], file: Path, adding: str
+) -> Path | None:
+    """Return the image's file that the rig names, or None. Raises ConfigError if none reads it."""
+    if not name:
         return None
-    if not _reads(stages, PATTERN_LAYER):
+    if not any(s.spec.source and layer in s.spec.source.reads for s in stages):
         raise ConfigError(
-            f"{file}: rig.fixed_pattern_map is given, but no stage adds it: add the stage "
-            "'fixed_pattern', or leave the map out"
+            f"{file}: rig.{key} is given, but no stage reads it: add the stage {adding}, or leave "
+            "it out"
         )
-    return read_pattern_map(file.parent / rig.fixed_pattern_map, (rig.height, rig.width))
-
-
-def _projector_image(rig: RigTable, stages: Sequence[Stage], file: Path) -> ProjectorImage | None:
-    """Read the image that the rig names, from the folder of the sensor file. Raises ConfigError."""
-    if not rig.projector_image or rig.projector_view_deg is None:
-        return None
-    if not _reads(stages, PROJECTOR_LAYER) or not rig.emitter:
-        raise ConfigError(
-            f"{file}: rig.projector_image is given, but no stage throws it: add the stage "
-            "'stereo_light' or 'pattern_light' and an emitter, or leave the image out"
-        )
-    image = file.parent / rig.projector_image
-    return read_projector_image(image, rig.projector_view_deg, rig.focal_px)
-
-
-def _reads(stages: Sequence[Stage], layer: str) -> bool:
-    return any(stage.spec.source and layer in stage.spec.source.reads for stage in stages)
-
-
-def _check_shadow(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError if a stage invalidates pixels in shadow, but the rig has no emitter."""
-    for stage in stages:
-        can_run = stage.settings[ENABLED].bounds()[1] > 0
-        if stage.spec.name in _SHADOW_STAGES and can_run and not rig.emitters:
-            raise ConfigError(
-                f"{where}: stage {stage.name!r} needs shadows, but the rig has no emitter that "
-                "casts any: give it one under [[rig.emitter]], or leave the stage out"
-            )
+    return file.parent / name
 
 
 def _stage(

@@ -13,10 +13,14 @@
     [variation]
     shape_mm = 4
     [appearance]
-    wear = "always"
-    glasses = 0.5
+    wear = "always"                   also procedural and ict-facekit heads
+    glasses = 0.5                     half of the subjects
+    cloth = 0                         none
     [scene]
-    wall_mm = 1500
+    wall_mm = 1500                    a plain wall; or a room:
+    room = "office"
+    camera_mm = { uniform = [850, 1350] }    the camera tilts to the face
+    people = { choice = [0, 1, 2] }
     [rig]                             overrides [rig] of the sensor's file
     deliver = "raw"
     [stage.axial]                     parameters of the sensor's noise stages
@@ -44,10 +48,8 @@ from pydantic import (
 )
 
 from glsim.core.errors import ConfigError
-from glsim.settings.appearance_settings import AppearanceSettings
-from glsim.settings.distribution import NumberSetting, Scope, constant
+from glsim.settings.distribution import Distribution, NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
-from glsim.settings.scene_settings import SceneSettings
 from glsim.settings.source_settings import SourceSettings, parse_source
 from glsim.settings.tables import (
     TomlTable,
@@ -77,6 +79,34 @@ VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
 """Limits of numbers of [variation]. Chosen."""
 
 
+#: Limits of the numbers of a room. Chosen: homes and offices.
+SCENE_LIMITS = {
+    "behind_mm": (400, 8000),
+    "width_mm": (1500, 10_000),
+    "height_mm": (2000, 5000),
+    "turn_deg": (-180, 180),
+    "eye_mm": (300, 2300),
+    "camera_mm": (100, 2400),
+    "clutter": (0, 1),
+    "people": (0, 6),
+    "albedo": (0.1, 1.5),
+}
+
+
+def _uniform(low: float, high: float) -> Distribution:
+    return Distribution(uniform=(low, high))
+
+
+def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raise ValueError if a number, or one that a distribution may give, is outside its limits."""
+    for name, (least, most) in limits.items():
+        setting = getattr(table, name)
+        low, high = (least, most) if setting is None else setting.bounds()
+        if low < least or high > most:
+            wrong = low if low < least else high
+            raise ValueError(f"{name} may be {wrong:g}, but must lie in [{least:g}, {most:g}]")
+
+
 class PoseSettings(TomlTable):
     """Pose of the head in front of the sensor. Angles are as the subject would describe them."""
 
@@ -95,11 +125,7 @@ class PoseSettings(TomlTable):
 
     @model_validator(mode="after")
     def _check(self) -> PoseSettings:
-        low, high = self.motion.bounds()
-        _, limit = POSE_LIMITS["motion"]
-        if low < 0 or high > limit:
-            wrong = low if low < 0 else high
-            raise ValueError(f"motion may be {wrong:g}, but must lie in [0, {limit:g}]")
+        _check_limits(self, POSE_LIMITS)
         if self.distance_mm.bounds()[1] <= 0:
             raise ValueError("distance_mm is never above 0: faces are in front of the sensor")
         if self.distance_mm.bounds()[0] > FARTHEST_MM:
@@ -149,11 +175,61 @@ class VariationSettings(TomlTable):
 
     @model_validator(mode="after")
     def _check(self) -> VariationSettings:
-        for name, (_, limit) in VARIATION_LIMITS.items():
-            low, high = getattr(self, name).bounds()
-            if low < 0 or high > limit:
-                wrong = low if low < 0 else high
-                raise ValueError(f"{name} may be {wrong:g}, but must lie in [0, {limit:g}]")
+        _check_limits(self, VARIATION_LIMITS)
+        return self
+
+
+class AppearanceSettings(TomlTable):
+    """What people wear, drawn once per subject. A share of 0 switches a thing off."""
+
+    wear: Literal["auto", "always", "never"] = Field(
+        "auto", description="auto: people are dressed, procedural and ict-facekit heads are not"
+    )
+    # Shares without a source are chosen: every second man has a beard, moustache or stubble.
+    hair: float = Field(0.96, ge=0, le=1, description="share of subjects with hair, also shaven")
+    beard: float = Field(0.25, ge=0, le=1, description="share with a beard, moustache or stubble")
+    brows: float = Field(1.0, ge=0, le=1, description="share with brows in relief")
+    # 64 % of adults have glasses (The Vision Council), 54 % of these wear them most of the time.
+    glasses: float = Field(0.35, ge=0, le=1, description="share with glasses")
+    cloth: float = Field(1.0, ge=0, le=1, description="share with cloth over neck and body")
+
+
+class SceneSettings(TomlTable):
+    """The scene around the face: nothing, a plain wall, or a room."""
+
+    wall_mm: NumberSetting | None = Field(
+        None, description="distance of a wall behind; default: no wall"
+    )
+    wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
+    room: Literal["none", "empty", "office", "living-room"] = Field(
+        "none", description="floor, walls, doors, windows and, unless empty, furniture"
+    )
+    per: Scope = Field("subject", description="one room per frame, sequence or subject")
+    behind_mm: NumberSetting = Field(
+        _uniform(1000.0, 3000.0), description="from the face to the back wall of the room"
+    )
+    width_mm: NumberSetting = Field(_uniform(3000.0, 5500.0), description="width of the room")
+    height_mm: NumberSetting = Field(_uniform(2400.0, 2700.0), description="height of the room")
+    turn_deg: NumberSetting = Field(
+        _uniform(-30.0, 30.0), description="turn of the room about the vertical axis"
+    )
+    eye_mm: NumberSetting = Field(
+        constant(1200.0), description="height of a head without a body above the floor"
+    )
+    camera_mm: NumberSetting | None = Field(
+        None, description="height of the camera, which tilts to the face; default: the face's"
+    )
+    clutter: NumberSetting = Field(constant(0.6), description="amount of furniture, 0 to 1")
+    people: NumberSetting = Field(
+        constant(0.0), description="other people behind, for sources of whole bodies"
+    )
+    albedo: NumberSetting = Field(constant(1.0), description="factor of all albedos of the room")
+
+    @model_validator(mode="after")
+    def _check(self) -> SceneSettings:
+        if self.room != "none" and self.wall_mm is not None:
+            raise ValueError("wall_mm: a room has walls of its own: give a wall or a room")
+        _check_limits(self, SCENE_LIMITS)
         return self
 
 

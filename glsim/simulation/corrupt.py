@@ -22,7 +22,7 @@ from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
 from glsim.render.renderer import Renderer
-from glsim.sensors.pattern_map import check_shape
+from glsim.sensors.images import check_shape
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import OutputSettings, Settings, load_settings
@@ -79,7 +79,7 @@ class Corrupter:
                 "takes OpenGL: use --backend egl or osmesa"
             )
         if (own := self.sensor.pattern_map) is not None:
-            check_shape(own.error_mm, shape, str(own.file))
+            check_shape(own.values, shape, str(own.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
         self._opened: _Graphics | None = None
 

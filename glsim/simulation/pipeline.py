@@ -247,7 +247,7 @@ class Simulator:
             spec = find_stage(str(code))
         else:
             of_stage = Path(known[name].spec.file) if name in known else Path(f"{name}.glsl")
-            spec = shader_stage(code, file or of_stage)
+            spec = shader_stage(file or of_stage, code)
         previous = next((c.before for c in self._changes if c.name == name), None)
         kept = [change for change in self._changes if change.name != name]
         change = StageChange(name, spec, before or previous)

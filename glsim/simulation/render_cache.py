@@ -12,7 +12,7 @@ import moderngl
 from glsim.core.camera import SensorRig
 from glsim.core.rect import Rect
 from glsim.faces.base import FaceSource
-from glsim.noise.stage_layers import KeptLayers
+from glsim.noise.chain import StageLayers
 from glsim.noise.stage_pass import LinkedStages
 from glsim.render.renderer import Rendered, Renderer
 from glsim.render.sub_frames import SubFrames
@@ -38,7 +38,7 @@ class RenderCache:
         self._scenes: deque[FrameScenes] = deque(maxlen=_KEPT_SCENES)
         self._last: tuple[tuple[FrameScene, int], Rendered] | None = None
         self._rendering = ExitStack()
-        self._stages = KeptLayers()
+        self._stages = StageLayers(kept=True)
 
     @cached_property
     def sub_frames(self) -> SubFrames:
@@ -68,7 +68,7 @@ class RenderCache:
 
     def rendered(
         self, renderer: Renderer, scene: FrameScene, crop: Rect, reach_px: int
-    ) -> tuple[Rendered, KeptLayers | None]:
+    ) -> tuple[Rendered, StageLayers | None]:
         """Return a scene's clean layers, and the owner of what its stages draw.
 
         Both are valid until another scene is asked for. A new scene has None as owner: few are

@@ -17,8 +17,7 @@ from pydantic.fields import FieldInfo
 from glsim.settings import presets, schema
 from glsim.settings.distribution import Distribution
 from glsim.settings.presets import preset_names, preset_title
-from glsim.settings.scene_settings import SCENE_LIMITS
-from glsim.settings.schema import POSE_LIMITS, VARIATION_LIMITS, Settings
+from glsim.settings.schema import POSE_LIMITS, SCENE_LIMITS, VARIATION_LIMITS, Settings
 from glsim.settings.source_settings import SourceSettings, source_kinds, source_table
 from glsim.train.recipe import Recipe
 from scripts.reference.markdown import block, code, plain, table

@@ -113,7 +113,7 @@ def test_changed_code_is_saved_beside_it(tmp_path: Path) -> None:
     sensor = sensor_of(
         settings,
         [
-            StageChange(name, shader_stage(code.text, Path(f"{name}.glsl")), code.before)
+            StageChange(name, shader_stage(Path(f"{name}.glsl"), code.text), code.before)
             for name, code in changes.items()
         ],
     )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.noise.numpy_twins import fields
+from glsim.noise.numpy_twins import values as fields
 from tests.support.stage_harness import (
     WHOLE,
     Z_MAX,
@@ -25,7 +25,7 @@ from tests.support.stage_harness import (
 
 Field = Callable[[fields.Vector, int], Image]
 
-FIELDS = {"perlin": fields.perlin, "simplex": fields.simplex}
+FIELDS = {"perlin": fields.perlin_at, "simplex": fields.simplex_at}
 COUNT = 200_000
 
 #: The 16 gradients and their second moments; 12 edges of a cube, 4 of them twice.
@@ -78,7 +78,7 @@ def test_variance_of_perlin() -> None:
         weight = np.where(corner, share, 1 - share).prod(axis=-1)
         variance += weight**2 * np.einsum("...i,ij,...j", offset, MOMENTS, offset)
     expected = np.einsum("i,j,k,ijk", weights, weights, weights, variance)
-    assert abs(z_mean(fields.perlin(points(), 1).astype(np.float64) ** 2, expected)) < Z_MAX
+    assert abs(z_mean(fields.perlin_at(points(), 1).astype(np.float64) ** 2, expected)) < Z_MAX
 
 
 def test_variance_of_simplex() -> None:
@@ -86,7 +86,7 @@ def test_variance_of_simplex() -> None:
     r = (np.arange(2000) + 0.5) / 2000 * np.sqrt(0.5)
     kernel = (76.0 * (0.5 - r**2) ** 4) ** 2 * r**2 * np.trace(MOMENTS) / 3
     expected = 2 * (kernel * 4 * np.pi * r**2).sum() * (r[1] - r[0])
-    assert abs(z_mean(fields.simplex(points(), 1).astype(np.float64) ** 2, expected)) < Z_MAX
+    assert abs(z_mean(fields.simplex_at(points(), 1).astype(np.float64) ** 2, expected)) < Z_MAX
 
 
 @pytest.mark.parametrize("other", [0, 2, 3, 1 + 2**16])

@@ -100,12 +100,12 @@ def test_maps_that_cannot_serve(tmp_path: Path) -> None:
     refused(r"own.npy: no such file: rig.fixed_pattern_map names", None)
     refused("the map of the fixed pattern is 424x512, the image 512x424", a_map().T)
     refused("knows no pixel", np.full(SHAPE, np.nan, np.float32))
-    refused("holds infinite values", np.full(SHAPE, np.inf, np.float32))
+    refused("has infinite values", np.full(SHAPE, np.inf, np.float32))
     refused("errors of up to 900 mm, the limit is 20: give mm", np.full(SHAPE, 900.0))
     refused("must be one array of floats", np.zeros(SHAPE, np.uint8))
-    refused("no stage adds it: add the stage 'fixed_pattern'", a_map(), 'use = "gaussian"')
+    refused("no stage reads it: add the stage 'fixed_pattern'", a_map(), 'use = "gaussian"')
     (tmp_path / "own.npy").write_bytes(b"no array")
-    with pytest.raises(ConfigError, match=r"own.npy: is no readable .npy file"):
+    with pytest.raises(ConfigError, match=r"own.npy: cannot be read: is no whole .npy file"):
         load_sensor(sensor_file(tmp_path, None))
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.core.reason import Reason
-from glsim.noise.numpy_twins.dots import dot_place, place_pixel
+from glsim.noise.numpy_twins.edges import dot_place, place_pixel
 from tests.support.stage_harness import (
     FOCAL_BASELINE,
     HEIGHT,

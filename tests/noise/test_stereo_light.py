@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import moderngl
 import numpy as np
 import pytest
 
 from glsim.core.rect import Rect
-from glsim.noise.frame_context import FrameContext, Optics
+from glsim.noise.frame_context import FrameContext
 from glsim.noise.numpy_twins.random import pcg_word
 from glsim.noise.numpy_twins.stereo import dots
 from tests.support.stage_harness import (
@@ -26,13 +25,13 @@ from tests.support.stage_harness import (
     values,
 )
 
-OPTICS = Optics(
-    emitters_m=((0.028, 0.0, 0.0), (0.035, 0.004, 0.0)),
-    imagers_m=((0.0, 0.0, 0.0), (0.05, 0.0, 0.0)),
-    second_view_m=(0.05, 0.0, 0.0),
-    focal_px=FOCAL_PX,
-    subject_m=0.8,
-)
+OPTICS = {
+    "emitters_m": ((0.028, 0.0, 0.0), (0.035, 0.004, 0.0)),
+    "imagers_m": ((0.0, 0.0, 0.0), (0.05, 0.0, 0.0)),
+    "second_view_m": (0.05, 0.0, 0.0),
+    "focal_px": FOCAL_PX,
+    "subject_m": 0.8,
+}
 
 CASES: list[tuple[str, dict[str, float]]] = [
     ("stereo_light", {}),
@@ -46,7 +45,7 @@ CASES: list[tuple[str, dict[str, float]]] = [
 
 
 def imager_frame(seed: int = 0, **changes: object) -> FrameContext:
-    return frame(seed, **{"optics": OPTICS, **changes})
+    return frame(seed, **(OPTICS | changes))
 
 
 def with_imagers(layers: Mapping[str, Image]) -> dict[str, Image]:
@@ -88,7 +87,7 @@ def test_twin_agrees(
 @pytest.mark.parametrize("use", ["stereo_light", "pattern_light"])
 def test_twin_throws_the_same_image(context: moderngl.Context, use: str) -> None:
     """The image fills half of the view: its pixels, its edge, and no light outside."""
-    at = imager_frame(optics=replace(OPTICS, projector_tan=(0.2, 0.12)))
+    at = imager_frame(projector_tan=(0.2, 0.12))
     image = np.random.default_rng(1).random((37, 61), np.float32)
     layers = with_imagers(scene()) | {"projector_image": image}
     p = {"ambient_counts": 0.0}

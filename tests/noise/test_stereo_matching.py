@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.frame_context import FrameContext, Optics
+from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import find_stage
 from glsim.noise.semi_global import match
 from glsim.noise.stereo_matching import match_stereo, warp_to_camera
@@ -54,7 +54,8 @@ def frame(window: Rect, second_view_m: tuple[float, float, float]) -> FrameConte
         device_seed=3,
         time_s=0.0,
         focal_baseline_px_m=FOCAL_PX * BASELINE_M,
-        optics=Optics(focal_px=FOCAL_PX, second_view_m=second_view_m),
+        focal_px=FOCAL_PX,
+        second_view_m=second_view_m,
     )
 
 

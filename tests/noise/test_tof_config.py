@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from glsim.core.errors import ConfigError
-from glsim.noise.rig_checks import half_waves_m, unambiguous_m
+from glsim.noise.rig_checks import unambiguous_m
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.settings.distribution import Distribution
 
@@ -21,7 +21,6 @@ def changed(folder: Path, old: str, new: str) -> str:
 
 
 def test_the_kinects_frequencies_reach_18_75_m() -> None:
-    assert half_waves_m((80, 16, 120)) == pytest.approx((1.875, 9.375, 1.25))
     assert unambiguous_m((80, 16, 120)) == pytest.approx(18.75)
 
 
@@ -58,7 +57,7 @@ def test_light_needs_an_emitter(tmp_path: Path) -> None:
     own = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
     start = own.index("[[rig.emitter]]")
     text = changed(tmp_path, own[start : own.index("[[stage]]")], "")
-    with pytest.raises(ConfigError, match=r"measures the emitter's light, but the rig has no"):
+    with pytest.raises(ConfigError, match=r"measures the emitter's light .* the rig has no"):
         load_sensor(text)
 
 

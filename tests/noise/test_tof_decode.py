@@ -8,7 +8,7 @@ import pytest
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.numpy_twins.tof_turns import unwrapped_cycles
+from glsim.noise.numpy_twins.tof_light import unwrapped_cycles
 from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 
 CROP = Rect(215, 165, 80, 80)

@@ -10,7 +10,7 @@ import pytest
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.numpy_twins.tof_taps import CONTRAST_MULTIPLIER, companded
+from glsim.noise.numpy_twins.tof_decode import CONTRAST_MULTIPLIER, companded
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 from tests.support.tof_harness import QUIET, Camera, Image, merged, quad
 

@@ -12,7 +12,7 @@ from glsim.core.camera import Emitter, Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.numpy_twins import TWINS
+from glsim.noise.numpy_twins.tof_light import tof_shadow
 from glsim.noise.registry import find_stage
 from glsim.render.renderer import Renderer
 from tests.support.scenes import layers_of, rectangle
@@ -67,7 +67,7 @@ def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: moderngl.Context
     rig = SensorRig(IMAGE, (Emitter((BASELINE_M, 0.0, 0.0)),))
     renderer, rays, looked_at = Renderer(context, rig), rig.rays(), 0
     declared = find_stage("tof_shadow").parameters
-    values = {name: parameter.default for name, parameter in declared.items()}
+    values = {name: np.float32(parameter.default) for name, parameter in declared.items()}
     for front_m in DISTANCES_M[::2]:
         for gap_m in GAPS_M:
             scene = strip_and_wall(front_m, front_m + gap_m)
@@ -80,7 +80,7 @@ def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: moderngl.Context
                 device_seed=1,
                 nearest_m=0.95 * front_m,
             )
-            lit = TWINS["tof_shadow"](frame.view("tof_shadow"), {"clean": clean}, values)["lit"]
+            lit = tof_shadow(frame.view("tof_shadow"), {"clean": clean}, values)["lit"]
             dark = umbra(front_m, front_m + gap_m, 0.001 * values["spread_mm"], rays)
             looked_at += dark.sum()
             assert not (lit[dark] > 1e-6).any(), f"strip at {front_m:.2f} m, wall {gap_m} m behind"

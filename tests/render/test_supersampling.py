@@ -11,7 +11,7 @@ import pytest
 
 from glsim.core.errors import ShaderError
 from glsim.gl.includes import SHADER_ROOT
-from glsim.render import supersampling
+from glsim.render import renderer
 from tests.support.scenes import V2_LENS, Plane, interior, layers_of, rectangle, rig
 
 SHADERS = ("centres.frag", "lens_samples.frag")
@@ -24,7 +24,7 @@ def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in SHADERS:
         text = (SHADER_ROOT / "render" / name).read_text()
         (tmp_path / "render" / name).write_text(text)
-    monkeypatch.setattr(supersampling, "SHADER_ROOT", tmp_path)
+    monkeypatch.setattr(renderer, "SHADER_ROOT", tmp_path)
     return tmp_path / "render"
 
 
@@ -54,7 +54,7 @@ def test_a_shader_with_a_number_of_its_own_is_refused(
     reword(shaders, "SAMPLES_PER_AXIS", "3")
     for name in SHADERS:
         with pytest.raises(ShaderError, match="SAMPLES_PER_AXIS is defined but not used"):
-            supersampling.supersampled_pass(context, replace(rig(), supersample=5), name)
+            renderer.supersampled_pass(context, replace(rig(), supersample=5), name)
 
 
 def test_the_number_of_samples_reaches_the_shader(context: moderngl.Context) -> None:

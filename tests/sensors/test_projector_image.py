@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png
 from glsim.faces.one_mesh import OneMesh
-from glsim.sensors.projector_image import read_projector_image
+from glsim.sensors.images import read_projector_image
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame
@@ -109,10 +109,10 @@ def test_none_of_a_fine_pattern_is_lost(tmp_path: Path) -> None:
     image = random_dots((1500, 2000), 0.01)
     image[:20] = image[-20:] = image[:, :20] = image[:, -20:] = 0
     sensor_file(tmp_path, image)
-    found = read_projector_image(tmp_path / "dots.png", (80, 64), (140, 140)).brightness
+    found = read_projector_image(tmp_path / "dots.png", (80, 64), (140, 140)).values
     assert found.sum(dtype=float) == pytest.approx(image.sum(dtype=float) / 255, rel=1e-5)
     assert 0 < found.max() < 0.5, "dots of one pixel are spread over those that the camera sees"
-    coarse = read_projector_image(tmp_path / "dots.png", (80, 64), (5000, 5000)).brightness
+    coarse = read_projector_image(tmp_path / "dots.png", (80, 64), (5000, 5000)).values
     assert np.array_equal(coarse, image / np.float32(255)), "coarser than the camera: as it is"
 
 
@@ -134,7 +134,7 @@ def test_a_sensor_that_extends_one_finds_its_image_and_can_switch_it_off(tmp_pat
     mine.write_text('extends = "../own.toml"\ntitle = "mine"\n')
     image = load_sensor(str(mine)).projector_image
     assert image is not None
-    assert image.brightness.shape == (30, 40)
+    assert image.values.shape == (30, 40)
     off = load_sensor(str(mine), rig_overrides={"projector_image": ""})
     assert off.projector_image is None
     assert off.rig.projector_tan == (0.0, 0.0)
@@ -146,10 +146,10 @@ def test_a_sensor_that_extends_one_finds_its_image_and_can_switch_it_off(tmp_pat
         (None, r"dots\.png: no such file: rig\.projector_image names a PNG"),
         (b"no image", r"dots\.png: is no readable image"),
         (encode_png(random_dots((30, 40)))[:-40], r"dots\.png: is no readable image"),
-        (np.zeros((30, 40, 3), np.uint8), r"dots\.png: has 3 channels; .* is grey"),
-        (np.zeros((30, 40, 4), np.uint16), r"dots\.png: has 4 channels; .* is grey"),
-        (np.full((8, 4097), 9, np.uint8), r"is 4097x8 pixels; .* 2 to 4096 on each side"),
-        (np.full((1, 40), 9, np.uint8), r"is 40x1 pixels; .* 2 to 4096 on each side"),
+        (np.zeros((30, 40, 3), np.uint8), r"dots\.png: is no readable image .* grey PNG"),
+        (np.zeros((30, 40, 4), np.uint16), r"dots\.png: is no readable image .* grey PNG"),
+        (np.full((8, 4097), 9, np.uint8), r"4097x8 pixels.* 2 to 4096 on each side"),
+        (np.full((1, 40), 9, np.uint8), r"40x1 pixels.* 2 to 4096 on each side"),
         (np.zeros((30, 40), np.uint8), r"dots\.png: is black"),
         (cv2.imencode(".tiff", np.ones((30, 40), np.float32))[1].tobytes(), "8 or 16 bits"),
     ],
@@ -172,7 +172,7 @@ def test_rigs_that_cannot_throw_an_image(tmp_path: Path) -> None:
         "kinect-v1",
     ):
         file.write_text(f'extends = "{sensor}"\ntitle = "own"\n[rig]\n{pattern}')
-        with pytest.raises(ConfigError, match="no stage throws it: add the stage 'stereo_light'"):
+        with pytest.raises(ConfigError, match="no stage reads it: add the stage 'stereo_light'"):
             load_sensor(str(file))
     for view, words in (
         ("", "needs the field of view"),

@@ -17,8 +17,8 @@ from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import IMAGE_CONSTANTS
-from glsim.noise.numpy_twins import TWINS
-from glsim.noise.numpy_twins.dots import cells
+from glsim.noise.numpy_twins import find_twin
+from glsim.noise.numpy_twins.edges import cells
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage_pass import StagePass
 
@@ -61,8 +61,10 @@ def values(use: str, parameters: Mapping[str, float]) -> dict[str, float]:
 
 def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> dict[str, Image]:
     """Return the layers that a stage's twin writes. Layers are of the window."""
+    twin = find_twin(use)
+    assert twin is not None
     with np.errstate(all="raise"):
-        return TWINS[use](at.view(use), layers, values(use, p))
+        return twin(at.view(use), layers, values(use, p))
 
 
 def run_shader(

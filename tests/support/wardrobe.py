@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from glsim.faces.base import Face, WornPart
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.looks.dress import Dresser
-from glsim.settings.appearance_settings import AppearanceSettings
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import load_settings
+from glsim.settings.schema import AppearanceSettings, load_settings
 
 #: Everything on everybody.
 ALL = {"wear": "always", "hair": 1, "beard": 1, "brows": 1, "glasses": 1, "cloth": 1}

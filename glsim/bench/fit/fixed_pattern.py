@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.measures.pattern import measure_pattern
 from glsim.core.depth_frame import DepthFrame
-from glsim.sensors.pattern_map import LARGEST_MM
+from glsim.sensors.images import LARGEST_MM
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

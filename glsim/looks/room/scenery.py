@@ -23,8 +23,7 @@ from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.shapes import Shape
 from glsim.looks.room.view import camera_place, camera_tilt_deg, room_view, visible_mesh
 from glsim.settings.distribution import Distribution, DrawKeys
-from glsim.settings.scene_settings import SceneSettings
-from glsim.settings.schema import PoseSettings
+from glsim.settings.schema import PoseSettings, SceneSettings
 
 #: Half the side of the square wall, mm; it fills any view up to 12 m.
 _WALL_MM = 20_000.0

@@ -7,78 +7,27 @@ differ only as a driver's log, cos, acos, pow and division differ from NumPy's.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import wraps
-from typing import Final
 
 import numpy as np
 
-from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.numpy_twins import (
-    any_camera,
-    edges,
-    signal,
-    stereo,
-    tof_decode,
-    tof_fast,
-    tof_light,
-    tof_multipath,
-    tof_smooth,
-    tof_taps,
-    values,
-    window,
-)
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.numpy_twins import any_camera, edges, stereo, tof_decode, tof_light, values
 from glsim.noise.numpy_twins.layers import Image, Parameters
 
-Twin = Callable[[StageView, Layers, Mapping[str, float]], dict[str, Image]]
+Twin = Callable[[FrameContext, Layers, Mapping[str, float]], dict[str, Image]]
+
+_MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera)
 
 
-def _twin(stage: Callable[[StageView, Layers, Parameters], dict[str, Image]]) -> Twin:
-    """Wrap a stage: parameter values become float32, as a shader gets them."""
+def find_twin(stage: str) -> Twin | None:
+    """Return the twin of a shader stage, a function of its name (stem of its GLSL file)."""
+    module = next((m for m in _MODULES if hasattr(m, stage)), None)
+    if module is None:
+        return None
+    own: Callable[[FrameContext, Layers, Parameters], dict[str, Image]] = getattr(module, stage)
 
-    @wraps(stage)
-    def run(view: StageView, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
-        return stage(view, layers, {name: np.float32(value) for name, value in p.items()})
+    def run(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> dict[str, Image]:
+        # Parameter values become float32, as a shader gets them.
+        return own(view, layers, {name: np.float32(value) for name, value in p.items()})
 
     return run
-
-
-#: Name of the stage (stem of its GLSL file) -> twin.
-TWINS: Final[dict[str, Twin]] = {
-    stage.__name__: _twin(stage)
-    for stage in (
-        values.axial,
-        values.disparity_quantise,
-        values.fixed_pattern,
-        values.gaussian,
-        values.millimetre_quantise,
-        values.perlin,
-        values.simplex,
-        edges.edge_dropout,
-        edges.lateral,
-        edges.max_filter,
-        signal.infrared,
-        signal.low_signal,
-        signal.range_gate,
-        signal.shadow,
-        window.correlation_window,
-        window.dot_spread,
-        stereo.stereo_light,
-        stereo.stereo_exposure,
-        stereo.pattern_light,
-        stereo.pattern_exposure,
-        tof_light.tof_shadow,
-        tof_light.tof_light,
-        tof_taps.tof_taps,
-        tof_decode.tof_bilateral,
-        tof_smooth.tof_smooth,
-        tof_smooth.field_stop,
-        tof_decode.tof_unwrap,
-        tof_decode.tof_edge,
-        tof_decode.tof_floor,
-        tof_fast.tof_fast,
-        tof_multipath.tof_multipath,
-        any_camera.any_camera_edges,
-        any_camera.any_camera_noise,
-        any_camera.any_camera_losses,
-    )
-}

@@ -1,16 +1,23 @@
-"""Twins of the stages of unknown depth cameras: any_camera_edges, _noise and _losses."""
+"""Twins of any_camera_edges, _noise and _losses, and of shaders/lib/lattice_noise.glsl."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.core.reason import Reason
-from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.numpy_twins.depth import moved_by_mm
-from glsim.noise.numpy_twins.lattice import lattice_noise, normal_share
-from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, mix, pixels
-from glsim.noise.numpy_twins.random import normal_pair, pcg_word, random_bits, uniform01
+from glsim.core.rect import Rect
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.numpy_twins.layers import (
+    Image,
+    Parameters,
+    beside,
+    mix,
+    moved_by_mm,
+    pixels,
+    square,
+    without,
+)
+from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits, uniform01
 
 _ZERO, _ONE, _HALF, _MM = (np.float32(n) for n in (0.0, 1.0, 0.5, 0.001))
 _TWO_PI, _FAR, _MOST_HAZE_M = np.float32(6.28318530718), np.float32(1e4), np.float32(0.04)
@@ -18,20 +25,19 @@ _SKIN_ALBEDO, _USUAL_M, _DARKEST = np.float32(0.6), np.float32(0.9), np.float32(
 
 
 @np.errstate(under="ignore")
-def any_camera_edges(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Measures silhouettes, shadows and light as some unknown depth camera would."""
     x, y = pixels(view.window)
-    clean, albedo = layers["clean"], layers["albedo"]
-    near = _Neighbours(view, clean, albedo)
+    clean = layers["clean"]
     step = _MM * p["step_mm_per_m"] * clean
     bumps = lattice_noise(view.window, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + p["rough_px"] * bumps + (normal_share(bumps) - _HALF)
 
     to_front, to_behind = np.full_like(clean, _FAR), np.full_like(clean, _FAR)
     front, behind = np.full_like(clean, _FAR), np.zeros_like(clean)
-    for dx, dy in _SQUARE:
+    for dx, dy in square(2):
         away = np.sqrt(np.float32(dx * dx + dy * dy)) - _HALF
-        there = near.depth(dx, dy)
+        there, _ = _seen(view, layers, dx, dy)
         nearer = (there > 0) & ((clean <= 0) | (there < clean - step))
         farther = (clean > 0) & ((there <= 0) | (there > clean + step))
         front = np.where(nearer & (away <= growth), np.minimum(front, there), front)
@@ -48,11 +54,11 @@ def any_camera_edges(view: StageView, layers: Layers, p: Parameters) -> dict[str
 
     own_step = _MM * p["step_mm_per_m"] * own
     mixes = (np.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
-    blended, mixed, light = _mixed(near, own, own_step, p)
+    blended, mixed, light = _mixed(view, layers, own, own_step, p)
     blended, mixed = np.where(mixes, blended, own), np.where(mixes & (own > 0), mixed, _ZERO)
-    light = np.where(mixes, light, near.brightness(0, 0))
+    light = np.where(mixes, light, _seen(view, layers, 0, 0)[1])
     z = np.where(mixed > 0, np.maximum(blended, np.float32(0.05)), own)
-    z, least = _hazed(near, z, own, light, p)
+    z, least = _hazed(view, layers, z, own, light, p)
 
     shadowed = ~grows & (clean > 0) & (layers["lit"] < p["shadow_lit"])
     between = shadowed & (chance[2] < p["shadow_between"])
@@ -75,45 +81,23 @@ def any_camera_edges(view: StageView, layers: Layers, p: Parameters) -> dict[str
     }
 
 
-#: The offsets of 5x5 pixels, row by row.
-_SQUARE = [(dx, dy) for dy in range(-2, 3) for dx in range(-2, 3)]
-
-
-class _Neighbours:
-    """Depth and brightness of the pixels at an offset; beside the frame, of its border."""
-
-    def __init__(self, view: StageView, clean: Image, albedo: Image) -> None:
-        self._view, self._clean, self._albedo = view, clean, albedo
-
-    def _read(self, layer: Image, dx: int, dy: int) -> Image:
-        x, y = pixels(self._view.window)
-        right, bottom = self._view.width - 1, self._view.height - 1
-        return fetch(
-            layer, self._view.window, np.clip(x + dx, 0, right), np.clip(y + dy, 0, bottom)
-        )
-
-    def depth(self, dx: int, dy: int) -> Image:
-        """Clean depth, m."""
-        return self._read(self._clean, dx, dy)
-
-    def brightness(self, dx: int, dy: int) -> Image:
-        """Light of surfaces that face the sensor, over that of skin at 0.9 m."""
-        facing = np.array([0.0, 0.0, -1.0], np.float32)
-        return skin_signal(
-            self.depth(dx, dy), self._read(self._albedo, dx, dy), facing, np.zeros(2, np.float32)
-        )
+def _seen(view: FrameContext, layers: Layers, dx: int, dy: int) -> tuple[Image, Image]:
+    """Clean depth, m, of the pixels at an offset, and their light if they faced the sensor."""
+    there, albedo = (beside(view, layers[n], dx, dy, clamped=True) for n in ("clean", "albedo"))
+    facing = np.array([0.0, 0.0, -1.0], np.float32)
+    return there, skin_signal(there, albedo, facing, np.zeros(2, np.float32))
 
 
 def _mixed(
-    near: _Neighbours, own: Image, own_step: Image, p: Parameters
+    view: FrameContext, layers: Layers, own: Image, own_step: Image, p: Parameters
 ) -> tuple[Image, Image, Image]:
     """Depth of the light that a pixel collects, share of other surfaces in it, and the light."""
     zeros: Image = np.zeros_like(own)
     total = alike = light = cosines = sines = zeros
     area = _ZERO
     falls = np.float32(-0.5) / np.maximum(p["psf_px"] * p["psf_px"], np.float32(1e-6))
-    for dx, dy in _SQUARE:
-        there, bright = near.depth(dx, dy), near.brightness(dx, dy)
+    for dx, dy in square(2):
+        there, bright = _seen(view, layers, dx, dy)
         share = np.exp(falls * np.float32(dx * dx + dy * dy))
         counts = _ONE + p["light_mix"] * (bright - _ONE)
         weight: Image = np.where(there > 0, share * counts, _ZERO)
@@ -131,14 +115,14 @@ def _mixed(
 
 
 def _hazed(
-    near: _Neighbours, z: Image, own: Image, light: Image, p: Parameters
+    view: FrameContext, layers: Layers, z: Image, own: Image, light: Image, p: Parameters
 ) -> tuple[Image, Image]:
     """Depth pulled towards the surroundings', and the least depth of these."""
-    around, pull, least = np.zeros_like(z), np.zeros_like(z), near.depth(0, 0)
+    around, pull, least = np.zeros_like(z), np.zeros_like(z), layers["clean"]
     for n in range(8):
         angle, reach = 0.785398163 * n, float(p["haze_px"]) * (1.0 if n % 2 == 0 else 0.6)
         dx, dy = (int(np.floor(reach * way + 0.5)) for way in (np.cos(angle), np.sin(angle)))
-        there, bright = near.depth(dx, dy), near.brightness(dx, dy)
+        there, bright = _seen(view, layers, dx, dy)
         around = around + np.float32(0.125) * bright
         pull = pull + np.float32(0.125) * bright * (there - z)
         least = np.where(there > 0, np.minimum(least, there), least)
@@ -146,7 +130,7 @@ def _hazed(
     return z + np.where(own > 0, np.clip(moved, -_MOST_HAZE_M, _MOST_HAZE_M), _ZERO), least
 
 
-def _infrared(view: StageView, layers: Layers, p: Parameters, light: Image) -> Image:
+def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -> Image:
     """Infrared counts with noise."""
     direction = _direction(layers["rays"])
     squared = (direction * direction).sum(axis=-1, dtype=np.float32)
@@ -181,7 +165,7 @@ def skin_signal(depth: Image, albedo: Image, normal: Image, ray: Image) -> Image
 
 
 @np.errstate(under="ignore")
-def any_camera_noise(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds the noise and the systematic error of some unknown depth camera."""
     z, normal = layers["depth"], layers["normal"][..., :3]
     known = (normal * normal).sum(axis=-1) > 0
@@ -214,7 +198,7 @@ def any_camera_noise(view: StageView, layers: Layers, p: Parameters) -> dict[str
     return written
 
 
-def _systematic_mm(view: StageView, p: Parameters, z: Image) -> Image:
+def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
     """What the device measures too much at a depth, mm."""
     phase = uniform01(pcg_word(np.array([view.device_seed], np.uint32)))
     x, y = (n.astype(np.float32) + _HALF for n in pixels(view.window))
@@ -228,7 +212,7 @@ def _systematic_mm(view: StageView, p: Parameters, z: Image) -> Image:
     return error
 
 
-def any_camera_losses(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes pixels as some unknown depth camera would, and rounds disparities."""
     depth, normal, rays = layers["depth"], layers["normal"][..., :3], layers["rays"]
     known = (normal * normal).sum(axis=-1) > 0
@@ -242,25 +226,15 @@ def any_camera_losses(view: StageView, layers: Layers, p: Parameters) -> dict[st
     clusters = normal_share(lattice_noise(view.window, spacing, view.seed))
     more = lattice_noise(view.window, spacing, (view.seed + 1) % 2**32)
     limit = p["dark_signal"] * np.exp(p["dark_spread"] * np.float32(0.70710678) * (white + more))
-    reason = _first_that_holds(
-        (signal < limit, Reason.LOW_SIGNAL),
-        (cosine < p["grazing_cosine"] + p["grazing_spread"] * second, Reason.LOW_SIGNAL),
-        (signal > p["saturated_signal"], Reason.SATURATED),
-        (clusters < p["cluster_share"], Reason.DROPPED),
-        (uniform01(bits[2]) < p["single_share"], Reason.DROPPED),
+    grazing = cosine < p["grazing_cosine"] + p["grazing_spread"] * second
+    dropped = (clusters < p["cluster_share"]) | (uniform01(bits[2]) < p["single_share"])
+    reason = np.select(
+        [(signal < limit) | grazing, signal > p["saturated_signal"], dropped],
+        [np.float32(r) for r in (Reason.LOW_SIGNAL, Reason.SATURATED, Reason.DROPPED)],
+        np.float32(Reason.VALID),
     )
-    lost = (reason != Reason.VALID) & (depth > 0)
     rounded = _rounded(depth, np.float32(1000.0) * p["step_px"] / p["focal_baseline_px_mm"])
-    return {
-        "depth": np.where(lost, _ZERO, rounded),
-        "reason": np.where(lost, reason, layers["reason"]),
-    }
-
-
-def _first_that_holds(*causes: tuple[NDArray[np.bool_], Reason]) -> Image:
-    """The reason of the first cause that holds at each pixel; VALID where none does."""
-    holds, reasons = [cause[0] for cause in causes], [np.float32(cause[1]) for cause in causes]
-    return np.select(holds, reasons, np.float32(Reason.VALID)).astype(np.float32)
+    return without({**layers, "depth": rounded}, reason != Reason.VALID, reason)
 
 
 def _rounded(depth: Image, step_per_m: np.float32) -> Image:
@@ -270,3 +244,48 @@ def _rounded(depth: Image, step_per_m: np.float32) -> Image:
     known = np.where(depth > 0, depth, _ONE)
     steps = np.maximum(np.floor(_ONE / (known * step_per_m) + _HALF), _ONE)
     return np.where(depth > 0, _ONE / (step_per_m * steps), _ZERO)
+
+
+def _node(word: Words) -> Image:
+    """A node's number: the sum of four bytes, scaled to variance 1."""
+    byte = np.uint32(255)
+    parts = (word & byte, word >> np.uint32(8) & byte, word >> np.uint32(16) & byte)
+    total = parts[0] + parts[1] + parts[2] + (word >> np.uint32(24))
+    number: Image = (total.astype(np.float32) - np.float32(510.0)) * np.float32(6.76583e-3)
+    return number
+
+
+def lattice_noise(window: Rect, spacing_px: tuple[np.float32, np.float32], seed: int) -> Image:
+    """Return an (h, w) field of variance 1.
+
+    Args:
+        spacing_px: distances of the nodes along x and y.
+    """
+    key = pcg_word(np.array([seed], np.uint32))
+    starts = uniform01(key), uniform01(pcg_word(key))
+    weights, firsts, norms = [], [], []
+    for place, spacing, start in zip(pixels(window), spacing_px, starts, strict=True):
+        at = place.astype(np.float32) / spacing + start
+        node = np.floor(at + _HALF)
+        t = at - node
+        before = _HALF * (_HALF - t) * (_HALF - t)
+        after = _HALF * (_HALF + t) * (_HALF + t)
+        middle = np.float32(0.75) - t * t
+        weights.append((before, middle, after))
+        norms.append(before * before + middle * middle + after * after)
+        firsts.append((node - 1).astype(np.int64).astype(np.uint32))
+    total = np.zeros((window.height, window.width), np.float32)
+    for j in range(3):
+        row = pcg_word(key ^ pcg_word(firsts[1] + np.uint32(j)))
+        along = sum(
+            weights[0][i] * _node(pcg_word(row + firsts[0] + np.uint32(i))) for i in range(3)
+        )
+        total = total + weights[1][j] * along
+    field: Image = total / np.sqrt(norms[0] * norms[1])
+    return field
+
+
+def normal_share(n: Image) -> Image:
+    """The share of a normal variable that lies below ``n``, within 0.0003."""
+    inner = np.float32(0.7978846) * (n + np.float32(0.044715) * n * n * n)
+    return _HALF + _HALF * np.tanh(inner)

@@ -1,19 +1,40 @@
-"""Twins of the stages that read neighbouring pixels: lateral, edge_dropout and max_filter."""
+"""Twins of the stages that read other pixels: at edges, and of structured light (lib/dots.glsl)."""
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.core.reason import Reason
-from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, mix, pixels, reasons_of_taken
+from glsim.core.rect import Rect
+from glsim.gl.declarations import Layer
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.numpy_twins.layers import (
+    Image,
+    Parameters,
+    beside,
+    disparity_px,
+    fetch,
+    mix,
+    pixels,
+    reasons_of_taken,
+    square,
+    without,
+)
 from glsim.noise.numpy_twins.random import normal_pair, random_bits, uniform01
 from glsim.noise.numpy_twins.values import angle_ratio, angle_to_axis
 
+CELL_PX = 3
+_CELLS = Layer("dot_match", "float", Fraction(1, CELL_PX))
+Whole = NDArray[np.int64]
+_REACH_PX = 4  # 9x9
+_REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of its cell
 _MM = np.float32(0.001)
 
 
-def lateral(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def lateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Samples the depth at a jittered position, which moves edges."""
     here = layers["depth"]
     x, y = pixels(view.window)
@@ -43,31 +64,101 @@ def lateral(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
     return {"depth": depth, "reason": reason}
 
 
-def edge_dropout(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def edge_dropout(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes pixels beside depth edges at random."""
     depth = layers["depth"]
-    x, y = pixels(view.window)
-    chosen = uniform01(random_bits(x, y, view.seed, 0)[0]) < p["probability"]
-    step, reach = _MM * p["threshold_mm"], int(p["radius_px"])
-    beside = np.zeros(depth.shape, np.bool_)
-    for dy in range(-reach, reach + 1):
-        for dx in range(-reach, reach + 1):
-            there = fetch(depth, view.window, x + dx, y + dy)
-            beside |= (there <= 0) | (np.abs(there - depth) > step)
-    lost = (depth > 0) & chosen & beside
-    return {
-        "depth": np.where(lost, np.float32(0.0), depth),
-        "reason": np.where(lost, np.float32(Reason.EDGE), layers["reason"]),
-    }
+    chosen = uniform01(random_bits(*pixels(view.window), view.seed, 0)[0]) < p["probability"]
+    at_edge = np.zeros(depth.shape, np.bool_)
+    for dx, dy in square(int(p["radius_px"])):
+        there = beside(view, depth, dx, dy)
+        at_edge |= (there <= 0) | (np.abs(there - depth) > _MM * p["threshold_mm"])
+    return without(layers, chosen & at_edge, Reason.EDGE)
 
 
-def max_filter(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Takes the farthest depth of a square window."""
-    here = layers["depth"]
-    x, y = pixels(view.window)
-    reach = int(p["radius_px"])
-    depth = here
-    for dy in range(-reach, reach + 1):
-        for dx in range(-reach, reach + 1):
-            depth = np.maximum(depth, fetch(here, view.window, x + dx, y + dy))
+    depth = layers["depth"]
+    for dx, dy in square(int(p["radius_px"])):
+        depth = np.maximum(depth, beside(view, layers["depth"], dx, dy))
     return {"depth": depth, "reason": reasons_of_taken(layers, depth, Reason.EDGE)}
+
+
+def dot_place(x: Whole, y: Whole) -> Whole:
+    """The pixel of a cell that has the dot, 0 to 8 in reading order. Arguments broadcast."""
+    return (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
+
+
+def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:
+    """Column and row, in the frame, of the pixel ``place`` of cell (x, y)."""
+    return x * CELL_PX + place % CELL_PX, y * CELL_PX + place // CELL_PX
+
+
+def cells(window: Rect, around: int = 0) -> Rect:
+    """The cells that a window (pixels) touches, widened by ``around`` cells on each side."""
+    left, top, width, height = _CELLS.window(window)
+    more = 2 * around
+    return Rect(left - around, top - around, width + more, height + more)
+
+
+def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Matches each dot in a 9x9 window: 1 + its place in its cell, 0 if not matched."""
+    around = cells(view.window, _REACH_CELLS)
+    place = dot_place(*pixels(around))
+    x, y = place_pixel(*pixels(around), place)
+    depth = fetch(layers["depth"], view.window, x, y)
+    seen = depth > 0
+    disparity = disparity_px(depth, view.focal_baseline_px_m)
+    own = (slice(_REACH_CELLS, -_REACH_CELLS),) * 2
+    dots, found, total, agree = (np.zeros(seen[own].shape, np.float32) for _ in range(4))
+    neighbours = []
+    # Slices of the inner part's size, shifted by whole cells, in the shader's order.
+    height, width = seen[own].shape
+    for left, top in square(_REACH_CELLS):
+        row, column = _REACH_CELLS + top, _REACH_CELLS + left
+        part = slice(row, row + height), slice(column, column + width)
+        dx, dy = np.abs(x[part] - x[own]), np.abs(y[part] - y[own])
+        near = np.maximum(dx, dy) <= _REACH_PX
+        used = near & seen[part]
+        dots += near
+        found += used
+        total += np.where(used, disparity[part], np.float32(0.0))
+        neighbours.append((used, disparity[part], _weight(dx, dy)))
+    share = p["min_share"]
+    enough = found > share * dots
+    mean = total / np.maximum(found, np.float32(1.0))
+    for used, value, weight in neighbours:
+        agree += used & (np.abs(value - mean) * weight < p["inlier_px"])
+    match = seen[own] & enough & (agree > share * dots)
+    return {"dot_match": np.where(match, place[own] + 1, 0).astype(np.float32)}
+
+
+def dot_spread(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Gives each pixel the depth of the nearest matched dot, or none."""
+    window, here = view.window, layers["depth"]
+    around = cells(window, 1)
+    match = fetch(layers["dot_match"], cells(window), *pixels(around)).astype(np.int64)
+    dot_x, dot_y = place_pixel(*pixels(around), match - 1)
+    value, surface = (fetch(layers[name], window, dot_x, dot_y) for name in ("depth", "clean"))
+    x, y = pixels(window)
+    column, row = x // CELL_PX - around.left, y // CELL_PX - around.top
+    nearest = np.full(here.shape, p["radius_px"] * p["radius_px"], np.float32)
+    depth, taken = (np.zeros(here.shape, np.float32) for _ in range(2))
+    for dx, dy in square(1):
+        at = row + dy, column + dx
+        offset_x, offset_y = dot_x[at] - x, dot_y[at] - y
+        squared = (offset_x * offset_x + offset_y * offset_y).astype(np.float32)
+        closer = (match[at] > 0) & (squared < nearest)
+        nearest = np.where(closer, squared, nearest)
+        depth = np.where(closer, value[at], depth)
+        taken = np.where(closer, surface[at], taken)
+    reason, own = reasons_of_taken(layers, depth, Reason.WINDOW), layers["clean"]
+    other = (own > 0) & (taken > 0) & (np.abs(taken - own) > np.float32(0.001) * p["edge_mm"])
+    moved = other & (depth > 0) & (here > 0)
+    return {"depth": depth, "reason": np.where(moved, np.float32(Reason.MOVED), reason)}
+
+
+def _weight(dx: NDArray[np.int64], dy: NDArray[np.int64]) -> Image:
+    """Weight of a dot's deviation by its offset from the centre, px: farther dots count less."""
+    x, y = np.float32(1.2) * dx.astype(np.float32), np.float32(1.2) * dy.astype(np.float32)
+    squared = x * x + y * y
+    return np.reciprocal(np.where(squared > 0, squared, np.float32(1.0)))

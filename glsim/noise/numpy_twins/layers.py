@@ -1,19 +1,22 @@
-"""Twins of shaders/lib/layers.glsl and of GLSL built-ins: pixel coordinates, fetches, mix."""
+"""Twins of shaders/lib/layers, depth and disparity.glsl, and of GLSL built-ins."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.frame_context import Layers
+from glsim.noise.frame_context import FrameContext, Layers
 
 Image = NDArray[np.float32]
 #: Parameter values by their GLSL names.
 Parameters = Mapping[str, np.float32]
+
+#: The smallest depth that a pixel with depth can be moved to, m.
+_LEAST_M = np.float32(1e-4)
 
 
 def pixels(window: Rect) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -31,6 +34,29 @@ def fetch(layer: Image, window: Rect, x: NDArray[np.int64], y: NDArray[np.int64]
     return np.where(inside, layer[nearest], np.float32(0.0))
 
 
+def beside(view: FrameContext, layer: Image, dx: int, dy: int, *, clamped: bool = False) -> Image:
+    """Return each pixel's neighbour (dx, dy); 0 outside the window.
+
+    Args:
+        clamped: beyond the frame, take the frame's nearest pixel.
+    """
+    left, top, width, height = view.window
+    x, y = np.arange(left + dx, left + dx + width), np.arange(top + dy, top + dy + height)
+    if clamped:
+        x, y = np.clip(x, 0, view.width - 1), np.clip(y, 0, view.height - 1)
+    x, y = x - left, y - top
+    part = layer[np.clip(y, 0, height - 1)][:, np.clip(x, 0, width - 1)]
+    part[(y < 0) | (y >= height)] = 0.0
+    part[:, (x < 0) | (x >= width)] = 0.0
+    return part
+
+
+def square(reach: int) -> Iterator[tuple[int, int]]:
+    """Yield the offsets (dx, dy) of the pixels within ``reach``, in reading order."""
+    side = range(-reach, reach + 1)
+    return ((dx, dy) for dy in side for dx in side)
+
+
 def mix(a: Image, b: Image, t: Image) -> Image:
     """Interpolate linearly from ``a`` at t = 0 to ``b`` at t = 1."""
     mixed: Image = a + t * (b - a)
@@ -43,3 +69,34 @@ def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
     new = np.where(layers["clean"] > 0, np.float32(Reason.MOVED), np.float32(Reason.GROWN))
     reason = np.where((depth_m <= 0) & (here > 0), np.float32(lost), reason)
     return np.where((depth_m > 0) & (here <= 0), new, reason)
+
+
+def moved_by_mm(depth_m: Image, by_mm: Image) -> Image:
+    """Move depth (metres) along the axis by millimetres; 0 = no depth stays 0."""
+    moved = np.maximum(depth_m + np.float32(0.001) * by_mm, _LEAST_M)
+    return np.where(depth_m > 0, moved, np.float32(0.0))
+
+
+def disparity_px(depth_m: Image, focal_baseline_px_m: float) -> Image:
+    """Depth, m, to disparity, px, and back; undefined for pixels without depth."""
+    known = np.where(depth_m > 0, depth_m, np.float32(1.0))
+    return np.divide(np.float32(focal_baseline_px_m), known, dtype=np.float32)
+
+
+def displaced(depth_m: Image, by_mm: Image, by_px: Image, focal_baseline_px_m: float) -> Image:
+    """Move depth (metres) by millimetres and by pixels of disparity."""
+    if by_px.any():
+        shifted = disparity_px(depth_m, focal_baseline_px_m) + by_px
+        moved = np.float32(focal_baseline_px_m) / np.maximum(shifted, np.float32(1e-3))
+        depth_m = np.where((depth_m > 0) & (by_px != 0), moved, depth_m)
+    return moved_by_mm(depth_m, by_mm)
+
+
+def without(layers: Layers, lost: NDArray[np.bool_], reason: Reason | Image) -> dict[str, Image]:
+    """Depth and reason after the pixels ``lost`` lose the depth that they have."""
+    depth = layers["depth"]
+    lost = lost & (depth > 0)
+    return {
+        "depth": np.where(lost, np.float32(0.0), depth),
+        "reason": np.where(lost, np.asarray(reason, np.float32), layers["reason"]),
+    }

@@ -5,29 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.core.camera import Point
-from glsim.noise.frame_context import Layers, StageView
+from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import PROJECTOR_LAYER
-from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
+from glsim.noise.numpy_twins.layers import Image, Parameters, beside, pixels, square
 from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits, uniform01
 
 
-def stereo_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def stereo_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Draw the light that two imagers get, with the dots of up to two projectors."""
     left, right = (
         _imaged_light(view, layers, p, side, imager)
-        for side, imager in zip(("left", "right"), view.optics.imagers_m, strict=True)
+        for side, imager in zip(("left", "right"), view.imagers_m, strict=True)
     )
     return {"light_left": left, "light_right": right}
 
 
-def pattern_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def pattern_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Draw the light that one imager gets, and the pattern that it is matched with."""
-    left = _imaged_light(view, layers, p, "left", view.optics.imagers_m[0])
+    left = _imaged_light(view, layers, p, "left", view.imagers_m[0])
     pattern = _thrown(view, layers, layers["rays"], _key(view), p)
     return {"light_left": left, "light_right": np.maximum(pattern, np.float32(0))}
 
 
-def stereo_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def stereo_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Expose two infrared images."""
     noise, gain = _draws(view)
     left, right = (_blurred(view, layers[n], p) for n in ("light_left", "light_right"))
@@ -37,7 +37,7 @@ def stereo_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str,
     }
 
 
-def pattern_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def pattern_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Expose one infrared image, and blur the pattern like it."""
     noise, gain = _draws(view)
     left = _blurred(view, layers["light_left"], p)
@@ -48,7 +48,7 @@ def pattern_exposure(view: StageView, layers: Layers, p: Parameters) -> dict[str
     }
 
 
-def _key(view: StageView) -> Words:
+def _key(view: FrameContext) -> Words:
     return pcg_word(np.array([view.device_seed], np.uint32))
 
 
@@ -79,13 +79,13 @@ def dots(tangent: Image, key: Words, p: Parameters) -> Image:
 _LEAST = np.float32(-80)
 
 
-def _thrown(view: StageView, layers: Layers, tangent: Image, key: Words, p: Parameters) -> Image:
+def _thrown(view: FrameContext, layers: Layers, tangent: Image, key: Words, p: Parameters) -> Image:
     """Return what a projector throws in (..., 2) directions; negative outside of its view."""
     if PROJECTOR_LAYER not in layers:
         return dots(tangent, key, p)
     image, half = layers[PROJECTOR_LAYER], np.float32(0.5)
     size = np.array(image.shape[::-1], np.int64)
-    view_tan = np.array(view.optics.projector_tan, np.float32)
+    view_tan = np.array(view.projector_tan, np.float32)
     place = (half * tangent / view_tan + half) * size.astype(np.float32)
     inside = ((place >= 0) & (place <= size)).all(axis=-1)
     corner = np.floor(place - half)
@@ -105,7 +105,7 @@ def _mix(one: Image, other: Image, share: Image) -> Image:
 
 
 def _projected(
-    view: StageView,
+    view: FrameContext,
     layers: Layers,
     point: Image,
     normal: Image,
@@ -127,7 +127,7 @@ def _projected(
 
 
 def _imaged_light(
-    view: StageView, layers: Layers, p: Parameters, side: str, imager: Point
+    view: FrameContext, layers: Layers, p: Parameters, side: str, imager: Point
 ) -> Image:
     depth, shape = layers[f"{side}_clean"], layers[f"{side}_normal"]
     lit = layers[f"{side}_lit"]
@@ -136,7 +136,7 @@ def _imaged_light(
     point = np.concatenate([layers["rays"] * z, z], axis=-1) + np.array(imager, np.float32)
     key = _key(view)
     light = np.zeros_like(depth)
-    for number, emitter in enumerate(view.optics.emitters_m):
+    for number, emitter in enumerate(view.emitters_m):
         word = key + np.uint32(number)
         light += _projected(view, layers, point, shape[..., :3], emitter, lit[..., number], word, p)
     sky = np.float32(0.6) - np.float32(0.4) * shape[..., 1]
@@ -147,7 +147,7 @@ def _imaged_light(
     return np.where(seen, light, np.float32(0))
 
 
-def _grain(view: StageView, point: Image, p: Parameters) -> Image:
+def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
     place = point * np.float32(1000) / p["texture_mm"]
     cell = np.floor(place).astype(np.int64)
     part = place - cell.astype(np.float32)
@@ -161,7 +161,7 @@ def _grain(view: StageView, point: Image, p: Parameters) -> Image:
     return total
 
 
-def _draws(view: StageView) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
+def _draws(view: FrameContext) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
     """Standard normal noise and gain, each of the first and the second image."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     noise = normal_pair(first, second)
@@ -169,22 +169,20 @@ def _draws(view: StageView) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
     return noise, normal_pair(first, second)
 
 
-def _blurred(view: StageView, light: Image, p: Parameters) -> Image:
-    x, y = pixels(view.window)
+def _blurred(view: FrameContext, light: Image, p: Parameters) -> Image:
     psf = p["psf_sigma_px"]
     one = np.float32(1)
     side = np.exp(np.float32(-0.5) / (psf * psf)) if psf > 0 else np.float32(0)
     total = np.zeros_like(light)
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            weight = (side if dx else one) * (side if dy else one)
-            total += weight * fetch(light, view.window, x + dx, y + dy)
+    for dx, dy in square(1):
+        weight = (side if dx else one) * (side if dy else one)
+        total += weight * beside(view, light, dx, dy)
     whole = one + np.float32(2) * side
     return total / (whole * whole)
 
 
-def _counts(view: StageView, light: Image, noise: Image, gain: Image, p: Parameters) -> Image:
-    subject = np.float32(view.optics.subject_m)
+def _counts(view: FrameContext, light: Image, noise: Image, gain: Image, p: Parameters) -> Image:
+    subject = np.float32(view.subject_m)
     factor = p["exposure"]
     if p["longest_exposure"] > 0:
         factor = factor * np.minimum(subject * subject, p["longest_exposure"])

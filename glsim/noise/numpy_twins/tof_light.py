@@ -1,4 +1,4 @@
-"""Twins of the light stages of a time-of-flight camera: tof_shadow, tof_light."""
+"""Twins of tof_shadow, tof_light, tof_multipath, and of shaders/lib/tof.glsl and turns.glsl."""
 
 from __future__ import annotations
 
@@ -6,27 +6,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.rect import Rect
-from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.numpy_twins.layers import Image, Parameters, fetch, pixels
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.numpy_twins.layers import Image, Parameters, beside, fetch, pixels
 from glsim.noise.numpy_twins.random import pcg_word, uniform01
-from glsim.noise.numpy_twins.tof_turns import (
-    TWO_PI,
-    along_axis,
-    distance_of,
-    frequencies,
-    half_wave_m_mhz,
-    phases,
-    unwrapped_cycles,
-)
+from glsim.noise.rig_checks import SPEED_OF_LIGHT
 
-_MM = np.float32(0.001)
-_FARTHEST_PX = 128
+TWO_PI, _PI = np.float32(6.28318530718), np.float32(3.14159265359)
+_GOLDEN_ANGLE = np.float32(2.39996322973)
+_MM, _HALF = np.float32(0.001), np.float32(0.5)
+#: The pixels whose shape a sample may have.
+_NEAR = ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0))
+_MOST_TURNS, _FARTHEST_PX = 64, 128
 
 
-def tof_shadow(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def frequencies(view: FrameContext) -> NDArray[np.float32]:
+    """(3,) modulation frequencies, MHz."""
+    return np.asarray(view.modulation_mhz, np.float32)
+
+
+def half_wave_m_mhz() -> np.float32:
+    """Half a wavelength times its frequency, m MHz."""
+    return np.float32(SPEED_OF_LIGHT / 2e6)
+
+
+def phases(real: Image, imaginary: Image) -> Image:
+    """Phases of phasors, cycles, 0 to 1."""
+    turns = (np.arctan2(imaginary, real) / TWO_PI).astype(np.float32)
+    within: Image = turns - np.floor(turns)
+    return within
+
+
+def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
+    """Unwrapped cycles of the fast, slow and third frequency from (..., 3) phases in [0, 1]."""
+    ratio, turns_of_third = f[0] / f[1], f[2] / f[1]
+    fast = phase[..., 0] + np.floor(ratio * phase[..., 1] - phase[..., 0] + _HALF)
+    best, best_turn = np.full_like(fast, 1e6), np.zeros_like(fast)
+    for turn in range(_MOST_TURNS):
+        third = fast * f[2] / f[0] + np.float32(turn) * turns_of_third - phase[..., 2]
+        misfit = np.abs(third - np.floor(third + _HALF))
+        best_turn = np.where(misfit < best - np.float32(1e-4), np.float32(turn), best_turn)
+        best = np.minimum(best, misfit)
+        following = np.float32(turn + 1) * turns_of_third + _HALF
+        if abs(following - np.floor(following) - _HALF) <= 1e-3:
+            break
+    fast = fast + best_turn * ratio
+    slow = phase[..., 1] + best_turn
+    return fast, slow, phase[..., 2] + np.floor(fast * f[2] / f[0] - phase[..., 2] + _HALF)
+
+
+def distance_of(fast: Image, slow: Image, third: Image, f: NDArray[np.float32]) -> Image:
+    """Half the path of light, m, from unwrapped cycles."""
+    distance: Image = (fast + slow + third) * half_wave_m_mhz() / f.sum()
+    return distance
+
+
+def along_axis(view: FrameContext, rays: Image, distance_m: Image) -> Image:
+    """Depth, m, from half the path emitter, surface, camera."""
+    emitter = np.asarray(view.emitter_m, np.float32)
+    x, y = rays[..., 0], rays[..., 1]
+    path = np.float32(2.0) * distance_m
+    toward = x * emitter[0] + y * emitter[1] + emitter[2]
+    length = np.sqrt(x * x + y * y + np.float32(1.0))
+    below = np.float32(2.0) * np.maximum(path * length - toward, np.float32(1e-6))
+    depth: Image = (path * path - (emitter * emitter).sum()) / below
+    return depth
+
+
+def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Share of three emitters that lights a pixel, by ray marching in the image."""
     z, whole = layers["clean"], Rect(0, 0, view.width, view.height)
-    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    emitter = np.asarray(view.emitter_m, np.float32)
     baseline = max(np.sqrt((emitter * emitter).sum()), np.float32(1e-6))
     towards = emitter[:2] / max(np.sqrt((emitter[:2] * emitter[:2]).sum()), np.float32(1e-6))
     sides = np.array([-1.0, 0.0, 1.0], np.float32)
@@ -35,7 +84,7 @@ def tof_shadow(view: StageView, layers: Layers, p: Parameters) -> dict[str, Imag
     )
     step = np.float32(1.0) / np.maximum(reach, np.float32(1e-3))
     inverse = np.float32(1.0) / np.maximum(z, np.float32(1e-3))
-    nearest = np.float32(1.0) / np.maximum(np.float32(view.optics.nearest_m), np.float32(1e-3))
+    nearest = np.float32(1.0) / np.maximum(np.float32(view.nearest_m), np.float32(1e-3))
     x, y = pixels(view.window)
     hidden = np.zeros((*z.shape, 3), np.bool_)
     walking, looking = inverse < nearest, np.ones(z.shape, np.bool_)
@@ -60,9 +109,9 @@ def tof_shadow(view: StageView, layers: Layers, p: Parameters) -> dict[str, Imag
     return {"lit": np.where(z > 0, lit, np.float32(0.0))}
 
 
-def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Light of each pixel as one phasor per frequency."""
-    side, rays = view.optics.supersample, layers["rays"]
+    side, rays = view.supersample, layers["rays"]
     z = layers["clean"]
     found = np.where(z > 0, layers["lit"], np.float32(1.0))
     light = phasors(view, p, z, layers["normal"], rays, found) * _contrast(view, p, found)
@@ -70,12 +119,15 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
     row, column = np.nonzero(mixed)
     total = np.zeros((len(row), 7), np.float32)
     share = np.float32(1.0) / np.float32(side * side)
-    around = [_around(view, layers[name], row, column) for name in ("clean", "lit", "normal")]
+    around = [
+        np.stack([beside(view, layers[name], *to, clamped=True)[row, column] for to in _NEAR])
+        for name in ("clean", "lit", "normal")
+    ]
     for k in range(side * side if mixed.any() else 0):
         seen = layers["fine_seen"][row * side + k // side, column * side + k % side]
         lit, shape = _alike(seen, *around)
         place = np.array([k % side, k // side], np.float32) - np.float32(side // 2)
-        aside = place / (np.float32(side) * np.float32(view.optics.focal_px))
+        aside = place / (np.float32(side) * np.float32(view.focal_px))
         seen_light = phasors(view, p, seen[:, 0], shape, rays[row, column] + aside, lit)
         total += share * seen_light * _contrast(view, p, lit)
     light[mixed] = total
@@ -87,7 +139,7 @@ def tof_light(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image
     }
 
 
-def _contrast(view: StageView, p: Parameters, lit: Image) -> Image:
+def _contrast(view: FrameContext, p: Parameters, lit: Image) -> Image:
     """(..., 7) contrast that is left of each part of ``phasors``; that of the amplitude is 1."""
     around = p["indirect"] * (np.float32(1.0) - lit)
     share = (around / np.maximum(lit + around, np.float32(1e-6)))[..., None]
@@ -97,21 +149,6 @@ def _contrast(view: StageView, p: Parameters, lit: Image) -> Image:
         np.float32(1.0) - np.exp(np.float32(-0.5) * turns * turns)
     )
     return left
-
-
-def _around(
-    view: StageView, layer: Image, row: NDArray[np.int64], column: NDArray[np.int64]
-) -> Image:
-    """(5, N, ...) values of a layer at the four neighbours of N pixels and at the pixels."""
-    left, top, width, height = view.window
-    parts = []
-    for dx, dy in ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0)):
-        x = np.clip(column + left + dx, 0, view.width - 1) - left
-        y = np.clip(row + top + dy, 0, view.height - 1) - top
-        values = layer[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
-        values[(x < 0) | (x >= width) | (y < 0) | (y >= height)] = 0.0
-        parts.append(values)
-    return np.stack(parts)
 
 
 def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
@@ -126,10 +163,10 @@ def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Ima
 
 
 def surface_light(
-    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
+    view: FrameContext, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> tuple[Image, Image]:
     """Amplitude of surface elements, and half the path emitter, surface, camera, m."""
-    emitter = np.asarray(view.optics.emitter_m, np.float32)
+    emitter = np.asarray(view.emitter_m, np.float32)
     x, y = ray[..., 0], ray[..., 1]
     stretch = np.sqrt(x * x + y * y + np.float32(1.0))
     from_emitter = z * x - emitter[0], z * y - emitter[1], z - emitter[2]
@@ -152,7 +189,7 @@ def surface_light(
     return amplitude, np.float32(0.5) * (z * stretch + way) + delay
 
 
-def device_harmonics(view: StageView, p: Parameters) -> tuple[Image, Image, Image, Image]:
+def device_harmonics(view: FrameContext, p: Parameters) -> tuple[Image, Image, Image, Image]:
     """Four times (3,): real and imaginary part of the second harmonic per frequency; of the fifth.
 
     Sizes are the parameters'; phases are the device's own, drawn around the parameters'.
@@ -170,7 +207,7 @@ def device_harmonics(view: StageView, p: Parameters) -> tuple[Image, Image, Imag
     )
 
 
-def correlate(view: StageView, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
+def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
     """(..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
     turns = distance_m[..., None] * frequencies(view) / half_wave_m_mhz()
     angle = TWO_PI * (turns - np.floor(turns))
@@ -185,7 +222,7 @@ def correlate(view: StageView, p: Parameters, distance_m: Image) -> tuple[Image,
 
 
 def phasors(
-    view: StageView, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
+    view: FrameContext, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> Image:
     """(..., 7) of surface elements: real and imaginary part per frequency, and amplitude."""
     amplitude, distance = surface_light(view, p, z, shape, ray, lit)
@@ -195,7 +232,7 @@ def phasors(
     return together
 
 
-def expected_depth(view: StageView, p: Parameters, layers: Layers) -> dict[str, Image]:
+def expected_depth(view: FrameContext, p: Parameters, layers: Layers) -> dict[str, Image]:
     """The layer expected where it is wanted: depth of lit surfaces without noise and blur."""
     if "expected" not in layers:
         return {}
@@ -209,3 +246,49 @@ def expected_depth(view: StageView, p: Parameters, layers: Layers) -> dict[str, 
     turn = half_wave_m_mhz() / f.sum()
     right = (np.abs(found - distance) < np.float32(0.5) * turn) & (decoded > 0)
     return {"expected": np.where(z > 0, np.where(right, decoded, z), np.float32(0.0))}
+
+
+def tof_multipath(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Adds light that one other visible surface has reflected once."""
+    one = np.ones((*layers["clean"].shape, 1), np.float32)
+    z, shape = layers["clean"], layers["normal"]
+    rays = np.concatenate([layers["rays"], one], axis=-1)
+    points = z[..., None] * rays
+    emitter = np.asarray(view.emitter_m, np.float32)
+    focal = np.float32(view.focal_px)
+    count = int(p["samples"])
+    per_point = _PI * p["radius_px"] * p["radius_px"] / np.float32(count)
+    light_a, light_b = layers["light_a"].copy(), layers["light_b"].copy()
+    for k in range(count):
+        turn = _GOLDEN_ANGLE * np.float32(k)
+        far = p["radius_px"] * np.sqrt((np.float32(k) + _HALF) / np.float32(count))
+        dx, dy = (int(np.floor(far * way(turn) + _HALF)) for way in (np.cos, np.sin))
+        there, there_shape, there_ray, amplitude = (
+            beside(view, image, dx, dy)
+            for image in (points, shape, rays, layers["light_b"][..., 2])
+        )
+        way = there - points
+        squared = (way * way).sum(axis=-1)
+        apart = np.sqrt(np.maximum(squared, np.float32(1e-12)))
+        arriving = np.maximum((shape[..., :3] * way).sum(axis=-1), np.float32(0.0)) / apart
+        leaving = np.maximum(-(there_shape[..., :3] * way).sum(axis=-1), np.float32(0.0)) / apart
+        slant = -(there_shape[..., :3] * there_ray).sum(axis=-1)
+        area = (
+            per_point
+            * there[..., 2]
+            * there[..., 2]
+            / (focal * focal)
+            / np.maximum(slant, np.float32(0.05))
+        )
+        seen = (there[..., 2] > 0) & (z > 0)
+        share = arriving * leaving * area / np.where(seen, _PI * squared + area, np.float32(1.0))
+        amplitude = p["strength"] * shape[..., 3] * amplitude * share
+        amplitude = np.where(seen, amplitude, np.float32(0.0))[..., None]
+        outwards = np.sqrt(((there - emitter) ** 2).sum(axis=-1))
+        back = np.sqrt((points * points).sum(axis=-1))
+        delay = _MM * (p["offset_mm"] + p["subsurface_mm"])
+        real, imaginary = correlate(view, p, _HALF * (outwards + apart + back) + delay)
+        both = np.stack([real, imaginary], axis=-1).reshape(*z.shape, 6)
+        light_a += amplitude * both[..., :4]
+        light_b[..., :3] += amplitude * np.concatenate([both[..., 4:], one], axis=-1)
+    return {"light_a": light_a, "light_b": light_b}

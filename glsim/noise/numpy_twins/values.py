@@ -1,18 +1,23 @@
-"""Twins of the stages that add noise to the depth or round it.
-
-Noise: axial, gaussian, fixed_pattern, perlin, simplex. Rounding: disparity_quantise and
-millimetre_quantise.
-"""
+"""Twins of the stages that read their own pixel alone, and of perlin, simplex and field.glsl."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from glsim.noise.frame_context import Layers, StageView
-from glsim.noise.numpy_twins import fields
-from glsim.noise.numpy_twins.depth import disparity_px, displaced, moved_by_mm
-from glsim.noise.numpy_twins.layers import Image, Parameters, pixels
+from glsim.core.reason import Reason
+from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.numpy_twins.layers import (
+    Image,
+    Parameters,
+    disparity_px,
+    displaced,
+    mix,
+    moved_by_mm,
+    pixels,
+    without,
+)
 from glsim.noise.numpy_twins.random import (
+    Words,
     correlated_noise,
     normal_pair,
     pcg_word,
@@ -26,6 +31,9 @@ _HALF_PI, _FROM_POLE = np.float32(1.57079632679), np.float32(1e-3)
 #: Steps of the slow error of fixed_pattern down the image.
 _PROFILE_STEPS = np.float32(6.0)
 
+#: A point or a vector: its three coordinates, which broadcast.
+Vector = tuple[Image, Image, Image]
+
 
 def angle_to_axis(normal: Image) -> Image:
     """Angle between surface normal and optical axis, rad."""
@@ -38,7 +46,7 @@ def angle_ratio(angle: Image) -> Image:
     return ratio
 
 
-def axial(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def axial(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds white noise along the axis; sigma grows with distance and angle."""
     z = layers["depth"]
     angle = angle_to_axis(layers["normal"])
@@ -54,14 +62,14 @@ def axial(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
     return {"depth": moved_by_mm(z, np.clip(sigma, np.float32(0.0), p["max_sigma_mm"]) * noise)}
 
 
-def gaussian(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def gaussian(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds white noise in depth or in disparity."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     mm, px = normal_pair(first, second)
     return {"depth": _displaced(view, layers, p["sigma_mm"] * mm, p["sigma_px"] * px)}
 
 
-def fixed_pattern(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds an error per pixel that is the same in every frame of a device."""
     x, y = pixels(view.window)
     own = correlated_noise(view.window, view.device_seed)
@@ -89,29 +97,29 @@ def fixed_pattern(view: StageView, layers: Layers, p: Parameters) -> dict[str, I
     return {"depth": moved_by_mm(layers["depth"], error)}
 
 
-def perlin(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def perlin(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds Perlin noise: a sum of octaves."""
-    seed = fields.field_seed(view, p["drift_hz"])
-    at = fields.field_position(view, p["lattice_x_px"], p["lattice_y_px"], p["drift_hz"])
+    seed = field_seed(view, p["drift_hz"])
+    at = field_position(view, p["lattice_x_px"], p["lattice_y_px"], p["drift_hz"])
     if p["drift_hz"] <= 0:  # a static field lies on a plane of nodes
         at = (at[0], at[1], np.float32(0.0) * at[2])
     lacunarity, persistence = p["lacunarity"], p["persistence"]
     total, weight = np.zeros(1, np.float32), np.float32(1.0)
     for octave in range(int(p["octaves"])):
-        total = total + weight * fields.perlin(at, seed + octave)
+        total = total + weight * perlin_at(at, seed + octave)
         at = (at[0] * lacunarity, at[1] * lacunarity, at[2] * lacunarity)
         weight = weight * persistence
     return _with_field(view, layers, p, total)
 
 
-def simplex(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def simplex(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds simplex noise."""
-    at = fields.field_position(view, p["lattice_px"], p["lattice_px"], p["drift_hz"])
-    field = fields.simplex(at, fields.field_seed(view, p["drift_hz"]))
+    at = field_position(view, p["lattice_px"], p["lattice_px"], p["drift_hz"])
+    field = simplex_at(at, field_seed(view, p["drift_hz"]))
     return _with_field(view, layers, p, field)
 
 
-def disparity_quantise(view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def disparity_quantise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Rounds the disparity to multiples of a step."""
     depth, step = layers["depth"], p["step_px"]
     steps = np.floor(disparity_px(depth, view.focal_baseline_px_m) / step + np.float32(0.5))
@@ -119,7 +127,7 @@ def disparity_quantise(view: StageView, layers: Layers, p: Parameters) -> dict[s
     return {"depth": np.where(depth > 0, rounded, depth)}
 
 
-def millimetre_quantise(_view: StageView, layers: Layers, p: Parameters) -> dict[str, Image]:
+def millimetre_quantise(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Rounds the depth to multiples of a step."""
     depth, step = layers["depth"], p["step_mm"]
     steps = np.maximum(
@@ -128,10 +136,150 @@ def millimetre_quantise(_view: StageView, layers: Layers, p: Parameters) -> dict
     return {"depth": np.where(depth > 0, np.float32(0.001) * step * steps, depth)}
 
 
-def _with_field(view: StageView, layers: Layers, p: Parameters, field: Image) -> dict[str, Image]:
+def _with_field(
+    view: FrameContext, layers: Layers, p: Parameters, field: Image
+) -> dict[str, Image]:
     by_mm, by_px = p["amplitude_mm"] * field, p["amplitude_px"] * field
     return {"depth": _displaced(view, layers, by_mm, by_px)}
 
 
-def _displaced(view: StageView, layers: Layers, by_mm: Image, by_px: Image) -> Image:
+def _displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) -> Image:
     return displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)
+
+
+def infrared(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Returned infrared light, by Lambert's law and the inverse square of the distance."""
+    depth, normal = layers["clean"], layers["normal"]
+    x, y = layers["rays"][..., 0], layers["rays"][..., 1]
+    squared = x * x + y * y + np.float32(1.0)
+    length = np.sqrt(squared)
+    towards = normal[..., 0] * (x / length) + normal[..., 1] * (y / length)
+    cosine = -(towards + normal[..., 2] * (np.float32(1.0) / length))
+    distance_squared = squared * depth * depth
+    light = p["gain_counts"] * layers["albedo"] * np.maximum(cosine, np.float32(0.0))
+    light = light / np.where(depth > 0, distance_squared, np.float32(1.0))
+    lit = np.where(depth > 0, light * layers["lit"], np.float32(0.0))
+    return {"infrared": p["ambient_counts"] + lit}
+
+
+def low_signal(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes pixels that return too little infrared light."""
+    first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
+    limit = p["min_counts"] + p["spread_counts"] * normal_pair(first, second)[0]
+    return without(layers, layers["infrared"] < limit, Reason.LOW_SIGNAL)
+
+
+def shadow(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes pixels that the emitters do not light."""
+    return without(layers, layers["lit"] < p["min_lit"], Reason.SHADOW)
+
+
+def range_gate(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes depth outside the measuring range."""
+    depth_mm = np.float32(1000.0) * layers["depth"]
+    outside = (depth_mm < p["near_mm"]) | (depth_mm > p["far_mm"])
+    return without(layers, outside, Reason.OUT_OF_RANGE)
+
+
+def _hash(node: tuple[Words, Words, Words], seed: int) -> Words:
+    """Hash a lattice node. The seed wraps at 2^32, because each octave adds its number to it."""
+    x, y, z = node
+    return pcg_word(pcg_word(pcg_word(np.uint32(seed % 2**32) ^ pcg_word(z)) + y) + x)
+
+
+def _gradient(bits: Words, offset: Vector) -> Image:
+    """Dot product of the offset and a gradient, one of the 12 edge directions of a cube."""
+    h = bits >> np.uint32(28)
+    x, y, z = offset
+    a = np.where(h < 8, x, y)
+    b = np.where(h < 4, y, np.where((h == 12) | (h == 14), x, z))
+    return np.where(h & 1, -a, a) + np.where(h & 2, -b, b)
+
+
+def _fade(t: Image) -> Image:
+    """Quintic fade from 0 to 1 over a lattice cell, without slope or curvature at its ends."""
+    slope = t * (t * np.float32(6.0) - np.float32(15.0)) + np.float32(10.0)
+    quintic: Image = t * t * t * slope
+    return quintic
+
+
+def _words(whole: Image) -> Words:
+    """Integers of any sign, modulo 2^32."""
+    return whole.astype(np.int64).astype(np.uint32)
+
+
+def perlin_at(at: Vector, seed: int) -> Image:
+    """Perlin noise on a cubic lattice, about -1 to 1.
+
+    Args:
+        at: float32, in lattice cells.
+    """
+    whole = [np.floor(part) for part in at]
+    f = [part - start for part, start in zip(at, whole, strict=True)]
+    n = [_words(part) for part in whole]
+    tx, ty, tz = (_fade(part) for part in f)
+    low, high = np.uint32(0), np.uint32(1)
+    rows = []
+    for y, z in ((low, low), (high, low), (low, high), (high, high)):
+        left, right = (
+            _gradient(
+                _hash((n[0] + x, n[1] + y, n[2] + z), seed),
+                (f[0] - np.float32(x), f[1] - np.float32(y), f[2] - np.float32(z)),
+            )
+            for x in (low, high)
+        )
+        rows.append(mix(left, right, tx))
+    return mix(mix(rows[0], rows[1], ty), mix(rows[2], rows[3], ty), tz)
+
+
+def _total(vector: Vector, factor: float) -> Image:
+    by = np.float32(factor)
+    total: Image = vector[0] * by + vector[1] * by + vector[2] * by
+    return total
+
+
+def simplex_at(at: Vector, seed: int) -> Image:
+    """Simplex noise on a lattice of tetrahedra, about -1 to 1.
+
+    Args:
+        at: float32, in lattice cells.
+    """
+    skew = _total(at, 1 / 3)
+    cell = [np.floor(part + skew) for part in at]
+    unskew = _total((cell[0], cell[1], cell[2]), 1 / 6)
+    x0, y0, z0 = (part - low + unskew for part, low in zip(at, cell, strict=True))
+    xy, yz, xz = (ge.astype(np.int8) for ge in (x0 >= y0, y0 >= z0, x0 >= z0))
+    ranks = xy + xz, 1 - xy + yz, 2 - yz - xz
+    n = [_words(part) for part in cell]
+    total = np.zeros(1, np.float32)
+    # The corners follow the coordinates by rank: a step along no axis, one, two, all three.
+    for least, back in ((3, 0.0), (2, 1 / 6), (1, 1 / 3), (0, 0.5)):
+        step = [rank >= least for rank in ranks]
+        x, y, z = (
+            part - one.astype(np.float32) + np.float32(back)
+            for part, one in zip((x0, y0, z0), step, strict=True)
+        )
+        t = np.maximum(np.float32(0.5) - (x * x + y * y + z * z), np.float32(0.0))
+        bits = _hash((n[0] + step[0], n[1] + step[1], n[2] + step[2]), seed)
+        total = total + t * t * t * t * _gradient(bits, (x, y, z))
+    return np.float32(76.0) * total
+
+
+def field_seed(view: FrameContext, drift_hz: np.float32) -> int:
+    """The seed of the field: one field per frame without drift, one per sequence with drift."""
+    return view.sequence_seed if drift_hz > 0 else view.seed
+
+
+def field_position(
+    view: FrameContext, lattice_x_px: np.float32, lattice_y_px: np.float32, drift_hz: np.float32
+) -> Vector:
+    """Position of each pixel of the window in the field, in lattice cells."""
+    x, y = pixels(view.window)
+    bits = random_bits(0, 0, field_seed(view, drift_hz), 0xF1E1D)
+    start = [np.float32(3.0) * uniform01(word) for word in bits[:3]]
+    time = np.float32(view.time_s) * drift_hz
+    return (
+        start[0] + (x.astype(np.float32) + np.float32(0.5)) / lattice_x_px,
+        start[1] + (y.astype(np.float32) + np.float32(0.5)) / lattice_y_px,
+        start[2] + time,
+    )
