@@ -26,7 +26,7 @@ def measure(dataset: Path, split: str) -> None:
         start = time.perf_counter()
         evaluation = evaluate(ScoringJob(dataset, split, PAPER_FILTERS), Path(folder))
         scored = time.perf_counter()
-        table_markdown(evaluation, evaluation.summary.compared(), split)
+        table_markdown(evaluation, evaluation.summary.table(), split)
         end = time.perf_counter()
     parent, workers = (
         resource.getrusage(who).ru_maxrss / 1024

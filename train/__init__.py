@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from glsim.train.data.simulated import SimulatedPairs, randomised
     from glsim.train.data.stored import Augmentation, StoredPairs
     from glsim.train.loop import fit
-    from glsim.train.losses.registry import build_loss
+    from glsim.train.losses import build_loss
     from glsim.train.models.registry import build_model
     from glsim.train.recipe import Recipe, load_recipe, recipe_names
 
@@ -27,7 +27,7 @@ _HOME = {
     "Recipe": "glsim.train.recipe",
     "SimulatedPairs": "glsim.train.data.simulated",
     "StoredPairs": "glsim.train.data.stored",
-    "build_loss": "glsim.train.losses.registry",
+    "build_loss": "glsim.train.losses",
     "build_model": "glsim.train.models.registry",
     "fit": "glsim.train.loop",
     "load_recipe": "glsim.train.recipe",

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, cast
 
 import numpy as np
 import torch
@@ -26,15 +27,9 @@ from torch.utils.data import (
 
 from glsim.core.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
-from glsim.train.data.checks import (
-    fingerprint,
-    fingerprint_of,
-    joint_protocol,
-    protocol_entry,
-)
-from glsim.train.data.pairs import Batch, JoinedPairs, PairDataset
+from glsim.train.data.checks import entries_of, fingerprint
 from glsim.train.data.simulated import SimulatedPairs, randomised
-from glsim.train.data.stored import Augmentation, StoredPairs
+from glsim.train.data.stored import Augmentation, Batch, JoinedPairs, PairDataset, StoredPairs
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import DataSettings, Recipe
 
@@ -44,28 +39,6 @@ SEED_STRIDE: Final = 1_000_003
 VALIDATION_BATCH: Final = 8
 #: Validation frames rendered for ``--simulate`` unless the recipe gives a number.
 _SIMULATED_VALIDATION_FRAMES: Final = 200
-
-
-class BatchSource(Protocol):
-    """Source of training batches (noisy_mm, clean_mm): float32 millimetres on the device.
-
-    Attributes:
-        validation: pairs of the validation, without a batch axis.
-        fingerprint: plain values that identify the data.
-
-    Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.denoise.inputs`` as channels.
-    """
-
-    validation: Subset[Batch]
-    fingerprint: dict[str, Any]
-
-    def prepare(self, fabric: Fabric) -> int:
-        """Set up loading for one device, once; return the number of batches per epoch."""
-        ...
-
-    def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
-        """Yield the batches of an epoch without the first ``skip``."""
-        ...
 
 
 def on_device(fabric: Fabric, loader: DataLoader[Batch]) -> DataLoader[Batch]:
@@ -114,7 +87,14 @@ class EpochSampler(Sampler[list[int]]):
 
 
 class StoredBatches:
-    """Batches of pairs with random access; see ``BatchSource``."""
+    """Batches (noisy_mm, clean_mm) of pairs with random access: float32 mm on the device.
+
+    Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.denoise.inputs`` as channels.
+
+    Attributes:
+        validation: pairs of the validation, without a batch axis.
+        fingerprint: plain values that identify the data.
+    """
 
     def __init__(
         self,
@@ -127,7 +107,10 @@ class StoredBatches:
         self.validation, self.fingerprint = validation, fingerprint
 
     def prepare(self, fabric: Fabric) -> int:
-        """See ``BatchSource``. Raises ConfigError if a device would get less than one batch."""
+        """Set up loading for one device, once; return the number of batches per epoch.
+
+        Raises ConfigError if a device would get less than one batch.
+        """
         data, batch = self._recipe.data, self._recipe.training.batch
         count = min(data.train_frames or len(self._train), len(self._train))
         self._sampler = EpochSampler(
@@ -145,14 +128,14 @@ class StoredBatches:
         return len(self._sampler)
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
-        """See ``BatchSource``."""
+        """Yield the batches of an epoch without the first ``skip``."""
         self._train.set_epoch(epoch)
         self._sampler.set_epoch(epoch, skip)
         yield from self._loader
 
 
 class SimulatedBatches:
-    """Batches rendered on demand; see ``BatchSource``. Each epoch continues the same stream."""
+    """Batches rendered on demand, as `StoredBatches`. Each epoch continues the same stream."""
 
     def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
         """Render the validation frames.
@@ -167,31 +150,31 @@ class SimulatedBatches:
             MeshError: for a source without a usable face.
             DeviceError: without OpenGL.
         """
-        self._settings, self._recipe, self._ray = settings, recipe, ray
-        self.fingerprint = self._pairs(0, 0).fingerprint()
-        count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
-        steps = -(-count // VALIDATION_BATCH)
-        held_out = SimulatedPairs(
+        self._recipe = recipe
+        self._open = partial(
+            SimulatedPairs,
             settings,
-            batch=VALIDATION_BATCH,
-            split="val",
             inputs=inputs_of(recipe.model),
-            length=steps,
             target=recipe.data.target,
             protocol=recipe.data.protocol,
             ray=ray,
+        )
+        self.fingerprint = self._pairs(0, 0).fingerprint()
+        count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
+        held_out = self._open(
+            batch=VALIDATION_BATCH, split="val", length=-(-count // VALIDATION_BATCH)
         )
         rendered = [cast(Dataset[Batch], TensorDataset(*batch)) for batch in held_out]
         self.validation: Subset[Batch] = Subset(ConcatDataset(rendered), range(count))
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
 
     def prepare(self, fabric: Fabric) -> int:
-        """See ``BatchSource``."""
+        """See `StoredBatches`."""
         self._fabric = fabric
         return self._recipe.data.epoch_steps
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
-        """See ``BatchSource``. Workers stay alive from epoch to epoch."""
+        """See `StoredBatches`. Workers stay alive from epoch to epoch."""
         steps = self._recipe.data.epoch_steps
         first, end = epoch * steps + skip, (epoch + 1) * steps
         if self._running is None or self._running[0] != first:
@@ -203,18 +186,16 @@ class SimulatedBatches:
             yield next(iterator)
 
     def _pairs(self, rank: int, start: int) -> SimulatedPairs:
-        return SimulatedPairs(
-            self._settings,
+        return self._open(
             batch=self._recipe.training.batch,
             seed=self._recipe.seed + rank * SEED_STRIDE,
             reuse=self._recipe.data.reuse,
-            inputs=inputs_of(self._recipe.model),
             vary_inputs=True,
             start=start,
-            target=self._recipe.data.target,
-            protocol=self._recipe.data.protocol,
-            ray=self._ray,
         )
+
+
+BatchSource = StoredBatches | SimulatedBatches
 
 
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
@@ -225,40 +206,32 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
         ConfigError: for a recipe that no data set can fit.
     """
     data = recipe.data
-    crop = data.crop or None
-    inputs = inputs_of(recipe.model)
-    validation_cut = "centre" if data.cut == "random" else data.cut
+    open_split = partial(
+        StoredPairs,
+        crop=data.crop or None,
+        inputs=inputs_of(recipe.model),
+        target=data.target,
+        protocol=data.protocol,
+    )
+    changes = Augmentation(data.flip, data.relief_mm, data.slope_mm_per_px, vary_inputs=True)
     train = [
-        StoredPairs(
-            dataset,
-            "train",
-            crop=crop,
-            cut=data.cut,
-            augmentation=Augmentation(
-                data.flip, data.relief_mm, data.slope_mm_per_px, vary_inputs=True
-            ),
-            inputs=inputs,
+        open_split(
+            dataset, "train", cut=data.cut, augmentation=changes,
             seed=recipe.seed + number * SEED_STRIDE,
-            target=data.target,
-            protocol=data.protocol,
         )
         for number, dataset in enumerate(datasets)
-    ]
-    validation = [
-        StoredPairs(
-            dataset,
-            "val",
-            crop=crop,
-            cut=validation_cut,
-            inputs=inputs,
-            target=data.target,
-            protocol=data.protocol,
-        )
-        for dataset in datasets
-    ]
-    fingerprints = [fingerprint(dataset) | fingerprint_of(data.target) for dataset in datasets]
+    ]  # fmt: skip
+    validation_cut = "centre" if data.cut == "random" else data.cut
+    validation = [open_split(dataset, "val", cut=validation_cut) for dataset in datasets]
+    fingerprints = [fingerprint(dataset) | entries_of(target=data.target) for dataset in datasets]
     joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}
-    joined |= protocol_entry(joint_protocol([pairs.protocol for pairs in train]))
+    protocols = {pairs.protocol for pairs in train}
+    if len(protocols) > 1:
+        raise ConfigError(
+            f"the data sets are of different protocols ({', '.join(sorted(protocols))}): choose "
+            "one with --protocol"
+        )
+    joined |= entries_of(protocol=train[0].protocol)
     return StoredBatches(
         JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext, suppress
 from itertools import islice
 from pathlib import Path
@@ -18,27 +18,26 @@ from torch.utils.data import DataLoader
 from glsim.core.errors import ConfigError, TrainError
 from glsim.core.seeds import stable_seed
 from glsim.denoise import checkpoint
+from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
-from glsim.train.data.pairs import Batch
+from glsim.train.data.stored import Batch
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
-from glsim.train.models.mask_aware import MaskAware
+from glsim.train.losses import Loss, interior_mask, to_float32
+from glsim.train.models.base import Prediction
+from glsim.train.models.mask_aware import MaskAware, calibrate
 from glsim.train.models.registry import parameter_count
-from glsim.train.models.sigma_scale import calibrate
 from glsim.train.recipe import Recipe
 from glsim.train.run_setup import (
     RECIPE_FILE,
     arithmetic,
-    check_unused,
     continue_arithmetic,
     last_checkpoint,
     locked_run,
     make_fabric,
-    start_record,
-    start_weights,
+    read_start,
     with_precision,
 )
 from glsim.train.state import TrainingState
-from glsim.train.validation import validation_figures
 
 NAN_BATCH_FILE: Final = "nan_batch.pt"
 #: Number of frames in each picture in samples/.
@@ -107,34 +106,7 @@ def fit(
     fabric.launch()
     with locked_run(folder) if fabric.is_global_zero else nullcontext():
         run = TrainingRun(recipe, source, folder, resume, fabric, announce)
-        return _fit(run, on_step, should_stop)
-
-
-def _fit(
-    run: TrainingRun, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
-) -> dict[str, Any]:
-    logs = run.open_logs() if run.fabric.is_global_zero else None
-    ended_by, stopped, loss = run.ended_by(), False, math.nan
-    while not (ended_by or stopped):
-        for noisy_mm, clean_mm in run.source.batches(run.progress.epoch, run.progress.step):
-            loss = run.step(noisy_mm, clean_mm)
-            validated = run.validation_is_due()
-            if validated:
-                run.validate(logs)
-            if on_step is not None:
-                on_step(run.status(loss, validated))
-            ended_by, stopped = run.fabric.broadcast((run.ended_by(), should_stop()))
-            if ended_by or stopped:
-                break
-            if validated or run.progress.step == 0:
-                run.save("interrupted")
-    if ended_by and run.progress.loss_count:  # steps since the last validation
-        run.validate(logs)
-        if on_step is not None:
-            on_step(run.status(loss, True))
-    if logs is not None:
-        logs.close()
-    return run.save("finished" if ended_by else "interrupted", ended_by)
+        return run.train(on_step, should_stop)
 
 
 class TrainingRun:
@@ -151,13 +123,17 @@ class TrainingRun:
     ) -> None:
         self.recipe, self.source, self.folder, self.fabric = recipe, source, folder, fabric
         self._announce = announce
-        if not resume and self.fabric.is_global_zero:
-            check_unused(folder)
+        if not resume and fabric.is_global_zero and (folder / RECIPE_FILE).exists():
+            raise TrainError(
+                f"{folder}: holds a training: continue it with --resume, or name another folder "
+                "(-o)"
+            )
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
-        weights = start_weights(recipe) if last is None else None
-        self.state = TrainingState(recipe, self.fabric, weights)
+        weights, self.start = None, last and last.get("start")
+        if last is None and (start := recipe.training.start) is not None:
+            weights, self.start = read_start(start, recipe.model)
+        self.state = TrainingState(recipe, fabric, weights)
         self.figures: dict[str, float] = {}
-        self.start = start_record(recipe) if last is None else last.get("start")
         if last is not None:
             self.state.restore(last)
             self.figures = dict(last["validation"])
@@ -182,6 +158,35 @@ class TrainingRun:
             f"{self.epoch_steps} batches of {limits.batch} in an epoch, {len(frames)} frames to "
             f"validate, {limits.precision} on {self.arithmetic['device']}"
         )
+
+    def train(
+        self, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
+    ) -> dict[str, Any]:
+        """Make steps until the end; return the content of run.json."""
+        logs = None
+        if self.fabric.is_global_zero:
+            write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
+            logs = RunLogs(self.folder, self.progress.steps)
+        show = on_step or (lambda _: None)
+        ended_by, stopped, loss = self.ended_by(), False, math.nan
+        while not (ended_by or stopped):
+            for noisy_mm, clean_mm in self.source.batches(self.progress.epoch, self.progress.step):
+                loss = self.step(noisy_mm, clean_mm)
+                validated = self.validation_is_due()
+                if validated:
+                    self.validate(logs)
+                show(self.status(loss, validated))
+                ended_by, stopped = self.fabric.broadcast((self.ended_by(), should_stop()))
+                if ended_by or stopped:
+                    break
+                if validated or self.progress.step == 0:
+                    self.save("interrupted")
+        if ended_by and self.progress.loss_count:  # steps since the last validation
+            self.validate(logs)
+            show(self.status(loss, True))
+        if logs is not None:
+            logs.close()
+        return self.save("finished" if ended_by else "interrupted", ended_by)
 
     def step(self, noisy_mm: Tensor, clean_mm: Tensor) -> float:
         """Make one step of the optimiser; return the loss before it."""
@@ -209,14 +214,16 @@ class TrainingRun:
                 self.model, self.optimiser, max_norm=settings.clip_norm, error_if_nonfinite=False
             )
         self.optimiser.step()
-        self.state.update_average()
+        if self.state.average is not None:
+            self.state.average.update_parameters(self.state.network)
         progress.steps += 1
         progress.step += 1
         progress.loss_sum += loss
         progress.loss_count += 1
         if progress.step == self.epoch_steps:
             progress.epoch, progress.step = progress.epoch + 1, 0
-            if not self.state.weights_are_finite():
+            weights = self.state.network.state_dict().values()
+            if not all(bool(weight.isfinite().all()) for weight in weights):
                 self._fail(noisy_mm, clean_mm, "a weight is nan or infinite")
         return loss
 
@@ -313,11 +320,6 @@ class TrainingRun:
             write_json(self.folder / RUN_FILE, report)
         return report
 
-    def open_logs(self) -> RunLogs:
-        """Write recipe.json and open the logs at the present step."""
-        write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
-        return RunLogs(self.folder, self.progress.steps)
-
     def status(self, loss: float, validated: bool) -> StepStatus:
         """Describe the training after a step with this loss."""
         return StepStatus(
@@ -358,7 +360,7 @@ class TrainingRun:
             with suppress(ConfigError):  # early in training no pixel may have predicted depth
                 calibrate(network, self._validation_batches())
         content = self._header() | {
-            "model": self.state.weights(),
+            "model": {name: value.cpu() for name, value in network.state_dict().items()},
             "progress": {"epoch": self.progress.epoch, "steps": self.progress.steps},
         }
         checkpoint.save(self.folder / checkpoint.BEST, content)
@@ -391,3 +393,48 @@ class TrainingRun:
     def _checkpoint_note(self) -> str:
         last = self.folder / checkpoint.LAST
         return f"the last good checkpoint is {last}" if last.exists() else "there is no checkpoint"
+
+
+@torch.no_grad()
+def validation_figures(
+    model: Callable[[Tensor], Prediction], batches: Iterable[tuple[Tensor, Tensor]], loss: Loss
+) -> dict[str, float]:
+    """Compute the validation metrics of a network; lower is better, NaN is undefined.
+
+    Args:
+        model: the network, in evaluation mode.
+        batches: (noisy_mm, clean_mm), (B, C, H, W) and (B, 1, H, W).
+        loss: the training loss.
+
+    Returns:
+        loss: mean of the training loss.
+        mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
+        interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
+        flips: pixels per frame of wrong validity.
+    """
+    sums = []
+    for noisy_mm, clean_mm in batches:
+        prediction = to_float32(model(noisy_mm))
+        hard_mm = prediction.hard_mm()
+        hard_mm = torch.where(hard_mm >= MIN_DEPTH_MM, hard_mm, 0.0)
+        square_mm2 = (hard_mm - clean_mm).double().square()
+        inside = interior_mask(clean_mm) & (hard_mm > 0)
+        frames = hard_mm.new_tensor(len(clean_mm), dtype=torch.float64)
+        parts = (
+            loss(prediction, noisy_mm[:, :1], clean_mm)[0].double() * frames,
+            square_mm2.sum(),
+            frames * clean_mm[0].numel(),
+            square_mm2[inside].sum(),
+            inside.sum().double(),
+            ((hard_mm > 0) != (clean_mm > 0)).sum().double(),
+            frames,
+        )
+        sums.append(torch.stack(parts))
+    total, squares, pixels, inner, inner_pixels, flips, frames = torch.stack(sums).sum(0)
+    figures = {
+        "loss": total / frames,
+        "mse_mm2": squares / pixels,
+        "interior_rmse_mm": (inner / inner_pixels).sqrt(),
+        "flips": flips / frames,
+    }
+    return {name: float(value) for name, value in figures.items()}

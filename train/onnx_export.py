@@ -21,10 +21,9 @@ from glsim.denoise.inference import TorchNetwork, load_model
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.onnx_file import OpenCvNetwork, read_content, read_onnx, record_entries
 from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
-from glsim.train.models.base import DepthModel
-from glsim.train.models.named_outputs import NamedOutputs, named_outputs
+from glsim.train.models.base import DepthModel, NamedOutputs, named_outputs
 from glsim.train.models.registry import build_model
-from glsim.train.models.warm_start import NOT_COPIED
+from glsim.train.state import NOT_COPIED
 
 #: Largest accepted difference between an exported network and PyTorch, mm. Chosen: a hundredth of
 #: the step of a depth file.
@@ -38,7 +37,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     """Write the network of a checkpoint to an ONNX file, if OpenCV gives PyTorch's results.
 
     The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
-    outputs of ``glsim.train.models.named_outputs``, of the same shape. Further inputs are named as
+    outputs of ``glsim.train.models.base``, of the same shape. Further inputs are named as
     in ``glsim.denoise.inputs``: (1, images, H, W), zeros for what is missing. H and W must be
     multiples of 16 (pad with zeros).
 

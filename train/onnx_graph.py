@@ -12,7 +12,7 @@ Sides are affine in rows or columns, so that three sizes tell them apart from co
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -78,7 +78,9 @@ def _shorten(graph: onnx.GraphProto) -> None:
 
     def short(name: str) -> str:
         name = names.get(name, name)
-        return name if name in public or not name else shortened.setdefault(name, _word(shortened))
+        if name in public or not name:
+            return name
+        return shortened.setdefault(name, f"v{len(shortened):x}")
 
     shortened: dict[str, str] = {}
     for node in graph.node:
@@ -91,10 +93,6 @@ def _shorten(graph: onnx.GraphProto) -> None:
         graph.node, "glsim", graph.input, graph.output, tensors, value_info=graph.value_info
     )
     graph.CopyFrom(kept)
-
-
-def _word(known: dict[str, str]) -> str:
-    return f"v{len(known):x}"
 
 
 class _Known(NamedTuple):
@@ -123,13 +121,18 @@ def with_shapes(model: onnx.ModelProto) -> onnx.ModelProto:
         if node.op_type == "Slice" and node.input[2] not in constants:
             _fix_ends(kept, known, constants)
         nodes.append(kept)
-    nodes, needed = _reached(nodes, {output.name for output in graph.output})
+    needed, reached = {output.name for output in graph.output}, []
+    for node in reversed(nodes):  # those that the outputs need
+        if needed.intersection(node.output):
+            reached.insert(0, node)
+            needed.update(node.input)
     tensors = [numpy_helper.from_array(v, n) for n, v in constants.items() if n in needed]
-    made = helper.make_graph(nodes, graph.name, graph.input, graph.output, tensors)
-    types = _types(model)
+    made = helper.make_graph(reached, graph.name, graph.input, graph.output, tensors)
+    inferred = onnx.shape_inference.infer_shapes(model).graph.value_info
+    types = {value.name: value.type.tensor_type.elem_type for value in inferred}
     made.value_info.extend(
         helper.make_tensor_value_info(name, types[name], form)
-        for node in nodes
+        for node in reached
         if node.op_type in _UNCLEAR
         for name in node.output
         if name in types and (form := _form(name, known)) is not None
@@ -175,18 +178,18 @@ def _compute(
     one = helper.make_graph(
         [node],
         "one node",
-        [_value_info(name, values[name]) for name in dict.fromkeys(inputs)],
+        [
+            helper.make_tensor_value_info(
+                name, helper.np_dtype_to_tensor_dtype(values[name].dtype), values[name].shape
+            )
+            for name in dict.fromkeys(inputs)
+        ],
         [helper.make_empty_tensor_value_info(name) for name in node.output],
     )
     evaluator = ReferenceEvaluator(helper.make_model(one, opset_imports=model.opset_import))
     outputs = evaluator.run(None, {name: values[name] for name in inputs})
     values.update(zip(node.output, map(np.asarray, outputs), strict=True))
     return True
-
-
-def _value_info(name: str, value: NDArray[Any]) -> onnx.ValueInfoProto:
-    kind = helper.np_dtype_to_tensor_dtype(value.dtype)
-    return helper.make_tensor_value_info(name, kind, value.shape)
 
 
 def _inferred(model: onnx.ModelProto) -> _Shapes:
@@ -198,11 +201,6 @@ def _inferred(model: onnx.ModelProto) -> _Shapes:
         if tensor.HasField("shape") and all(d.HasField("dim_value") for d in tensor.shape.dim):
             shapes[value.name] = tuple(d.dim_value for d in tensor.shape.dim)
     return shapes
-
-
-def _types(model: onnx.ModelProto) -> Mapping[str, int]:
-    graph = onnx.shape_inference.infer_shapes(model).graph
-    return {value.name: value.type.tensor_type.elem_type for value in graph.value_info}
 
 
 def _fix_ends(node: onnx.NodeProto, known: list[_Known], constants: _Values) -> None:
@@ -221,24 +219,11 @@ def _fix_ends(node: onnx.NodeProto, known: list[_Known], constants: _Values) -> 
     node.input[2] = name
 
 
-def _reached(
-    nodes: list[onnx.NodeProto], outputs: Iterable[str]
-) -> tuple[list[onnx.NodeProto], set[str]]:
-    """Return the nodes that the outputs need, and the names of the tensors that they need."""
-    needed, kept = set(outputs), []
-    for node in reversed(nodes):
-        if needed.intersection(node.output):
-            kept.append(node)
-            needed.update(node.input)
-    return kept[::-1], needed
-
-
 def _form(name: str, known: list[_Known]) -> list[int | str] | None:
     """Return a shape in which height and width have names; None if the shape is not known."""
     if any(name not in k.shapes for k in known):
         return None
-    sides = zip(*(k.shapes[name] for k in known), strict=True)
-    form = [_side(axis) for axis in sides]
+    form = [_side(axis) for axis in zip(*(k.shapes[name] for k in known), strict=True)]
     return None if None in form else [side for side in form if side is not None]
 
 

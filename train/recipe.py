@@ -7,7 +7,7 @@
     [model]                            see glsim.train.models.registry
     kind = "paper_input"
     backbone = { kind = "dncnn", depth = 7, width = 64 }
-    [loss]                             see glsim.train.losses.registry
+    [loss]                             see glsim.train.losses
     kind = "all_pixels"
     [optimiser]
     lr = 1e-4

@@ -114,49 +114,35 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
         raise ConfigError(f"training.devices = {settings.devices}: {error}") from None
 
 
-@contextmanager
-def start_file(start: str) -> Iterator[Path]:
-    """Yield the path of the initial weights: a file, or a shipped network by name.
+def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[str, Any]]:
+    """Read initial weights: a checkpoint, an ONNX file, or a shipped network by name.
+
+    Args:
+        start: ``training.start`` of a recipe.
+        model: its table [model].
+
+    Returns:
+        The weights, and name and CRC32 of the file, for run.json and checkpoints.
 
     Raises:
-        TrainError: if there is neither.
+        TrainError: for a missing or damaged file, and for an ONNX file of another network.
     """
     path = Path(start)
-    if path.exists():
-        yield path
-    elif is_shipped(start):
-        yield shipped_file(start)
-    else:
+    if not path.exists() and not is_shipped(start):
         raise TrainError(
             f"{start}: no such checkpoint: give a best.pt, an ONNX file of glsim export, or the "
             f"name of a shipped network ({', '.join(NETWORKS)})"
         )
-
-
-def start_weights(recipe: Recipe) -> WeightsOf | None:
-    """Read the initial weights that ``training.start`` names; None without it.
-
-    Raises:
-        TrainError: for a damaged file, and for an ONNX file of another network.
-    """
-    if recipe.training.start is None:
-        return None
-    with start_file(recipe.training.start) as path:
-        if path.suffix != ONNX_SUFFIX:
-            return WeightsOf(str(path), checkpoint.load(path)["model"])
+    path = path if path.exists() else shipped_file(start)
+    found = file_checksum(path)
+    crc32 = None if found is None else f"{found['crc32']:08x}"
+    if path.suffix == ONNX_SUFFIX:
         from glsim.train.onnx_export import weights_of_onnx  # loads the exporter
 
-        return WeightsOf(str(path), weights_of_onnx(path, recipe.model))
-
-
-def start_record(recipe: Recipe) -> dict[str, Any] | None:
-    """Return name and CRC32 of the file of training.start, for run.json and checkpoints."""
-    if recipe.training.start is None:
-        return None
-    with start_file(recipe.training.start) as path:
-        found = file_checksum(path)
-    crc32 = None if found is None else f"{found['crc32']:08x}"
-    return {"file": recipe.training.start, "crc32": crc32}
+        values = weights_of_onnx(path, model)
+    else:
+        values = checkpoint.load(path)["model"]
+    return WeightsOf(str(path), values), {"file": start, "crc32": crc32}
 
 
 @contextmanager
@@ -170,14 +156,6 @@ def locked_run(folder: Path) -> Iterator[None]:
     )
     with locked(folder / LOCK_FILE, busy):
         yield
-
-
-def check_unused(folder: Path) -> None:
-    """Raises TrainError if a training has been started in the folder."""
-    if (folder / RECIPE_FILE).exists():
-        raise TrainError(
-            f"{folder}: holds a training: continue it with --resume, or name another folder (-o)"
-        )
 
 
 def last_checkpoint(

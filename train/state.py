@@ -8,18 +8,16 @@ from typing import Any, NamedTuple, cast
 
 import torch
 from lightning_fabric import Fabric
-from torch import Tensor, nn
+from torch import Size, Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
 from glsim.core.errors import ConfigError, TrainError
 from glsim.denoise.inputs import DEPTH_ALONE
-from glsim.train.losses.base import Loss
-from glsim.train.losses.registry import build_loss
+from glsim.train.losses import Loss, build_loss
 from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.registry import build_model
-from glsim.train.models.warm_start import copy_weights
-from glsim.train.recipe import OptimiserSettings, Recipe
+from glsim.train.recipe import Recipe
 
 _Tensors = list[Tensor] | tuple[Tensor, ...]
 
@@ -99,7 +97,11 @@ class TrainingState:
         if weights is not None:
             copy_weights(weights.values, self.network, weights.file)
         self.average = _weight_average(self.network, recipe.training.ema_decay)
-        self._plain_optimiser = _optimiser(self.network, recipe.optimiser)
+        settings = recipe.optimiser
+        kind = torch.optim.Adam if settings.kind == "adam" else torch.optim.AdamW
+        self._plain_optimiser = kind(
+            self.network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay
+        )
         self._compile = recipe.training.compile
 
     @property
@@ -116,19 +118,6 @@ class TrainingState:
             self.average.to(self._fabric.device)
         model, optimiser = self._fabric.setup(module, self._plain_optimiser)
         return model, optimiser
-
-    def update_average(self) -> None:
-        """Add the present weights to the average; call it after each step of the optimiser."""
-        if self.average is not None:
-            self.average.update_parameters(self.network)
-
-    def weights_are_finite(self) -> bool:
-        """Return whether all weights are finite."""
-        return all(bool(p.isfinite().all()) for p in self.network.state_dict().values())
-
-    def weights(self) -> dict[str, Tensor]:
-        """Weights of the evaluated network, on the CPU."""
-        return {name: value.cpu() for name, value in self.evaluated.state_dict().items()}
 
     def dump(self) -> dict[str, Any]:
         """Everything that a resumed training needs besides recipe and data."""
@@ -158,11 +147,6 @@ class TrainingState:
             raise TrainError(f"the checkpoint does not fit its recipe: {reason}") from None
 
 
-def _optimiser(network: nn.Module, settings: OptimiserSettings) -> Optimizer:
-    kind = torch.optim.Adam if settings.kind == "adam" else torch.optim.AdamW
-    return kind(network.parameters(), lr=settings.lr, weight_decay=settings.weight_decay)
-
-
 def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | None:
     """Make an exponential average of the weights; buffers are copied. None without a decay."""
     if decay is None:
@@ -174,3 +158,58 @@ def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | 
         torch._foreach_lerp_(averages, weights, 1 - present_decay)
 
     return AveragedModel(network, multi_avg_fn=update)
+
+
+#: Buffers that describe a trained network; a new training begins without them.
+NOT_COPIED = ("sigma_scale",)
+
+
+def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) -> None:
+    """Copy weights, by name and shape, into a network with further inputs.
+
+    The weights of further input channels become 0, so that both networks give the same depth.
+
+    Args:
+        weights: weights of a network with fewer inputs, by name.
+        network: the network to fill.
+        where: the file of the weights, for messages.
+
+    Raises:
+        ConfigError: if the networks differ in more than their inputs.
+    """
+    own = network.state_dict()  # detached, and in the same memory as the parameters
+    if odd := sorted((own.keys() ^ weights.keys()) - set(NOT_COPIED)):
+        raise ConfigError(
+            f"{where}: is another architecture (it {'has' if odd[0] in weights else 'lacks'} "
+            f"{odd[0]}): start from a network with the same [model], or without --from"
+        )
+    extended = []
+    for name, target in own.items():
+        given = weights.get(name)
+        if name in NOT_COPIED or given is None:
+            continue
+        if given.shape == target.shape:
+            target.copy_(given)
+        elif _has_more_inputs(target.shape, given.shape):
+            target.zero_()
+            target[:, : given.shape[1]].copy_(given)
+            extended.append(name)
+        else:
+            raise ConfigError(
+                f"{where}: {name} is {tuple(given.shape)}, this network needs "
+                f"{tuple(target.shape)}: start from a network with the same [model.backbone]"
+            )
+    if len(extended) > 1:
+        raise ConfigError(
+            f"{where}: {', '.join(extended)} have fewer inputs than in this network: only its "
+            "first layer may; start from a network with the same [model.backbone]"
+        )
+
+
+def _has_more_inputs(target: Size, given: Size) -> bool:
+    """Return whether ``target`` has the shape ``given`` with more input channels."""
+    return (
+        len(target) == len(given) > 1
+        and target[1] > given[1]
+        and (target[0], *target[2:]) == (given[0], *given[2:])
+    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -22,12 +21,6 @@ def _share(part: float, whole: float) -> float:
     return part / whole if whole else math.nan
 
 
-def _flips_pct(prediction: ScoredMap) -> float:
-    flipped = prediction.valid != prediction.truth.valid
-    in_flips = float(prediction.squared[flipped].sum()) / prediction.squared.size
-    return 100.0 * _share(in_flips, prediction.mse_mm2)
-
-
 def _flying_px(prediction: ScoredMap) -> float:
     hits, predicted, _ = prediction.counts
     error = prediction.error[prediction.valid & prediction.truth.valid]
@@ -37,14 +30,6 @@ def _flying_px(prediction: ScoredMap) -> float:
 def _angle(prediction: ScoredMap, of: Callable[..., float]) -> float:
     angle, _ = prediction.angles
     return float(of(angle)) if angle.size else math.nan
-
-
-def _statistic(prediction: ScoredMap, base: str, part: str, key: str) -> float:
-    return prediction.statistics(base, part)[key]
-
-
-def _ssim(prediction: ScoredMap, preset: str) -> float:
-    return prediction.ssim[preset]
 
 
 #: (Base set, part) of ``ScoredMap.errors`` -> definition of the pixels.
@@ -81,9 +66,11 @@ _DEPTH_IN_TABLE: Final = (
 def _depth_metric(base: str, part: str, key: str) -> Metric:
     better, words = _STATISTICS[key]
     name = f"{base}_{key}_mm" if part == "all" else f"{base}_{part}_{key}_mm"
-    value = partial(_statistic, base=base, part=part, key=key)
     text = f"{words} where {_SETS[base, part]}"
-    return Metric(name, "mm", better, "depth", text, value, name in _DEPTH_IN_TABLE)
+    return Metric(
+        name, "mm", better, "depth", text, lambda p: p.statistics(base, part)[key],
+        name in _DEPTH_IN_TABLE,
+    )  # fmt: skip
 
 
 SHIPPED_METRICS: Final = (
@@ -94,10 +81,11 @@ SHIPPED_METRICS: Final = (
            lambda p: psnr_db(p.mse_mm2), in_table=True),
     Metric("mse_flips_pct", "%", "neither", "paper",
            "share of the squared error that is in pixels valid in one of both only",
-           _flips_pct, in_table=True),
+           lambda p: 100.0 * _share(float(p.squared[p.valid != p.truth.valid].sum())
+                                    / p.squared.size, p.mse_mm2), in_table=True),
     *(
         Metric(f"ssim_{name}", "1", "higher", "paper", f"structural similarity, {preset}",
-               partial(_ssim, preset=name), in_table=True)
+               lambda p, name=name: p.ssim[name], in_table=True)
         for name, preset in PRESETS.items()
     ),
     Metric("iou", "1", "higher", "validity", "valid in both / valid in either",
@@ -113,9 +101,9 @@ SHIPPED_METRICS: Final = (
            _flying_px, in_table=True),
     *(_depth_metric(base, part, key) for base, part in _SETS for key in _STATISTICS),
     Metric("normal_mean_deg", "°", "lower", "normals", "mean angle between the normals",
-           partial(_angle, of=np.mean), in_table=True),
+           lambda p: _angle(p, np.mean), in_table=True),
     Metric("normal_median_deg", "°", "lower", "normals", "median angle between the normals",
-           partial(_angle, of=np.median)),
+           lambda p: _angle(p, np.median)),
     Metric("normal_good_pct", "%", "higher", "normals",
            f"normals that are less than {_GOOD_DEG:.0f}° off",
            lambda p: 100.0 * _angle(p, lambda angle: (angle < _GOOD_DEG).mean()), in_table=True),

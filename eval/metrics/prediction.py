@@ -91,25 +91,6 @@ def _square(radius: int) -> NDArray[np.uint8]:
     return np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
 
 
-def check_prediction(prediction: NDArray[np.generic], shape: tuple[int, ...]) -> Depth:
-    """Check a predicted depth map and return it as (H, W) float32.
-
-    Raises DenoiserError for another shape or dtype, values that are not finite, and negative ones.
-    """
-    if prediction.shape != shape:
-        raise DenoiserError(f"returned depth of shape {prediction.shape} instead of {shape}")
-    if prediction.dtype.kind not in "fiu":
-        raise DenoiserError(f"returned depth of type {prediction.dtype} instead of numbers")
-    depth: Depth = prediction.astype(np.float32)
-    if not np.isfinite(depth).all():
-        raise DenoiserError(
-            f"returned {int((~np.isfinite(depth)).sum())} depths that are no number"
-        )
-    if (depth < 0).any():
-        raise DenoiserError(f"returned {int((depth < 0).sum())} negative depths")
-    return depth
-
-
 class ScoredMap:
     """A prediction and its truth.
 
@@ -118,12 +99,19 @@ class ScoredMap:
         truth: the clean frame and the input.
 
     Raises:
-        DenoiserError: as ``check_prediction``.
+        DenoiserError: for another shape, and for depth below 0 or that is no number.
     """
 
     def __init__(self, prediction_mm: NDArray[np.generic], truth: Truth) -> None:
         self.truth = truth
-        self.depth = check_prediction(prediction_mm, truth.clean.shape).astype(np.float64)
+        shape, kind = truth.clean.shape, prediction_mm.dtype
+        if prediction_mm.shape != shape or kind.kind not in "fiu":
+            raise DenoiserError(
+                f"returned depth of shape {prediction_mm.shape} and type {kind} for {shape}"
+            )
+        self.depth = prediction_mm.astype(np.float32).astype(np.float64)
+        if bad := int((~(np.isfinite(self.depth) & (self.depth >= 0))).sum()):
+            raise DenoiserError(f"returned {bad} depths that are negative or no number")
         self.valid: Mask = self.depth > 0
         self.error = self.depth - truth.clean
         self._statistics: dict[tuple[str, str], dict[str, float]] = {}

@@ -59,7 +59,7 @@ def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
         truth: the clean frame and the input.
 
     Raises:
-        DenoiserError: as ``check_prediction``.
+        DenoiserError: as ``ScoredMap``.
     """
     prediction = ScoredMap(prediction_mm, truth)
     scores = {m.name: m.value(prediction) for m in METRICS.values() if m.value is not None}

@@ -8,6 +8,7 @@ FOLDER/paper_figures, paper_values.* figures 1 to 6; each printed value beside o
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -72,22 +73,22 @@ class ReproductionPlan(TomlTable):
             mask: of the clean maps, a key of MASKS.
             roots: kind of source -> folder, for the face sets of the paper that are there.
         """
-        tree: dict[str, Any] = {"output": {"clean_mask": mask}}
         if not roots:
-            return self._settings(tree, self.subjects, self.frames_per_subject)
+            return self._settings(mask, self.subjects, self.frames_per_subject)
         if self.images is None:
             raise ConfigError(f"{self.title}: a plan with face sets needs images = N")
-        tree["source"] = paper_mixture(roots, self.images)
-        return load_settings(overrides=_merged(self.settings, tree))
+        return self._settings(mask, 0, 0, source=paper_mixture(roots, self.images))
 
     def filter_settings(self, sets: FilterSets, mask: str, seed: int) -> Settings:
         """Return the settings of the data set that only table 1 scores."""
-        tree = {"output": {"clean_mask": mask}, "seed": seed, "split": [0, 0, 1]}
-        return self._settings(tree, sets.subjects, sets.frames_per_subject)
+        more = {"seed": seed, "split": [0, 0, 1]}
+        return self._settings(mask, sets.subjects, sets.frames_per_subject, **more)
 
-    def _settings(self, tree: dict[str, Any], subjects: int, frames: int) -> Settings:
-        source = {"kind": "procedural", "subjects": subjects, "frames_per_subject": frames}
-        return load_settings(overrides=_merged(self.settings, tree), source=source)
+    def _settings(self, mask: str, subjects: int, frames: int, **more: Any) -> Settings:
+        heads = {"kind": "procedural", "subjects": subjects, "frames_per_subject": frames}
+        tree: dict[str, Any] = copy.deepcopy(self.settings)
+        merge_tables(tree, {"output": {"clean_mask": mask}} | more)
+        return load_settings(overrides=tree, source=None if "source" in more else heads)
 
     def trainings(self, protocol: DepthProtocol, mask: str) -> dict[str, Recipe]:
         """Return run -> recipe of the networks of a case, in order. Raises ConfigError."""
@@ -100,13 +101,6 @@ class ReproductionPlan(TomlTable):
             for seed in group.seeds or self.seeds
             for name in group.recipes
         }
-
-
-def _merged(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
-    tree: dict[str, Any] = {}
-    merge_tables(tree, first)
-    merge_tables(tree, second)
-    return tree
 
 
 def _recipe_overrides(protocol: DepthProtocol, seed: int, steps: int | None) -> dict[str, Any]:

@@ -7,18 +7,18 @@ truncated or foreign ones before scoring starts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
+
+from pydantic import BaseModel, ValidationError
 
 from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.core.files.atomic import read_json
 from glsim.denoise import load_denoiser
 
 
-@dataclass(frozen=True)
-class TrainedRun:
-    """A run of ``glsim train``.
+class TrainedRun(BaseModel):
+    """A run of ``glsim train``: what its recipe.json and run.json say.
 
     Attributes:
         checkpoint: its best checkpoint.
@@ -27,22 +27,20 @@ class TrainedRun:
         size: full, small or own.
         description: differences from the published training.
         seed: seed of the recipe.
-        minutes: training time.
+        seconds: training time.
         steps: steps of the optimiser.
-        parameters: number of weights.
-        finished: False if the training was interrupted.
+        state: finished, or interrupted.
     """
 
     checkpoint: Path
     title: str
-    row: str | None
+    row: str | None = None
     size: str
     description: str
     seed: int
-    minutes: float
+    seconds: float
     steps: int
-    parameters: int
-    finished: bool
+    state: str
 
     @property
     def label(self) -> str:
@@ -102,87 +100,56 @@ def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
 
 def _read(checkpoint: Path) -> TrainedRun:
     folder = checkpoint.parent
-    recipe = read_json(folder / "recipe.json")
-    run = read_json(folder / "run.json")
+    found = {"checkpoint": checkpoint}
+    for name in ("recipe.json", "run.json"):
+        found |= read_json(folder / name)
     try:
-        return TrainedRun(
-            checkpoint,
-            str(recipe["title"]),
-            recipe.get("row"),
-            str(recipe["size"]),
-            str(recipe["description"]),
-            int(recipe["seed"]),
-            float(run["seconds"]) / 60,
-            int(run["steps"]),
-            int(run["parameters"]),
-            run["state"] == "finished",
-        )
-    except (KeyError, TypeError, ValueError) as error:
+        return TrainedRun.model_validate(found)
+    except ValidationError as error:
         raise DatasetError(
-            f"{folder}: recipe.json or run.json is of no run of glsim train: {error!r}"
+            f"{folder}: recipe.json or run.json is of no run of glsim train: "
+            f"{error.errors()[0]['loc']}: {error.errors()[0]['msg']}"
         ) from None
 
 
-#: Prefix of the rows with artefact removal.
-ARTEFACT_REMOVAL: Final = "AR "
-
-
-@dataclass(frozen=True)
-class SeedGroup:
+class SeedGroup(NamedTuple):
     """The trainings of one network at one size, one per seed: a row of a table.
 
     Attributes:
+        title: title of the recipe.
+        row: row in the paper's tables, or None.
+        size: full, small or own.
         members: the runs, in the order of their seeds.
-        twin: whether it is the row with artefact removal of a network that was trained without: it
-            is the same network, so that nothing is trained for it.
     """
 
-    members: Sequence[TrainedRun]
-    twin: bool = False
-
-    @property
-    def title(self) -> str:
-        """Title of the recipe."""
-        title = self.members[0].title
-        return f"{title} again, as {self.row}" if self.twin else title
-
-    @property
-    def row(self) -> str | None:
-        """Row in the paper's tables, or None."""
-        row = self.members[0].row
-        return f"{ARTEFACT_REMOVAL}{row}" if self.twin else row
-
-    @property
-    def size(self) -> str:
-        """Size: full, small or own."""
-        return self.members[0].size
+    title: str
+    row: str | None
+    size: str
+    members: list[TrainedRun]
 
 
 def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:
-    """Put the seeds of each network together.
-
-    Args:
-        trained: runs in any order.
-
-    Returns:
-        A group per title, row and size; its runs are in the order of their seeds.
-    """
-    groups: dict[tuple[str, str | None, str], list[TrainedRun]] = {}
+    """Put the seeds of each network, by title, row and size, together."""
+    groups: dict[tuple[str, str | None, str], SeedGroup] = {}
     for run in sorted(trained, key=lambda run: run.seed):
-        groups.setdefault(run.network, []).append(run)
-    return [SeedGroup(members) for members in groups.values()]
+        groups.setdefault(run.network, SeedGroup(*run.network, [])).members.append(run)
+    return list(groups.values())
+
+
+#: The rows that the paper prints with and without artefact removal.
+_TWINNED: Final = ("D7", "D20", "D64")
 
 
 def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     """Add the rows with artefact removal that were not trained: each is its partner's network.
 
     The measurement operator of denoising is the identity, so that a network with and one without
-    artefact removal are equal, bit for bit: in denoising it is the identity.
+    artefact removal are equal, bit for bit.
     """
     trained = {(group.row, group.size) for group in groups}
-    twins = [SeedGroup(group.members, twin=True) for group in groups if group.row in _TWINNED]
+    twins = [
+        group._replace(title=f"{group.title} again, as AR {group.row}", row=f"AR {group.row}")
+        for group in groups
+        if group.row in _TWINNED
+    ]
     return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
-
-
-#: The rows that the paper prints with and without artefact removal.
-_TWINNED: Final = ("D7", "D20", "D64")

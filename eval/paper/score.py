@@ -59,7 +59,7 @@ def score_tables(
     specs += [*job.denoisers, *(run.spec for run in trained)]
     job = replace(job, denoisers=tuple(dict.fromkeys(specs)))
     evaluation = evaluate(job, out, workers=workers, progress=progress)
-    table = evaluation.summary.compared()
+    table = evaluation.summary.table()
     pages = {f"paper_table_{n}": paper_table(n, evaluation, table, trained, refused)
              for n in tables}  # fmt: skip
     if pages and (job.dataset / HEADER).is_file():

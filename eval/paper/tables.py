@@ -173,7 +173,7 @@ def _entries(group: SeedGroup, part: str, table: ResultTable) -> list[Mapping[st
 
 
 def _description(group: SeedGroup, part: str) -> str:
-    minutes = statistics.fmean(run.minutes for run in group.members)
+    minutes = statistics.fmean(run.seconds / 60 for run in group.members)
     name = f"{group.title} [{part}]" if part else group.title
     return f"{name}, {group.size}, seeds: {len(group.members)}, {minutes:.1f} min each"
 
@@ -200,6 +200,6 @@ def _printed_and_ours(rows: Sequence[_Row], noisy_mm2: float) -> TextTable:
 def _training_notes(group: SeedGroup) -> list[str]:
     """Return notes on settings smaller than published and on interrupted trainings."""
     notes = [group.members[0].description] if group.members[0].description else []
-    if unfinished := [run.label for run in group.members if not run.finished]:
+    if unfinished := [run.label for run in group.members if run.state != "finished"]:
         notes.append(f"interrupted, scored as far as it came: {', '.join(unfinished)}")
     return [f"{group.title}, {group.size}: {note}" for note in notes]

@@ -46,27 +46,28 @@ _SPREADS: Final = 2.0
 _ROUNDING: Final = 5e-5
 
 
+#: Metric -> mean over frames, of one method.
+_Means = dict[str, float]
+
+
 @dataclass
 class Case:
     """Our scores in one case.
 
     Attributes:
         title: protocol and mask.
-        values: row of the paper or trivial prediction -> metric -> mean of each seed.
-        noisy: row -> metric -> mean of the noisy input on the same frames, of each seed.
+        seeds: row of the paper or trivial prediction -> of each seed the means, and those of the
+            noisy input on the same frames.
         sizes: row -> size of its network.
     """
 
     title: str
-    values: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    noisy: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    seeds: dict[str, list[tuple[_Means, _Means]]] = field(default_factory=dict)
     sizes: dict[str, str] = field(default_factory=dict)
 
-    def add(self, row: str, means: dict[str, float], noisy: dict[str, float]) -> None:
-        """Add the means of one seed to a row."""
-        for target, source in ((self.values, means), (self.noisy, noisy)):
-            for metric in PAPER_COLUMNS:
-                target.setdefault(row, {}).setdefault(metric, []).append(source[metric])
+    def values(self, row: str, metric: str) -> list[float]:
+        """Return the mean of each seed; none for a row that was not scored."""
+        return [means[metric] for means, _ in self.seeds.get(row, ())]
 
 
 def mask_folder(out: Path, mask: str) -> Path:
@@ -105,7 +106,7 @@ def _add_filters(case: Case, path: Path) -> None:
     for name in (*PAPER_FILTERS, *NOTHING_LOSES_TO):
         if name in means:
             title = PRINTED_FILTERS[name].title if name in PRINTED_FILTERS else name
-            case.add(title, means[name], means["noisy"])
+            case.seeds.setdefault(title, []).append((means[name], means["noisy"]))
 
 
 def _add_networks(case: Case, place: Path) -> None:
@@ -120,19 +121,16 @@ def _add_networks(case: Case, place: Path) -> None:
     for group in sorted(groups, key=lambda group: group.size == "full"):
         scored = [run.label for run in group.members if run.label in means]
         if group.row is not None and scored:
-            case.values.pop(group.row, None)
-            case.noisy.pop(group.row, None)
             case.sizes[group.row] = group.size
-            for label in scored:
-                case.add(group.row, means[label], means["noisy"])
+            case.seeds[group.row] = [(means[label], means["noisy"]) for label in scored]
 
 
-def read_means(path: Path) -> dict[str, dict[str, float]]:
+def read_means(path: Path) -> dict[str, _Means]:
     """Read table.csv or baselines.csv of ``glsim eval``: method -> metric -> mean over frames.
 
     Raises DatasetError if the file cannot be read, or is another table.
     """
-    means: dict[str, dict[str, float]] = {}
+    means: dict[str, _Means] = {}
     with wrap_read_errors(path):
         rows = list(csv.DictReader(path.read_text().splitlines()))
     for row in rows:
@@ -164,9 +162,9 @@ def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Ver
         printed: the value.
         cases: our scores.
     """
-    scored = [case for case in cases if row in case.values]
+    scored = [case for case in cases if row in case.seeds]
     for case in scored:
-        values = case.values[row][metric]
+        values = case.values(row, metric)
         if len(values) > 1:
             off = abs(statistics.fmean(values) - printed)
             if off <= _SPREADS * statistics.stdev(values) + _ROUNDING:
@@ -177,8 +175,7 @@ def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Ver
     noisy_printed = dict(zip(PAPER_COLUMNS, of_noisy[1:], strict=True))[metric]
     wanted = _side(printed, noisy_printed)
     for case in scored:
-        pairs = zip(case.values[row][metric], case.noisy[row][metric], strict=True)
-        if {_side(value, noisy) for value, noisy in pairs} == {wanted}:
+        if {_side(means[metric], noisy[metric]) for means, noisy in case.seeds[row]} == {wanted}:
             return "same order"
     return "other order"
 
@@ -238,5 +235,4 @@ def values_document(cases: Sequence[Case]) -> Document:
 
 
 def _cell(case: Case, row: str, metric: str) -> str:
-    values = case.values.get(row, {}).get(metric, [])
-    return mean_and_spread(values, TABLE_METRICS[metric].unit)
+    return mean_and_spread(case.values(row, metric), TABLE_METRICS[metric].unit)

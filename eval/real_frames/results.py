@@ -5,12 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.bench.measures.stacks import ratio
 from glsim.core.files.atomic import without_nan
@@ -18,15 +17,12 @@ from glsim.eval.real_frames.frame_truth import (
     BINS_M,
     EDGE_SUMS,
     SHIFT_BIN_MM,
-    ScoredFrame,
+    SHIFT_BINS,
+    Array,
     Tally,
 )
+from glsim.eval.real_frames.split import SplitRecording
 from glsim.eval.scoring.statistics import resampled
-
-if TYPE_CHECKING:
-    from glsim.eval.real_frames.split import SplitRecording
-
-_Array = NDArray[np.float64]
 
 #: Version of the measures; increase it with a change that alters a number.
 VERSION: Final = 1
@@ -35,6 +31,15 @@ VERSION: Final = 1
 _LEAST_PIXELS: Final = 1000
 #: Least number of units or boards to resample.
 _LEAST_UNITS = 5
+
+
+class ScoredFrame(NamedTuple):
+    """The sums of one frame by method, and the first four of EDGE_SUMS of its static partner."""
+
+    number: int
+    tallies: dict[str, Tally]
+    own: Array
+    has_board: bool
 
 
 @dataclass(frozen=True)
@@ -64,14 +69,14 @@ class RealMeasures:
 
     """
 
-    pair_rmse_mm: tuple[float, ...]
+    pair_rmse_mm: list[float]
     pair_change: Interval
-    paper_rmse_mm: tuple[float, ...]
+    paper_rmse_mm: list[float]
     paper_change: Interval
-    board_rmse_mm: tuple[float, ...]
-    board_shift_mm: tuple[float, ...]
-    shift_mm: tuple[float, ...]
-    shift_by_100mm: tuple[tuple[int, float], ...]
+    board_rmse_mm: list[float]
+    board_shift_mm: list[float]
+    shift_mm: list[float]
+    shift_by_100mm: list[tuple[int, float]]
     edges: dict[str, float]
 
     @property
@@ -116,7 +121,7 @@ class RealScores:
     boards: int
     by_scene: bool
     own_ring_losses: tuple[float, float]
-    pixels: tuple[int, ...]
+    pixels: list[int]
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON values; None for NaN."""
@@ -133,83 +138,80 @@ def add_up(
     recording: SplitRecording,
     scored: Sequence[ScoredFrame],
     versions: Mapping[str, str],
-    chosen: Callable[[int], bool] | None = None,
+    tuning_half: bool | None = None,
 ) -> RealScores:
-    """Add up the frames. chosen: selects units of static pairs; default: all."""
-    names = list(scored[0].tallies)
-    raw = names[0]
-    by_name = {name: [frame.tallies[name] for frame in scored] for name in names}
-    boards = [frame for frame in scored if frame.board_mm is not None]
-    pairs = {name: _pair_sums(by_name[name], chosen) for name in names}
-    papers = {name: _by_frame(by_name[name], "paper") for name in names}
-    methods = {
-        name: RealMeasures(
-            pair_rmse_mm=_roots(pairs[name]),
-            pair_change=_change(pairs[name], pairs[raw]),
-            paper_rmse_mm=_roots(papers[name], least=0),
-            paper_change=_change(papers[name], papers[raw], least=0),
-            board_rmse_mm=_roots(_by_frame(by_name[name], "board"), least=0),
-            board_shift_mm=_means(_by_frame(by_name[name], "paper", 2)),
-            shift_mm=_shift_by_bin(by_name[name]),
-            shift_by_100mm=_shift_by_100mm(by_name[name]),
-            edges=_edges(by_name[name]),
-        )
-        for name in names
-    }
+    """Add up the frames.
+
+    Args:
+        recording: the recording.
+        scored: its frames.
+        versions: label -> version of the denoiser's file.
+        tuning_half: take static pairs of the half for tuning, or of the other one; None: of all.
+    """
+    half = recording.tuning_units()
+    units = np.ones_like(half) if tuning_half is None else half == tuning_half
+    totals = {}
+    for name in scored[0].tallies:
+        frames = zip(*(frame.tallies[name] for frame in scored), strict=True)
+        pair, board, shift, edges = (np.stack(part) for part in frames)
+        pair = pair.sum(axis=0)[units]
+        known = pair[pair[..., 0].any(axis=1)], board[board[:, 0, :, 0].any(axis=1)]
+        totals[name] = Tally(*known, shift.sum(axis=0), edges.sum(axis=0))
+    raw = next(iter(totals.values()))
     own = np.sum([frame.own for frame in scored], axis=0)
     return RealScores(
         title=recording.source.path.name,
-        methods=methods,
+        methods={name: _measures(total, raw) for name, total in totals.items()},
         versions=dict(versions),
         checksums=recording.checksums(),
         static_frames=len(recording.partner),
         scenes=recording.scenes,
-        boards=len(boards),
+        boards=sum(frame.has_board for frame in scored),
         by_scene=recording.by_scene,
         own_ring_losses=(ratio(own[1], own[0]), ratio(own[3], own[2])),
-        pixels=tuple(int(n) for n in pairs[raw][:, :, 0].sum(axis=0)),
+        pixels=raw.pair[..., 0].sum(axis=0).astype(int).tolist(),
     )
 
 
-def _pair_sums(tallies: Sequence[Tally], chosen: Callable[[int], bool] | None) -> _Array:
-    """Return (units, bins, 2) pixels and sums of squares."""
-    entries = [
-        (unit, place, sums)
-        for tally in tallies
-        for (measure, unit, place), sums in tally.items()
-        if measure == "pair" and (chosen is None or chosen(unit))
-    ]
-    number = {unit: n for n, unit in enumerate(sorted({unit for unit, _, _ in entries}))}
-    total = np.zeros((len(number), len(BINS_M) - 1, 2))
-    for unit, place, sums in entries:
-        total[number[unit], place] += sums
-    return total
+def _measures(total: Tally, raw: Tally) -> RealMeasures:
+    paper, board = total.board[:, 0], total.board[:, 1]
+    middles_m = SHIFT_BIN_MM * (np.arange(SHIFT_BINS) + 0.5) / 1000
+    shift = np.zeros((len(BINS_M) - 1, 2))
+    np.add.at(shift, np.digitize(middles_m, BINS_M) - 1, total.shift)  # none below the first bin
+    by_100mm = enumerate(_means(total.shift[None], _LEAST_PIXELS).tolist())
+    sums = dict(zip(EDGE_SUMS, total.edges.tolist(), strict=True))
+    of = {name: name.rpartition("_")[0] for name in EDGES[:4]}  # ring_1_lost is of ring_1
+    edges = {name: ratio(sums[name], sums[of.get(name, "frames")]) for name in EDGES}
+    return RealMeasures(
+        pair_rmse_mm=_roots(total.pair, _LEAST_PIXELS),
+        pair_change=_change(total.pair, raw.pair, _LEAST_PIXELS),
+        paper_rmse_mm=_roots(paper, 1),
+        paper_change=_change(paper, raw.board[:, 0], 1),
+        board_rmse_mm=_roots(board, 1),
+        board_shift_mm=_means(paper[..., [0, 2]], 1).tolist(),
+        shift_mm=_means(shift[None], _LEAST_PIXELS).tolist(),
+        shift_by_100mm=[(SHIFT_BIN_MM * n, mm) for n, mm in by_100mm if not math.isnan(mm)],
+        edges=edges,
+    )
 
 
-def _by_frame(tallies: Sequence[Tally], wanted: str, column: int = 1) -> _Array:
-    """Return (frames, bins, 2) pixels and the sum in ``column`` of a measure of the board."""
-    total = np.zeros((len(tallies), len(BINS_M) - 1, 2))
-    for number, tally in enumerate(tallies):
-        for (measure, _, place), sums in tally.items():
-            if measure == wanted:
-                total[number, place] += sums[0], sums[column]
-    seen: _Array = total[total[..., 0].sum(axis=1) > 0]
-    return seen
-
-
-def _means(sums: _Array, least: float = 1) -> tuple[float, ...]:
+def _means(sums: Array, least: int) -> Array:
+    """Return the mean of each bin of (units, bins, 2) sums, NaN for fewer pixels than ``least``."""
     total = sums.sum(axis=0)
-    return tuple(float(s / n) if n >= max(least, 1) else math.nan for n, s in total)
+    pixels = np.where(total[:, 0] >= least, total[:, 0], np.nan)
+    means: Array = total[:, 1] / pixels
+    return means
 
 
-def _roots(sums: _Array, least: int = _LEAST_PIXELS) -> tuple[float, ...]:
+def _roots(sums: Array, least: int) -> list[float]:
     """Return the root mean square by bin; 0 for a negative mean."""
-    return tuple(math.sqrt(max(mean, 0.0)) for mean in _means(sums, least))
+    roots: list[float] = np.sqrt(np.maximum(_means(sums, least), 0.0)).tolist()
+    return roots
 
 
-def _change(sums: _Array, raw: _Array, least: int = _LEAST_PIXELS) -> Interval:
+def _change(sums: Array, raw: Array, least: int) -> Interval:
     """Return the change against raw in %, a geometric mean over the bins, resampling the units."""
-    used = raw[:, :, 0].sum(axis=0) >= max(least, 1)
+    used = raw[:, :, 0].sum(axis=0) >= least
     if not used.any():
         return Interval(math.nan)
     units = len(raw)
@@ -220,50 +222,10 @@ def _change(sums: _Array, raw: _Array, least: int = _LEAST_PIXELS) -> Interval:
     with np.errstate(divide="ignore", invalid="ignore"):
         # Both have the same pixels, so sums have the ratio of means. A draw without a bin is NaN.
         change = np.log(np.maximum(ours, 0.0) / theirs) / 2.0
-        change[~(theirs > 0)] = np.nan
-        values = 100.0 * (np.exp(_mean_of_known(change)) - 1.0)
+    known = theirs > 0
+    mean = np.where(known, change, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    values = 100.0 * (np.exp(mean) - 1.0)
     if units < _LEAST_UNITS:
         return Interval(float(values[0]))
     low, high = np.nanquantile(values[1:], [0.025, 0.975])
     return Interval(float(values[0]), float(low), float(high))
-
-
-def _mean_of_known(values: _Array) -> _Array:
-    known = ~np.isnan(values)
-    mean: _Array = np.where(known, values, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    return mean
-
-
-def _shift_sums(tallies: Iterable[Tally]) -> dict[int, _Array]:
-    total: dict[int, _Array] = {}
-    for tally in tallies:
-        for (measure, _, place), sums in tally.items():
-            if measure == "shift":
-                total[place] = total.get(place, np.zeros(2)) + sums
-    return total
-
-
-def _shift_by_100mm(tallies: Sequence[Tally]) -> tuple[tuple[int, float], ...]:
-    total = sorted(_shift_sums(tallies).items())
-    return tuple(
-        (SHIFT_BIN_MM * place, float(s / n)) for place, (n, s) in total if n >= _LEAST_PIXELS
-    )
-
-
-def _shift_by_bin(tallies: Sequence[Tally]) -> tuple[float, ...]:
-    """Return the shift by BINS_M; each 100 mm counts where its middle lies."""
-    sums = np.zeros((1, len(BINS_M) - 1, 2))
-    for place, pair in _shift_sums(tallies).items():
-        middle_m = SHIFT_BIN_MM * (place + 0.5) / 1000
-        sums[0, int(np.digitize(middle_m, BINS_M)) - 1] += pair
-    return _means(sums, _LEAST_PIXELS)
-
-
-def _edges(tallies: Sequence[Tally]) -> dict[str, float]:
-    found = [tally["edges", 0, 0] for tally in tallies if ("edges", 0, 0) in tally]
-    if not found:
-        return dict.fromkeys(EDGES, math.nan)
-    total = dict(zip(EDGE_SUMS, (float(v) for v in np.sum(found, axis=0)), strict=True))
-    of = {name: name.rpartition("_")[0] for name in EDGES[:4]}  # ring_1_lost is of ring_1
-    shares = {name: ratio(total[name], total[whole]) for name, whole in of.items()}
-    return shares | {name: total[name] / total["frames"] for name in EDGES[4:]}

@@ -1,25 +1,27 @@
-"""Score denoisers on every frame of a recording, in worker processes."""
+"""Score denoisers on every frame of a recording, and tune filters, in worker processes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.bench.measures.boards import find_board
 from glsim.core.errors import ConfigError, DenoiserError
-from glsim.data.recordings.opencv_yaml import board_corners
 from glsim.data.worker_processes import available_workers, run_tasks
-from glsim.denoise import Denoiser, load_denoiser
-from glsim.eval.real_frames.frame_truth import FrameTruth, ScoredFrame
-from glsim.eval.real_frames.results import RealScores, add_up
+from glsim.denoise import GRIDS, Denoiser, load_denoiser
+from glsim.denoise.registry import tuning_specs
+from glsim.eval.real_frames.frame_truth import FrameTruth
+from glsim.eval.real_frames.results import RealScores, ScoredFrame, add_up
 from glsim.eval.real_frames.split import Source, SplitRecording, split_recording
-from glsim.eval.scoring.blocks import warned_already
-from glsim.eval.scoring.run import ScoringProgress
+from glsim.eval.scoring.blocks import labelled, warned_already
+from glsim.eval.scoring.run import ScoringProgress, load_methods
 
 #: Label of the first row, the raw frames.
 RAW = "raw"
+#: Most frames of static pairs that tuning denoises; chosen.
+_TUNING_FRAMES = 12
 
 
 @dataclass(frozen=True)
@@ -50,34 +52,20 @@ def score_frame(
 
     Raises DenoiserError, naming method and frame, if a denoiser fails.
     """
-    frame = recording.frames[number]
-    board = None
-    if not pairs_only:
-        source = recording.source
-        corners = board_corners(frame, source.path, source.pattern)
-        board = None if corners is None else find_board(frame, corners, source.pattern)
-    partner = recording.partner.get(number)
-    truth = FrameTruth(
-        frame,
-        None if partner is None else recording.frames[partner],
-        None if partner is None else recording.units(number),
-        board,
-        pairs_only,
-    )
-    raw = np.nan_to_num(frame.measured_mm)
+    truth = FrameTruth(recording, number, pairs_only)
+    raw = np.nan_to_num(truth.frame.measured_mm)
     tallies = {RAW: truth.tally(raw)}
     for method in methods:
         try:
-            parts = method.estimate(raw[None]).composites()
+            maps = labelled(method, method.estimate(raw[None]))
         except Exception as error:  # any error of a denoiser
             text = str(error).removeprefix(f"{method.label}: ")
-            raise DenoiserError(f"{method.label}: frame {frame.name}: {text}") from error
-        for part, depth in parts.items():
-            name = f"{method.label} [{part}]" if part else method.label
-            tallies[name] = truth.tally(depth)
-    return ScoredFrame(
-        number, tallies, truth.own_losses(), None if board is None else board.distance_mm
-    )
+            raise DenoiserError(f"{method.label}: frame {truth.frame.name}: {text}") from error
+        tallies |= {name: truth.tally(depth) for name, depth in maps.items()}
+    own = np.zeros(4)
+    if truth.partner is not None and not pairs_only:
+        own = truth.edge_sums(np.nan_to_num(truth.partner.measured_mm))[:4]
+    return ScoredFrame(number, tallies, own, truth.board is not None)
 
 
 def score_recording(
@@ -102,18 +90,52 @@ def score_recording(
         DenoiserError: a denoiser fails on a frame.
 
     """
-    methods = [
-        load_denoiser(spec) for spec in denoisers
-    ]  # reports wrong ones before scoring starts
-    labels = [RAW, *(method.label for method in methods)]
-    if len(set(labels)) != len(labels):
-        twice = next(label for label in labels if labels.count(label) > 1)
-        raise ConfigError(f"--denoiser {twice}: is given twice: name one of them label@{twice}")
+    methods = load_methods(denoisers, RAW)
     numbers = list(range(len(recording.frames)))
     scored = run_frames(RealJob(recording.source, tuple(denoisers)), numbers, workers, progress)
     versions = {method.label: method.version for method in methods}
-    chosen = (lambda unit: not recording.is_tuning_unit(unit)) if scoring_half else None
-    return add_up(recording, scored, versions, chosen)
+    return add_up(recording, scored, versions, False if scoring_half else None)
+
+
+def tune_on_pairs(
+    recording: SplitRecording,
+    names: Sequence[str] | None = None,
+    *,
+    workers: int | None = None,
+    progress: Callable[[ScoringProgress], None] | None = None,
+) -> tuple[list[str], RealScores]:
+    """Choose settings of filters by ``pair_change`` on the half for tuning.
+
+    Args:
+        recording: with static pairs.
+        names: filters of ``GRIDS``; default: all.
+        workers: number of processes; default: one per core.
+        progress: called after each frame.
+
+    Returns:
+        The best setting of each filter, as on the command line, and the scores of all.
+
+    Raises:
+        ConfigError: there are no static pairs.
+
+    """
+    numbers = sorted(recording.partner)
+    if not numbers:
+        raise ConfigError(
+            f"--tune: {recording.source.path} has no two frames of one static view: give settings"
+        )
+    stride = max(1, len(numbers) // _TUNING_FRAMES)
+    by_name = {name: tuning_specs(name, (0,)) for name in names or GRIDS}
+    specs = tuple(spec for settings in by_name.values() for spec in settings)
+    job = RealJob(recording.source, specs, pairs_only=True)
+    scored = run_frames(job, numbers[::stride], workers, progress)
+    scores = add_up(recording, scored, {}, tuning_half=True)
+    changes = {spec: measures.pair_change.value for spec, measures in scores.methods.items()}
+    # NaN, where nothing is known, is never the least.
+    best = [
+        min(specs, key=lambda s: (math.isnan(changes[s]), changes[s])) for specs in by_name.values()
+    ]
+    return best, scores
 
 
 def run_frames(

@@ -60,23 +60,31 @@ class SplitRecording:
         """Whether the units of tuning, scoring and intervals are scenes, else tiles."""
         return self.scenes >= LEAST_SCENES
 
+    @property
+    def _tiles_across(self) -> int:
+        return -(-self.frames.intrinsics.width // TILE_PX)
+
+    @property
+    def unit_count(self) -> int:
+        """The number of units: scenes or tiles."""
+        tiles = self._tiles_across * -(-self.frames.intrinsics.height // TILE_PX)
+        return self.scenes if self.by_scene else tiles
+
     def units(self, frame: int) -> NDArray[np.int64]:
         """Return the (H, W) number of each pixel's scene or tile."""
         shape = self.frames[frame].measured_mm.shape
         if self.by_scene:
-            return np.full(shape, self.scene[frame], np.int64)
+            return np.full(shape, self.scene.get(frame, 0), np.int64)
         rows, columns = (np.arange(size) // TILE_PX for size in shape)
         return rows[:, None] * self._tiles_across + columns[None]
 
-    def is_tuning_unit(self, unit: int) -> bool:
-        """Whether a unit is for tuning: every second scene, or the black tiles of a chessboard."""
-        if self.by_scene:
-            return unit % 2 == 0
-        return sum(divmod(unit, self._tiles_across)) % 2 == 0
-
-    @property
-    def _tiles_across(self) -> int:
-        return -(-self.frames.intrinsics.width // TILE_PX)
+    def tuning_units(self) -> NDArray[np.bool_]:
+        """Tell the units for tuning: every second scene, or the black tiles of a chessboard."""
+        units = np.arange(self.unit_count)
+        if not self.by_scene:
+            units = units // self._tiles_across + units % self._tiles_across
+        tuning: NDArray[np.bool_] = units % 2 == 0
+        return tuning
 
     def checksums(self) -> dict[str, str]:
         """Return frame -> checksum of its depth and infrared."""

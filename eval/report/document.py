@@ -23,24 +23,20 @@ class TextTable:
     rows: Sequence[Sequence[str]]
 
     def numeric_columns(self) -> list[bool]:
-        """Tell columns of numbers, which are aligned on the right, from columns of text.
+        """Tell columns of numbers, aligned on the right; the first holds names, and is none.
 
-        Returns:
-            One value per column: whether it has numbers, and at least as many of them as of
-            other cells. The first column holds names, and is none.
+        At least half of their cells with a value begin with a number.
         """
-        return [index > 0 and _is_numeric([row[index] for row in self.rows])
-                for index in range(len(self.head))]  # fmt: skip
+        numeric = [False]
+        for index in range(1, len(self.head)):
+            filled = [row[index] for row in self.rows if row[index] not in _NO_VALUE]
+            numbers = sum(1 for cell in filled if _NUMBER.match(cell))
+            numeric.append(0 < numbers >= len(filled) / 2)
+        return numeric
 
     def markdown(self) -> str:
         """Return Markdown without a final line break."""
         return "\n".join(markdown_table(self.head, self.rows))
-
-
-def _is_numeric(cells: Sequence[str]) -> bool:
-    filled = [cell for cell in cells if cell not in _NO_VALUE]
-    numbers = sum(1 for cell in filled if _NUMBER.match(cell))
-    return numbers > 0 and 2 * numbers >= len(filled)
 
 
 @dataclass(frozen=True)

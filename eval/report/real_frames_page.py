@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from glsim.core.files.atomic import write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
@@ -55,26 +57,20 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
             "interval is over the boards.",
             _table(scores, distances, lambda m: m.paper_rmse_mm, lambda m: m.paper_change),
             Heading("Chessboard, paper: shift against the raw frames [mm]"),
-            _table(scores, distances, lambda m: m.board_shift_mm, bold=False),
+            _table(scores, distances, lambda m: m.board_shift_mm),
         ]
     page.parts += [
         Heading("Smooth surfaces: shift against the raw frames [mm]"),
         "A denoiser removes noise and keeps surfaces in place: 0 is best. No best is marked: what "
         "changes nothing, such as a network of one step, has no shift. Last: the 100 mm with the "
         "largest shift.",
-        _table(
-            scores,
-            [*distances, "largest"],
-            lambda m: (*m.shift_mm, m.largest_shift_mm),
-            bold=False,
-        ),
+        _table(scores, [*distances, "largest"], lambda m: (*m.shift_mm, m.largest_shift_mm)),
         Heading("Edges"),
         _own_losses(scores),
         _table(
             scores,
             [heading for heading, _ in _EDGE_HEADS.values()],
-            lambda m: tuple(_EDGE_HEADS[name][1] * m.edges[name] for name in EDGES),
-            bold=False,
+            lambda m: [_EDGE_HEADS[name][1] * m.edges[name] for name in EDGES],
         ),
     ]
     if remarks:
@@ -101,39 +97,25 @@ def _own_losses(scores: RealScores) -> str:
 def _table(
     scores: RealScores,
     heads: Sequence[str],
-    values: Callable[[RealMeasures], tuple[float, ...]],
+    values: Callable[[RealMeasures], Sequence[float]],
     change: Callable[[RealMeasures], Interval] | None = None,
-    *,
-    bold: bool = True,
 ) -> TextTable:
-    """Return a table with a row per method. Columns without any number are left out."""
-    rows = {name: values(method) for name, method in scores.methods.items()}
-    used = [k for k in range(len(heads)) if any(not math.isnan(row[k]) for row in rows.values())]
-    best = {k: _best(rows, k) for k in used} if bold else {}
-    lines = []
-    for name, method in scores.methods.items():
-        texts = [format_number(rows[name][k]) for k in used]
+    """Return a row per method, without columns that hold no number.
+
+    With a column of changes the least number of each other column is bold.
+    """
+    rows = np.array([values(measures) for measures in scores.methods.values()])
+    used = ~np.isnan(rows).all(axis=0)
+    cells = [[format_number(value) for value in row] for row in rows[:, used]]
+    if change is not None:
+        least = [format_number(value) for value in np.nanmin(rows[:, used], axis=0)]
         cells = [
-            f"**{text}**" if name in best.get(k, ()) else text
-            for k, text in zip(used, texts, strict=True)
+            [f"**{text}**" if text == best else text for text, best in zip(row, least, strict=True)]
+            + [_interval(change(measures))]
+            for row, measures in zip(cells, scores.methods.values(), strict=True)
         ]
-        last = [] if change is None else [_interval(change(method))]
-        lines.append([f"`{name}`", *cells, *last])
-    titles = ["method", *(heads[k] for k in used)]
-    return TextTable(titles if change is None else [*titles, "change [%]"], lines)
-
-
-def _best(rows: Mapping[str, tuple[float, ...]], column: int) -> set[str]:
-    """Return the methods whose absolute value, rounded as in the table, is the smallest."""
-    sizes = {
-        name: format_number(abs(row[column]))
-        for name, row in rows.items()
-        if not math.isnan(row[column])
-    }
-    if not sizes:
-        return set()
-    least = min(sizes.values(), key=float)
-    return {name for name, text in sizes.items() if text == least}
+    head = ["method", *np.array(heads)[used].tolist(), *(["change [%]"] if change else [])]
+    return TextTable(head, [[f"`{n}`", *row] for n, row in zip(scores.methods, cells, strict=True)])
 
 
 def _interval(change: Interval) -> str:
@@ -166,9 +148,8 @@ def write_real_frames(
     return paths
 
 
-def _csv_rows(scores: RealScores) -> list[dict[str, object]]:
-    """Return all numbers, one line each. at: lower bound of the distance, m, or nothing."""
-    rows: list[dict[str, object]] = []
+def _csv_rows(scores: RealScores) -> Iterator[tuple[object, ...]]:
+    """Yield all numbers, one line each. at: lower bound of the distance, m, or nothing."""
     for name, m in scores.methods.items():
         found: list[tuple[str, str, object, float]] = []
         for measure in ("pair_rmse", "paper_rmse", "board_rmse", "board_shift", "shift"):
@@ -176,14 +157,7 @@ def _csv_rows(scores: RealScores) -> list[dict[str, object]]:
             found += [(measure, "mm", a, v) for a, v in zip(BINS_M, numbers, strict=False)]
         found += [("shift_by_100mm", "mm", mm / 1000, v) for mm, v in m.shift_by_100mm]
         for measure, change in (("pair_change", m.pair_change), ("paper_change", m.paper_change)):
-            found += [
-                (measure, "%", "", change.value),
-                (f"{measure}_low_95", "%", "", change.low),
-                (f"{measure}_high_95", "%", "", change.high),
-            ]
+            ends = (("", change.value), ("_low_95", change.low), ("_high_95", change.high))
+            found += [(f"{measure}{end}", "%", "", value) for end, value in ends]
         found += [(key, "1" if key in EDGES[:4] else "px", "", m.edges[key]) for key in EDGES]
-        rows += [
-            {"method": name, "measure": measure, "unit": unit, "at": at, "value": value}
-            for measure, unit, at, value in found
-        ]
-    return rows
+        yield from ((name, *line) for line in found)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from glsim.core.depth_frame import Frames
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.denoise import load_denoiser
-from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
 from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
@@ -22,12 +21,11 @@ from glsim.eval.report.tables import (
     ResultTable,
     note_documents,
     result_documents,
-    table_latex,
     table_markdown,
     write_bias_csv,
     write_table_csv,
 )
-from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.blocks import ScoringJob, denoise, stacks_of
 from glsim.eval.scoring.run import Evaluation
 
 #: Largest number of methods side by side in a figure, which is as wide as a paper page.
@@ -42,7 +40,7 @@ def write_results(
     pages: Mapping[str, Document] | None = None,
     drawn: Sequence[str] | None = None,
 ) -> list[Path]:
-    """Write table.md, table.tex, the CSV files, further pages and, with figures, report.html.
+    """Write table.md, the CSV files, further pages and, with figures, report.html.
 
     Of a network's composites tables and figures show the default; table.csv has all.
 
@@ -64,14 +62,13 @@ def write_results(
     shown_table = {method: table[method] for method in shown.summary.methods}
     texts = {
         "table.md": table_markdown(shown, shown_table, heading),
-        "table.tex": table_latex(shown_table),
         **{f"{name}.md": page.markdown() for name, page in (pages or {}).items()},
     }
     for name, text in texts.items():
         write_atomic(text.encode(), out / name)
     write_table_csv(out / "table.csv", table)
     if evaluation.baselines.methods:
-        write_table_csv(out / "baselines.csv", evaluation.baselines.compared())
+        write_table_csv(out / "baselines.csv", evaluation.baselines.table())
     write_bias_csv(out / "bias_by_distance.csv", evaluation.summary)
     names = ["rows.csv", "table.csv", "bias_by_distance.csv", *texts]
     if drawn is not None:
@@ -130,11 +127,9 @@ def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None
 
     Takes the next readable frame; returns None if there is none.
     """
-    frames: Frames = job.frames()
+    frames = job.frames()
     methods = [load_denoiser(spec) for spec in job.denoisers]
-    before = max((method.before for method in methods), default=0)
-    after = max((method.after for method in methods), default=0)
-    stacks = Stacks(frames, before, after)
+    stacks = stacks_of(frames, methods)
     for number in range(len(frames) // 2, len(frames)):
         try:
             frame = stacks.frame(number)
@@ -142,14 +137,8 @@ def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None
             continue
         maps: dict[str, Depth] = {}
         for method in methods:
-            try:
-                infrared = frame.layer("infrared") if method.infrared else None
-                stack, now = stacks.around(number, method.before, method.after)
-                estimate = method.estimate(stack, now, infrared)
-            except Exception:  # of a denoiser; scoring has counted it
-                continue
-            for part, depth in estimate.composites().items():
-                maps[f"{method.label} [{part}]" if part else method.label] = depth
+            with suppress(Exception):  # of a denoiser; scoring has counted it
+                maps |= denoise(method, stacks, number)[0]
         title = f"{frame.key}, protocol {frames.protocol}"
         return PanelFrame(frame.clean_mm, frame.intrinsics, title, frame.offset_mm), maps
     return None

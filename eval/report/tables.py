@@ -1,4 +1,4 @@
-"""Result tables: documents, Markdown, LaTeX, and CSV with all values."""
+"""Result tables: documents, Markdown, and CSV with all values."""
 
 from __future__ import annotations
 
@@ -31,17 +31,6 @@ _BASELINE_METRICS: Final = (
     *("mse_mm2", "psnr_db", "ssim_paper", "ssim_standard", "iou", "flips_px", "both_rmse_mm"),
     "normal_mean_deg",
 )
-#: The metrics of table.tex -> heading.
-_LATEX_HEADS: Final = {
-    "mse_mm2": r"MSE [mm$^2$]",
-    "psnr_db": "PSNR [dB]",
-    "ssim_standard": "SSIM",
-    "iou": "IoU",
-    "flying_px": "flying [px]",
-    "input_rmse_mm": "RMSE [mm]",
-    "both_interior_rmse_mm": "interior [mm]",
-    "normal_mean_deg": r"normals [$^\circ$]",
-}
 #: Fewer subjects than this are too few for a bootstrap: 3^3 = 27 draws of 3 differ. Chosen.
 FEW_SUBJECTS: Final = 5
 
@@ -206,55 +195,23 @@ def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
 
 def write_table_csv(path: Path, table: Mapping[str, Mapping[str, MetricMean]]) -> None:
     """Write table.csv: one line per method and metric, with all values."""
-    fields = (
-        *("method", "metric", "unit", "better", "mean", "low_95", "high_95", "frames"),
-        *("undefined", f"p_vs_{next(iter(table))}", "p_holm"),
-    )
-    rows = [
-        (
-            *(method, e.metric.name, e.metric.unit, e.metric.better, e.mean, e.low, e.high),
-            *(e.frames, e.undefined, e.p, e.p_holm),
-        )
+    numbers = ("mean", "low_95", "high_95", "frames", "undefined")
+    rows = (
+        (method, *(e.metric.name, e.metric.unit, e.metric.better, e.mean, e.low, e.high),
+         *(e.frames, e.undefined))
         for method, entries in table.items()
         for e in entries.values()
-    ]
-    write_csv(path, fields, (dict(zip(fields, row, strict=True)) for row in rows))
+    )  # fmt: skip
+    write_csv(path, ("method", "metric", "unit", "better", *numbers), rows)
 
 
 def write_bias_csv(path: Path, summary: ScoreSummary) -> None:
     """Write bias_by_distance.csv: one line per method and bin of distance."""
-    fields = ("method", "from_mm", "to_mm", "bias_mm", "low_95", "high_95", "pixels", "subjects")
-    rows = [
-        (
-            *(method, b.from_mm, b.from_mm + BIAS_BIN_MM, b.mean_mm, b.low_mm, b.high_mm),
-            *(b.pixels, b.subjects),
-        )
+    fields = ["method", "from_mm", "to_mm", "bias_mm", "low_95", "high_95", "pixels", "subjects"]
+    rows = (
+        (method, *(b.from_mm, b.from_mm + BIAS_BIN_MM, b.mean_mm, b.low_mm, b.high_mm),
+         *(b.pixels, b.subjects))
         for method in summary.methods
         for b in summary.bias_by_distance(method)
-    ]
-    write_csv(path, fields, (dict(zip(fields, row, strict=True)) for row in rows))
-
-
-def table_latex(table: ResultTable) -> str:
-    """Return table.tex: a booktabs tabular of the main metrics."""
-    arrows = {"lower": r"$\downarrow$", "higher": r"$\uparrow$", "neither": ""}
-    metrics = [METRICS[name] for name in _LATEX_HEADS]
-    tops = {m.name: best_methods(table, m) for m in metrics}
-    heads = " & ".join(f"{_LATEX_HEADS[m.name]} {arrows[m.better]}" for m in metrics)
-    lines = [
-        r"% \usepackage{booktabs}",
-        rf"\begin{{tabular}}{{l{'r' * len(metrics)}}}",
-        r"\toprule",
-        rf"Method & {heads} \\",
-        r"\midrule",
-    ]
-    for method, entries in table.items():
-        name = method
-        for special in "_%&#$":
-            name = name.replace(special, f"\\{special}")
-        cells = [rf"\texttt{{{name}}}"]
-        for m in metrics:
-            text = format_number(entries[m.name].mean, m.unit)
-            cells.append(rf"\textbf{{{text}}}" if method in tops[m.name] else text)
-        lines.append(rf"{' & '.join(cells)} \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+    )  # fmt: skip
+    write_csv(path, fields, rows)

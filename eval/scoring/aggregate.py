@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
 import numpy as np
@@ -15,12 +15,7 @@ from glsim.eval.metrics.prediction import psnr_db
 from glsim.eval.metrics.score import METRICS
 from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
 from glsim.eval.scoring.blocks import BINS, Row
-from glsim.eval.scoring.statistics import (
-    SubjectSums,
-    bootstrap_interval,
-    holm_correction,
-    sign_flip_test,
-)
+from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 _T = TypeVar("_T")
 
@@ -49,8 +44,6 @@ class MetricMean:
         high: upper end.
         frames: number of frames where the metric is defined.
         undefined: number of the others.
-        p: of no difference from the first method, two-sided, by the sign-flip test over subjects.
-        p_holm: p corrected for the number of methods.
 
     """
 
@@ -60,29 +53,6 @@ class MetricMean:
     high: float
     frames: int
     undefined: int
-    p: float = float("nan")
-    p_holm: float = float("nan")
-
-
-class _Totals:
-    """(3, K) sums per subject for K metrics: values, defined frames, all frames."""
-
-    def __init__(self, names: Iterable[str]) -> None:
-        self._names = list(names)
-        self.by_subject: dict[str, NDArray[np.float64]] = {}
-
-    def add(self, row: Row) -> None:
-        table = self.by_subject.setdefault(row["subject"], np.zeros((3, len(self._names))))
-        values = np.array([np.nan if row[name] is None else row[name] for name in self._names])
-        defined = ~np.isnan(values)
-        table[0] += np.where(defined, values, 0)
-        table[1] += defined
-        table[2] += 1
-
-    def of(self, name: str, subjects: Iterable[str]) -> SubjectSums:
-        nothing = np.zeros((3, len(self._names)))
-        stack = np.stack([self.by_subject.get(subject, nothing) for subject in subjects])
-        return SubjectSums(*stack[:, :, self._names.index(name)].T)
 
 
 @dataclass
@@ -100,10 +70,10 @@ class ScoreSummary:
 
     total_frames: int
     metrics: Mapping[str, Metric] = field(default_factory=lambda: METRICS)
-    sampled: dict[str, list[list[float]]] = field(default_factory=dict)
+    sampled: dict[str, list[NDArray[np.float64]]] = field(default_factory=dict)
     histograms: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     bias_sums: BiasSums = field(default_factory=dict)
-    _totals: dict[str, _Totals] = field(default_factory=dict)
+    _totals: dict[str, dict[str, NDArray[np.float64]]] = field(default_factory=dict)
     _rows: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -114,7 +84,7 @@ class ScoreSummary:
     @property
     def subjects(self) -> list[str]:
         """The names of all subjects, sorted."""
-        return sorted({name for totals in self._totals.values() for name in totals.by_subject})
+        return sorted({name for totals in self._totals.values() for name in totals})
 
     def only(self, denoisers: Collection[str]) -> ScoreSummary:
         """Return the summary of denoisers with these labels, all composites included."""
@@ -135,14 +105,16 @@ class ScoreSummary:
     def add(self, row: Row) -> None:
         """Add the row of a frame and method."""
         method = row["method"]
-        if method not in self._totals:
-            self._totals[method] = _Totals(self.metrics)
-        self._totals[method].add(row)
+        totals = self._totals.setdefault(method, {})
+        table = totals.setdefault(row["subject"], np.zeros((3, len(self.metrics))))
+        values = np.array([row[name] for name in self.metrics], np.float64)  # None is NaN
+        defined = ~np.isnan(values)
+        table += np.where(defined, values, 0), defined, np.ones(len(values))
         number = self._rows.get(method, 0)
         self._rows[method] = number + 1
         if number % max(1, self.total_frames // _SAMPLED_FRAMES) == 0:
-            values = [float("nan") if row[name] is None else row[name] for name in _SAMPLED_METRICS]
-            self.sampled.setdefault(method, []).append(values)
+            sampled = np.array([row[name] for name in _SAMPLED_METRICS], np.float64)
+            self.sampled.setdefault(method, []).append(sampled)
 
     def add_histogram(self, method: str, counts: list[int]) -> None:
         """Add the error histogram of a block."""
@@ -167,14 +139,17 @@ class ScoreSummary:
 
     def values(self, method: str, metric: str) -> SubjectSums:
         """Return the sums of a method's metric, in the order of ``subjects``."""
-        return self._totals[method].of(metric, self.subjects)
+        place = list(self.metrics).index(metric)
+        nothing = np.zeros((3, len(self.metrics)))
+        tables = [self._totals[method].get(subject, nothing) for subject in self.subjects]
+        return SubjectSums(*np.stack([table[:, place] for table in tables], axis=1))
 
     def mean(self, method: str, metric: str) -> float:
         """Return the mean of a metric over the frames where it is defined."""
         return self.values(method, metric).mean
 
     def entries(self, method: str) -> dict[str, MetricMean]:
-        """Return all metrics of a method and PSNR_OF_MEAN by name; ``compared`` adds p values."""
+        """Return all metrics of a method and PSNR_OF_MEAN by name."""
         result: dict[str, MetricMean] = {}
         for name, metric in self.metrics.items():
             values = self.values(method, name)
@@ -190,13 +165,6 @@ class ScoreSummary:
                 )
         return result
 
-    def compared(self) -> dict[str, dict[str, MetricMean]]:
-        """Return method -> metric -> mean, with p values against the first method."""
-        first, *others = self.methods
-        table = {method: self.entries(method) for method in self.methods}
-        for name in self.metrics:
-            base = self.values(first, name)
-            p = np.array([sign_flip_test(self.values(other, name), base) for other in others])
-            for other, raw, corrected in zip(others, p, holm_correction(p), strict=True):
-                table[other][name] = replace(table[other][name], p=raw, p_holm=corrected)
-        return table
+    def table(self) -> dict[str, dict[str, MetricMean]]:
+        """Return method -> metric -> mean."""
+        return {method: self.entries(method) for method in self.methods}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +17,7 @@ from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError, DenoiserError
 from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise.denoiser import Estimate
 from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
 from glsim.eval.metrics.prediction import Truth
@@ -117,12 +118,36 @@ def warned_already() -> Iterator[None]:
         logger.setLevel(level)
 
 
+def stacks_of(frames: Frames, methods: Sequence[Denoiser]) -> Stacks:
+    """Open the frames with as many neighbours as the methods see."""
+    before = max((method.before for method in methods), default=0)
+    after = max((method.after for method in methods), default=0)
+    return Stacks(frames, before, after)
+
+
+def denoise(method: Denoiser, stacks: Stacks, number: int) -> tuple[dict[str, Depth], float]:
+    """Return label -> map of each composite of a method, and its time, ms. Raises as it does."""
+    frame = stacks.frame(number)
+    stack, now = stacks.around(number, method.before, method.after)
+    infrared = frame.layer("infrared") if method.infrared else None
+    start = time.perf_counter()
+    estimate = method.estimate(stack, now, infrared)
+    time_ms = 1000 * (time.perf_counter() - start)
+    return labelled(method, estimate), time_ms
+
+
+def labelled(method: Denoiser, estimate: Estimate) -> dict[str, Depth]:
+    """Return label -> map of each composite of an estimate."""
+    return {
+        f"{method.label} [{part}]" if part else method.label: depth
+        for part, depth in estimate.composites().items()
+    }
+
+
 class _BlockScorer:
     def __init__(self, job: ScoringJob, frames: Frames, methods: list[Denoiser]) -> None:
         self._job, self._frames, self._methods = job, frames, methods
-        before = max((method.before for method in methods), default=0)
-        after = max((method.after for method in methods), default=0)
-        self._stacks = Stacks(frames, before, after)
+        self._stacks = stacks_of(frames, methods)
 
     def __call__(self, block: FrameBlock) -> ScoredBlock:
         result = ScoredBlock(block.number, block.frames, [], [], {}, [])
@@ -142,24 +167,16 @@ class _BlockScorer:
         regions = Regions(frame.regions, self._frames.regions) if "regions" in frame else None
         truth = Truth(frame.clean_mm, frame.noisy_mm, frame.rays, regions, frame.offset_mm)
         for method in self._methods:
-            stack, now = self._stacks.around(number, method.before, method.after)
             try:
-                infrared = frame.layer("infrared") if method.infrared else None
-                start = time.perf_counter()
-                estimate = method.estimate(stack, now, infrared)
-                time_ms = 1000 * (time.perf_counter() - start)
-                parts = estimate.composites()
-                scores = {part: score(depth, truth) for part, depth in parts.items()}
-            except DenoiserError as error:
-                result.bad.append({"frame": str(key), "why": f"{method.label}: {error}"})
-                continue
+                maps, time_ms = denoise(method, self._stacks, number)
+                scores = {name: score(depth, truth) for name, depth in maps.items()}
             except Exception as error:  # any error of a third-party denoiser
-                why = f"{method.label}: {type(error).__name__}: {error}"
-                result.bad.append({"frame": str(key), "why": why})
+                own = isinstance(error, DenoiserError | DatasetError)
+                why = f"{error}" if own else f"{type(error).__name__}: {error}"
+                result.bad.append({"frame": str(key), "why": f"{method.label}: {why}"})
                 continue
-            for part, depth in parts.items():
-                name = f"{method.label} [{part}]" if part else method.label
-                result.rows.append(place | {"method": name} | json_row(scores[part], time_ms))
+            for name, depth in maps.items():
+                result.rows.append(place | {"method": name} | json_row(scores[name], time_ms))
                 counts = _histogram(depth, truth)
                 before = result.histograms.get(name)
                 result.histograms[name] = (counts if before is None else counts + before).tolist()

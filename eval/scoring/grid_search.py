@@ -71,12 +71,7 @@ def tune_filters(
     ]
     chosen = {spec for item in tuned for spec in (item.plain, item.cleaned)}
     rows = [
-        {
-            "denoiser": spec,
-            "chosen": int(spec in chosen),
-            SURFACE: mean(evaluation, SURFACE)(spec),
-            SILHOUETTE: mean(evaluation, SILHOUETTE)(spec),
-        }
+        (spec, int(spec in chosen), *(mean(evaluation, m)(spec) for m in (SURFACE, SILHOUETTE)))
         for evaluation in (first, second)
         for spec in evaluation.summary.methods
     ]

@@ -6,6 +6,7 @@ The truth is the layer clean, or expected: clean with the sensor's systematic er
 from __future__ import annotations
 
 import zlib
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -38,78 +39,73 @@ def _dataset_frames(path: Path, split: str, truth: TruthLayer) -> tuple[Frames, 
     """
     dataset = open_dataset(path)
     dataset.require(truth)
-    frames = dataset.split(split).changed(partial(_with_truth, truth), truth)
-    return frames, dataset.protocol
+
+    def with_truth(frame: DepthFrame) -> DepthFrame:
+        return _checked(frame.changed({"clean_mm": frame.layer(f"{truth}_mm")}))
+
+    return dataset.split(split).changed(with_truth, truth), dataset.protocol
 
 
-def _with_truth(truth: TruthLayer, frame: DepthFrame) -> DepthFrame:
-    return _checked(frame.changed({"clean_mm": frame.layer(f"{truth}_mm")}))
+def _folder_frames(
+    path: Path, focal_px: float | None, truth: TruthLayer
+) -> tuple[Frames, DepthProtocol]:
+    """Return pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits.
 
+    They are in mm, or in the step that they state (``stated_unit_mm``). The folder of a file is the
+    subject, a number at the end of its name the frame. The camera is a Kinect V2, or one with focal
+    length ``focal_px`` and its axis through the image centre. The protocol is paper if the nearest
+    point of the first truth is at 1 mm; then the distance from the camera is unknown.
 
-class _FolderPairs:
-    """Reads pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits.
-
-    They are in mm, or in the step that they state (``stated_unit_mm``).
-
-    The folder of a file is the subject, a number at the end of its name the frame. The camera is a
-    Kinect V2, or one with focal length ``focal_px`` and its axis through the image centre. The
-    protocol is paper if the nearest point of the first truth is at 1 mm; then the distance from the
-    camera is unknown.
+    Raises DatasetError without any pair.
     """
-
-    def __init__(self, path: Path, focal_px: float | None, truth: TruthLayer) -> None:
-        self._path, self._truth = path, truth
-        self._rig = load_sensor(DEFAULT_SENSOR).rig
-        self._focal = None if focal_px is None else (focal_px, focal_px)
-        stems = {
-            str(file.relative_to(path))[: -len(f"_{layer}.png")]
-            for layer in (truth, "noisy")
-            for file in path.rglob(f"*_{layer}.png")
-        }
-        if not stems:
-            raise DatasetError(
-                f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
-                f"*_{truth}.png and *_noisy.png"
-            )
-        self._stems = sorted(stems, key=lambda stem: (_key(stem), stem))
-        self.protocol: DepthProtocol = "paper" if self._is_moved() else "depth"
-
-    def frames(self) -> Frames:
-        listing = [(stem, *map(_size, self._files(stem))) for stem in self._stems]
-        return Frames(
-            len(self._stems),
-            self._load,
-            lambda number: _key(self._stems[number]),
-            title=str(self._path),
-            identity=f"{zlib.crc32(repr(listing).encode()):08x} {self._focal} {self._truth}",
-            protocol=self.protocol,
+    found = {
+        str(file.relative_to(path))[: -len(f"_{layer}.png")]
+        for layer in (truth, "noisy")
+        for file in path.rglob(f"*_{layer}.png")
+    }
+    if not found:
+        raise DatasetError(
+            f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
+            f"*_{truth}.png and *_noisy.png"
         )
+    stems = sorted(found, key=lambda stem: (_key(stem), stem))
+    rig = load_sensor(DEFAULT_SENSOR).rig
+    focal = None if focal_px is None else (focal_px, focal_px)
+    protocol: DepthProtocol = "depth"
+    with suppress(DatasetError):  # reported when the frame is scored
+        if is_moved(_read(path / f"{stems[0]}_{truth}.png", truth)):
+            protocol = "paper"
 
-    def _load(self, number: int) -> DepthFrame:
-        """Read both files of a pair. Raises DatasetError."""
-        stem = self._stems[number]
-        clean_file, noisy_file = self._files(stem)
-        clean, noisy = _read(clean_file, self._truth), _read(noisy_file, "noisy")
-        rig = self._rig.for_map((clean.shape[0], clean.shape[1]), self._focal)
+    def load(number: int) -> DepthFrame:
+        place = path / stems[number]
+        clean, noisy = (_read(Path(f"{place}_{layer}.png"), layer) for layer in (truth, "noisy"))
         layers: dict[str, Layer] = {
             "clean_mm": clean,
             "noisy_mm": noisy,
-            "infrared": partial(_read, self._path / f"{stem}_infrared.png", "infrared"),
+            "infrared": partial(_read, Path(f"{place}_infrared.png"), "infrared"),
         }
         frame = DepthFrame(
-            _key(stem), rig.intrinsics, layers, name=str(self._path / stem),
-            offset_mm=0.0 if self.protocol == "depth" else float("nan"),
-        )  # fmt: skip
-        return _checked(frame, in_mm=self.protocol == "depth")
+            _key(stems[number]),
+            rig.for_map((clean.shape[0], clean.shape[1]), focal).intrinsics,
+            layers,
+            name=str(place),
+            offset_mm=0.0 if protocol == "depth" else float("nan"),
+        )
+        return _checked(frame, in_mm=protocol == "depth")
 
-    def _is_moved(self) -> bool:
-        try:
-            return is_moved(_read(self._files(self._stems[0])[0], self._truth))
-        except DatasetError:  # reported when the frame is scored
-            return False
-
-    def _files(self, stem: str) -> tuple[Path, Path]:
-        return self._path / f"{stem}_{self._truth}.png", self._path / f"{stem}_noisy.png"
+    listing = [
+        (stem, *(_size(path / f"{stem}_{layer}.png") for layer in (truth, "noisy")))
+        for stem in stems
+    ]
+    frames = Frames(
+        len(stems),
+        load,
+        lambda number: _key(stems[number]),
+        title=str(path),
+        identity=f"{zlib.crc32(repr(listing).encode()):08x} {focal} {truth}",
+        protocol=protocol,
+    )
+    return frames, protocol
 
 
 def _size(file: Path) -> tuple[int, int]:
@@ -181,8 +177,8 @@ def open_frames(
     if own_camera:
         frames, stored = _dataset_frames(path, split, truth)
     elif path.is_dir():
-        pairs = _FolderPairs(path / split if (path / split).is_dir() else path, focal_px, truth)
-        frames, stored = pairs.frames(), pairs.protocol
+        folder = path / split if (path / split).is_dir() else path
+        frames, stored = _folder_frames(folder, focal_px, truth)
     else:
         raise DatasetError(f"{path}: no such folder")
     if frames.protocol == "paper" and (protocol == "depth" or device is not None):

@@ -12,17 +12,18 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import itertools
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
 from glsim.data.worker_processes import available_workers, run_tasks
-from glsim.denoise import load_denoiser
+from glsim.denoise import Denoiser, load_denoiser
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.score import metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
@@ -81,13 +82,7 @@ def evaluate(
         workers: number of processes; default: one per core.
         baselines: also score trivial predictions.
     """
-    methods = [
-        load_denoiser(spec) for spec in job.denoisers
-    ]  # reports wrong ones before scoring starts
-    labels = [method.label for method in methods]
-    if len(set(labels)) != len(labels):
-        twice = next(label for label in labels if labels.count(label) > 1)
-        raise ConfigError(f"--denoiser {twice}: is given twice: name one of them label@{twice}")
+    methods = load_methods(job.denoisers)  # reports wrong ones before scoring starts
     frames = job.frames()
     if len(frames) == 0:
         raise ConfigError(f"{job.dataset}: has no frames in {job.split}")
@@ -111,6 +106,16 @@ def evaluate(
     _score_missing(job, folder, blocks, workers or available_workers(), len(frames), progress)
     evaluation = _collect(out, folder, blocks, -(-len(frames) // job.stride), metrics)
     return replace(evaluation, protocol=frames.protocol)
+
+
+def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:
+    """Load denoisers. Raises ConfigError for a wrong one, and for a label twice or in ``taken``."""
+    methods = [load_denoiser(spec) for spec in specs]
+    labels = [*taken, *(method.label for method in methods)]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise ConfigError(f"--denoiser {label}: is given twice: name one of them label@{label}")
+    return methods
 
 
 def _score_missing(
@@ -164,13 +169,15 @@ def _collect(
     bad = 0
     first_bad: list[str] = []
 
-    def rows() -> Iterator[dict[str, Any]]:
+    fields = ("subject", "sequence", "frame", "method", *metrics)
+
+    def rows() -> Iterator[list[object]]:
         nonlocal bad
         for block in blocks:
             scored = _read(folder, block)
             for row in scored.rows:
                 summary.add(row)
-                yield row
+                yield [row[field] for field in fields]
             for row in scored.baselines:
                 baselines.add(row)
             for method, counts in scored.histograms.items():
@@ -179,10 +186,10 @@ def _collect(
             bad += len(scored.bad)
             first_bad.extend(f"{item['frame']}: {item['why']}" for item in scored.bad[:10])
 
-    fields = ("subject", "sequence", "frame", "method", *metrics)
     write_csv(out / "rows.csv", fields, rows())
-    faults = (item for block in blocks for item in _read(folder, block).bad)
     if bad:
+        bads = (item for block in blocks for item in _read(folder, block).bad)
+        faults = ((item["frame"], item["why"]) for item in bads)
         write_csv(out / "bad.csv", ("frame", "why"), faults)
     else:
         (out / "bad.csv").unlink(missing_ok=True)
@@ -191,30 +198,16 @@ def _collect(
     return Evaluation(summary, baselines, total, bad, tuple(first_bad[:10]))
 
 
-#: First characters of cells that spreadsheets compute.
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-
-
-def write_csv(path: Path, fields: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:
-    """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails.
-
-    A text that a spreadsheet would compute, such as ``=1+1``, begins with an apostrophe.
-    """
+def write_csv(path: Path, fields: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails."""
     with AtomicFile(path) as file:
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(fields), lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({name: _written(value) for name, value in row.items()})
+        for row in itertools.chain([fields], rows):
+            text = io.StringIO()
+            csv.writer(text, lineterminator="\n").writerow(map(_written, row))
             file.write(text.getvalue().encode())
-            text.seek(0)
-            text.truncate()
-        file.write(text.getvalue().encode())
 
 
 def _written(value: object) -> object:
     if value is None:
         return "nan"
-    if isinstance(value, str) and value[:1] in _FORMULA:
-        return f"'{value}"
     return f"{value:.9g}" if isinstance(value, float) else value

@@ -9,18 +9,16 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from glsim.core.errors import CPU_TORCH, DatasetError, GlsimError, TrainError
+from glsim.core.errors import DatasetError, GlsimError, training_needs_torch
 from glsim.core.files.atomic import read_json, to_json, write_atomic
 from glsim.data.disk_format import HEADER
 from glsim.data.driver import generate
-from glsim.data.progress import GenerateProgress
-from glsim.eval.scoring.run import ScoringProgress
 from glsim.settings.schema import Settings
 
 if TYPE_CHECKING:
@@ -29,28 +27,19 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 
-@contextmanager
-def _silent(_title: str = "") -> Iterator[None]:
-    yield None
-
-
-@contextmanager
-def _never() -> Iterator[Callable[[], bool]]:
-    yield lambda: False
+_Show = AbstractContextManager[Callable[[Any], None] | None]
 
 
 @dataclass(frozen=True)
 class Displays:
     """Context managers that show progress and notice signals; default: nothing is shown."""
 
-    generation: Callable[[], AbstractContextManager[Callable[[GenerateProgress], None] | None]] = (
-        _silent
+    generation: Callable[[], _Show] = nullcontext
+    scoring: Callable[[str], _Show] = lambda _: nullcontext()
+    training: Callable[[str], _Show] = lambda _: nullcontext()
+    stopping: Callable[[], AbstractContextManager[Callable[[], bool]]] = lambda: nullcontext(
+        lambda: False
     )
-    scoring: Callable[[str], AbstractContextManager[Callable[[ScoringProgress], None] | None]] = (
-        _silent
-    )
-    training: Callable[[str], AbstractContextManager[Callable[[Any], None] | None]] = _silent
-    stopping: Callable[[], AbstractContextManager[Callable[[], bool]]] = _never
 
 
 @dataclass
@@ -126,10 +115,7 @@ class Runner:
                 from glsim.train.batches import stored_batches
                 from glsim.train.loop import fit
             except ImportError as error:
-                raise TrainError(
-                    "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
-                    f"({CPU_TORCH}) ({error})"
-                ) from None
+                raise training_needs_torch(error) from None
 
             pairs = stored_batches(data, recipe)
             with self.displays.stopping() as stop, self.displays.training(recipe.title) as show:

@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+
+import numpy as np
 
 from glsim.core.errors import DatasetError
 from glsim.denoise import DEFAULT_COMPOSITE, GRIDS, load_denoiser
+from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.grid_search import tune_filters
-from glsim.eval.scoring.run import Evaluation, evaluate
+from glsim.eval.scoring.run import evaluate
 from glsim.eval.studies.runner import Runner
 from glsim.eval.studies.transfer_report import (
     METRICS,
@@ -27,10 +29,7 @@ from glsim.eval.studies.transfer_report import (
     write_transfer,
 )
 from glsim.eval.studies.transfer_study import Cell, Training, TransferStudy
-from glsim.train.recipe import Recipe, load_recipe
-
-#: Suffix of the name of a filter that also cleans the mask.
-_CLEANED: Final = ", mask cleaned"
+from glsim.train.recipe import load_recipe
 
 Scores = dict[str, MethodScores]
 
@@ -60,45 +59,34 @@ def run_transfer(
     """
     for spec in networks.values():
         load_denoiser(spec)  # raises its error before any work starts
-    recipe = _recipe(study) if trainings else None
+    limits = {
+        "training": {"max_steps": study.train.steps},
+        "data": {"crop": study.train.crop, "target": study.truth},
+    }
+    recipe = load_recipe(study.train.recipe, study.train.set, limits)
     cells = study.cells() if networks or not trainings else ()
     tested = {c.place: c for c in (*cells, *(c for each in trainings for c in each.cells))}
     filters = {place: _score_filters(study, runner, cell) for place, cell in tested.items()}
-    results = [CellResult("", cell, filters[cell.place]) for cell in cells if not networks]
-    written = _write(study, runner, results, networks) if results else []
+    notes = [f"`{name}` is `{Path(spec).name}`, given" for name, spec in networks.items()]
+    results: list[CellResult] = []
+    if not networks and not trainings:
+        results = [CellResult("", cell, filters[cell.place]) for cell in cells]
     for name, spec in networks.items():
-        for cell in cells:
-            scored = _score_network(study, runner, cell, name, spec)
-            results.append(CellResult(name, cell, filters[cell.place] | scored))
-        written = _write(study, runner, results, networks)
+        results += [_score_network(study, runner, cell, name, spec, filters) for cell in cells]
+        write_transfer(study, results, notes, runner.out)
     for training in trainings:
-        assert recipe is not None
         data = []
         for place, settings in study.training_settings(training).items():
             data.append(runner.out / "data" / "train" / place)
             runner.generate(settings, data[-1])
         run = runner.out / "runs" / training.name
         runner.train(recipe, data, run)
-        for cell in training.cells:
-            scored = _score_network(study, runner, cell, training.name, str(run / "best.pt"))
-            results.append(CellResult(training.name, cell, filters[cell.place] | scored))
-        written = _write(study, runner, results, networks)
-    return written
-
-
-def _write(
-    study: TransferStudy, runner: Runner, results: list[CellResult], networks: Mapping[str, str]
-) -> list[Path]:
-    notes = [f"`{name}` is `{Path(spec).name}`, given" for name, spec in networks.items()]
+        results += [
+            _score_network(study, runner, cell, training.name, str(run / "best.pt"), filters)
+            for cell in training.cells
+        ]
+        write_transfer(study, results, notes, runner.out)
     return write_transfer(study, results, notes, runner.out)
-
-
-def _recipe(study: TransferStudy) -> Recipe:
-    limits = {
-        "training": {"max_steps": study.train.steps},
-        "data": {"crop": study.train.crop, "target": study.truth},
-    }
-    return load_recipe(study.train.recipe, study.train.set, limits)
 
 
 def _score_filters(study: TransferStudy, runner: Runner, cell: Cell) -> Scores:
@@ -108,55 +96,54 @@ def _score_filters(study: TransferStudy, runner: Runner, cell: Cell) -> Scores:
     out = runner.out / "scores" / cell.place / "filters"
 
     def run() -> Scores:
+        job = ScoringJob(data, "val", (), truth=study.truth)
         with runner.displays.scoring("filters") as progress:
-            job = ScoringJob(data, "val", (), truth=study.truth)
             tuned = tune_filters(job, list(GRIDS), out, workers=runner.workers, progress=progress)
-            specs = {NOISY: NOISY}
-            for item in tuned:
-                specs |= {item.name: item.plain, f"{item.name}{_CLEANED}": item.cleaned}
-            unique = tuple(dict.fromkeys(specs.values()))
-            job = replace(job, split="test", denoisers=unique)
-            evaluation = evaluate(
-                job, out, workers=runner.workers, baselines=False, progress=progress
-            )
-        labels = {spec: load_denoiser(spec).label for spec in unique}
-        return {name: _scores(evaluation, labels[spec], spec) for name, spec in specs.items()}
+        specs = {NOISY: NOISY}
+        for item in tuned:
+            specs |= {item.name: item.plain, f"{item.name}, mask cleaned": item.cleaned}
+        job = replace(job, split="test", denoisers=tuple(dict.fromkeys(specs.values())))
+        summary = _summary(job, out, runner, "filters")
+        return {n: _scores(summary, load_denoiser(s).label, s) for n, s in specs.items()}
 
     return runner.step(f"score filters {cell.place.as_posix()}", run) or {}
 
 
 def _score_network(
-    study: TransferStudy, runner: Runner, cell: Cell, name: str, spec: str
-) -> Scores:
-    """Score a network on the test people of a cell."""
+    study: TransferStudy,
+    runner: Runner,
+    cell: Cell,
+    name: str,
+    spec: str,
+    filters: Mapping[Path, Scores],
+) -> CellResult:
+    """Score a network on the test people of a cell, beside the filters."""
     data = runner.out / "data" / "test" / cell.place
     job = ScoringJob(data, "test", (f"network@{spec}",), truth=study.truth)
 
     def run() -> Scores:
-        with runner.displays.scoring(name) as progress:
-            evaluation = evaluate(
-                job, runner.out / "scores" / cell.place / name, workers=runner.workers,
-                baselines=False, progress=progress,
-            )  # fmt: skip
-        label = f"network [{DEFAULT_COMPOSITE}]"
-        if label not in evaluation.summary.methods:
-            label = "network"  # its validity is not soft
-        return {name: _scores(evaluation, label, "")}
+        summary = _summary(job, runner.out / "scores" / cell.place / name, runner, name)
+        soft = f"network [{DEFAULT_COMPOSITE}]"
+        return {name: _scores(summary, soft if soft in summary.methods else "network", "")}
 
-    return runner.step(f"score {name} {cell.place.as_posix()}", run) or {}
+    scored = runner.step(f"score {name} {cell.place.as_posix()}", run) or {}
+    return CellResult(name, cell, filters[cell.place] | scored)
 
 
-def _scores(evaluation: Evaluation, label: str, settings: str) -> MethodScores:
-    """Return the sums of a method. Raises DatasetError if some frames were not scored."""
+def _summary(job: ScoringJob, out: Path, runner: Runner, title: str) -> ScoreSummary:
+    """Score a job. Raises DatasetError if some frames were not scored."""
+    with runner.displays.scoring(title) as progress:
+        evaluation = evaluate(job, out, workers=runner.workers, baselines=False, progress=progress)
     if evaluation.bad:
         raise DatasetError(
             f"{evaluation.bad} frames or methods could not be scored, the first: "
             f"{evaluation.first_bad[0]}"
         )
-    summary = evaluation.summary
-    sums = {}
-    for metric in METRICS:
-        values = summary.values(label, metric)
-        table = zip(values.sums, values.counts, values.frames, strict=True)
-        sums[metric] = dict(zip(summary.subjects, table, strict=True))
-    return MethodScores(settings, sums, summary.bias_sums.get(label, {}))
+    return evaluation.summary
+
+
+def _scores(summary: ScoreSummary, label: str, settings: str) -> MethodScores:
+    values = [summary.values(label, metric) for metric in METRICS]
+    sums = np.array([(each.sums, each.counts, each.frames) for each in values])
+    people = dict(zip(summary.subjects, np.moveaxis(sums, -1, 0), strict=True))
+    return MethodScores(settings, people, summary.bias_sums.get(label, {}))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.core.files.atomic import write_atomic
 from glsim.eval.report.document import Document, Heading, TextTable
@@ -16,7 +17,6 @@ from glsim.eval.report.tables import TABLE_METRICS, format_number
 from glsim.eval.scoring.bias import (
     BIAS_BIN_MM,
     ENOUGH_PIXELS,
-    BiasSums,
     BinSums,
     add_bias,
     bias_by_distance,
@@ -43,8 +43,6 @@ _EXPLANATION: Final = (
     "are better; in brackets the 95 % bootstrap interval over people."
 )
 
-_Sums = tuple[float, float, float]
-
 
 @dataclass
 class MethodScores:
@@ -52,18 +50,18 @@ class MethodScores:
 
     Attributes:
         settings: the tuned ones.
-        sums: metric -> person -> (sum, defined frames, all frames).
+        people: person -> (len(METRICS), 3) sum, defined frames and all frames of each metric.
         bias: person -> errors over distance.
     """
 
     settings: str = ""
-    sums: dict[str, dict[str, _Sums]] = field(default_factory=dict)
+    people: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     bias: dict[str, BinSums] = field(default_factory=dict)
 
     def values(self, metric: str) -> SubjectSums:
         """Return the sums of a metric, in the order of the persons' names."""
-        people = self.sums[metric]
-        return SubjectSums(*np.array([people[name] for name in sorted(people)], np.float64).T)
+        tables = np.stack([self.people[name] for name in sorted(self.people)])
+        return SubjectSums(*tables[:, list(METRICS).index(metric)].T)
 
     def mean(self, metric: str) -> float:
         """Return the mean over the frames where the metric is defined; infinite without any."""
@@ -97,7 +95,7 @@ class CellResult:
             "filter": best,
             "settings": self.scores[best].settings,
             "filter_mean": self.scores[best].mean(metric),
-            "people": len(self.scores[best].sums[metric]),
+            "people": len(self.scores[best].people),
         }
         if not self.network:
             return found
@@ -141,45 +139,35 @@ def write_transfer(
         document.parts += [Heading(TABLE_METRICS[metric].heading), _cell_table(of_metric)]
     paths = [out / "transfer.md", out / "transfer.csv"]
     write_atomic(document.markdown().encode(), paths[0])
-    fields = max(rows, key=len)
-    write_csv(paths[1], list(fields), rows)
+    fields = list(max(rows, key=len))
+    write_csv(paths[1], fields, ([row.get(name, "") for name in fields] for row in rows))
     return paths
 
 
 def _sensor_table(results: Sequence[CellResult]) -> TextTable:
     head = [f"{title} / {against}" for title, against in METRICS.values()]
     rows = []
-    for pooled in _pooled_by_sensor(results):
-        cells = []
-        for metric, (_, against) in METRICS.items():
-            cells.append(_ratio(pooled.row(metric), f"to_{against}"))
+    for pooled in pooled_by_sensor(results):
+        ratios = [_ratio(pooled.row(m), f"to_{against}") for m, (_, against) in METRICS.items()]
         largest = largest_bias(bias_by_distance(pooled.scores[pooled.network].bias))
         bias = "n/a" if largest is None else f"{abs(largest.mean_mm):.2f}"
-        rows.append([pooled.network, f"`{pooled.cell.sensor.name}`", *cells, bias])
+        rows.append([pooled.network, f"`{pooled.cell.sensor.name}`", *ratios, bias])
     return TextTable(["network", "sensor", *head, "largest bias [mm]"], rows)
 
 
-def _pooled_by_sensor(results: Sequence[CellResult]) -> Iterator[CellResult]:
+def pooled_by_sensor(results: Sequence[CellResult]) -> list[CellResult]:
     """Join the results of a network under a sensor; equal names of faces mean the same people."""
-    groups: dict[tuple[str, str], list[CellResult]] = {}
+    pooled: dict[tuple[str, str], CellResult] = {}
     for result in results:
-        groups.setdefault((result.network, result.cell.sensor.name), []).append(result)
-    for members in groups.values():
-        scores: dict[str, MethodScores] = {}
-        bias: BiasSums = {}
-        for member in members:
-            for name, own in member.scores.items():
-                target = scores.setdefault(name, MethodScores())
-                for metric, people in own.sums.items():
-                    table = target.sums.setdefault(metric, {})
-                    for person, sums in people.items():
-                        key = f"{member.cell.source.name}/{person}"
-                        total, defined, frames = table.get(key, (0.0, 0.0, 0.0))
-                        table[key] = (total + sums[0], defined + sums[1], frames + sums[2])
-                for person, bins in own.bias.items():
-                    add_bias(bias, name, f"{member.cell.source.name}/{person}", bins)
-                target.bias = bias.get(name, {})
-        yield CellResult(members[0].network, members[0].cell, scores)
+        group = result.network, result.cell.sensor.name
+        scores = pooled.setdefault(group, CellResult(result.network, result.cell, {})).scores
+        for name, own in result.scores.items():
+            total = scores.setdefault(name, MethodScores())
+            for person, sums in own.people.items():
+                key = f"{result.cell.source.name}/{person}"
+                total.people[key] = sums + total.people.get(key, 0.0)
+                add_bias({name: total.bias}, name, key, own.bias.get(person, {}))
+    return list(pooled.values())
 
 
 def _cell_table(rows: Sequence[dict[str, Any]]) -> TextTable:

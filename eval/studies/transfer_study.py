@@ -42,35 +42,36 @@ _Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 _UNIT_MM: Final = 0.1
 
 
-class SensorFamily(TomlTable):
-    """A family of sensors."""
+class Family(TomlTable):
+    """A choice along one axis of a study; by itself a scene: what is around the faces."""
 
     name: _Name
-    sensor: str = ""
-    train_people: int | None = Field(None, ge=0)
     optional: bool = False
     settings: dict[str, Any] = Field(default_factory=dict)
-    train_variants: dict[_Name, dict[str, Any]] = Field(default_factory=dict)
 
-    @property
-    def file(self) -> str:
-        """The shipped sensor or the path of the sensor file."""
-        return self.sensor or self.name
+    def missing(self) -> str | None:
+        """Return why the family cannot be used; None if it can."""
+        return None
+
+
+class SensorFamily(Family):
+    """A family of sensors. sensor: a shipped one or a file; ``load_study`` sets it to the name."""
+
+    sensor: str = ""
+    train_people: int | None = Field(None, ge=0)
+    train_variants: dict[_Name, dict[str, Any]] = Field(default_factory=dict)
 
     def missing(self) -> str | None:
         """Return why the sensor cannot be used; None if it can."""
-        known = self.file.endswith(".toml") or self.file in sensor_names()
-        return None if known else f"this glsim has no sensor {self.file}"
+        known = self.sensor.endswith(".toml") or self.sensor in sensor_names()
+        return None if known else f"this glsim has no sensor {self.sensor}"
 
 
-class FaceFamily(TomlTable):
+class FaceFamily(Family):
     """A source of faces."""
 
-    name: _Name
     kind: Literal["procedural", "ict-facekit", "people"]
     root: Path | None = None
-    optional: bool = False
-    settings: dict[str, Any] = Field(default_factory=dict)
 
     def missing(self) -> str | None:
         """Return why the faces cannot be used; None if they can."""
@@ -82,13 +83,6 @@ class FaceFamily(TomlTable):
             except ConfigError as error:
                 return str(error)
         return None
-
-
-class SceneFamily(TomlTable):
-    """What is around the faces."""
-
-    name: _Name
-    settings: dict[str, Any] = Field(default_factory=dict)
 
 
 class _DataTable(TomlTable):
@@ -121,7 +115,7 @@ class Cell(NamedTuple):
 
     sensor: SensorFamily
     source: FaceFamily
-    scene: SceneFamily
+    scene: Family
 
     @property
     def place(self) -> Path:
@@ -146,7 +140,7 @@ class TransferStudy(TomlTable):
     truth: Literal["expected", "clean"] = "expected"
     sensor: tuple[SensorFamily, ...] = Field(min_length=1)
     source: tuple[FaceFamily, ...] = Field(min_length=1)
-    scene: tuple[SceneFamily, ...] = (SceneFamily(name="alone"),)
+    scene: tuple[Family, ...] = (Family(name="alone"),)
     test: TestData = TestData()
     train: TrainingPlan = TrainingPlan()
 
@@ -184,12 +178,12 @@ class TransferStudy(TomlTable):
             if kind not in ("sensor", "source"):
                 raise ConfigError(f"--leave {text}: write sensor:NAME, source:NAME or all")
             _check_names(f"--leave {text}", [name], [f.name for f in getattr(self, kind)])
-            sensors = tuple(s for s in trainable if kind != "sensor" or s.name != name)
-            sources = tuple(s for s in self.source if kind != "source" or s.name != name)
-            if not sensors or not sources:
+            kept = {"sensor": trainable, "source": self.source}
+            kept[kind] = tuple(family for family in kept[kind] if family.name != name)
+            if not all(kept.values()):
                 raise ConfigError(f"--leave {text}: nothing else is left to train on")
             cells = tuple(c for c in self.cells() if getattr(c, kind).name == name)
-            found.append(Training(f"without-{name}", sensors, sources, cells))
+            found.append(Training(f"without-{name}", kept["sensor"], kept["source"], cells))
         if train_on:
             _check_names("--train-on", train_on, [sensor.name for sensor in trainable])
             sensors = tuple(sensor for sensor in trainable if sensor.name in train_on)
@@ -229,7 +223,7 @@ class TransferStudy(TomlTable):
             merge_tables(tree, copy.deepcopy(table))
         layers = ("clean", "noisy") if self.truth == "clean" else ("clean", "expected", "noisy")
         fixed = {
-            "sensor": cell.sensor.file,
+            "sensor": cell.sensor.sensor,
             "seed": common.seed,
             "split": [count / total for count in people],
             "output": {"crop": common.crop, "depth_unit_mm": _UNIT_MM, "layers": layers},
@@ -273,32 +267,23 @@ def load_study(size: str, ict_root: Path | None = None) -> tuple[TransferStudy, 
         known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
         raise ConfigError(f"--study {size}: no such study ({did_you_mean(size, known)})")
     study = parse_table(TransferStudy, read_toml(file), str(file))
+    kept: dict[str, list[Family]] = {"sensor": [], "source": []}
     reasons: list[str] = []
-    sensors, sources = [], []
     for sensor in study.sensor:
-        if sensor.file.endswith(".toml"):
-            sensor = sensor.model_copy(update={"sensor": str(file.parent / sensor.file)})
-        if _is_usable(sensor, reasons):
-            sensors.append(sensor)
+        used = sensor.sensor or sensor.name
+        used = str(file.parent / used) if used.endswith(".toml") else used
+        kept["sensor"].append(sensor.model_copy(update={"sensor": used}))
     for source in study.source:
-        root = file.parent / source.root if source.root is not None else None
-        if source.kind == "ict-facekit" and ict_root is not None:
-            root = ict_root
-        source = source.model_copy(update={"root": root})
-        if _is_usable(source, reasons):
-            sources.append(source)
-    if not sensors or not sources:
+        root = None if source.root is None else file.parent / source.root
+        root = ict_root if ict_root and source.kind == "ict-facekit" else root
+        kept["source"].append(source.model_copy(update={"root": root}))
+    for kind, families in kept.items():
+        missing = {family.name: why for family in families if (why := family.missing())}
+        for family in families:
+            if family.name in missing and not family.optional:
+                raise ConfigError(f"{family.name}: {missing[family.name]}")
+        reasons += [f"{name} is left out: {why}" for name, why in missing.items()]
+        kept[kind] = [family for family in families if family.name not in missing]
+    if not all(kept.values()):
         raise ConfigError(f"nothing is left to test: {'; '.join(reasons)}")
-    kept = {"sensor": tuple(sensors), "source": tuple(sources)}
-    return study.model_copy(update=kept), reasons
-
-
-def _is_usable(family: SensorFamily | FaceFamily, reasons: list[str]) -> bool:
-    """Return whether a family can be used; note why not, or raise ConfigError."""
-    missing = family.missing()
-    if missing is None:
-        return True
-    if not family.optional:
-        raise ConfigError(f"{family.name}: {missing}")
-    reasons.append(f"{family.name} is left out: {missing}")
-    return False
+    return study.model_copy(update={kind: tuple(f) for kind, f in kept.items()}), reasons

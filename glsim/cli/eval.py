@@ -115,7 +115,7 @@ def evaluate(
         bool, typer.Option("--list", callback=_print_list, is_eager=True)
     ] = False,
 ) -> None:
-    """Score denoisers; write rows.csv, table.md, table.csv, table.tex and report.html with figures.
+    """Score denoisers; write rows.csv, table.md, table.csv and report.html with figures.
 
     The noisy input is the first row. Maps are scored unrounded, as denoisers return them.
 

@@ -19,7 +19,7 @@ from glsim.cli.common import (
     overrides,
     print_message,
 )
-from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
+from glsim.core.errors import ConfigError, training_needs_torch
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -111,10 +111,7 @@ def train(
         from glsim.train import batches
         from glsim.train.loop import fit
     except ImportError as error:
-        raise TrainError(
-            "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
-            f"({CPU_TORCH}) ({error})"
-        ) from None
+        raise training_needs_torch(error) from None
 
     pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
     with stopping() as stop, training_progress(chosen.title) as show:

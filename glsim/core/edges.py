@@ -2,7 +2,7 @@
 
 An edge of a clean depth map is an invalid pixel or a jump between two neighbouring valid pixels.
 The edge band holds the valid pixels near an edge; the interior holds the other valid pixels.
-``eval/metrics/prediction.py`` computes them in NumPy and ``train/interior_mask.py`` in PyTorch.
+``eval/metrics/prediction.py`` computes them in NumPy and ``train/losses.py`` in PyTorch.
 
 Other thresholds are defined differently and have their own constants: the span of a 3x3 window
 (``glsim.denoise.safeguards``), the distance to a median (``glsim.denoise.filters``), 100 mm for

@@ -92,6 +92,14 @@ CPU_TORCH = (
 )
 
 
+def training_needs_torch(error: ImportError) -> TrainError:
+    """Return the error of a training on a machine without PyTorch."""
+    return TrainError(
+        "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
+        f"({CPU_TORCH}) ({error})"
+    )
+
+
 def require_package(name: str, what: str, extra: str) -> None:
     """Raise ConfigError if a package that ``what`` needs is not installed, before long work."""
     if find_spec(name) is None:

@@ -15,8 +15,7 @@ from glsim.denoise import checkpoint
 from glsim.denoise.interface import Depth
 from glsim.denoise.network import NetworkFunction
 from glsim.denoise.record import NetworkRecord
-from glsim.train.models.base import DepthModel, channels_last
-from glsim.train.models.named_outputs import named_outputs
+from glsim.train.models.base import DepthModel, channels_last, named_outputs
 from glsim.train.models.registry import build_model
 
 #: Keeps GPU convolutions in float32: the default, TF32, has ten bits, steps of 0.5 mm at 900 mm.

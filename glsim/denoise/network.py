@@ -26,7 +26,7 @@ class Runner(Protocol):
 
     Attributes:
         inputs: what it sees.
-        outputs: names of its outputs, as in ``glsim.train.models.named_outputs``.
+        outputs: names of its outputs, as in ``glsim.train.models.base``.
         record: settings of its denoiser.
     """
 

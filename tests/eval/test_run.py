@@ -211,14 +211,12 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     assert float(mse["low_95"]) <= float(mse["mean"]) <= float(mse["high_95"])
     assert mse["frames"] == "12"
     assert table["adaptive", "mse_mm2"]["mean"] == table["noisy", "mse_mm2"]["mean"]
-    assert float(table["adaptive", "mse_mm2"]["p_vs_noisy"]) == 1.0
     assert int(table["noisy", "filled_rmse_mm"]["undefined"]) == 12
     text = (out / "table.md").read_text()
     assert format_number(float(mse["mean"])) in text
     assert "K1=0.001 K2=0.003 L=8000, 7x7 uniform window, float64" in text
     assert "`noisy`" in text
     assert "filled_rmse_mm is undefined in 12 frames" in text
-    assert r"\toprule" in (out / "table.tex").read_text()
     printed = (out / "paper_table_1.md").read_text()
     assert "0.9986" in printed
     report = (out / "report.html").read_text()

@@ -16,7 +16,7 @@ from glsim.eval.studies.transfer_report import (
     NOISY,
     CellResult,
     MethodScores,
-    _pooled_by_sensor,
+    pooled_by_sensor,
     write_transfer,
 )
 from glsim.eval.studies.transfer_study import Cell, TransferStudy, load_study
@@ -119,9 +119,10 @@ def test_ratios_that_do_not_exist_are_nan() -> None:
 
 def scores(value: float, settings: str = "") -> MethodScores:
     """Scores of eight people with this mean in each metric, and half of it as bias at 900 mm."""
-    table = {f"p{n}": (2 * value * (1 + n / 100), 2.0, 2.0) for n in range(8)}
-    bias = {f"p{n}": {"900": [value / 2 * 3000, 3000.0]} for n in range(8)}
-    return MethodScores(settings, dict.fromkeys(METRICS, table), bias)
+    rows = {f"p{n}": np.array([[2 * value * (1 + n / 100), 2, 2]]) for n in range(8)}
+    bias = {name: {"900": [value / 2 * 3000, 3000.0]} for name in rows}
+    people = {name: row.repeat(len(METRICS), axis=0) for name, row in rows.items()}
+    return MethodScores(settings, people, bias)
 
 
 def result(network: float, noisy: float = 4.0, source: int = 0, scene: int = 0) -> CellResult:
@@ -143,13 +144,13 @@ def test_a_network_is_compared_with_the_best_filter_and_the_input() -> None:
 
 
 def test_pooling_joins_scenes_of_the_same_people_and_people_of_other_faces() -> None:
-    (same,) = _pooled_by_sensor([result(1.0), result(3.0, scene=1)])
+    (same,) = pooled_by_sensor([result(1.0), result(3.0, scene=1)])
     net = same.scores["net"]
     assert net.values("flips_px").frames.tolist() == [4.0] * 8
     assert net.mean("flips_px") == pytest.approx(2.0 * 1.035)
     assert net.bias["heads/p0"]["900"] == [6000.0, 6000.0]
-    (other,) = _pooled_by_sensor([result(1.0), result(3.0, source=1)])
-    assert len(other.scores["net"].sums["flips_px"]) == 16
+    (other,) = pooled_by_sensor([result(1.0), result(3.0, source=1)])
+    assert len(other.scores["net"].people) == 16
 
 
 def test_the_files_of_the_results(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from torch.utils.data import Subset
 
 from glsim.settings.tables import parse_table
 from glsim.train.batches import StoredBatches
-from glsim.train.data.pairs import PairDataset
+from glsim.train.data.stored import PairDataset
 from glsim.train.recipe import Recipe
 from tests.support.eval_scenes import dome, noisy
 

@@ -21,7 +21,7 @@ from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
 from glsim.train.models.base import DepthModel
 from glsim.train.models.extra_features import mean_over_time, neighbour_features
 from glsim.train.models.registry import build_model, inputs_of
-from glsim.train.models.warm_start import copy_weights
+from glsim.train.state import copy_weights
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.networks import BACKBONES, build, frames
 from tests.support.train_fakes import Domes, batch_source, recipe

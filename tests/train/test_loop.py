@@ -20,12 +20,10 @@ from glsim.denoise import checkpoint
 from glsim.eval.metrics.prediction import Truth
 from glsim.eval.metrics.score import score
 from glsim.train.batches import EpochSampler, StoredBatches
-from glsim.train.interior_mask import interior_mask
-from glsim.train.loop import fit
-from glsim.train.losses.supervised import AllPixels, Masked
+from glsim.train.loop import fit, validation_figures
+from glsim.train.losses import AllPixels, Masked, interior_mask
 from glsim.train.models.base import Prediction
 from glsim.train.recipe import Recipe
-from glsim.train.validation import validation_figures
 from tests.support.eval_scenes import ADVERSARIAL, CAMERA, dome, noisy
 from tests.support.train_fakes import Domes, batch_source, recipe
 

@@ -8,9 +8,8 @@ from torch import Tensor
 
 from glsim.core.errors import ConfigError
 from glsim.train.models.features import FILTERS, OTHER_CHANNELS, FilterName, depth_features
-from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.mask_aware import MaskAware, calibrate
 from glsim.train.models.registry import build_model
-from glsim.train.models.sigma_scale import calibrate
 from tests.support.networks import build, frames, parts
 
 BACKBONES = ("dncnn", "small_unet")

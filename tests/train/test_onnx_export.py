@@ -32,11 +32,11 @@ from glsim.denoise.record import DEFAULT_RECORD
 from glsim.denoise.registry import shipped_file
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
-from glsim.train.models.warm_start import NOT_COPIED
 from glsim.train.onnx_export import TOLERANCE_MM, export_onnx, onnx_bytes, weights_of_onnx
 from glsim.train.onnx_graph import compacted
 from glsim.train.recipe import load_recipe
-from glsim.train.run_setup import start_record, start_weights
+from glsim.train.run_setup import read_start
+from glsim.train.state import NOT_COPIED
 from tests.support.networks import BACKBONES, frames, write_checkpoint
 
 RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
@@ -224,8 +224,7 @@ def test_a_network_is_its_onnx_file_again(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["face", pytest.param("face-video", marks=pytest.mark.long)])
 def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     chosen = load_recipe(name, (), {"training": {"start": name}})
-    weights = start_weights(chosen)
-    assert weights is not None
+    weights, record = read_start(name, chosen.model)
     model = build_model(chosen.model).eval()
     model.load_state_dict(dict(weights.values))
     stack = frames(1, 64, 80).repeat(1, model.inputs.channels, 1, 1)
@@ -235,14 +234,12 @@ def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     with torch.inference_mode():
         depth_mm = model(stack).depth_mm[0, 0].numpy()
     assert abs(depth_mm - denoised["depth_mm"]).max() < 0.01
-    record = start_record(chosen)
-    assert record is not None
     assert (record["file"], len(record["crc32"])) == (name, 8)
 
 
 def test_weights_that_a_training_cannot_start_from(tmp_path: Path) -> None:
     with pytest.raises(TrainError, match=r"fase: no such checkpoint: .* shipped network \(face,"):
-        start_weights(load_recipe("face", (), {"training": {"start": "fase"}}))
+        read_start("fase", load_recipe("face").model)
     path = shipped_file("face")
     with pytest.raises(TrainError, match="another architecture"):
         weights_of_onnx(path, {"kind": "paper_input", "backbone": BACKBONES["dncnn"]})

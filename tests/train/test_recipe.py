@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from glsim.core.errors import ConfigError
-from glsim.train.losses.registry import build_loss
+from glsim.train.losses import build_loss
 from glsim.train.models.registry import build_model
 from glsim.train.recipe import ScheduleSettings, load_recipe, recipe_names
 

@@ -9,8 +9,7 @@ import torch
 from torch import Generator, Tensor
 
 from glsim.core.errors import ConfigError
-from glsim.train.losses.registry import build_loss
-from glsim.train.losses.self_supervised import Recorrupted
+from glsim.train.losses import Recorrupted, build_loss
 from glsim.train.models.base import Prediction
 from glsim.train.recipe import load_recipe
 

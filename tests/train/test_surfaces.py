@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from glsim.train.losses.supervised import Masked, target_surface
+from glsim.train.losses import Masked, target_surface
 from glsim.train.models.base import Prediction
 from glsim.train.models.registry import build_model
 from tests.support.networks import BACKBONES

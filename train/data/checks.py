@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
-from glsim.core.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
+from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import file_checksum
 from glsim.data.disk_format import MANIFEST
@@ -30,24 +30,9 @@ def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[st
     return ("noisy", target, "infrared") if inputs.infrared else ("noisy", target)
 
 
-def fingerprint_of(target: Target) -> dict[str, str]:
-    """Return the fingerprint's entry; none for clean, so that older trainings can be resumed."""
-    return {} if target == "clean" else {"target": target}
-
-
-def protocol_entry(protocol: DepthProtocol) -> dict[str, str]:
-    """Return the fingerprint's entry of a protocol; none for depth, as for older trainings."""
-    return {} if protocol == "depth" else {"protocol": protocol}
-
-
-def joint_protocol(protocols: Sequence[DepthProtocol]) -> DepthProtocol:
-    """Return the protocol of several data sets. Raises ConfigError if they differ."""
-    if len(set(protocols)) > 1:
-        raise ConfigError(
-            f"the data sets are of different protocols ({', '.join(protocols)}): choose one "
-            "with --protocol"
-        )
-    return protocols[0]
+def entries_of(**choices: str) -> dict[str, str]:
+    """Return entries of a fingerprint without defaults, so that older trainings can be resumed."""
+    return {name: value for name, value in choices.items() if value not in ("clean", "depth")}
 
 
 def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
@@ -86,13 +71,6 @@ def checked_split(
         )
     for layer in layers:
         dataset.require(layer)
-    _check_subjects(dataset)
-    _check_frames(dataset, split, crop, cut)
-    return split
-
-
-def _check_subjects(dataset: Dataset) -> None:
-    """Raise DatasetError if a subject is in two splits."""
     split_of: dict[str, str] = {}
     for pair in dataset:
         own = str(pair.record["split"])
@@ -102,28 +80,21 @@ def _check_subjects(dataset: Dataset) -> None:
                 f"{dataset}: subject {pair.key.subject} is in {other} and in {own}: scores "
                 "on it would be too good: glsim generate splits by subject"
             )
-
-
-def _check_frames(dataset: Dataset, split: Frames, crop: int | None, cut: Cut) -> None:
     first = (split[0].intrinsics.height, split[0].intrinsics.width)
     for pair in split:
-        size = (pair.intrinsics.height, pair.intrinsics.width)
-        _check_size(f"{dataset}: {pair.name}", size, crop, cut)
+        size = height, width = pair.intrinsics.height, pair.intrinsics.width
+        where = f"{dataset}: {pair.name} is {width} x {height} pixels"
         if crop is None and size != first:
             raise DatasetError(
-                f"{dataset}: {pair.name} is {size[1]} x {size[0]} pixels, frames before it "
-                f"{first[1]} x {first[0]}: a batch needs one size: give a crop"
+                f"{where}, frames before it {first[1]} x {first[0]}: a batch needs one size: give "
+                "a crop"
             )
-
-
-def _check_size(where: str, size: tuple[int, int], crop: int | None, cut: Cut) -> None:
-    if crop is None or size == (crop, crop):
-        return
-    if min(size) < crop or cut == "no":
-        raise DatasetError(
-            f"{where} is {size[1]} x {size[0]} pixels, the training asks for {crop} x {crop}: "
-            f"generate with --crop {crop}, or change data.crop or data.cut of the recipe"
-        )
+        if crop is not None and size != (crop, crop) and (min(size) < crop or cut == "no"):
+            raise DatasetError(
+                f"{where}, the training asks for {crop} x {crop}: generate with --crop {crop}, or "
+                "change data.crop or data.cut of the recipe"
+            )
+    return split
 
 
 def fingerprint(dataset: Path) -> dict[str, Any]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import uuid
 from contextlib import ExitStack
-from dataclasses import dataclass
 from itertools import count
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +23,16 @@ from glsim.data.ray_cluster import (
     task_result,
 )
 from glsim.data.worker_processes import WorkerFailure
+from glsim.gl.context import open_context
 from glsim.simulation.pipeline import Simulator
-from glsim.train.data.block_maker import BlockMaker
-from glsim.train.data.stream import LANES, BatchPlace
+from glsim.train.data.stream import LANES, BatchPlace, BatchStream
+
+
+class MadeBlock(NamedTuple):
+    """The pairs of a block, (pairs, C + 1, H, W) float32, and the machine that made them."""
+
+    pairs: NDArray[np.float32]
+    machine: Machine
 
 
 class RayBlocks:
@@ -43,11 +49,11 @@ class RayBlocks:
         lanes: numbers and first blocks of the lanes, in the order of their use.
     """
 
-    def __init__(self, maker: BlockMaker, lanes: list[tuple[int, int]], address: str) -> None:
+    def __init__(self, stream: BatchStream, lanes: list[tuple[int, int]], address: str) -> None:
         self._stack = ExitStack()
         self._ray = self._stack.enter_context(ray_cluster(address))
         self._task = remote_task(self._ray, render_block_on_node)
-        self._shared = (uuid.uuid4().hex, [self._ray.put(maker)])
+        self._shared = (uuid.uuid4().hex, [self._ray.put(stream)])
         self._order = ((lane, first + later) for later in count() for lane, first in lanes)
         self._ahead: dict[tuple[int, int], Any] = {}  # block -> reference of its pairs
         self._pairs: dict[tuple[int, int], NDArray[np.float32]] = {}
@@ -93,34 +99,20 @@ class RayBlocks:
         self._stack.close()
 
 
-# -------------------------------------------------------------------- on the nodes
-
-
-@dataclass(frozen=True)
-class MadeBlock:
-    """The pairs of a block, (pairs, C + 1, H, W) float32, and the machine that made them."""
-
-    pairs: NDArray[np.float32]
-    machine: Machine
-
-
 class _Renderer:
-    """The simulator of this process, which is kept from block to block."""
+    """The simulator of a process of the cluster, which is kept from block to block."""
 
-    def __init__(self, token: str, maker: BlockMaker) -> None:
-        from glsim.gl.context import open_context
-
-        self.token, self._maker, stream = token, maker, maker.stream
-        context = open_context(maker.backend)
+    def __init__(self, token: str, stream: BatchStream) -> None:
+        self.token, self._stream = token, stream
+        context = open_context(stream.backend)
         self._machine = this_machine(context)
         self._simulator = Simulator(
-            stream.settings, list(stream.sources), context, (), maker.layers
+            stream.settings, list(stream.sources), context, (), stream.layers
         )
 
     def render(self, lane: int, block: int) -> MadeBlock:
-        frames = list(self._simulator.frames(self._maker.stream.tasks(lane, block)))
-        pairs = np.stack(self._maker.images(frames, lane, block))
-        return MadeBlock(pairs, self._machine)
+        frames = list(self._simulator.frames(self._stream.tasks(lane, block)))
+        return MadeBlock(np.stack(self._stream.images(frames, lane, block)), self._machine)
 
 
 _renderer: _Renderer | None = None

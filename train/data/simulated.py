@@ -24,12 +24,7 @@ from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.pipeline import open_sources, simulate
 from glsim.simulation.plan.tasks import Task
-from glsim.train.data.block_maker import BlockMaker
-from glsim.train.data.checks import (
-    Target,
-    fingerprint_of,
-    protocol_entry,
-)
+from glsim.train.data.checks import Target, entries_of
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
 if TYPE_CHECKING:
@@ -112,13 +107,12 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         sensor_of(settings)  # checks its parameters now, not later in a worker
         sources = open_sources(settings)
         people = split_people(settings, sources, split)
-        self.stream = BatchStream(
-            settings, sources, people, split, batch, reuse, seed, inputs.temporal
-        )
-        self._inputs, self._vary = inputs, vary_inputs
-        self._start, self._length, self._backend = start, length, backend
-        self._target, self._ray = target, ray
         self.protocol: DepthProtocol = protocol or stored_protocol(settings.output.nearest_to_mm)
+        self.stream = BatchStream(
+            settings, sources, people, split, batch, reuse, seed, inputs, vary_inputs, target,
+            self.protocol, backend,
+        )  # fmt: skip
+        self._start, self._length, self._ray = start, length, ray
 
     def __len__(self) -> int:
         """Batches per iteration. Raises TypeError, as DataLoader expects, if it is endless."""
@@ -138,9 +132,8 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             "split": self.stream.split,
             "batch": self.stream.batch,
             "reuse": self.stream.reuse,
-            **fingerprint_of(self._target),
-            **protocol_entry(self.protocol),
-        } | ({"inputs": list(self._inputs)} if self._inputs != DEPTH_ALONE else {})
+            **entries_of(target=self.stream.target, protocol=self.protocol),
+        } | ({"inputs": list(inputs)} if (inputs := self.stream.inputs) != DEPTH_ALONE else {})
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
         """Make a DataLoader of batches in order. Raises ConfigError.
@@ -168,29 +161,20 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         worker, workers = (0, 1) if info is None else (info.id, info.num_workers)
         _check_workers(workers)
         # The loader asks its workers in turn, starting with worker 0 for any first batch.
-        numbers: Iterable[int] = count(self._start + worker, workers)
+        start = self._start + worker
+        numbers: Iterable[int] = count(start, workers)
         if self._length is not None:
-            numbers = range(self._start + worker, self._start + self._length, workers)
-        places = (self.stream.place(number) for number in numbers)
-        lanes = [
-            (self._start + worker + step * workers) % LANES for step in range(LANES // workers)
-        ]
-        first = {
-            place.lane: place.block
-            for place in map(self.stream.place, range(self._start, self._start + LANES))
-        }
-        maker = BlockMaker(
-            self.stream, self._target, self._inputs, self._vary, self._backend, self.protocol
-        )
-        order = [(lane, first[lane]) for lane in lanes]
+            numbers = range(start, self._start + self._length, workers)
+        firsts = map(self.stream.place, range(start, start + LANES, workers))
+        order = [(place.lane, place.block) for place in firsts]
         if self._ray is None:
-            blocks: _BlockRenderer | RayBlocks = _BlockRenderer(maker, order)
+            blocks: _BlockRenderer | RayBlocks = _BlockRenderer(self.stream, order)
         else:
             from glsim.train.data.ray_blocks import RayBlocks
 
-            blocks = RayBlocks(maker, order, self._ray)
+            blocks = RayBlocks(self.stream, order, self._ray)
         with closing(blocks):
-            for place in places:
+            for place in map(self.stream.place, numbers):
                 pairs = blocks.pairs(place)
                 images = torch.from_numpy(np.stack([pairs[number] for number in place.pairs]))
                 yield images[:, :-1], images[:, -1:]
@@ -209,8 +193,8 @@ class _BlockRenderer:
         lanes: numbers and first blocks of the lanes, in the order of their use.
     """
 
-    def __init__(self, maker: BlockMaker, lanes: list[tuple[int, int]]) -> None:
-        self._maker, self._stream, self._lanes = maker, maker.stream, lanes
+    def __init__(self, stream: BatchStream, lanes: list[tuple[int, int]]) -> None:
+        self._stream, self._lanes = stream, lanes
         self._planned: deque[tuple[int, int]] = deque()  # (lane, block) of each frame to come
         self._rendered: dict[tuple[int, int], list[Frame | Skipped]] = {}  # unfinished blocks
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
@@ -219,8 +203,8 @@ class _BlockRenderer:
             self._stream.settings,
             self._tasks(),
             sources=self._stream.sources,
-            backend=maker.backend,
-            layers=maker.layers,
+            backend=stream.backend,
+            layers=stream.layers,
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
@@ -253,7 +237,7 @@ class _BlockRenderer:
         rendered = self._rendered.setdefault(block, [])
         rendered.append(result)
         if len(rendered) == self._stream.block_pairs:
-            self._pairs[block] = self._maker.images(self._rendered.pop(block), *block)
+            self._pairs[block] = self._stream.images(self._rendered.pop(block), *block)
 
     def close(self) -> None:
         """Release the OpenGL context."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import get_worker_info
+from torch.utils.data import ConcatDataset, Dataset, get_worker_info
 
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_protocol import DepthProtocol
@@ -20,10 +21,55 @@ from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inp
 from glsim.simulation.frame import to_mm
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
-from glsim.train.data.pairs import PairDataset
 from glsim.train.data.surface_bumps import draw_slope, draw_surface_bumps
 
-__all__ = ["CACHE_MB", "Augmentation", "StoredPairs"]
+#: (noisy_mm, clean_mm), float32 millimetres, 0 = no return; see `PairDataset` for their shapes.
+Batch = tuple[Tensor, Tensor]
+
+
+class PairDataset(Dataset[Batch]):
+    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
+
+    C = 1 for depth alone, else noisy_mm is the stack of all inputs (``glsim.denoise.inputs``).
+    The clean frame is the target of the recipe: the clean depth or the expected one.
+    """
+
+    #: Whether the images lie in object storage.
+    is_remote: bool = False
+
+    def __init__(self) -> None:
+        # In shared memory, so that persistent workers see the new epoch.
+        self._epoch = torch.zeros((), dtype=torch.int64)
+        self._epoch.share_memory_()  # type: ignore[no-untyped-call]  # it has no annotations
+
+    def __len__(self) -> int:
+        raise NotImplementedError
+
+    def __getitems__(self, indices: list[int]) -> list[Batch]:
+        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        if not self.is_remote:
+            return [self[index] for index in indices]
+        with ThreadPoolExecutor(len(indices)) as pool:
+            return list(pool.map(self.__getitem__, indices))
+
+    def set_epoch(self, epoch: int) -> None:
+        """Set the epoch of the random draws; call it before iterating a loader."""
+        self._epoch.fill_(epoch)
+
+
+class JoinedPairs(ConcatDataset[Batch], PairDataset):
+    """Pairs of several data sets, one data set after the other."""
+
+    def __init__(self, parts: Sequence[PairDataset]) -> None:
+        super().__init__(parts)
+        self._parts = parts
+        self.is_remote = any(part.is_remote for part in parts)
+
+    def set_epoch(self, epoch: int) -> None:
+        """See ``PairDataset``."""
+        for part in self._parts:
+            part.set_epoch(epoch)
+
 
 #: Default limit of the cache: 15,000 pairs of 128 x 128.
 CACHE_MB = 1024.0
@@ -92,6 +138,7 @@ class StoredPairs(PairDataset):
         """
         super().__init__()
         self.dataset = open_dataset(dataset)
+        self.is_remote = self.dataset.is_remote
         self.protocol: DepthProtocol = protocol or self.dataset.protocol
         self._layers = pair_layers(target, inputs)
         self.split = checked_split(self.dataset, split, crop, cut, self._layers)
@@ -109,11 +156,6 @@ class StoredPairs(PairDataset):
         self._cache: dict[int, tuple[NDArray[np.uint16], float]] | None = None
         if pixels * np.dtype(np.uint16).itemsize <= cache_mb * 1e6:
             self._cache = {}
-
-    @property
-    def is_remote(self) -> bool:
-        """Whether the images lie in object storage."""
-        return self.dataset.is_remote
 
     def __len__(self) -> int:
         return len(self.split)
@@ -142,13 +184,6 @@ class StoredPairs(PairDataset):
         if self._augmentation.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)
         return _tensor(noisy), _tensor(target)
-
-    def __getitems__(self, indices: list[int]) -> list[tuple[Tensor, Tensor]]:
-        """Return the pairs of a batch; those in object storage are asked for at the same time."""
-        if not self.is_remote:
-            return [self[index] for index in indices]
-        with ThreadPoolExecutor(len(indices)) as pool:
-            return list(pool.map(self.__getitem__, indices))
 
     def _added_mm(
         self, target: NDArray[np.float32], rng: np.random.Generator

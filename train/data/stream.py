@@ -1,4 +1,4 @@
-"""Plan of the pairs that a training renders, and their order: arithmetic, no OpenGL.
+"""Plan of the pairs that a training renders, their order, and how frames become pairs; no torch.
 
 The order must not depend on the number of workers, and each worker must reuse the pairs that it
 rendered itself. So the sequence of batches is dealt to a fixed number of lanes, batch j to lane
@@ -9,19 +9,28 @@ batch j follows from its number, so a training may resume anywhere.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.core.seeds import device_key, pcg_rng, stable_seed
+from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.faces.base import FaceSource
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
+from glsim.simulation.frame import Frame, Skipped, to_mm
 from glsim.simulation.plan.split import split_subjects
 from glsim.simulation.plan.tasks import Task
+from glsim.train.data.checks import Target, moved_pair, pair_layers
+from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
+
+log = logging.getLogger(__name__)
 
 #: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12
@@ -48,11 +57,13 @@ class BatchPlace(NamedTuple):
 class BatchStream:
     """The plan of an endless sequence of batches.
 
+    With inputs in time the frames of a person are consecutive ones of a sequence, of one device.
+
     Attributes:
-        consecutive: whether the frames of a person are consecutive ones of a sequence, seen by one
-            device.
         sources: opened from ``settings``.
         people: names of the split's people, for each source.
+        inputs: what the network sees besides depth.
+        vary: change the inputs as cameras and sequences differ.
     """
 
     settings: Settings
@@ -62,7 +73,11 @@ class BatchStream:
     batch: int
     reuse: int
     seed: int
-    consecutive: bool = False
+    inputs: NetworkInputs = DEPTH_ALONE
+    vary: bool = False
+    target: Target = "clean"
+    protocol: DepthProtocol = "depth"
+    backend: str | None = None
 
     @property
     def block_pairs(self) -> int:
@@ -92,7 +107,7 @@ class BatchStream:
             tasks += self._visit(
                 source,
                 names[int(rng.integers(len(names)))],
-                min(left, FRAMES_PER_RUN if self.consecutive else FRAMES_PER_VISIT),
+                min(left, FRAMES_PER_RUN if self.inputs.temporal else FRAMES_PER_VISIT),
                 lane,
                 block,
                 rng,
@@ -112,7 +127,7 @@ class BatchStream:
         settings, name = self.settings, self.sources[source].name
         keys = self.sources[source].frames(subject, settings.source[source].frames_per_subject)
         chosen: Sequence[int]
-        if self.consecutive:
+        if self.inputs.temporal:
             first = int(rng.integers(len(keys)))
             sequence = keys[first].sequence
             run = keys[first : first + count]
@@ -120,7 +135,7 @@ class BatchStream:
         else:
             drawn = rng.choice(len(keys), min(count, len(keys)), replace=False)
             chosen = [int(number) for number in drawn]
-        of_visit = int(rng.integers(settings.devices)) if self.consecutive else None
+        of_visit = int(rng.integers(settings.devices)) if self.inputs.temporal else None
         identity = (settings.seed, name, subject)
         tasks = []
         for number in chosen:
@@ -135,6 +150,58 @@ class BatchStream:
             )
             tasks.append(Task(number, self.split, subject, source, key, seeds, device))
         return tasks
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The layers of a frame that are needed."""
+        return pair_layers(self.target, self.inputs)
+
+    def images(
+        self, results: Sequence[Frame | Skipped], lane: int, block: int
+    ) -> list[NDArray[np.float32]]:
+        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target.
+
+        Raises MeshError if no frame could be rendered.
+        """
+        frames = replace_skipped(results)
+        pairs = [_pair_mm(frame, pair_layers(self.target)) for frame in frames]
+        moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
+        neighbours = Neighbours(moments, self.inputs)
+        rng = pcg_rng("inputs", self.seed, lane, block)
+        images = []
+        for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
+            before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
+            infrared = frame.infrared if self.inputs.infrared else None
+            stack = stack_inputs(self.inputs, noisy_mm, before, after, infrared)
+            if self.vary:
+                stack = vary_inputs(stack, self.inputs, rng)
+            pair = np.concatenate([stack, target_mm[None]])
+            images.append(moved_pair(pair, self.inputs) if self.protocol == "paper" else pair)
+        return images
+
+
+def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
+    """Replace each skipped frame by the next good one. Raises MeshError if none is good."""
+    good = [number for number, result in enumerate(results) if isinstance(result, Frame)]
+    bad = [result for result in results if isinstance(result, Skipped)]
+    if not good:
+        raise MeshError(
+            f"none of {len(results)} faces can be rendered, e.g. {bad[0].key}: {bad[0].why}"
+        )
+    for result in bad:
+        log.warning("%s: skipped and replaced by another: %s", result.key.subject, result.why)
+    frames = []
+    for number in range(len(results)):
+        frame = results[min((other for other in good if other >= number), default=good[0])]
+        assert isinstance(frame, Frame)
+        frames.append(frame)
+    return frames
+
+
+def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
+    """Noisy depth and target, (2, H, W) millimetres, rounded as in files."""
+    both = np.stack([frame.image(layer) for layer in layers])
+    return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)
 
 
 def split_people(

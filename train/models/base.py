@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
 from glsim.denoise.record import AROUND_PX, UNLIKELY
+from glsim.train.models.backbone import Backbone
 
 
 class Prediction(NamedTuple):
@@ -61,3 +62,65 @@ class DepthModel(nn.Module):
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise."""
         raise NotImplementedError
+
+
+class PaperInput(DepthModel):
+    """Millimetres in, millimetres out, as in the rows of the paper's tables.
+
+    noisy_mm: (B, 1, H, W) float32. The prediction has no ``valid_logit``: the network must express
+    "no return" as a depth of 0, and so places pixels in mid-air at silhouettes. bfloat16 rounds
+    900 mm to 4 mm: train these rows in float32.
+    """
+
+    def __init__(self, backbone: Backbone) -> None:
+        super().__init__()
+        self.backbone = backbone
+
+    @staticmethod
+    def backbone_settings() -> dict[str, Any]:
+        """Arguments that the backbone must be built with."""
+        return {"in_channels": 1, "out_channels": 1}
+
+    def forward(self, noisy_mm: Tensor) -> Prediction:
+        """Denoise."""
+        return Prediction(self.backbone(noisy_mm, (noisy_mm > 0).to(noisy_mm.dtype)).float())
+
+
+#: Names of all outputs, see ``named_outputs``; every network has the first.
+OUTPUTS: Final = ("depth_mm", "probability", "sigma_mm", "choice", "risk_mm")
+
+
+def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
+    """Return name -> (B, 1, H, W); names of OUTPUTS, without those that the network lacks.
+
+    depth_mm: depth on the chosen surface. probability: of depth. sigma_mm: standard deviation of
+    the depth. choice: probability of the chosen surface. risk_mm: expected distance of the true
+    surface from the chosen one.
+    """
+    outputs = {"depth_mm": prediction.depth_mm}
+    if prediction.valid_logit is not None:
+        outputs["probability"] = prediction.valid_logit.sigmoid()
+    if prediction.log_sigma is not None:
+        outputs["sigma_mm"] = prediction.log_sigma.exp()
+    if prediction.choice_logits is not None and prediction.candidates_mm is not None:
+        share = prediction.choice_logits.softmax(dim=1)
+        off_mm = (prediction.candidates_mm - prediction.depth_mm).abs()
+        outputs["choice"] = share.amax(dim=1, keepdim=True)
+        outputs["risk_mm"] = (share * off_mm).sum(dim=1, keepdim=True)
+    return outputs
+
+
+class NamedOutputs(nn.Module):
+    """A network whose result is the tuple of its outputs, in the order of OUTPUTS.
+
+    Its arguments are the inputs of the model by name, (B, images, H, W) each, in their order.
+    """
+
+    def __init__(self, model: DepthModel) -> None:
+        super().__init__()
+        self.model = model
+
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        """Denoise (B, 1, H, W) millimetres."""
+        stack = inputs[0] if len(inputs) == 1 else torch.cat(inputs, dim=1)
+        return tuple(named_outputs(self.model(stack)).values())

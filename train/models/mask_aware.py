@@ -10,13 +10,14 @@ Computer Vision?", NeurIPS 2017.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Final
 
 import torch
 from pydantic import AfterValidator, Field
 from torch import Tensor
 
+from glsim.core.errors import ConfigError
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
 from glsim.denoise.record import UNLIKELY
 from glsim.train.models.backbone import Backbone
@@ -86,7 +87,7 @@ class MaskAware(DepthModel):
     ``filters`` are some of FILTERS, in their order: fewer ones take less time. The backbone maps a
     channel for each and 5 others (2 more with ``surfaces``) to a gain for each and 2 others (1 more
     with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
-    see `sigma_scale.calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
+    see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
     of surfaces, which the rule for frames without noise cannot tell apart. ``unlikely`` is chosen
     by ``benchmarks/midair.py`` of commit 6e9b96b.
     """
@@ -151,7 +152,7 @@ class MaskAware(DepthModel):
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
                 channels = torch.cat([offset, channels], dim=1)
             valid = channels[:, -1:]
-            # At the end: a network of single frames keeps its weights, see `warm_start`.
+            # At the end: a network of single frames keeps its weights, see `copy_weights`.
             if self.inputs.infrared:
                 features = self._infrared(named[INFRARED], fill_mm, noisy_mm)
                 channels = torch.cat([channels, features], dim=1)
@@ -198,3 +199,39 @@ class MaskAware(DepthModel):
             math.log(_LEAST_SIGMA_MM), math.log(_LARGEST_SIGMA_MM)
         )
         return log_sigma + self.sigma_scale.log()
+
+
+#: Median of |x| for a standard normal x.
+_MEDIAN_NORMAL: Final = 0.6744898
+
+
+@torch.no_grad()
+def calibrate(model: MaskAware, pairs: Iterable[tuple[Tensor, Tensor]]) -> float:
+    """Set ``model.sigma_scale`` from validation pairs (noisy_mm, clean_mm), (B, 1, H, W) each.
+
+    Temperature scaling (Guo et al., "On Calibration of Modern Neural Networks", ICML 2017) for
+    regression (Levi et al., "Evaluating and Calibrating Uncertainty Prediction in Regression
+    Tasks", Sensors 22, 2022). One factor keeps the order of pixels, and cannot overfit.
+
+    Half of the errors are then smaller than 0.67 sigma, which describes surfaces and ignores tails.
+    Uses the pixels that have depth in both prediction and truth. Returns the factor; the mode of
+    the model (train or eval) stays. Raises ConfigError for a model without uncertainty, and if
+    there is nothing to fit: no pixel, only errors of 0, or a value that is not finite.
+    """
+    if not model.uncertainty:
+        raise ConfigError("calibration: the model predicts no sigma; set uncertainty = true")
+    training = model.training
+    model.eval()
+    parts = [torch.zeros(0)]
+    for noisy_mm, clean_mm in pairs:
+        prediction = model(noisy_mm)
+        unscaled = (prediction.log_sigma - model.sigma_scale.log()).exp()
+        both = (clean_mm > 0) & (prediction.valid_logit > 0)
+        parts.append(((prediction.depth_mm - clean_mm) / unscaled)[both].cpu())
+    model.train(training)
+    size = torch.cat(parts).abs().double()
+    if not size.numel() or not bool(size.isfinite().all()) or not size.any():
+        raise ConfigError("calibration: no finite errors; give noisy frames with depth to compare")
+    scale = float(size.median()) / _MEDIAN_NORMAL
+    model.sigma_scale.fill_(scale)
+    return scale

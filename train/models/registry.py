@@ -13,10 +13,9 @@ from torch import nn
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.inputs import NetworkInputs
 from glsim.train.models.backbone import Backbone
-from glsim.train.models.base import DepthModel
+from glsim.train.models.base import DepthModel, PaperInput
 from glsim.train.models.dncnn import DnCNN
 from glsim.train.models.mask_aware import MaskAware
-from glsim.train.models.paper_input import PaperInput
 from glsim.train.models.restormer import Restormer
 from glsim.train.models.small_unet import SmallUNet
 from glsim.train.models.unet import UNet

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.camera import Intrinsics
-from glsim.core.depth_map import lit_by_marching, normals
+from glsim.core.camera import Intrinsics, SensorRig
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import lit_by_marching, normals, surface
+from glsim.core.errors import DatasetError
+from glsim.data.reader import Dataset
 from glsim.denoise.interface import Depth
-from glsim.eval.paper.figures.frames import FigureFrame
-from glsim.eval.report.figures.cut_surface import cut_surface
+from glsim.eval.report.figures.side_view import STEEPEST_DEG
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
+from glsim.sensors.sensor import sensor_of
+from glsim.settings.schema import Settings
 
 Points = NDArray[np.floating[Any]]
 _TEXT_SIZE: Final = 7
@@ -28,6 +33,39 @@ _CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072
 _RAYS: Final = 9
 #: Margin around a head, mm.
 _MARGIN_MM: Final = 15.0
+
+
+class FigureFrame(NamedTuple):
+    """A frame of a data set, as the figures show it.
+
+    Attributes:
+        pair: the frame.
+        clean, noisy: its maps, (H, W) mm, 0 = no depth.
+        rig: the sensor's.
+        window: the same with the camera of the delivered frame.
+    """
+
+    pair: DepthFrame
+    clean: Depth
+    noisy: Depth
+    rig: SensorRig
+    window: SensorRig
+
+
+def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
+    """Return the middle frame of the test split, of one kind of face source if it has any.
+
+    Raises DatasetError for a data set without test frames or clean maps.
+    """
+    split = dataset.split("test")
+    if not len(split):
+        raise DatasetError(f"{dataset.path}: has no test frames to draw")
+    numbers = [n for n, pair in enumerate(split) if pair.record["source"] == kind]
+    chosen = numbers or range(len(split))
+    pair = split[chosen[len(chosen) // 2]]
+    rig = sensor_of(Settings.model_validate(dataset.header["settings"])).rig
+    window = replace(rig, intrinsics=pair.intrinsics)
+    return FigureFrame(pair, pair.clean_mm, pair.noisy_mm, rig, window)
 
 
 def frustum_figure(frame: FigureFrame, note: str) -> Any:
@@ -124,7 +162,7 @@ def _draw_surface(
     Args:
         lit: (H, W) 0 where the projector's light does not reach; None: one colour for all.
     """
-    mesh = cut_surface(depth_mm, frame.window)
+    mesh = surface(depth_mm / np.float32(1000), frame.window, STEEPEST_DEG)
     if mesh is None:
         return
     points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # to the axes of the camera

@@ -7,18 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
+from glsim.denoise import load_denoiser
 from glsim.eval.paper.data_note import data_note, source_name
-from glsim.eval.paper.figures.frames import (
-    Column,
+from glsim.eval.paper.figures.solids import (
     FigureFrame,
     choose_frame,
-    denoise,
-    network_columns,
+    frustum_figure,
+    surfaces_figure,
 )
-from glsim.eval.paper.figures.solids import frustum_figure, surfaces_figure
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network, with_twins
 from glsim.eval.report.document import CaptionedPng, Document
@@ -28,7 +29,9 @@ from glsim.eval.report.page import html_page
 
 #: Folder of the figures in that of the reproduction.
 FOLDER: Final = "paper_figures"
-_NOISY: Final = Column("noisy\nBaseline", "noisy")
+#: Title of a column -> the denoiser (``glsim.load_denoiser``) that makes it.
+_Columns = dict[str, str]
+_NOISY: Final[_Columns] = {"noisy\nBaseline": "noisy"}
 #: The filters of figure 2, in the order of the paper's table 1.
 _FILTERS: Final = ("median", "nlm", "adaptive", "bilateral")
 #: Figure of networks -> rows of the paper's tables, kinds of panels, caption.
@@ -105,7 +108,7 @@ def _figures(
             "degrees aside. Adaptive is a filter over time, on single frames the identity.",
             lambda: _panels(
                 example,
-                [Column(PRINTED_FILTERS[name].title, name) for name in _FILTERS],
+                {PRINTED_FILTERS[name].title: name for name in _FILTERS},
                 ("depth", "error", "side"),
                 note,
             ),
@@ -117,16 +120,16 @@ def _figures(
         ),
     }
     for name, (rows, kinds, caption) in _NETWORKS.items():
-        columns = network_columns(groups, rows)
+        columns = _network_columns(groups, rows)
         missing = [row for row in rows if row not in {group.row for group in groups}]
         if columns:
             lacks = f" Missing, without a checkpoint: {', '.join(missing)}." if missing else ""
             draw = partial(_panels, example, columns, kinds, note)
             figures[name] = (caption + lacks, draw)
     own = [(group.title.rpartition(", ")[2], group.members[0]) for group in groups if not group.row]
-    ours = [Column(f"ours, mask-aware\n{what}, {run.steps:,} steps", run.spec) for what, run in own]
-    shipped = Column(f"ours, {_SHIPPED}\nshipped", _SHIPPED)
-    beside = [*network_columns(groups, (_THEIRS,)), *ours, shipped]
+    ours = {f"ours, mask-aware\n{w}, {run.steps:,} steps": run.spec for w, run in own}
+    shipped = {f"ours, {_SHIPPED}\nshipped": _SHIPPED}
+    beside = _network_columns(groups, (_THEIRS,)) | ours | shipped
     figures["figure_6"] = (
         f"Ours in the place of theirs. The shipped network `{_SHIPPED}` is trained on other "
         "sensors and heads; the mask-aware networks are trained on the pairs of this data set, "
@@ -136,8 +139,21 @@ def _figures(
     return figures
 
 
-def _panels(
-    frame: FigureFrame, columns: Sequence[Column], rows: Sequence[PanelRow], note: str
-) -> Any:
-    maps = denoise(frame, [_NOISY, *columns])
+def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Columns:
+    """Return a column for each table row with a trained network: the first seed of its largest."""
+    columns = {}
+    for row in rows:
+        of_row = sorted((g for g in groups if g.row == row), key=lambda g: g.size == "full")
+        if of_row:
+            run = of_row[-1].members[0]
+            columns[f"{row}\n{run.size}, {run.steps:,} steps"] = run.spec
+    return columns
+
+
+def _panels(frame: FigureFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
+    """Draw what each method makes of the frame, networks with the default composite."""
+    maps = {
+        title: load_denoiser(spec)(frame.noisy).depth_mm.astype(np.float32)
+        for title, spec in (_NOISY | columns).items()
+    }
     return method_panels(PanelFrame(frame.clean, frame.window.intrinsics), maps, rows, note)

@@ -13,22 +13,11 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from glsim.core.camera import Intrinsics
+from glsim.core.depth_map import normals
 from glsim.core.depth_protocol import add_offset
-from glsim.core.errors import DeviceError
-from glsim.denoise.interface import Depth
-from glsim.eval.report.figures.map_pictures import (
-    colour_legend,
-    depth_colours,
-    depth_picture,
-    depth_range,
-    error_colours,
-    error_picture,
-    face_window,
-    normal_picture,
-    nose_row,
-)
-from glsim.eval.report.figures.side_view import TURN_DEG, half_width_mm, side_view
-from glsim.eval.report.figures.style import add_note, new_figure
+from glsim.denoise.interface import Depth, Mask
+from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm, side_view
+from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 
 PanelRow = Literal["depth", "error", "normals", "side", "scan"]
 #: Row -> label at its left end.
@@ -43,6 +32,12 @@ PANEL_ROWS: Final[tuple[PanelRow, ...]] = ("depth", "error", "normals", "side", 
 _TITLE_SIZE, _TEXT_SIZE = 8, 6
 #: Side of a panel, and room for labels at both sides, and at both ends, inch.
 _PANEL_IN, _SIDES_IN, _ENDS_IN = 1.35, 1.2, 1.1
+#: Range of the signed-error colours, mm, in every figure.
+_ERROR_RANGE_MM: Final = 10.0
+#: Colours: no depth in either map; depth without a surface; a surface without depth.
+_NOTHING, _FALSE_VALID, _FALSE_INVALID = "#dcdcdc", "#ffc20a", "#1a1a1a"
+#: Margin around the face, px.
+_MARGIN_PX: Final = 6
 #: Margin around the nearest and farthest depth of scan lines, mm.
 _MARGIN_MM: Final = 25.0
 #: Distance of faces whose distance is not known, mm: that of the paper's.
@@ -86,7 +81,10 @@ def method_panels(
     axes = figure.subplots(
         len(rows), len(columns) + 1, squeeze=False, width_ratios=[1.0] * len(columns) + [0.06]
     )
-    mappings = {"depth": depth_colours(frame.clean), "error": error_colours()}
+    mappings = {
+        "depth": _colours(*_depth_range(frame.clean), "viridis_r"),
+        "error": _colours(-_ERROR_RANGE_MM, _ERROR_RANGE_MM, "RdBu_r"),
+    }
     for column, (title, depth) in enumerate(columns.items()):
         name, _, small = title.partition("\n")
         axes[0, column].set_title(f"{name}\n{small}", fontsize=_TEXT_SIZE if small else _TITLE_SIZE)
@@ -103,7 +101,7 @@ def method_panels(
         axis.set_ylabel("mm", fontsize=_TEXT_SIZE)
         axis.tick_params(labelsize=_TEXT_SIZE)
     figure.legend(
-        handles=colour_legend(), loc="outside upper center", ncols=4 if len(columns) > 3 else 2,
+        handles=_legend(), loc="outside upper center", ncols=4 if len(columns) > 3 else 2,
         fontsize=_TEXT_SIZE, frameon=False,
     )  # fmt: skip
     add_note(figure, note)
@@ -113,27 +111,41 @@ def method_panels(
 def _draw(
     axis: Any, kind: PanelRow, depth: Depth, frame: PanelFrame, mappings: Mapping[str, Any]
 ) -> None:
-    rows, columns = face_window(frame.clean)
+    seen = frame.clean > 0
     if kind == "side":
-        _draw_side_view(axis, depth, frame)
+        half = half_width_mm()
+        picture = side_view(frame.in_space(depth), frame.in_space(frame.clean), frame.intrinsics)
+        axis.imshow(picture, extent=(-half, half, -half, half))
         return
+    rows, columns = (
+        slice(max(0, first - _MARGIN_PX), last + 1 + _MARGIN_PX)
+        for first, last in (_ends(seen.any(axis=1)), _ends(seen.any(axis=0)))
+    )
+    nose = int(np.argmin(np.where(seen, frame.clean, np.inf).min(axis=1)))  # the nearest row
     if kind == "scan":
-        row, (low, high) = nose_row(frame.clean), depth_range(frame.clean)
-        for line, colour, width in (
-            (frame.clean[row], "#888888", 1.5),
-            (depth[row], "#0072b2", 0.6),
-        ):
-            axis.plot(np.where(line > 0, line, np.nan), color=colour, linewidth=width)
+        low, high = _depth_range(frame.clean)
+        for map_, colour, width in ((frame.clean, "#888888", 1.5), (depth, "#0072b2", 0.6)):
+            line = np.where(map_[nose] > 0, map_[nose], np.nan)
+            axis.plot(line, color=colour, linewidth=width)
         axis.set_xlim(columns.start, columns.stop)
         axis.set_ylim(high + _MARGIN_MM, low - _MARGIN_MM)
         return
+    marks: list[tuple[Any, str]] = [(depth <= 0, _NOTHING)]
     if kind == "depth":
-        picture = depth_picture(depth, mappings["depth"])
-        axis.axhline(nose_row(frame.clean), color="black", linewidth=0.4, linestyle=":")
+        picture = mappings["depth"].to_rgba(depth)[..., :3]
+        axis.axhline(nose, color="black", linewidth=0.4, linestyle=":")
     elif kind == "error":
-        picture = error_picture(depth, frame.clean, mappings["error"])
-    else:
-        picture = normal_picture(frame.in_space(depth), frame.intrinsics)
+        picture = mappings["error"].to_rgba(depth - frame.clean)[..., :3]
+        marks = [
+            ((depth <= 0) & ~seen, _NOTHING),
+            ((depth > 0) & ~seen, _FALSE_VALID),
+            ((depth <= 0) & seen, _FALSE_INVALID),
+        ]
+    else:  # x is red, y (up) green, towards the camera blue
+        normal = normals(frame.in_space(depth) / np.float32(1000), frame.intrinsics.rays())
+        picture = 0.5 + 0.5 * normal.astype(np.float64) * (1, -1, -1)
+    for pixels, colour in marks:
+        picture[pixels] = matplotlib("colors").to_rgb(colour)
     height, width = depth.shape
     edges = (columns.start, min(columns.stop, width), min(rows.stop, height), rows.start)
     axis.imshow(picture[rows, columns], interpolation="nearest", extent=edges)
@@ -141,11 +153,31 @@ def _draw(
     axis.set_ylim(edges[2:])
 
 
-def _draw_side_view(axis: Any, depth: Depth, frame: PanelFrame) -> None:
-    half = half_width_mm()
-    try:
-        picture = side_view(frame.in_space(depth), frame.in_space(frame.clean), frame.intrinsics)
-    except DeviceError as error:
-        axis.text(0.5, 0.5, f"needs OpenGL:\n{error}", fontsize=4, ha="center", wrap=True)
-        return
-    axis.imshow(picture, extent=(-half, half, -half, half))
+def _ends(used: Mask) -> tuple[int, int]:
+    """Return the first and the last index of what is used; of all without any."""
+    places = np.flatnonzero(used if used.any() else ~used)
+    return int(places[0]), int(places[-1])
+
+
+def _depth_range(clean: Depth) -> tuple[float, float]:
+    """Return the range of the depth colours, mm: the truth's depths without the farthest 1 %."""
+    depths = clean[clean > 0]
+    if depths.size == 0:
+        return 0.0, 1.0
+    low, high = np.percentile(depths, [0, 99])
+    return float(low), float(max(high, low + 1))
+
+
+def _colours(low_mm: float, high_mm: float, name: str) -> Any:
+    return matplotlib("cm").ScalarMappable(matplotlib("colors").Normalize(low_mm, high_mm), name)
+
+
+def _legend() -> list[Any]:
+    """Return handles of the colours that are no values."""
+    patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
+    return [
+        patch(facecolor=_FALSE_VALID, label="depth where there is no surface"),
+        patch(facecolor=_FALSE_INVALID, label="surface without depth"),
+        patch(facecolor=_NOTHING, label="no depth in either"),
+        line([], [], marker="o", linestyle="", markersize=3, color=FLYING, label="flying pixel"),
+    ]

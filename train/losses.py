@@ -1,19 +1,106 @@
-"""Supervised losses: they compare a prediction with the clean depth."""
+"""Training losses. A loss is the table [loss] of a recipe, and a callable.
+
+Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
+with 0 = no depth. Only the network sees further inputs (``glsim.denoise.inputs``). Results are
+the total and its parts by name. All arithmetic is float32.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from math import log
-from typing import Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
 import torch
-from pydantic import Field
-from torch import Tensor
+from pydantic import BaseModel, ConfigDict, Field
+from torch import Generator, Tensor
 from torch.nn import functional
 
+from glsim.core.edges import BAND_PX, JUMP_MM
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.safeguards import REACH_PX
-from glsim.train.interior_mask import dilated, interior_mask
-from glsim.train.losses.base import Loss, LossParts, weighted_mean
+from glsim.settings.tables import parse_table
 from glsim.train.models.base import Prediction
+
+LossParts = dict[str, Tensor]
+
+
+class Loss(BaseModel):
+    """Base class of all losses."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    #: Whether a lower value on validation frames means a better network.
+    can_be_monitored: ClassVar[bool] = True
+    #: Whether it trains networks of single depth frames alone, because it changes their input.
+    depth_alone: ClassVar[bool] = False
+
+    def __call__(
+        self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
+    ) -> tuple[Tensor, LossParts]:
+        """Return the total, a scalar, and its parts."""
+        raise NotImplementedError
+
+    def training_loss(
+        self,
+        model: Callable[[Tensor], Prediction],
+        noisy_mm: Tensor,
+        clean_mm: Tensor,
+        generator: Generator,
+    ) -> tuple[Tensor, LossParts]:
+        """Run the network on a batch and return its loss; losses that change the input override it.
+
+        Args:
+            model: the network.
+            noisy_mm: (B, C, H, W) all inputs of the network.
+            clean_mm: (B, 1, H, W) target.
+            generator: random numbers of this step, on the CPU.
+
+        Returns:
+            The total, a scalar, and its parts.
+        """
+        return self(to_float32(model(noisy_mm)), noisy_mm[:, :1], clean_mm)
+
+
+def to_float32(prediction: Prediction) -> Prediction:
+    """Convert a prediction made in mixed precision to float32."""
+    depth_mm, *others = prediction
+    return Prediction(
+        depth_mm.float(), *(None if part is None else part.float() for part in others)
+    )
+
+
+def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
+    """Weighted mean over pixels; 0 if all weights are 0."""
+    return (values * weights).sum() / weights.sum().clamp_min(1)
+
+
+def interior_mask(clean_mm: Tensor) -> Tensor:
+    """Mark pixels with depth more than BAND_PX from holes and from jumps: (B, 1, H, W) bool.
+
+    Equals the interior of ``eval/metrics/prediction.py``, which training may not import; a test
+    compares the two.
+    """
+    valid = clean_mm > 0
+    jump = torch.zeros_like(valid)
+    for axis in (-2, -1):
+        size = clean_mm.shape[axis] - 1
+        first, second = clean_mm.narrow(axis, 0, size), clean_mm.narrow(axis, 1, size)
+        edge = ((second - first).abs() > JUMP_MM) & (first > 0) & (second > 0)
+        jump.narrow(axis, 0, size).logical_or_(edge)
+        jump.narrow(axis, 1, size).logical_or_(edge)
+    near_hole = dilated(~valid, BAND_PX)
+    near_jump = dilated(jump & valid, BAND_PX - 1)
+    return valid & ~near_hole & ~near_jump
+
+
+def dilated(mask: Tensor, radius_px: int) -> Tensor:
+    """Dilate a (B, 1, H, W) mask by a square of half side ``radius_px``; bool."""
+    side = 2 * radius_px + 1
+    # A pass per axis reads ``side`` pixels, a single pass would read side^2.
+    rows = functional.max_pool2d(mask.float(), (1, side), 1, (0, radius_px))
+    return functional.max_pool2d(rows, (side, 1), 1, (radius_px, 0)) > 0
+
 
 #: Advantage, mm, by which another candidate than the first becomes the target. Chosen: several
 #: times the noise, half of a flying pixel's least error.
@@ -173,3 +260,83 @@ def _without_first(image: Tensor, axis: int) -> Tensor:
 
 def _without_last(image: Tensor, axis: int) -> Tensor:
     return image.narrow(axis, 0, image.shape[axis] - 1)
+
+
+class Recorrupted(Loss):
+    """Recorrupted-to-recorrupted, for Gaussian noise of a known size on the measured pixels.
+
+    Pang, Zheng, Quan, Ji, CVPR 2021, in the form of Monroy, Bacca, Tachella, "Generalized
+    Recorrupted-to-Recorrupted", CVPR 2025. With more noise w ~ N(0, sigma), the input y + tau w
+    and the target y - w / tau, tau = sqrt(alpha / (1 - alpha)), carry independent noise: the
+    squared error against the target is that against the clean depth plus a constant. It assumes
+    noise that is independent from pixel to pixel, skips holes and does not train validity. It
+    never sees a clean frame; limits: docs/rivals.md.
+    """
+
+    can_be_monitored: ClassVar[bool] = False
+    depth_alone: ClassVar[bool] = True
+    kind: Literal["recorrupted"] = "recorrupted"
+    alpha: float = Field(0.15, gt=0, lt=1, description="0.15 as in Monroy et al.")
+    sigma_mm: float = Field(1.65, gt=0, description="assumed noise; kinect-v2 at 0.9 m has 1.65")
+    beta_mm: float = Field(
+        3.0, gt=0, description="error below which depth counts squared, above linearly"
+    )
+
+    @property
+    def tau(self) -> float:
+        """Share of the added noise that goes to the input."""
+        return math.sqrt(self.alpha / (1 - self.alpha))
+
+    def __call__(
+        self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
+    ) -> tuple[Tensor, LossParts]:
+        """Return the distance from the measured depth, which validation reports.
+
+        Lower is not better: the identity has 0. clean_mm is ignored.
+        """
+        total = _depth_loss(prediction, noisy_mm, noisy_mm > 0, self.beta_mm)
+        return total, {"measured": total}
+
+    def training_loss(
+        self,
+        model: Callable[[Tensor], Prediction],
+        noisy_mm: Tensor,
+        clean_mm: Tensor,
+        generator: Generator,
+    ) -> tuple[Tensor, LossParts]:
+        """Return the error against the recorrupted target. clean_mm is ignored."""
+        added_mm = self.added_noise_mm(noisy_mm, generator)
+        prediction = to_float32(model(noisy_mm + self.tau * added_mm))
+        # Squared, as the method demands, up to four standard deviations of the target's noise.
+        # Larger errors are those of flying pixels, whose squares would dominate the loss.
+        reach_mm = 4 * self.sigma_mm * math.hypot(1, 1 / self.tau)
+        target_mm = noisy_mm - added_mm / self.tau
+        total = _depth_loss(prediction, target_mm, noisy_mm > 0, reach_mm)
+        return total * (reach_mm / self.beta_mm) ** 2, {"recorrupted": total}
+
+    def added_noise_mm(self, noisy_mm: Tensor, generator: Generator) -> Tensor:
+        """Draw Gaussian noise on the measured pixels, 0 elsewhere; shaped like the depth."""
+        noise = torch.randn(noisy_mm.shape, generator=generator).to(noisy_mm.device)
+        return torch.where(noisy_mm > 0, self.sigma_mm * noise, 0.0)
+
+
+def _depth_loss(prediction: Prediction, target_mm: Tensor, mask: Tensor, beta_mm: float) -> Tensor:
+    """Smooth L1 in units of beta, averaged over the pixels of the mask."""
+    error = (prediction.depth_mm - target_mm) / beta_mm
+    per_pixel = functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
+    return weighted_mean(per_pixel, mask.float())
+
+
+LOSSES: Final[dict[str, type[Loss]]] = {
+    "all_pixels": AllPixels,
+    "masked": Masked,
+    "recorrupted": Recorrupted,
+}
+
+
+def build_loss(table: Mapping[str, Any]) -> Loss:
+    """Build the loss of a [loss] table. Raises ConfigError for an unknown kind or parameter."""
+    kind = table.get("kind")
+    if kind not in LOSSES:
+        raise ConfigError(f"loss: no such kind {kind!r} ({did_you_mean(str(kind), LOSSES)})")
+    return parse_table(LOSSES[kind], table, "loss")

@@ -1,1 +1,0 @@
-"""Training losses: supervised, self-supervised, and the registry of their kinds."""
