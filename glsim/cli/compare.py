@@ -26,48 +26,17 @@ glsim compare recording --replay kinect-v2 --set fixed_pattern.enabled=0
 
 
 def compare(
-    first: Annotated[
-        Path,
-        typer.Argument(
-            metavar="REAL",
-            help="A data set of glsim, or a folder of depth frames as glsim import kinect2 reads.",
-        ),
-    ],
-    second: Annotated[
-        Path | None, typer.Argument(metavar="SIMULATED", help="The same, real or simulated.")
-    ] = None,
-    replay_sensor: Annotated[
-        str | None,
-        typer.Option(
-            "--replay",
-            metavar="SENSOR",
-            help="In place of SIMULATED: render the surfaces of REAL through this sensor.",
-        ),
-    ] = None,
+    first: Annotated[Path, typer.Argument(metavar="REAL")],
+    second: Annotated[Path | None, typer.Argument(metavar="SIMULATED")] = None,
+    replay_sensor: Annotated[str | None, typer.Option("--replay", metavar="SENSOR")] = None,
     assignments: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="STAGE.KEY=VALUE", help="Set a parameter of that sensor."),
+        list[str] | None, typer.Option("--set", metavar="STAGE.KEY=VALUE")
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="FILE.md", help="Write the table as Markdown."),
-    ] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.md")] = None,
     json_file: JsonFileOption = None,
-    frames: Annotated[
-        int, typer.Option(min=1, max=2000, help="Frames of each set; larger sets are thinned.")
-    ] = 60,
-    depth_unit_mm: Annotated[
-        float | None,
-        typer.Option(
-            help="Step of integer depth files, mm. Default: what the recording says, or 1."
-        ),
-    ] = None,
-    focal_px: Annotated[
-        float | None,
-        typer.Option(
-            min=1, help="Focal length of both, pixels. Default: stated, or a Kinect V2's."
-        ),
-    ] = None,
+    frames: Annotated[int, typer.Option(min=1, max=2000)] = 60,
+    depth_unit_mm: float | None = None,
+    focal_px: Annotated[float | None, typer.Option(min=1)] = None,
 ) -> None:
     """Measure two sets of depth frames and tell them apart.
 
@@ -78,6 +47,16 @@ def compare(
     The table has noise over distance, radius and infrared, correlation, fixed pattern, silhouettes,
     light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
     unless -o is given.
+
+    Args:
+        first: A data set of glsim, or a folder of depth frames as glsim import kinect2 reads.
+        second: The same, real or simulated.
+        replay_sensor: In place of SIMULATED: render the surfaces of REAL through this sensor.
+        assignments: Set a parameter of that sensor.
+        out: Write the table as Markdown.
+        frames: Frames of each set; larger sets are thinned.
+        depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
+        focal_px: Focal length of both, pixels. Default: stated, or a Kinect V2's.
     """
     from glsim.bench.compare.replay import replay
     from glsim.bench.compare.run import compare_sets

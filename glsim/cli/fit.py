@@ -31,31 +31,12 @@ glsim fit recording.bag -o my_d435.toml             stereo: recognised by its de
 
 
 def fit(
-    frames: Annotated[
-        list[Path],
-        typer.Argument(help="A recording as glsim import kinect2 reads it, a data set, or files."),
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="The sensor file to write.")] = Path(
-        "sensor.toml"
-    ),
-    focal_px: Annotated[
-        float | None,
-        typer.Option(min=1, help="Focal length, pixels. Default: stated, or the base sensor's."),
-    ] = None,
-    albedo: Annotated[
-        float, typer.Option(min=0.01, max=2, help="Albedo of the scene relative to a white wall.")
-    ] = 1.0,
-    depth_unit_mm: Annotated[
-        float | None,
-        typer.Option(help="Step of the depth files, mm. Default: as the recording says, or 1."),
-    ] = None,
-    base: Annotated[
-        str | None,
-        typer.Option(
-            help="Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default: "
-            "what the recording's depths say."
-        ),
-    ] = None,
+    frames: list[Path],
+    out: Annotated[Path, typer.Option("-o", "--out")] = Path("sensor.toml"),
+    focal_px: Annotated[float | None, typer.Option(min=1)] = None,
+    albedo: Annotated[float, typer.Option(min=0.01, max=2)] = 1.0,
+    depth_unit_mm: float | None = None,
+    base: str | None = None,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
@@ -71,6 +52,15 @@ def fit(
     Recordings of stereo and structured light are told by their depths (the lattice of f B / n): the
     fit finds focal length times baseline, the noise of disparity from frame to frame and what stays
     of it, its correlation, holes, and writes a sensor that extends the nearest shipped one.
+
+    Args:
+        frames: A recording as glsim import kinect2 reads it, a data set, or files.
+        out: The sensor file to write.
+        focal_px: Focal length, pixels. Default: stated, or the base sensor's.
+        albedo: Albedo of the scene relative to a white wall.
+        depth_unit_mm: Step of the depth files, mm. Default: as the recording says, or 1.
+        base: Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default: what the
+            recording's depths say.
     """
     import io
 

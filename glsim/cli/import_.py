@@ -31,20 +31,25 @@ def _import_group() -> None:
 @app.command("biwi", epilog=epilog(BIWI_EXAMPLES))
 @with_messages
 def biwi(
-    root: Annotated[Path, typer.Argument(help="Folder with NN.obj and NN/frame_*_depth.bin.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the data set.")],
-    every: Annotated[int, typer.Option(min=1, help="Use every N-th frame.")] = 1,
-    subjects: Annotated[int | None, typer.Option(help="Number of people. Default: all.")] = None,
-    frames_per_subject: Annotated[
-        int | None, typer.Option(help="Frames per person. Default: all.")
-    ] = None,
-    split: Annotated[
-        str | None, typer.Option(help="Shares of train,val,test, or paper for the paper's shares.")
-    ] = None,
+    root: Path,
+    out: Annotated[Path, typer.Option("-o", "--out")],
+    every: Annotated[int, typer.Option(min=1)] = 1,
+    subjects: int | None = None,
+    frames_per_subject: int | None = None,
+    split: str | None = None,
     workers: WorkersOption = "auto",
     backend: BackendOption = None,
 ) -> None:
-    """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps."""
+    """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps.
+
+    Args:
+        root: Folder with NN.obj and NN/frame_*_depth.bin.
+        out: Folder for the data set.
+        every: Use every N-th frame.
+        subjects: Number of people. Default: all.
+        frames_per_subject: Frames per person. Default: all.
+        split: Shares of train,val,test, or paper for the paper's shares.
+    """
     from glsim.cli.progress import generation_progress, print_summary
     from glsim.data.recordings.imports import import_biwi
     from glsim.data.worker_processes import worker_count
@@ -67,29 +72,25 @@ def biwi(
 @app.command("kinect2", epilog=epilog(KINECT2_EXAMPLES))
 @with_messages
 def kinect2(
-    root: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DIR",
-            help="A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of "
-            "iai_kinect2, 16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2.",
-        ),
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the data set.")],
-    depth_unit_mm: Annotated[
-        float | None,
-        typer.Option(help="Step of integer depth files, mm. Default: as the recording says, or 1."),
-    ] = None,
-    mirror: Annotated[
-        bool, typer.Option("--mirror", help="Flip left and right, as libfreenect2's dumps need.")
-    ] = False,
-    every: Annotated[int, typer.Option(min=1, help="Use every N-th frame.")] = 1,
-    split: Annotated[
-        str | None, typer.Option(help="Shares of train,val,test. Default: 0,0,1 (all test).")
-    ] = None,
+    root: Annotated[Path, typer.Argument(metavar="DIR")],
+    out: Annotated[Path, typer.Option("-o", "--out")],
+    depth_unit_mm: float | None = None,
+    mirror: Annotated[bool, typer.Option("--mirror")] = False,
+    every: Annotated[int, typer.Option(min=1)] = 1,
+    split: str | None = None,
     workers: WorkersOption = "1",
 ) -> None:
-    """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps."""
+    """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps.
+
+    Args:
+        root: A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of iai_kinect2,
+            16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2.
+        out: Folder for the data set.
+        depth_unit_mm: Step of integer depth files, mm. Default: as the recording says, or 1.
+        mirror: Flip left and right, as libfreenect2's dumps need.
+        every: Use every N-th frame.
+        split: Shares of train,val,test. Default: 0,0,1 (all test).
+    """
     from glsim.cli.progress import generation_progress, print_summary
     from glsim.data.recordings.imports import import_recordings
     from glsim.data.worker_processes import worker_count

@@ -34,21 +34,11 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 
 
 def validate(
-    sensor: Annotated[
-        str,
-        typer.Argument(help="A shipped sensor (glsim sensors) or a .toml file."),
-    ],
+    sensor: str,
     json_file: JsonFileOption = None,
-    markdown_file: Annotated[
-        Path | None,
-        typer.Option("--markdown", metavar="FILE.md", help="Write the table as Markdown."),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Random seed; the same seed gives the same numbers.")
-    ] = 0,
-    frames: Annotated[
-        int, typer.Option(min=8, max=2000, help="Number of frames of each wall.")
-    ] = 64,
+    markdown_file: Annotated[Path | None, typer.Option("--markdown", metavar="FILE.md")] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    frames: Annotated[int, typer.Option(min=8, max=2000)] = 64,
     backend: BackendOption = None,
 ) -> int:
     """Check a sensor's noise against published measurements.
@@ -56,6 +46,12 @@ def validate(
     Walls, edges, steps and faces are rendered and measured. Each check names its source and whether
     that was measured on devices, is a data sheet's, or was derived. The exit status is 0 if every
     check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
+
+    Args:
+        sensor: A shipped sensor (glsim sensors) or a .toml file.
+        markdown_file: Write the table as Markdown.
+        seed: Random seed; the same seed gives the same numbers.
+        frames: Number of frames of each wall.
     """
     from glsim.bench.validate import validate_sensor
     from glsim.core.files.atomic import write_atomic
