@@ -169,10 +169,7 @@ def _denoise_maps(
 def _sigma_targets(
     noisy: list[str], maps: list[Path], uncertainty: Path | None, denoiser: Denoiser
 ) -> list[Path]:
-    """List one file per map; empty without --uncertainty.
-
-    Raises ConfigError if the denoiser gives no uncertainty or a file is also a depth output.
-    """
+    """List one file per map; empty without --uncertainty. Raises ConfigError."""
     from glsim.denoise.depth_files import find_maps
 
     if uncertainty is None:

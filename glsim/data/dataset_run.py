@@ -147,10 +147,7 @@ def make_missing_chunks(
 def _find_missing_chunks(
     run: DatasetRun, state: RunState, numbers: range, counts: RunCounts
 ) -> list[int]:
-    """Return the numbers of missing and damaged chunks; count the complete chunks as reused.
-
-    A complete data set with any damage is turned back into a resumable one.
-    """
+    """Return the numbers of missing and damaged chunks; count the complete chunks as reused."""
     plan, recorded = run.plan, state.recorded_chunks()
 
     def load(number: int) -> ChunkRecord | None:

@@ -103,19 +103,11 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
 
 
 def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
-    """Mark measured pixels beside a hole to which the network gives a low probability of depth.
-
-    Args:
-        probability: (H, W) of depth. Pixels of 0 are not marked: the safeguards set it where the
-            choice of surface is uncertain, not where depth is missing.
-        noisy_mm: (H, W) the input, mm, 0 = no return.
-
-    Returns:
-        (H, W) bool, true within BESIDE_PX of a hole where the probability is at most UNLIKELY.
-    """
+    """Mark measured pixels beside a hole to which the network gives a low probability of depth."""
     side = 2 * BESIDE_PX + 1
     holes = (noisy_mm == 0).astype(np.uint8)
     beside = cv2.dilate(holes, np.ones((side, side), np.uint8), borderValue=0) > 0
+    # The safeguards set 0 where the choice of surface is uncertain, not where depth is missing.
     doubted = (probability > 0) & (probability <= UNLIKELY)
     return np.asarray((noisy_mm > 0) & beside & doubted)
 
@@ -159,10 +151,7 @@ def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
 
 
 def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
-    """Return the holes to close.
-
-    ``sure_mm`` is the denoised depth, 0 where doubtful; ``kept`` marks measured pixels to keep.
-    """
+    """Return the holes to close; ``sure_mm`` is the denoised depth, 0 where doubtful."""
     closed = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
     pixels = np.nonzero(closed)
     own = sure_mm[pixels]
@@ -192,16 +181,7 @@ def _narrow_holes(empty: Mask) -> Mask:
 def _around(
     image: NDArray[Any], pixels: tuple[NDArray[np.intp], ...], reach_px: int
 ) -> Iterator[NDArray[Any]]:
-    """Yield the values of the neighbours of N pixels, one array for each offset in a square window.
-
-    Args:
-        image: (H, W) values.
-        pixels: (N,) rows and (N,) columns of the pixels.
-        reach_px: half side of the window.
-
-    Returns:
-        (N,) values of the image's type; 0 outside the image.
-    """
+    """Yield (N,) values at each offset of a square window around N pixels; 0 outside the image."""
     padded = np.pad(image, reach_px)
     rows, columns = pixels
     for down in range(2 * reach_px + 1):

@@ -127,10 +127,7 @@ class MapReader:
         return FrameKey(str(self._files[number].parent), "", number)
 
     def _load(self, number: int) -> DepthFrame:
-        """Read a map.
-
-        Raises DatasetError if it is no 16-bit depth map, ConfigError if it is none of the device.
-        """
+        """Read a map. Raises DatasetError, or ConfigError if it is no map of the device."""
         file = self._files[number]
         root = self._roots[file.parent]
         stored_mm = self._stored_offset_mm(number)

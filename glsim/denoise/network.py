@@ -97,7 +97,8 @@ class NetworkFunction:
         noise_mm = clean_noise_mm(frame) if self.keep_clean else None
         if noise_mm is not None:  # unchanged; sigma is the input's noise
             measured = self._validity((frame > 0).astype(np.float32))
-            return self._result(frame, measured, np.full_like(frame, noise_mm))
+            sigma_mm = np.full_like(frame, noise_mm) if self.uncertain else None
+            return self._result(frame, measured, sigma_mm)
         # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
         probability = calibrated(np.clip(outputs["probability"], 0.0, 1.0), self.unlikely)
         # A measured pixel that is unlikely keeps its probability: the doubt is not which surface.
@@ -110,9 +111,7 @@ class NetworkFunction:
     def _result(
         self, depth_mm: Depth, valid: Mask | Probability, sigma_mm: Depth | None
     ) -> tuple[Depth, Mask | Probability] | tuple[Depth, Mask | Probability, Depth]:
-        if not self.uncertain or sigma_mm is None:
-            return depth_mm, valid
-        return depth_mm, valid, sigma_mm
+        return (depth_mm, valid) if sigma_mm is None else (depth_mm, valid, sigma_mm)
 
     def _run(self, stack: Depth) -> dict[str, Depth]:
         """Run the network where there is something to see; return outputs of the stack's size.
