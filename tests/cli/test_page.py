@@ -316,27 +316,6 @@ def test_a_file_that_is_edited_elsewhere_is_reloaded(page: Any, server: Server) 
     assert page.is_hidden(".code .problem")
 
 
-def test_a_file_that_a_stage_includes_is_reloaded(page: Any, server: Server) -> None:
-    wanted, amount = server.folder / "small.toml", server.folder / "amount.glsl"
-    push = "#version 330 core\n// push: moves all away.\n//@ sparse\n"
-    push += '#include "amount.glsl"\nuniform sampler2D u_depth;\nout float depth;\n'
-    push += "void main() { depth = texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r + AMOUNT_M; }\n"
-    (server.folder / "push.glsl").write_text(push)
-    amount.write_text("const float AMOUNT_M = 0.1;\n")
-    before, number = pixels(page), shown(page)
-    wanted.write_text(SENSOR + '[[stage]]\nuse = "push.glsl"\n')
-    after(page, number)
-    pushed, number = pixels(page), shown(page)
-    assert pushed != before
-    amount.write_text("const float AMOUNT_M = 0.2;\n")
-    after(page, number)
-    assert pixels(page) not in (before, pushed)
-    number = shown(page)
-    wanted.write_text(SENSOR)
-    after(page, number)
-    assert pixels(page) == before
-
-
 def test_other_settings_stand_beside_these(page: Any) -> None:
     page.click('[aria-label="compare"]')
     page.click("text=Keep these settings as B")

@@ -11,7 +11,7 @@ import pytest
 
 from glsim.core.errors import DatasetError
 from glsim.core.files import atomic
-from glsim.core.files.atomic import temporary_folder, write_atomic
+from glsim.core.files.atomic import AtomicFile, temporary_folder, write_atomic
 from tests.support.power_cuts import PowerCuts
 
 KILLED = """
@@ -63,7 +63,7 @@ def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "victim").write_bytes(b"keep")
     (tmp_path / "temporary").symlink_to(tmp_path / "victim")
     with pytest.raises(DatasetError, match="File exists"):
-        write_atomic(b"new", tmp_path / "a", temporary=tmp_path / "temporary")
+        AtomicFile(tmp_path / "a", tmp_path / "temporary")
     assert (tmp_path / "victim").read_bytes() == b"keep"
 
 

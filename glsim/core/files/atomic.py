@@ -237,17 +237,12 @@ class AtomicFile:
                 self._temporary.unlink(missing_ok=True)
 
 
-def write_atomic(
-    data: bytes, path: Path, *, temporary: Path | None = None, sync: bool = True
-) -> dict[str, int]:
+def write_atomic(data: bytes, path: Path, *, sync: bool = True) -> dict[str, int]:
     """Write a whole file at once: it is complete or absent. Returns its size and CRC32.
 
-    Raises DatasetError.
-
-    Args:
-        temporary, sync: as for AtomicFile.
+    Arguments as for AtomicFile. Raises DatasetError.
     """
-    with AtomicFile(path, temporary, sync=sync) as file:
+    with AtomicFile(path, sync=sync) as file:
         file.write(data)
     return file.checksum
 
