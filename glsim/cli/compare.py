@@ -58,8 +58,8 @@ def compare(
         depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
         focal_px: Focal length of both, pixels. Default: stated, or a Kinect V2's.
     """
+    from glsim.bench.compare.comparison import compare_sets
     from glsim.bench.compare.replay import replay
-    from glsim.bench.compare.run import compare_sets
     from glsim.core.errors import ConfigError, require_package
     from glsim.core.files.atomic import write_atomic
     from glsim.data.recordings.recording import read_frames

@@ -36,7 +36,7 @@ def preview(
         frames: Number of frames on the contact sheet.
         split: train, val or test. Default: all.
     """
-    from glsim.bench.measures.depth_errors import measure_errors, noise_table, recording_table
+    from glsim.bench.measures.depth_errors import noise_table, recording_table
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import write_picture
     from glsim.data.preview import PreviewFrame, contact_sheet
@@ -59,9 +59,6 @@ def preview(
     write_picture(contact_sheet(shown, sensor), sheet)
     step = max(1, len(pairs) // _MEASURED_FRAMES)
     measured = pairs[::step]
-    if "clean" in opened.layers:
-        table = noise_table(measure_errors(measured), sensor)
-    else:
-        table = recording_table(measured, sensor)
-    write_atomic(table.encode(), summary)
+    table = noise_table if "clean" in opened.layers else recording_table
+    write_atomic(table(measured, sensor).encode(), summary)
     print_written([sheet, summary])

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from glsim.bench.compare.classifier import tell_apart
+from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import surface_patches
-from glsim.bench.compare.run import compare_sets
 from glsim.bench.measures.frame import frames_of
 from glsim.cli import main
 from glsim.core.depth_frame import Frames

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.replay import replay
-from glsim.bench.compare.run import compare_sets
 from glsim.bench.compare.surfaces import (
     find_surfaces,
     keep_relief,

@@ -1,5 +1,5 @@
 """Compare two sets of depth frames, real or simulated, measure by measure.
 
-``run`` measures both sets, ``patches`` and ``classifier`` tell them apart, ``report`` writes the
-table and ``figure`` draws it.
+``comparison`` measures both sets, ``patches`` and ``classifier`` tell them apart, ``replay``
+renders the second set of the first.
 """

@@ -101,7 +101,7 @@ def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> tuple[f
     from sklearn.model_selection import PredefinedSplit
     from sklearn.preprocessing import StandardScaler
 
-    scored: tuple[list[float], list[float]] = ([], [])
+    scored = []
     for train, test in PredefinedSplit(fold).split():
         if len(np.unique(label[test])) < 2 or len(np.unique(label[train])) < 2:
             continue
@@ -111,13 +111,11 @@ def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> tuple[f
         trees = HistGradientBoostingClassifier(
             max_iter=_TREES, max_depth=_TREE_DEPTH, early_stopping=False, random_state=0
         ).fit(x[train], label[train])
-        for scores, found in (
-            (scored[0], line.decision_function(design[test])),
-            (scored[1], trees.decision_function(x[test])),
-        ):
-            scores.append(float(roc_auc_score(label[test], found)))
-    means = [float(np.mean(scores)) if scores else float("nan") for scores in scored]
-    return means[0], means[1]
+        found = line.decision_function(design[test]), trees.decision_function(x[test])
+        scored.append([float(roc_auc_score(label[test], f)) for f in found])
+    if not scored:
+        return float("nan"), float("nan")
+    return float(np.mean([s[0] for s in scored])), float(np.mean([s[1] for s in scored]))
 
 
 def _telling(name: str, values: Array, label: Array) -> TellingFeature:
@@ -149,18 +147,14 @@ def _folds(patches: Patches, views: Sequence[int] | None) -> NDArray[np.int64]:
 
 def _matched(first: Array, second: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Choose equally many of both sets in each eighth of the pooled values."""
-    if first.size == 0 or second.size == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    pooled = np.concatenate([first, second])
-    bounds = np.quantile(pooled, np.linspace(0, 1, _STRATA + 1)[1:-1])
-    chosen: tuple[list[NDArray[np.int64]], list[NDArray[np.int64]]] = ([], [])
-    strata = [np.searchsorted(bounds, values) for values in (first, second)]
-    for number in range(_STRATA):
-        members = [np.flatnonzero(s == number) for s in strata]
-        count = min(len(m) for m in members)
-        for part, m in zip(chosen, members, strict=True):
-            if count:
+    chosen: tuple[list[NDArray[np.int64]], ...] = ([np.zeros(0, np.int64)], [np.zeros(0, np.int64)])
+    if first.size and second.size:
+        pooled = np.concatenate([first, second])
+        bounds = np.quantile(pooled, np.linspace(0, 1, _STRATA + 1)[1:-1])
+        strata = [np.searchsorted(bounds, values) for values in (first, second)]
+        for number in range(_STRATA):
+            members = [np.flatnonzero(s == number) for s in strata]
+            count = min(len(m) for m in members)
+            for part, m in zip(chosen, members, strict=True):
                 part.append(m[np.linspace(0, len(m) - 1, count).round().astype(int)])
-    if not chosen[0]:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
     return np.concatenate(chosen[0]), np.concatenate(chosen[1])

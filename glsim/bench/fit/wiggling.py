@@ -8,6 +8,7 @@ a wall at a slant, a floor, or several walls. The more they cover, the smaller i
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,8 +57,6 @@ class Wiggling:
         amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ.
         phase_rad: harmonic -> (len(FITTED_MHZ),) phases.
         error: harmonic -> standard error of the size.
-        span_mm: nearest and farthest point of the planes, along the ray.
-        planes: number of planes.
         sizes: harmonic -> (len(FITTED_MHZ),) sizes.
 
     """
@@ -65,8 +64,6 @@ class Wiggling:
     amplitude: dict[int, float]
     phase_rad: dict[int, Array]
     error: dict[int, float]
-    span_mm: tuple[float, float]
-    planes: int
     sizes: dict[int, Array]
 
     def known(self, harmonic: int) -> bool:
@@ -117,14 +114,20 @@ def fit_wiggling(
     span = _covered_mm([distance[inside] for inside in planes])
     if span < _LEAST_SPAN_MM:
         return None
-    blocks = _Blocks()
     tile = np.flatnonzero(usable)
     tile = tile // image.width // _TILE_PX * image.width + tile % image.width // _TILE_PX
-    for inside in planes:
-        design = np.column_stack([np.ones_like(inside), x[inside], y[inside]])
-        lever = depth[inside] * back[inside] / 1000.0
-        blocks.add(design, depth[inside], distance[inside], lever, tile[inside])
-    fit, error_mm = blocks.solve()
+    parts = [
+        (
+            np.column_stack([np.ones_like(inside), x[inside], y[inside]]),
+            depth[inside],
+            distance[inside],
+            # An error along the ray moves inverse depth, 1 / m, by minus the error over this.
+            depth[inside] * back[inside] / 1000.0,
+            tile[inside],
+        )
+        for inside in planes
+    ]
+    fit, error_mm = _fit_waves(parts)
     amplitude: dict[int, float] = {}
     sizes: dict[int, Array] = {}
     phase: dict[int, Array] = {}
@@ -140,74 +143,49 @@ def fit_wiggling(
         phase[harmonic] = np.arctan2(a, -b)
         squares = 0.5 * (error_mm[own] ** 2 + error_mm[own + _WAVES] ** 2)
         error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
-    every = np.concatenate([distance[inside] for inside in planes])
-    near, far = (float(np.quantile(every, q)) for q in (0.01, 0.99))
-    return Wiggling(amplitude, phase, error, (near, far), len(planes), sizes)
+    return Wiggling(amplitude, phase, error, sizes)
 
 
-class _Blocks:
-    """Normal equations of the harmonics, one block for each tile of each plane."""
+def _fit_waves(planes: Sequence[tuple[Array, ...]]) -> tuple[Array, Array]:
+    """Fit the waves to what is left of planes.
 
-    def __init__(self) -> None:
-        self._squares: list[Array] = []
-        self._products: list[Array] = []
-        self._left = self._pixels = 0.0
+    Args:
+        planes: design of the plane, (N, 3): 1, x/z and y/z of its pixels; depth, mm; half the way
+            of the light, mm; weight; number of the tile; each (N,).
 
-    def add(
-        self,
-        design: Array,
-        depth_mm: Array,
-        distance_mm: Array,
-        weight: Array,
-        tile: NDArray[np.intp],
-    ) -> None:
-        """Add a plane.
-
-        Args:
-            design: (N, 3) 1, x/z and y/z of its pixels.
-            depth_mm: (N,).
-            distance_mm: (N,) half the way of the light.
-            weight: (N,) an error along the ray moves inverse depth, 1 / m, by minus the error over
-                the weight.
-            tile: (N,) number of the tile.
-
-        """
-        cycles = np.array([n * f for n in CYCLES.values() for f in FREQUENCIES_MHZ])
+    Returns:
+        Coefficients, cosines then sines, mm, and their standard errors: the larger of that of
+        noise, alike over the filter's 3 x 3 pixels, and that of a jackknife over tiles, which also
+        counts what is not flat.
+    """
+    squares, products = [], []
+    left, pixels = 0.0, 0
+    cycles = np.array([n * f for n in CYCLES.values() for f in FREQUENCIES_MHZ])
+    for design, depth_mm, distance_mm, weight, tile in planes:
         angle = 2 * np.pi * distance_mm[:, None] * cycles / _HALF_WAVE_MM_MHZ
         waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
         target = weight * 1000.0 / depth_mm
-        # The harmonics are fitted to the residual of the plane.
         basis = np.linalg.qr(weight[:, None] * design)[0]
         waves = waves - basis @ (basis.T @ waves)
         target = target - basis @ (basis.T @ target)
         for number in np.unique(tile):
             own = tile == number
-            self._squares.append(waves[own].T @ waves[own])
-            self._products.append(waves[own].T @ target[own])
-        self._left += float((target**2).sum())
-        self._pixels += len(target)
-
-    def solve(self) -> tuple[Array, Array]:
-        """Return the coefficients, cosines then sines, mm, and their standard errors.
-
-        The error is the larger of that of noise, alike over the filter's 3 x 3 pixels, and that of
-        a jackknife over tiles, which also counts what is not flat.
-        """
-        squares, products = np.sum(self._squares, axis=0), np.sum(self._products, axis=0)
-        noise = 9.0 * self._left / self._pixels
-        # Other frequencies are held to the usual size.
-        prior = np.zeros(2 * _WAVES)
-        prior[[k for k in range(2 * _WAVES) if _MHZ_OF[k] not in FITTED_MHZ]] = noise / _USUAL_MM**2
-        whole = squares + np.diag(prior)
-        fit = np.linalg.lstsq(whole, products, rcond=None)[0]
-        by_noise = np.sqrt(noise * np.linalg.pinv(whole).diagonal())
-        parts = [
-            np.linalg.lstsq(whole - s, products - p, rcond=None)[0]
-            for s, p in zip(self._squares, self._products, strict=True)
-        ]
-        count = len(parts)
-        by_tiles = np.sqrt((count - 1) * np.var(parts, axis=0))
-        return np.asarray(fit), np.asarray(np.maximum(by_noise, by_tiles))
+            squares.append(waves[own].T @ waves[own])
+            products.append(waves[own].T @ target[own])
+        left += float((target**2).sum())
+        pixels += len(target)
+    noise = 9.0 * left / pixels
+    # Other frequencies are held to the usual size.
+    prior = np.where(np.isin(_MHZ_OF, FITTED_MHZ), 0.0, noise / _USUAL_MM**2)
+    whole, target = np.sum(squares, axis=0) + np.diag(prior), np.sum(products, axis=0)
+    fit = np.linalg.lstsq(whole, target, rcond=None)[0]
+    by_noise = np.sqrt(noise * np.linalg.pinv(whole).diagonal())
+    parts = [
+        np.linalg.lstsq(whole - s, target - p, rcond=None)[0]
+        for s, p in zip(squares, products, strict=True)
+    ]
+    by_tiles = np.sqrt((len(parts) - 1) * np.var(parts, axis=0))
+    return np.asarray(fit), np.asarray(np.maximum(by_noise, by_tiles))
 
 
 def _planes(design: Array, depth_mm: Array) -> list[NDArray[np.intp]]:

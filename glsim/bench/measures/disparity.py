@@ -177,37 +177,35 @@ def measure_disparity_noise(
     return DisparityNoise(
         int(sigma.size),
         _median([sigma]),
-        tile_correlation(residual, 1),
-        tile_correlation(residual, 0),
+        *_correlations(residual, pooled=False),
         len(pairs),
         _median(frame),
         float(np.sqrt(max(shared, 0.0))) if np.isfinite(shared) else shared,
-        _pooled_correlation(differences, 1),
-        _pooled_correlation(differences, 0),
+        *_correlations(differences, pooled=True),
     )
 
 
-def tile_correlation(tiles: Array, axis: int) -> tuple[float, ...]:
-    """Return the mean correlation of (N, S, S) tiles at LAGS_PX; axis 1 is along rows.
+def _correlations(tiles: Array, *, pooled: bool) -> list[tuple[float, ...]]:
+    """Return the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns.
 
-    Each tile counts alike, so that a few tiles that are no planes do not decide.
+    Args:
+        tiles: their noise; NaN = unknown.
+        pooled: of all tiles together; else the mean of the tiles, each of which counts alike, so
+            that a few that are no planes do not decide.
     """
-    if len(tiles) < LEAST_TILES:
-        return (float("nan"),) * len(LAGS_PX)
-    sums = lagged_sums(tiles, _lags(axis))
-    with np.errstate(invalid="ignore"):
-        each = sums[..., 0] / sums[..., 1]
-    return tuple(float(np.nanmean(c)) if np.isfinite(c).any() else float("nan") for c in each.T)
-
-
-def _pooled_correlation(tiles: Array, axis: int) -> tuple[float, ...]:
-    if len(tiles) < LEAST_TILES:
-        return (float("nan"),) * len(LAGS_PX)
-    return correlation_of([lagged_sums(tiles, _lags(axis))])
-
-
-def _lags(axis: int) -> list[tuple[int, int]]:
-    return [(0, lag) if axis == 1 else (lag, 0) for lag in LAGS_PX]
+    found = []
+    for lags in ([(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]):
+        sums = lagged_sums(tiles, lags)
+        with np.errstate(invalid="ignore"):
+            each = sums[..., 0] / sums[..., 1]
+        if len(tiles) < LEAST_TILES:
+            found.append((float("nan"),) * len(LAGS_PX))
+        elif pooled:
+            found.append(correlation_of([sums]))
+        else:
+            known = [c[np.isfinite(c)] for c in each.T]
+            found.append(tuple(float(c.mean()) if c.size else float("nan") for c in known))
+    return found
 
 
 def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tuple[Array, Array]:

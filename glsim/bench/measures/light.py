@@ -33,6 +33,10 @@ _BRIGHTEST = 90.0
 #: Least cosine of a surface, that of 60 degrees: steeper ones have an uncertain cosine.
 _LEAST_COSINE = 0.5
 
+#: Mean square of a Gaussian over that without its largest percent. Derived:
+#: 0.99 / (0.99 - 2 c phi(c)) at c = 2.5758.
+_UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)
+
 
 @dataclass(frozen=True)
 class NoiseLaw:
@@ -72,12 +76,24 @@ class Light:
     saturated: float
 
 
+#: Light of a set without infrared.
+_NO_LAW = NoiseLaw(float("nan"), float("nan"), ())
+NO_LIGHT = Light(
+    _NO_LAW,
+    _NO_LAW,
+    tuple((near, far, float("nan")) for near, far in pairwise(DISTANCES_M)),
+    float("nan"),
+    tuple((inner, outer, float("nan")) for inner, outer in pairwise(RINGS_PX)),
+    float("nan"),
+)
+
+
 def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> Light | None:
     """Measure light and noise over light; None if no frame has infrared."""
     with_light = [frame for frame in frames if frame.infrared is not None]
     if not with_light:
         return None
-    over_space = _Classes()
+    over_space = []
     bright: list[Array] = []
     saturated = []
     for frame in with_light:
@@ -90,7 +106,7 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
         flat = used & (s.rough_mm < limit) & (s.bend_mm < 2.0)
         quantum = frame.step_mm**2 / 12.0
         squares = np.where(flat, s.rough_mm.astype(np.float64) ** 2 - quantum, np.nan)
-        over_space.add(ir[::3, ::3], squares[::3, ::3])
+        over_space.append((ir[::3, ::3], squares[::3, ::3]))
         keep = np.isfinite(unit)[::2, ::2]
         columns = (unit, frame.measured_mm / 1000.0, radius_px(frame))
         bright.append(np.stack([c[::2, ::2][keep] for c in columns]).astype(np.float64))
@@ -109,7 +125,7 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
     ]
     return Light(
         measure_noise_law(frames, pairs),
-        over_space.law(),
+        _fit_law(over_space),
         tuple(by_distance),
         float(np.median(known)) if known else float("nan"),
         tuple(rings),
@@ -133,7 +149,7 @@ def light_at_one_metre(frame: DepthFrame) -> Array:
 
 def measure_noise_law(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> NoiseLaw:
     """Fit the noise law to static pairs; NaN with fewer than three classes of infrared."""
-    classes = _Classes()
+    parts = []
     for first, second in pairs:
         a, b = frames[first], frames[second]
         if a.infrared is None or b.infrared is None:
@@ -141,49 +157,35 @@ def measure_noise_law(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, i
         used = lit(a) & lit(b)
         mean = 0.5 * (a.infrared.astype(np.float64) + b.infrared)
         quantum = (a.step_mm**2 + b.step_mm**2) / 24.0
-        classes.add(mean, np.where(used, pair_noise(a, b) ** 2 - quantum, np.nan))
-    return classes.law()
+        parts.append((mean, np.where(used, pair_noise(a, b) ** 2 - quantum, np.nan)))
+    return _fit_law(parts)
 
 
 def _brightest(values: Array) -> float:
     return float(np.percentile(values, _BRIGHTEST)) if values.size >= _LEAST_PIXELS else np.nan
 
 
-class _Classes:
-    """Sums of squares by class of infrared."""
-
-    def __init__(self) -> None:
-        self._parts: list[list[Array]] = [[] for _ in range(len(_CLASSES) - 1)]
-
-    def add(self, infrared: Array, squares: Array) -> None:
-        known = np.isfinite(squares)
-        number = np.searchsorted(_CLASSES, infrared[known]) - 1
-        values = squares[known]
-        for k in np.unique(number):
-            if 0 <= k < len(self._parts):
-                self._parts[k].append(np.stack([infrared[known][number == k], values[number == k]]))
-
-    def law(self) -> NoiseLaw:
-        """Fit both terms, 0 or more, by the relative error of each class."""
-        rows = []
-        for parts in self._parts:
-            infrared, squares = np.concatenate(parts, axis=1) if parts else np.zeros((2, 0))
-            if infrared.size >= _LEAST_PIXELS:
-                # Without the largest percent: an edge weighs as much as 100 pixels.
-                kept = squares <= np.percentile(squares, 99.0)
-                variance = max(float(squares[kept].mean()), 1e-6) * _UNTRIMMED
-                rows.append((float(infrared.mean()), variance**0.5, int(infrared.size)))
-        if len(rows) < 3:
-            return NoiseLaw(float("nan"), float("nan"), tuple(rows))
-        ir, sigma = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
-        design = np.column_stack([np.ones_like(ir), (1000.0 / ir) ** 2]) / sigma[:, None] ** 2
-        floor2, slope2 = _not_negative(design, np.ones_like(ir))
-        return NoiseLaw(floor2**0.5, 1000.0 * slope2**0.5, tuple(rows))
-
-
-#: Mean square of a Gaussian over that without its largest percent. Derived:
-#: 0.99 / (0.99 - 2 c phi(c)) at c = 2.5758.
-_UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)
+def _fit_law(parts: Sequence[tuple[Array, Array]]) -> NoiseLaw:
+    """Fit both terms, 0 or more, to (infrared, squares) by the relative error of each class."""
+    infrared, squares = (
+        np.concatenate([np.zeros(0), *(part[k][np.isfinite(part[1])] for part in parts)])
+        for k in (0, 1)
+    )
+    number = np.searchsorted(_CLASSES, infrared)
+    rows = []
+    for k in range(1, len(_CLASSES)):
+        own, values = infrared[number == k], squares[number == k]
+        if own.size >= _LEAST_PIXELS:
+            # Without the largest percent: an edge weighs as much as 100 pixels.
+            kept = values <= np.percentile(values, 99.0)
+            variance = max(float(values[kept].mean()), 1e-6) * _UNTRIMMED
+            rows.append((float(own.mean()), variance**0.5, int(own.size)))
+    if len(rows) < 3:
+        return NoiseLaw(float("nan"), float("nan"), tuple(rows))
+    ir, sigma = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+    design = np.column_stack([np.ones_like(ir), (1000.0 / ir) ** 2]) / sigma[:, None] ** 2
+    floor2, slope2 = _not_negative(design, np.ones_like(ir))
+    return NoiseLaw(floor2**0.5, 1000.0 * slope2**0.5, tuple(rows))
 
 
 def _not_negative(design: Array, target: Array) -> tuple[float, float]:

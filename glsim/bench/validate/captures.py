@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from glsim.bench.measures import stacks as measure
 from glsim.bench.validate import scenes
 from glsim.bench.validate.virtual_camera import Changes, VirtualCamera
 from glsim.core.depth_frame import Frames
-from glsim.sensors.sensor import Sensor
 
 _T = TypeVar("_T")
 
@@ -18,70 +16,50 @@ _T = TypeVar("_T")
 INTERNAL = "needs the stages of a time-of-flight chain, which this sensor lacks"
 
 OFF = {"enabled": 0.0}
+_STRAIGHT = {"harmonic_2": 0.0, "harmonic_5": 0.0}
 _SKIN = {"subsurface_mm": 7.0}
-
-
-@dataclass(frozen=True)
-class Ablations:
-    """Changes to a chain that a check makes; None where the chain has no such part.
-
-    Args:
-        white: keeps only the noise of the phases (no floor, no fixed pattern, no rounding).
-        no_filters: keeps the decoder's thresholds but none of its filters.
-        no_rounding: depth stays a real number.
-        no_light_noise: taps measure light exactly.
-        skin: adds the delay of light within skin.
-        phases: names of the layers that hold the phasors, real and imaginary part of 80 and 16 MHz
-            and of 120 MHz.
-    """
-
-    white: Changes | None = None
-    no_filters: Changes | None = None
-    no_rounding: Changes | None = None
-    no_light_noise: Changes | None = None
-    skin: Changes | None = None
-    phases: tuple[str, ...] = ()
-
-
-def sensor_ablations(sensor: Sensor) -> Ablations:
-    """List the ablations that a sensor allows, by the names of the shipped stages in its chain."""
-    names = {stage.spec.name: stage.name for stage in sensor.stages}
-
-    def changes(**by_spec: Mapping[str, float]) -> Changes | None:
-        """Keep the changes to stages that the sensor has; None if it has none of them."""
-        kept = {names[spec]: dict(values) for spec, values in by_spec.items() if spec in names}
-        return kept or None
-
-    rounding = changes(millimetre_quantise=OFF)
-    straight = {"harmonic_2": 0.0, "harmonic_5": 0.0}
-    white = {"fixed_pattern": OFF, "millimetre_quantise": OFF}
-    if "tof_fast" in names:
-        return Ablations(
-            white=changes(tof_fast={**straight, "sigma_mm": 0.0, "lateral_px": 0.0}, **white),
-            no_rounding=rounding,
-            skin=changes(tof_fast=_SKIN),
-        )
-    if "tof_taps" not in names:
-        return Ablations(no_rounding=rounding)
-    return Ablations(
-        white=changes(tof_light=straight, tof_floor=OFF, **white),
-        no_filters=changes(tof_bilateral=OFF, tof_edge=OFF),
-        no_rounding=rounding,
-        no_light_noise=changes(
-            tof_taps={"read_variance": 0.0, "shot_variance": 0.0, "companding": 0.0}
-        ),
-        skin=changes(tof_light=_SKIN),
-        phases=("phasor_a", "phasor_b"),
-    )
+_TIME_OF_FLIGHT = ("tof_fast", "tof_taps")
+#: Layers that hold the phasors of a chain with ``tof_taps``: real and imaginary part of 80 and 16
+#: MHz, and of 120 MHz.
+PHASES = ("phasor_a", "phasor_b")
+#: Change to a chain -> stages of which it needs one, and their parameters: only the noise of the
+#: phases (no floor, no fixed pattern, no rounding); thresholds but no filters of the decoder; depth
+#: as a real number; taps that measure light exactly; the delay of light within skin.
+_ABLATIONS: dict[str, tuple[tuple[str, ...], Changes]] = {
+    "white": (
+        _TIME_OF_FLIGHT,
+        {
+            "tof_fast": {**_STRAIGHT, "sigma_mm": 0.0, "lateral_px": 0.0},
+            "tof_light": _STRAIGHT,
+            "tof_floor": OFF,
+            "fixed_pattern": OFF,
+            "millimetre_quantise": OFF,
+        },
+    ),
+    "no_filters": (("tof_taps",), {"tof_bilateral": OFF, "tof_edge": OFF}),
+    "no_rounding": (("millimetre_quantise",), {"millimetre_quantise": OFF}),
+    "no_light_noise": (
+        ("tof_taps",),
+        {"tof_taps": {"read_variance": 0.0, "shot_variance": 0.0, "companding": 0.0}},
+    ),
+    "skin": (_TIME_OF_FLIGHT, {"tof_fast": _SKIN, "tof_light": _SKIN}),
+}
 
 
 class Captures:
-    """A virtual camera, the ablations of its sensor, and a cache of captures."""
+    """A virtual camera and a cache of captures."""
 
     def __init__(self, camera: VirtualCamera) -> None:
         self.camera = camera
-        self.ablations: Ablations = sensor_ablations(camera.sensor)
         self._cache: dict[str, Any] = {}
+
+    def ablation(self, name: str) -> Changes | None:
+        """Return a change to the sensor's stages, see _ABLATIONS; None if it has no such part."""
+        names = {stage.spec.name: stage.name for stage in self.camera.sensor.stages}
+        needed, changes = _ABLATIONS[name]
+        if not any(stage in names for stage in needed):
+            return None
+        return {names[stage]: values for stage, values in changes.items() if stage in names}
 
     @property
     def scene_frames(self) -> int:
@@ -99,7 +77,7 @@ class Captures:
         return self.cached(
             f"{name} {changes}",
             lambda: self.camera.capture(
-                scenes.wall(z_mm, albedo), at_mm=(0, 0, z_mm), changes=changes, scene=name
+                scenes.wall(z_mm, albedo), changes=changes, scene=name
             ).centre(),
         )
 
@@ -110,20 +88,18 @@ class Captures:
         spans 14 mm of depth.
         """
         return self.camera.capture(
-            scenes.tilted(900, angle_deg), self.scene_frames, at_mm=(0, 0, 900),
-            scene=f"tilt {angle_deg}",
-        ).centre(64, 8)  # fmt: skip
+            scenes.tilted(900, angle_deg), self.scene_frames, scene=f"tilt {angle_deg}"
+        ).centre(64, 8)
 
     def valid_percent(self, z_mm: float, albedo: float = 1.0) -> float:
         """Return the share of pixels of a small wall that have depth, percent."""
-        capture = self.camera.capture(
-            scenes.wall(z_mm, albedo), 8, 24, at_mm=(0, 0, z_mm), scene=f"range {z_mm}"
-        )
+        capture = self.camera.capture(scenes.wall(z_mm, albedo), 8, 24, scene=f"range {z_mm}")
         return 100.0 * measure.valid_share(capture.measured_mm)
 
     def levels_on_ramp(self) -> int:
         """Count the depths in whole mm on a ramp of 10 cm at 3 m; 101 if none is missing."""
-        ramp = scenes.ten_centimetres(self.camera.rig.intrinsics.fx)
+        # 12 cm over 88 px, of which 10 cm are counted.
+        ramp = scenes.depth_ramp(3000.0, 44 * 3000.0 / self.camera.rig.intrinsics.fx, 60.0)
         whole = self.camera.capture(ramp, crop=96, scene="ramp").whole_mm
         return len(set(whole[(whole >= 2950) & (whole <= 3050)].tolist()))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from glsim.core.files.atomic import without_nan
@@ -165,22 +165,14 @@ class CheckResult:
             {
                 "key": band.key,
                 "measured": self.value(band),
-                "low": band.low,
-                "high": band.high,
-                "unit": band.unit,
+                **asdict(band),
                 "inside": band.holds(self.value(band)),
             }
             for band in self.bands
         ]
-        return {
-            "number": self.check.number,
-            "check": self.check.description,
-            "source": self.check.source,
-            "kind": self.check.kind,
-            "state": self.state,
-            "note": self.cells[-1],
-            "numbers": without_nan(numbers),
-        }
+        names = ("number", "check", "source", "kind", "state", "note")
+        texts = dict(zip(names, (self.cells[k] for k in (0, 1, 4, 5, 6, 7)), strict=True))
+        return {**texts, "numbers": without_nan(numbers)}
 
 
 @dataclass(frozen=True)
@@ -209,15 +201,9 @@ class ValidationReport:
 
     def as_json(self) -> dict[str, Any]:
         """Convert to values for a JSON file."""
-        return {
-            "sensor": self.sensor,
-            "title": self.title,
-            "sheet": self.sheet,
-            "seed": self.seed,
-            "frames": self.frames,
-            "passed": self.passed,
-            "checks": [result.as_json() for result in self.results],
-        }
+        names = ("sensor", "title", "sheet", "seed", "frames", "passed")
+        facts = {name: getattr(self, name) for name in names}
+        return {**facts, "checks": [result.as_json() for result in self.results]}
 
     def as_markdown(self) -> str:
         """Return a Markdown table with a row per check."""

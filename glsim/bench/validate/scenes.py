@@ -38,12 +38,16 @@ def merge_meshes(*meshes: Mesh) -> Mesh:
 
 
 def rectangle(
-    x_mm: tuple[float, float], y_mm: tuple[float, float], z_mm: float, albedo: float = 1.0
+    x_mm: tuple[float, float],
+    y_mm: tuple[float, float],
+    z_mm: float | tuple[float, float],
+    albedo: float = 1.0,
 ) -> Mesh:
-    """Build a rectangle that faces the camera."""
+    """Build an upright rectangle at z, or whose left and right side are at two z."""
     (left, right), (top, bottom) = x_mm, y_mm
-    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-    return quad([(x, y, z_mm) for x, y in corners], albedo)
+    first, second = z_mm if isinstance(z_mm, tuple) else (z_mm, z_mm)
+    below = [(left, bottom, first), (right, bottom, second)]
+    return quad([*below, (right, top, second), (left, top, first)], albedo)
 
 
 def wall(z_mm: float, albedo: float = 1.0) -> Mesh:
@@ -76,11 +80,6 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: floa
         [(x, -y, high - lean), (-x, -y, low - lean)],
     )
     return quad([*bottom, *top], albedo)
-
-
-def ten_centimetres(focal_px: float) -> Mesh:
-    """Build a depth ramp of 12 cm at 3 m, over 88 px; 10 cm of it are evaluated."""
-    return depth_ramp(3000.0, 44 * 3000.0 / focal_px, 60.0)
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
@@ -130,21 +129,17 @@ def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
         focal_baseline_px_mm: of the camera that looks at it; the scene grows with it, so that all
             cameras see the same disparities: 11 px on the wall, up to 98 px on the board.
     """
+    parts = (
+        ((-3000.0, 260.0), (-1500.0, 1500.0), 1750.0, _CORNER),  # the wall
+        ((-100.0, 900.0), (-1500.0, 1500.0), 2300.0, _CORNER),
+        ((260.0, 290.0), (-1500.0, 1500.0), (1600.0, 200.0), _CORNER),  # the board
+        ((120.0, 215.0), (-420.0, -60.0), 1450.0, _CLOTH),  # the bag
+        ((-20.0, 190.0), (60.0, 460.0), 1250.0, _BLACK),  # the backpack
+        ((-330.0, 120.0), (300.0, 1200.0), 1380.0, _CLOTH),  # the box
+        ((245.0, 250.0), (-170.0, 40.0), (480.0, 400.0), _BLACK),  # the frame
+    )
+    mesh = merge_meshes(*(rectangle(*part) for part in parts))
     scale = np.float32(focal_baseline_px_mm / _FOCAL_BASELINE_PX_MM)
-    wall = rectangle((-3000.0, 260.0), (-1500.0, 1500.0), 1750.0, _CORNER)
-    deeper = rectangle((-100.0, 900.0), (-1500.0, 1500.0), 2300.0, _CORNER)
-    side = quad(
-        [(260.0, 1500.0, 1600.0), (290.0, 1500.0, 200.0), (290.0, -1500.0, 200.0),
-         (260.0, -1500.0, 1600.0)], _CORNER,
-    )  # fmt: skip
-    bag = rectangle((120.0, 215.0), (-420.0, -60.0), 1450.0, _CLOTH)
-    backpack = rectangle((-20.0, 190.0), (60.0, 460.0), 1250.0, _BLACK)
-    box = rectangle((-330.0, 120.0), (300.0, 1200.0), 1380.0, _CLOTH)
-    frame = quad(
-        [(245.0, 40.0, 480.0), (250.0, 40.0, 400.0), (250.0, -170.0, 400.0),
-         (245.0, -170.0, 480.0)], _BLACK,
-    )  # fmt: skip
-    mesh = merge_meshes(wall, deeper, side, bag, backpack, box, frame)
     return Mesh(mesh.vertices_mm * scale, mesh.faces, mesh.albedo)
 
 
@@ -156,12 +151,8 @@ def mug_before_walls() -> Mesh:
     """
     mug = _cylinder((-71.0, 303.0), 41.0, (-18.0, 88.0), _MUG_ALBEDO)
     handle = _cylinder((2.0, 306.0), 6.0, (5.0, 75.0), _HANDLE_ALBEDO)
-    left = quad(
-        [(-378, 900, 500), (-378, 900, 1550), (-378, -900, 1550), (-378, -900, 500)], _SIDE_ALBEDO
-    )
-    back = quad(
-        [(-378, 900, 1550), (1500, 900, 1550), (1500, -900, 1550), (-378, -900, 1550)], _WALL_ALBEDO
-    )
+    left = rectangle((-378, -378), (-900, 900), (500, 1550), _SIDE_ALBEDO)
+    back = rectangle((-378, 1500), (-900, 900), 1550, _WALL_ALBEDO)
     return merge_meshes(mug, handle, left, back)
 
 

@@ -112,7 +112,7 @@ def noise(captures: Captures) -> dict[str, Measurement]:
     """Measure walls of many distances and albedos."""
     camera = captures.camera
     shots = [
-        _frame(camera.capture(scenes.wall(z, a), 1, 160, at_mm=(0, 0, z), scene=f"{z} {a}"))
+        _frame(camera.capture(scenes.wall(z, a), 1, 160, scene=f"{z} {a}"))
         for z in (300.0, 500.0, 800.0, 1200.0, 1600.0, 2000.0)
         for a in (0.05, 0.1, 0.2, 0.4, 0.8)
     ]
@@ -208,9 +208,7 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
 def limits(captures: Captures) -> dict[str, Measurement]:
     """Measure walls, one whose albedo grows, and one nearer than the range."""
     wall = captures.wall(1500.0, 0.8)
-    bright = captures.camera.capture(
-        scenes.wall(200.0, 0.8), 1, at_mm=(0, 0, 200.0), scene="bright"
-    ).centre()
+    bright = captures.camera.capture(scenes.wall(200.0, 0.8), 1, scene="bright").centre()
     ramp = scenes.albedo_ramp(330.0, 100.0, 0.5, 1.4)
     steep = captures.camera.capture(ramp, 4, None, scene="steep ramp")
     valid = np.isfinite(steep.whole_mm)

@@ -33,8 +33,8 @@ def quantisation(captures: Captures) -> dict[str, Measurement]:
     # Depth is float32: a difference of up to 0.001 mm from a whole number is no fraction.
     fractions = float((np.abs(fine - np.rint(fine)) > 1e-3).mean()) if fine.size else float("nan")
     variance, note = None, "the chain's rounding cannot be switched off"
-    if captures.ablations.no_rounding is not None:
-        exact = captures.wall(900, changes=captures.ablations.no_rounding)
+    if (off := captures.ablation("no_rounding")) is not None:
+        exact = captures.wall(900, changes=off)
         added = wall.whole_mm - exact.measured_mm
         variance, note = measure.mean_of((added - measure.mean_of(added)) ** 2), ""
     values = {"fractions": fractions, "levels": float(levels), "variance": variance}
@@ -58,9 +58,11 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
         return None
     low, high = 1.0 / bright, min(17.0 / bright, 1.0)
     capture = captures.camera.capture(
-        scenes.albedo_ramp(z, half_mm, low, high), crop=2 * half_px, at_mm=(0, 0, z),
-        scene="albedo ramp", frames=captures.scene_frames,
-    ).centre(2 * half_px - 4, 96)  # fmt: skip
+        scenes.albedo_ramp(z, half_mm, low, high),
+        crop=2 * half_px,
+        scene="albedo ramp",
+        frames=captures.scene_frames,
+    ).centre(2 * half_px - 4, 96)
     amplitude = capture.stack("infrared").ravel() / COUNTS_PER_AMPLITUDE
     valid = np.isfinite(capture.whole_mm).ravel()
     bins = np.arange(1.0, 17.0, 0.5)
@@ -105,7 +107,6 @@ def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
             scenes.wall(float(z), _SKIN),
             _WIGGLE_FRAMES,
             _WIGGLE_PX,
-            at_mm=(0, 0, float(z)),
             scene=f"wiggle {z:g}",
         )
         errors.append(measure.mean_of(capture.measured_mm - capture.truth_mm))
@@ -150,9 +151,10 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
         near = captures.wall(900, _SKIN).stack("infrared").mean() / _SKIN
         bright = float(near) / COUNTS_PER_AMPLITUDE * (900 / z) ** 2
         capture = captures.camera.capture(
-            scenes.wall(z, min(1.0, 15.0 / max(bright, 15.0))), captures.scene_frames,
-            at_mm=(0, 0, z), scene=f"dark {z}",
-        )  # fmt: skip
+            scenes.wall(z, min(1.0, 15.0 / max(bright, 15.0))),
+            captures.scene_frames,
+            scene=f"dark {z}",
+        )
         residual = capture.residual_mm
         gross += int((np.abs(residual) > 300).sum())
         total += int(np.isfinite(residual).sum())
@@ -169,9 +171,7 @@ def offsets(captures: Captures) -> dict[str, Measurement]:
     means = []
     first = captures.camera.seed
     for device in range(first, first + 8):
-        capture = captures.camera.capture(
-            scenes.wall(900), 4, 128, at_mm=(0, 0, 900), scene="offset", seed=device
-        )
+        capture = captures.camera.capture(scenes.wall(900), 4, 128, scene="offset", seed=device)
         means.append([measure.mean_of(frame) for frame in capture.measured_mm - capture.truth_mm])
     errors = np.array(means)
     values: dict[str, float | None] = {
@@ -180,9 +180,9 @@ def offsets(captures: Captures) -> dict[str, Measurement]:
         "change": float(errors.std(axis=1, ddof=1).max()),
     }
     note = f"largest of {len(errors)} devices"
-    if captures.ablations.skin is not None:
+    if (skin := captures.ablation("skin")) is not None:
         plain = captures.mean_error_mm(900, 0.6)
-        values["skin"] = captures.mean_error_mm(900, 0.6, captures.ablations.skin) - plain
+        values["skin"] = captures.mean_error_mm(900, 0.6, skin) - plain
     else:
         note += "; the chain has no option for skin"
     return {"29": Measurement(values, note)}

@@ -25,9 +25,12 @@ _STRAY_MM = 90.0
 def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = None) -> Frames:
     """Capture 64 rows of a fully lit edge at 0.9 m before a wall at ``far_mm``."""
     return captures.camera.capture(
-        scenes.depth_edge(NEAR_MM, far_mm), crop=_EDGE_PX, at_mm=(0, 0, NEAR_MM),
-        changes=changes, scene=f"edge {far_mm}", frames=captures.scene_frames,
-    ).centre(48, 64)  # fmt: skip
+        scenes.depth_edge(NEAR_MM, far_mm),
+        crop=_EDGE_PX,
+        changes=changes,
+        scene=f"edge {far_mm}",
+        frames=captures.scene_frames,
+    ).centre(48, 64)
 
 
 @validation_check("kinect-v2")
@@ -41,7 +44,7 @@ def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
         "15": Measurement({"std": jitter}),
         "18": Measurement({"0.95 m": small[2], "1.5 m": on[2]}),
     }
-    off = captures.ablations.no_filters
+    off = captures.ablation("no_filters")
     if off is None:
         return measurements | {n: Measurement(why_not=INTERNAL) for n in ("16", "17")}
     raw = measure.mixed_per_row(capture_edge(captures, 1500, off).measured_mm, NEAR_MM, 1500)
@@ -57,15 +60,15 @@ def silhouette(captures: Captures) -> dict[str, Measurement]:
 
     Growth per side is computed from the widths of its rows and columns.
     """
-    off = captures.ablations.no_filters
+    off = captures.ablation("no_filters")
     values = _measure_silhouette(captures, off)
     if off is None:
         return {
             "19": Measurement(values, "with all stages: this chain has no filters to switch off")
         }
     exception = ""
-    if values["strays"] > 0 and captures.ablations.no_light_noise is not None:
-        exact = _measure_silhouette(captures, {**off, **captures.ablations.no_light_noise})
+    if values["strays"] > 0 and (exactly := captures.ablation("no_light_noise")) is not None:
+        exact = _measure_silhouette(captures, {**off, **exactly})
         if exact["strays"] == 0:
             exception = (
                 "0 strays without noise of the light, so these are no mixed pixels: dark rims that "
@@ -78,9 +81,12 @@ def silhouette(captures: Captures) -> dict[str, Measurement]:
 def _measure_silhouette(captures: Captures, changes: Changes | None) -> dict[str, float]:
     half = 40.0 * NEAR_MM / captures.camera.rig.intrinsics.fx
     capture = captures.camera.capture(
-        scenes.rectangle((-half, half), (-half, half), NEAR_MM), crop=128,
-        at_mm=(0, 0, NEAR_MM), changes=changes, scene="silhouette", frames=captures.scene_frames,
-    )  # fmt: skip
+        scenes.rectangle((-half, half), (-half, half), NEAR_MM),
+        crop=128,
+        changes=changes,
+        scene="silhouette",
+        frames=captures.scene_frames,
+    )
     away = np.abs(np.nan_to_num(capture.measured_mm, nan=NEAR_MM) - NEAR_MM)
     close = np.isfinite(capture.measured_mm) & (away <= _STRAY_MM)
     clean = np.isfinite(capture.truth_mm)
@@ -106,12 +112,12 @@ def shadow_profile(
     focal = captures.camera.rig.intrinsics.fx
     half = HALF_PX * NEAR_MM / focal
     capture = captures.camera.capture(
-        scenes.occluder(NEAR_MM, far_mm, half), crop=_SHADOW_PX, at_mm=(0, 0, NEAR_MM),
-        scene=f"shadow {far_mm}", frames=captures.scene_frames,
-    )  # fmt: skip
-    bare = captures.camera.capture(
-        scenes.wall(far_mm), 8, _SHADOW_PX, at_mm=(0, 0, NEAR_MM), scene=f"unshadowed {far_mm}"
+        scenes.occluder(NEAR_MM, far_mm, half),
+        crop=_SHADOW_PX,
+        scene=f"shadow {far_mm}",
+        frames=captures.scene_frames,
     )
+    bare = captures.camera.capture(scenes.wall(far_mm), 8, _SHADOW_PX, scene=f"unshadowed {far_mm}")
     light = capture.stack("infrared").mean(axis=0) / np.maximum(
         bare.stack("infrared").mean(axis=0), 1.0
     )

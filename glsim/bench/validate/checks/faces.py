@@ -17,7 +17,7 @@ _FRAMES_EACH = 4
 def portraits(captures: Captures) -> list[Frames]:
     """Capture a few frames of each of a few people at 0.9 m without background, skin albedo."""
     return [
-        captures.camera.capture(mesh, _FRAMES_EACH, 160, at_mm=(0, 0, 900), scene=f"face {number}")
+        captures.camera.capture(mesh, _FRAMES_EACH, 160, scene=f"face {number}")
         for number, mesh in enumerate(scenes.faces(_PEOPLE, 900, captures.camera.seed))
     ]
 

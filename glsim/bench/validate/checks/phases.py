@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from glsim.bench.measures import stacks as measure
 from glsim.bench.measures.stacks import Array
 from glsim.bench.validate import scenes
-from glsim.bench.validate.captures import INTERNAL, Captures
+from glsim.bench.validate.captures import INTERNAL, PHASES, Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.bench.validate.virtual_camera import Changes
 from glsim.core.depth_frame import Frames
@@ -40,16 +40,18 @@ def _measure_wall(
 
     def capture_wall(changes: Changes) -> Frames:
         return captures.camera.capture(
-            scenes.wall(_WALL_MM, albedo), at_mm=(0, 0, _WALL_MM), changes=changes,
-            scene=f"phases {albedo:.4f}", extra=captures.ablations.phases,
-        ).centre()  # fmt: skip
+            scenes.wall(_WALL_MM, albedo),
+            changes=changes,
+            scene=f"phases {albedo:.4f}",
+            extra=PHASES,
+        ).centre()
 
     with_noise, smooth = capture_wall(raw), capture_wall(filtered)
-    phasors = _phasors(with_noise, captures.ablations.phases)
+    phasors = _phasors(with_noise, PHASES)
     return (
         float(np.abs(phasors.mean(axis=1)).mean()),
         _phase_sigma(phasors),
-        _phase_sigma(_phasors(smooth, captures.ablations.phases)),
+        _phase_sigma(_phasors(smooth, PHASES)),
         measure.sigma_temporal(with_noise.measured_mm),
         measure.sigma_temporal(smooth.measured_mm),
     )
@@ -74,8 +76,8 @@ def _phasors(capture: Frames, layers: tuple[str, ...]) -> Array:
 @validation_check("kinect-v2")
 def phase_noise(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 9 to 11: phase noise, its fusion into depth noise, gain of the filter."""
-    white, off = captures.ablations.white, captures.ablations.no_filters
-    if white is None or off is None or not captures.ablations.phases:
+    white, off = captures.ablation("white"), captures.ablation("no_filters")
+    if white is None or off is None:
         return {n: Measurement(why_not=INTERNAL) for n in ("9", "10", "11")}
     bright = captures.wall(_WALL_MM).stack("infrared").mean() / COUNTS_PER_AMPLITUDE
     walls = [

@@ -26,11 +26,6 @@ SHADOW_M = (1.1, 1.5, 2.0)
 _ON = {"enabled": 1.0}
 
 
-def disparity_px(captures: Captures, depth_mm: Array) -> Array:
-    """Convert depth (mm) to disparity (px): focal length times baseline over depth."""
-    return np.asarray(captures.focal_baseline_px_mm / depth_mm)
-
-
 @validation_check("kinect-v1")
 def v1_noise(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 1 to 3 of kinect-v1: noise over distance, edge jitter."""
@@ -53,7 +48,7 @@ def v1_steps(captures: Captures) -> dict[str, Measurement]:
     for z in V1_DISTANCES_MM:
         depth = captures.wall(z).whole_mm
         depth = depth[np.isfinite(depth)]
-        eighths = 8.0 * disparity_px(captures, depth)
+        eighths = 8.0 * captures.focal_baseline_px_mm / depth
         # Half a mm of rounding, in eighths of a pixel.
         tolerance = 0.51 * eighths / depth
         on_grid.append(np.abs(eighths - np.rint(eighths)) <= tolerance)
@@ -69,7 +64,7 @@ def _mean_level_step(captures: Captures, z_mm: float) -> float:
     """Return the mean gap of neighbouring depth levels on a ramp, mm, at depths within 6 % of z."""
     half_x = 40 * z_mm / captures.camera.rig.intrinsics.fx
     capture = captures.camera.capture(
-        scenes.depth_ramp(z_mm, half_x, 0.09 * z_mm), 16, at_mm=(0, 0, z_mm), scene=f"ramp {z_mm}"
+        scenes.depth_ramp(z_mm, half_x, 0.09 * z_mm), 16, scene=f"ramp {z_mm}"
     )
     levels = np.unique(capture.whole_mm)
     levels = levels[np.abs(levels / z_mm - 1.0) < 0.06]
@@ -99,7 +94,7 @@ def paper_noise(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 1 to 5 of kinect-v2-paper: noise of disparity on a wall at 0.9 m."""
 
     def disparity(changes: Changes) -> Array:
-        return disparity_px(captures, captures.wall(900, changes=changes).measured_mm)
+        return captures.focal_baseline_px_mm / captures.wall(900, changes=changes).measured_mm
 
     noiseless_px = measure.mean_of(disparity({"perlin": OFF}))
     shipped = disparity({})
@@ -132,19 +127,16 @@ def paper_window(captures: Captures) -> dict[str, Measurement]:
     for width in widths:
         half = 0.5 * width * pixel_mm
         capture = captures.camera.capture(
-            scenes.rectangle((-half, half), (-150, 150), 900), 1, 72, at_mm=(0, 0, 900),
-            changes=quiet, scene="strip",
-        )  # fmt: skip
+            scenes.rectangle((-half, half), (-150, 150), 900), 1, 72, changes=quiet, scene="strip"
+        )
         seen.append(np.isfinite(capture.centre(2, 64).whole_mm).mean())
     dots = captures.camera.capture(
-        scenes.wall(900), 1, None, at_mm=(0, 0, 900), scene="dots",
-        changes={**quiet, "dot_spread": {"radius_px": 0.5}},
-    ).centre(400)  # fmt: skip
+        scenes.wall(900), 1, None, scene="dots", changes={**quiet, "dot_spread": {"radius_px": 0.5}}
+    ).centre(400)
     half = 30 * pixel_mm
     patch = captures.camera.capture(
-        scenes.rectangle((-half, half), (-half, half), 900), 1, 96, at_mm=(0, 0, 900),
-        changes=quiet, scene="patch",
-    )  # fmt: skip
+        scenes.rectangle((-half, half), (-half, half), 900), 1, 96, changes=quiet, scene="patch"
+    )
     grown = np.isfinite(patch.whole_mm[0])
     return {
         "6": Measurement({"width": measure.crossing(widths, np.array(seen), 0.5)}),
@@ -188,9 +180,8 @@ def _measure_shadow(captures: Captures, changes: Changes) -> Measurement:
     others: list[float] = []
     for far in SHADOW_M:
         capture = captures.camera.capture(
-            scenes.occluder(NEAR_MM, 1000 * far, half), 8, 144, at_mm=(0, 0, NEAR_MM),
-            changes=changes, scene=f"hole {far}",
-        )  # fmt: skip
+            scenes.occluder(NEAR_MM, 1000 * far, half), 8, 144, changes=changes, scene=f"hole {far}"
+        )
         hole = np.isnan(capture.whole_mm).mean(axis=0)
         middle = slice(72 - 10, 72 + 10)
         across, down = hole[middle].mean(axis=0), hole[:, middle].mean(axis=1)

@@ -22,10 +22,8 @@ def noise_level(captures: Captures) -> dict[str, Measurement]:
     temporal = measure.sigma_temporal(captures.wall(900).whole_mm)
     near = [spatial[z] for z in (700, 900, 1200)]
     white = None
-    if captures.ablations.white is not None:
-        four, two = (
-            captures.temporal_sigma_mm(z, changes=captures.ablations.white) for z in (4000, 2000)
-        )
+    if (changes := captures.ablation("white")) is not None:
+        four, two = (captures.temporal_sigma_mm(z, changes=changes) for z in (4000, 2000))
         white = measure.ratio(four, two)
     growth = {"all": measure.ratio(spatial[4000], spatial[2000]), "white": white}
     return {
@@ -66,7 +64,7 @@ def tilt(captures: Captures) -> dict[str, Measurement]:
 @validation_check("kinect-v2")
 def albedo(captures: Captures) -> dict[str, Measurement]:
     """Measure check 7: the white part of the noise on dark and bright walls."""
-    white = captures.ablations.white
+    white = captures.ablation("white")
     if white is None:
         return {"7": Measurement(why_not=INTERNAL)}
     ratios = {
@@ -84,9 +82,7 @@ def amplitude(captures: Captures) -> dict[str, Measurement]:
 
     def level(z: float, reflects: float = 1.0, angle: float = 0.0) -> float:
         mesh = scenes.wall(z, reflects) if angle == 0 else scenes.tilted(z, angle, reflects)
-        capture = captures.camera.capture(
-            mesh, 16, 24, at_mm=(0, 0, z), scene=f"amplitude {z} {reflects} {angle}"
-        )
+        capture = captures.camera.capture(mesh, 16, 24, scene=f"amplitude {z} {reflects} {angle}")
         return float(capture.centre(8, 2).stack("infrared").mean())
 
     full = level(900)
@@ -151,7 +147,7 @@ def radial(captures: Captures) -> dict[str, Measurement]:
 def pattern(captures: Captures) -> dict[str, Measurement]:
     """Measure check 27 on many frames of one wall; both halves must show the same pattern."""
     capture = captures.camera.capture(
-        scenes.wall(900), _PATTERN_FRAMES, 40, at_mm=(0, 0, 900), scene="pattern"
+        scenes.wall(900), _PATTERN_FRAMES, 40, scene="pattern"
     ).centre(32)
     frames = capture.residual_mm
     _, sigma = measure.fixed_pattern(frames)

@@ -1,0 +1,264 @@
+"""Measure two sets of frames and tell them apart: everything that ``glsim compare`` shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from itertools import pairwise, product
+from typing import Any
+
+from glsim.bench.compare.classifier import Verdict, tell_apart
+from glsim.bench.compare.patches import KINDS, Patches, edge_patches, surface_patches
+from glsim.bench.measures.cells import DISTANCES_M, RADII_PX
+from glsim.bench.measures.correlation import LAGS
+from glsim.bench.measures.light import NO_LIGHT, Light, measure_light
+from glsim.bench.measures.pattern import FixedPattern, measure_pattern
+from glsim.bench.measures.silhouettes import Silhouettes, measure_silhouettes
+from glsim.bench.measures.spatial import SpatialNoise, measure_spatial
+from glsim.bench.measures.stacks import ratio
+from glsim.bench.measures.static import static_pairs, view_numbers
+from glsim.bench.measures.temporal import TemporalNoise, measure_temporal
+from glsim.bench.measures.validity import measure_invalid
+from glsim.core.depth_frame import Frames
+from glsim.core.files.atomic import without_nan
+from glsim.core.files.markdown import markdown_table
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """All measures of one set; size is (width, height), px, light is None without infrared."""
+
+    title: str
+    frames: int
+    size: tuple[int, int]
+    temporal: TemporalNoise
+    spatial: SpatialNoise
+    pattern: FixedPattern
+    light: Light | None
+    silhouettes: Silhouettes
+    invalid: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table, compared by second / first, or else by second - first."""
+
+    group: str
+    name: str
+    unit: str
+    first: float
+    second: float
+    as_ratio: bool = True
+
+    @property
+    def change(self) -> float:
+        """The ratio or the difference; NaN if either is unknown."""
+        if self.as_ratio:
+            return ratio(self.second, self.first)
+        return self.second - self.first
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two measured sets, and the verdict of the classifier on each kind of patches."""
+
+    first: Measurements
+    second: Measurements
+    verdicts: dict[str, Verdict]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The lines of the table that at least one set has."""
+        first, second = _lines(self.first), _lines(self.second)
+        rows = [
+            Row(*names, first.get((*names, as_ratio), math.nan), value, as_ratio)
+            for (*names, as_ratio), value in second.items()
+        ]
+        return [r for r in rows if math.isfinite(r.first) or math.isfinite(r.second)]
+
+    def as_markdown(self) -> str:
+        """Return the table of measures, and that of the classifier if there is one."""
+        a, b = self.first, self.second
+        head = ["measure", "unit", f"first: {a.title}", f"second: {b.title}", "second / first"]
+        lines = [
+            f"# {a.title} against {b.title}",
+            "",
+            f"{a.frames} frames of {a.size[0]}x{a.size[1]} with {a.temporal.pairs} static pairs; "
+            f"{b.frames} frames of {b.size[0]}x{b.size[1]} with {b.temporal.pairs}. The last "
+            "column is the ratio, or the difference where it has a sign.",
+            "",
+        ]
+        group = ""
+        table: list[list[str]] = []
+        for row in self.rows:
+            if row.group != group:
+                table.append([f"**{row.group}**", "", "", "", ""])
+                group = row.group
+            table.append(
+                [row.name, row.unit, _number(row.first), _number(row.second), _change(row)]
+            )
+        lines += markdown_table(head, table)
+        verdicts = []
+        for kind, v in self.verdicts.items():
+            tells = "; ".join(
+                f"{t.feature} {_number(t.first)} / {_number(t.second)} (alone {t.auc:.2f})"
+                for t in v.telling
+            )
+            few = "too few patches"
+            aucs = [f"{a:.2f}" if math.isfinite(a) else few for a in (v.auc, v.boosted_auc)]
+            verdicts.append([kind, *aucs, str(v.patches), tells])
+        if verdicts:
+            lines += [
+                "",
+                "AUC of a logistic regression and of boosted trees on patches; 0.5 = "
+                "indistinguishable. Features whose medians differ most come first.",
+                "",
+            ]
+            head = ["patches", "AUC", "boosted", "of each", "what tells, median first / second"]
+            lines += markdown_table(head, verdicts)
+        return "\n".join(lines) + "\n"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything as JSON values; None where a measure is not known."""
+        tree: dict[str, Any] = {
+            "first": asdict(self.first),
+            "second": asdict(self.second),
+            "rows": [asdict(row) | {"change": row.change} for row in self.rows],
+            "classifier": {kind: asdict(v) for kind, v in self.verdicts.items()},
+        }
+        return {key: without_nan(value) for key, value in tree.items()}
+
+
+#: One line of a set: group, name, unit, and whether sets are compared by their ratio -> value.
+_Lines = dict[tuple[str, str, str, bool], float]
+
+
+def _lines(m: Measurements) -> _Lines:
+    """Return all measures of a set, in the same order for every set."""
+    lines: _Lines = {}
+
+    def add(group: str, name: str, unit: str, value: float, as_ratio: bool = True) -> None:
+        lines[group, name, unit, as_ratio] = value
+
+    for group, noise, of in (
+        ("temporal sigma", m.temporal, "temporal noise"),
+        ("spatial sigma (residual of a quadric in 7x7, rms)", m.spatial, "the residual"),
+    ):
+        found = {(c.distance_m, c.radius_px): c.value for c in noise.cells}
+        for (near, far), (inner, outer) in product(pairwise(DISTANCES_M), pairwise(RADII_PX)):
+            name = f"{near:g} to {far:g} m, {inner:.0f} to {outer:.0f} px"
+            add(group, name, "mm", found.get(((near, far), (inner, outer)), math.nan))
+        for (down, right), value in zip(LAGS, noise.correlation, strict=True):
+            along = f"{max(down, right)} px along {'xy'[down > 0]}"
+            name = "diagonal" if down and right else along
+            add(f"correlation of {of}", name, "", value, False)
+    group = "residual of surfaces from a quadric in 7x7"
+    p10, median, p90 = m.spatial.rough_mm
+    add(group, "p10", "mm", p10)
+    add(group, "median", "mm", median)
+    add(group, "p90", "mm", p90)
+    group, pattern = "fixed pattern", m.pattern
+    add(group, "rows", "mm", pattern.rows_mm)
+    add(group, "alternation of rows, rms half step", "mm", pattern.alternation_rms_mm)
+    add(group, "columns", "mm", pattern.columns_mm)
+    add(group, "rest", "mm", pattern.rest_mm)
+    add(group, "rest, correlation at 1 px along x", "", pattern.rest_correlation, False)
+    for k, value in enumerate(pattern.alternation_mm):
+        name = f"half step of odd rows, {k + 1}/{len(pattern.alternation_mm)} from the top"
+        add(group, name, "mm", value, False)
+    light = m.light or NO_LIGHT
+    for words, law in (("static pairs", light.temporal), ("residuals in 7x7", light.spatial)):
+        group = f"noise over infrared, {words}: sigma^2 = a^2 + (b / IR)^2"
+        add(group, "a", "mm", law.floor_mm)
+        add(group, "b", "mm counts", law.slope_mm)
+    group, unit = "IR r^2 / cos of the brightest surfaces", "counts m^2"
+    add(group, "median over the distances", unit, light.overall)
+    for near, far, value in light.brightness:
+        add(group, f"{near:g} to {far:g} m", unit, value)
+    for inner, outer, value in light.rings:
+        add(group, f"{inner:.0f} to {outer:.0f} px, relative to the centre", "", value)
+    add("infrared", "saturated pixels", "%", 100 * light.saturated, False)
+    lines |= _silhouette_lines(m.silhouettes)
+    for inner, outer, share in m.invalid:
+        add("pixels without depth", f"{inner:.0f} to {outer:.0f} px", "%", 100 * share)
+    return lines
+
+
+def _silhouette_lines(found: Silhouettes) -> _Lines:
+    sides = {"left": found.left, "right": found.right}
+    dark = sides.pop(found.shadow_side)
+    lines: _Lines = {}
+    for name, side in (("lit", *sides.values()), ("shadow", dark)):
+        lines |= {
+            (f"silhouettes, {name} side", text, unit, True): value
+            for text, unit, value in (
+                ("width of the gap, median", "px", side.width_px),
+                ("width of the gap, mean", "px", side.width_mean_px),
+                ("invalid pixels of it, median", "px", side.invalid_px),
+                ("invalid share of 8 px outside", "%", 100 * side.band_invalid),
+                ("behind the background, share of 8 px", "%", 100 * side.band_behind),
+            )
+        }
+    lines["silhouettes, shadow side", "width over S: slope", "mm", True] = dark.slope_mm
+    lines["silhouettes, shadow side", "width over S: offset", "px", False] = dark.offset_px
+    return lines
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return "-"
+    size = abs(value)
+    digits = 0 if size >= 100 else 1 if size >= 10 else 2
+    return f"{value:,.{digits}f}"
+
+
+def _change(row: Row) -> str:
+    if not math.isfinite(row.change):
+        return ""
+    return f"{row.change:.2f}" if row.as_ratio else f"{row.change:+.2f}"
+
+
+def compare_sets(
+    first: Frames, second: Frames, progress: Callable[[str], None] | None = None
+) -> Comparison:
+    """Measure both sets and classify their patches; ``progress`` is called with each step's name.
+
+    Without scikit-learn there are no verdicts of the classifier.
+    """
+    say = progress or (lambda _: None)
+    measured = []
+    for frames in (first, second):
+        say(f"measuring {frames.title}")
+        measured.append(_measure(frames))
+    verdicts: dict[str, Verdict] = {}
+    if find_spec("sklearn") is None:
+        say("no classifier: it needs scikit-learn: pip install 'glsim[eval]'")
+    else:
+        say("classifying patches")
+        patches: list[dict[str, Patches]] = [
+            surface_patches(frames) | edge_patches(frames, m.silhouettes.shadow_side)
+            for frames, m in zip((first, second), measured, strict=True)
+        ]
+        views = [view_numbers(frames) for frames in (first, second)]
+        verdicts = {
+            kind: tell_apart(patches[0][kind], patches[1][kind], views[0], views[1])
+            for kind in KINDS
+        }
+    return Comparison(measured[0], measured[1], verdicts)
+
+
+def _measure(frames: Frames) -> Measurements:
+    pairs = static_pairs(frames)
+    return Measurements(
+        title=frames.title,
+        frames=len(frames),
+        size=(frames.intrinsics.width, frames.intrinsics.height),
+        temporal=measure_temporal(frames, pairs),
+        spatial=measure_spatial(frames),
+        pattern=measure_pattern(frames),
+        light=measure_light(frames, pairs),
+        silhouettes=measure_silhouettes(frames),
+        invalid=measure_invalid(frames),
+    )
