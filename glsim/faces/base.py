@@ -40,12 +40,17 @@ class ComputedKeys(Sequence[FaceKey]):
     """The keys of a subject's frames as a function of their number: no list is kept.
 
     No two of them have the same sequence and frame.
+
+    Args:
+        count: their number.
+        words: all that the keys depend on, besides the code.
     """
 
-    @property
-    @abstractmethod
-    def words(self) -> tuple[object, ...]:
-        """All that the keys depend on, besides the code."""
+    def __init__(self, count: int, *words: object) -> None:
+        self._count, self.words = count, words
+
+    def __len__(self) -> int:
+        return self._count
 
     @abstractmethod
     def _key(self, number: int) -> FaceKey:

@@ -57,9 +57,6 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         seed: determines every identity and performance.
         frames_per_sequence: length of a sequence.
         frames_per_second: see above.
-
-    Raises:
-        ConfigError: a sequence without frames.
     """
 
     #: First letter of the subjects' names.
@@ -71,8 +68,6 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         frames_per_sequence: int = DEFAULT_SEQUENCE,
         frames_per_second: float | None = None,
     ) -> None:
-        if frames_per_sequence < 1:
-            raise ConfigError(f"frames_per_sequence is {frames_per_sequence}: give 1 or more")
         self.seed, self.frames_per_sequence = seed, frames_per_sequence
         self.frames_per_second = frames_per_second
 
@@ -145,17 +140,10 @@ class PerformanceKeys(ComputedKeys):
     def __init__(
         self, seed: int, subject: str, count: int, length: int, rate: float | None
     ) -> None:
-        self._seed, self._subject, self._count = seed, subject, count
+        super().__init__(count, seed, subject, count, length, rate)
+        self._seed, self._subject = seed, subject
         self._length, self._rate = length, rate
         self._last: tuple[int, Sequence[FaceKey]] = -1, ()
-
-    @property
-    def words(self) -> tuple[object, ...]:
-        """The arguments."""
-        return self._seed, self._subject, self._count, self._length, self._rate
-
-    def __len__(self) -> int:
-        return self._count
 
     def _key(self, number: int) -> FaceKey:
         sequence, frame = divmod(number, self._length)

@@ -9,7 +9,7 @@ each sequence.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -18,37 +18,24 @@ from glsim.core.products import product
 from glsim.core.seeds import rng_for
 from glsim.faces.neck import Neck, pivot_mm
 
-#: Band of the motion, Hz. Sway of the head is slow (0.34-0.39 Hz on average, 20 standing adults,
-#: "Head movement recording and significance"). The limits are chosen: slower drifts of posture and
-#: quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983) are left out.
-BAND_HZ: Final = (0.1, 1.5)
-
-
-class MotionWave(NamedTuple):
-    """A component: a number of the pose, its largest amplitude, and its band in Hz."""
-
-    name: str
-    amplitude: float
-    low_hz: float
-    high_hz: float
-
-
-#: Sway in mm: amplitudes of 3 to 4 mm near 0.36 Hz give the path of 37 cm a minute that the study
-#: above measured, more of it forwards than sideways. Angles in degrees are chosen: slow drifts of
-#: gaze and posture, turns of up to 6 and nods of up to 3 degrees. Amplitudes are drawn between a
-#: third and the whole, so that some people keep still and others do not.
+#: Components: number of the pose, largest amplitude, band in Hz. Sway of the head is slow (0.34 to
+#: 0.39 Hz, 20 standing adults, "Head movement recording and significance"); 3 to 4 mm near 0.36 Hz
+#: give the path of 37 cm a minute that this study measured, more of it forwards than sideways.
+#: Angles are chosen: slow drifts of gaze and posture, turns of up to 6 and nods of up to 3 degrees.
+#: Slower drifts and quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983) are
+#: left out. Amplitudes are drawn between a third and the whole: some people keep still.
 WAVES: Final = (
-    MotionWave("x_mm", 3.0, 0.25, 0.5),
-    MotionWave("x_mm", 1.0, 0.5, 1.1),
-    MotionWave("y_mm", 0.8, 0.2, 0.6),
-    MotionWave("distance_mm", 4.0, 0.22, 0.45),
-    MotionWave("distance_mm", 1.2, 0.5, 1.0),
-    MotionWave("yaw_deg", 6.0, 0.1, 0.35),
-    MotionWave("yaw_deg", 1.5, 0.4, 1.0),
-    MotionWave("pitch_deg", 2.5, 0.1, 0.35),
-    MotionWave("pitch_deg", 3.0, 0.7, 1.5),
-    MotionWave("roll_deg", 2.0, 0.1, 0.4),
-    MotionWave("roll_deg", 0.6, 0.5, 1.2),
+    ("x_mm", 3.0, 0.25, 0.5),
+    ("x_mm", 1.0, 0.5, 1.1),
+    ("y_mm", 0.8, 0.2, 0.6),
+    ("distance_mm", 4.0, 0.22, 0.45),
+    ("distance_mm", 1.2, 0.5, 1.0),
+    ("yaw_deg", 6.0, 0.1, 0.35),
+    ("yaw_deg", 1.5, 0.4, 1.0),
+    ("pitch_deg", 2.5, 0.1, 0.35),
+    ("pitch_deg", 3.0, 0.7, 1.5),
+    ("roll_deg", 2.0, 0.1, 0.4),
+    ("roll_deg", 0.6, 0.5, 1.2),
 )
 _LEAST_SHARE: Final = 1 / 3
 
@@ -64,10 +51,10 @@ def head_motion(seed: int, time_s: float) -> dict[str, float]:
     share = rng.uniform(_LEAST_SHARE, 1.0, len(WAVES))
     place = rng.uniform(0.0, 1.0, len(WAVES))
     phase = rng.uniform(0.0, 2 * np.pi, len(WAVES))
-    offsets = dict.fromkeys((wave.name for wave in WAVES), 0.0)
-    for wave, s, p, start in zip(WAVES, share, place, phase, strict=True):
-        turn = 2 * np.pi * (wave.low_hz + p * (wave.high_hz - wave.low_hz)) * time_s
-        offsets[wave.name] += float(wave.amplitude * s * (np.sin(turn + start) - np.sin(start)))
+    offsets = {name: 0.0 for name, *_ in WAVES}
+    for (name, most, low_hz, high_hz), s, p, start in zip(WAVES, share, place, phase, strict=True):
+        turn = 2 * np.pi * (low_hz + p * (high_hz - low_hz)) * time_s
+        offsets[name] += float(most * s * (np.sin(turn + start) - np.sin(start)))
     return offsets
 
 

@@ -15,7 +15,7 @@ a blink closes in about 0.1 s and opens in about 0.2 s (F. VanderWerf et al., J.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +42,10 @@ ASYMMETRIC_SHARE = 0.35  # share of the lateral units
 BLINK_S = (0.30, 0.40)
 
 
-def smootherstep(value: NDArray[np.float64]) -> NDArray[np.float64]:
+def _smootherstep(value: float) -> float:
     """Interpolate from 0 to 1 with zero speed and acceleration at both ends."""
-    t = np.clip(value, 0.0, 1.0)
-    return np.asarray(t * t * t * (t * (6.0 * t - 15.0) + 10.0))
+    t = min(max(value, 0.0), 1.0)
+    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Curve:
     release_s: float
     end_s: float
 
-    def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return intensities (N,) in [0, peak] at times (N,)."""
-        rise = smootherstep((time_s - self.start_s) / (self.apex_s - self.start_s))
-        fall = smootherstep((self.end_s - time_s) / (self.end_s - self.release_s))
-        return np.asarray(self.peak * rise * fall)
+    def at(self, time_s: float) -> float:
+        """Return the intensity in [0, peak] at a time."""
+        rise = _smootherstep((time_s - self.start_s) / (self.apex_s - self.start_s))
+        fall = _smootherstep((self.end_s - time_s) / (self.end_s - self.release_s))
+        return self.peak * rise * fall
 
 
 @dataclass(frozen=True)
@@ -80,15 +80,10 @@ class Performance:
         earliest = min(curve.release_s for curve in self.curves.values())
         return 0.5 * (latest + earliest) if latest <= earliest else earliest
 
-    def intensities(self, times_s: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return action unit -> intensity (N,) in [0, 1] at times (N,)."""
-        times = np.asarray(times_s, dtype=np.float64)
-        return {unit: curve.at(times) for unit, curve in self.curves.items()}
-
     def at(self, time_s: float) -> dict[str, float]:
         """Return action unit -> intensity in (0, 1] at one time, without units at rest."""
-        values = self.intensities(np.array([time_s]))
-        return {unit: float(value[0]) for unit, value in values.items() if value[0] > 0.0}
+        values = {unit: curve.at(time_s) for unit, curve in self.curves.items()}
+        return {unit: value for unit, value in values.items() if value > 0.0}
 
     def frame_times(self, count: int) -> NDArray[np.float64]:
         """Return (count,) times, evenly spaced from neutral to neutral, including the peak."""
@@ -124,9 +119,7 @@ def performance_for(seed: int, subject: str, number: int) -> Performance:
         elif unequal and number_of_unit in LATERAL_UNITS:
             for side, is_weaker in (("L", left_weaker), ("R", not left_weaker)):
                 scale = weaker if is_weaker else 1.0
-                curves[f"{unit}_{side}"] = Curve(
-                    peak * scale, curve.start_s, curve.apex_s, curve.release_s, curve.end_s
-                )
+                curves[f"{unit}_{side}"] = replace(curve, peak=peak * scale)
         else:
             curves[unit] = curve
     return Performance(code, duration, curves)

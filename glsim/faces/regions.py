@@ -35,7 +35,11 @@ def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -
     Raises:
         ConfigError: no region or more than 255.
     """
-    named = {name for source in sources for name in _region_names_of(source)}
+    named = {
+        name
+        for source in sources
+        for name in (source.topology.region_names if source.topology else ())
+    }
     if not named:
         kinds = ", ".join(sorted({source.name for source in sources}))
         raise ConfigError(f"{kinds}: has no face regions: leave 'regions' out of the layers")
@@ -45,10 +49,6 @@ def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -
     return {
         name: number for number, name in enumerate(table, start=1) if name in named | {*further}
     }
-
-
-def _region_names_of(source: FaceSource) -> tuple[str, ...]:
-    return () if source.topology is None else source.topology.region_names
 
 
 class RegionLabels:

@@ -10,7 +10,7 @@ from glsim.core.pose import pose_matrix
 from glsim.faces.head_motion import move_pose
 from glsim.faces.neck import NECK_DEG, Neck, bend_neck, head_share, trunk_angles
 from glsim.faces.procedural.model import head_model
-from glsim.faces.procedural.parameters import mean_identity
+from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.procedural.subject import neutral_head
 from glsim.faces.sources.procedural import ProceduralFaces
 
@@ -24,7 +24,10 @@ POSES = (
 
 @pytest.fixture(scope="module")
 def mean() -> Mesh:
-    return Mesh(neutral_head(mean_identity()).astype(np.float32), head_model().triangles)
+    return Mesh(
+        neutral_head({p.name: p.mean for p in PARAMETERS}).astype(np.float32),
+        head_model().triangles,
+    )
 
 
 def seen(mesh: Mesh, pose: dict[str, float]) -> Array:

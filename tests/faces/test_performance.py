@@ -30,7 +30,8 @@ def test_all_codes_come_before_one_is_repeated() -> None:
 @pytest.mark.parametrize("performance", PERFORMANCES)
 def test_curves_rise_and_fall(performance) -> None:
     times = np.linspace(0.0, performance.duration_s, 400)
-    for unit, values in performance.intensities(times).items():
+    for unit, curve in performance.curves.items():
+        values = np.array([curve.at(time_s) for time_s in times])
         assert re.fullmatch(r"AU\d+(_[LR])?", unit)
         assert values.min() >= 0.0
         assert values.max() <= 1.0

@@ -15,10 +15,8 @@ from glsim.faces.base import Face
 from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import (
-    BY_NAME,
     FACTORS,
     PARAMETERS,
-    mean_identity,
     sample_identity,
 )
 from glsim.faces.procedural.subject import (
@@ -32,6 +30,8 @@ from glsim.faces.sources.procedural import ProceduralFaces
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 
 MODEL = head_model()
+BY_NAME = {p.name: p for p in PARAMETERS}
+MEAN = {p.name: p.mean for p in PARAMETERS}
 X, Y, Z = MODEL.template_mm.T
 HIDDEN = MODEL.in_regions("ear", "sclera", "iris", "pupil", "mouth", "teeth")
 EYEBALL = MODEL.in_regions("sclera", "iris", "pupil")
@@ -48,7 +48,7 @@ def source() -> ProceduralFaces:
 
 @pytest.fixture(scope="module")
 def mean() -> HeadSubject:
-    neutral = neutral_head(mean_identity())  # without a person's asymmetry
+    neutral = neutral_head(MEAN)  # without a person's asymmetry
     return subject_of(neutral, np.full(len(neutral), 0.6, np.float32))
 
 
@@ -230,7 +230,7 @@ def test_mean_head_has_the_mean_measures() -> None:
      "nose_protrusion", "interocular", "eye_fissure_height", "mouth_width"],
 )  # fmt: skip
 def test_measures_follow_their_parameters(name: str) -> None:
-    p, base = BY_NAME[name], mean_identity()
+    p, base = BY_NAME[name], MEAN
     low, high = (measure(neutral_head({**base, name: p.mean + s * p.sd}))[name] for s in (-2, 2))
     assert (high - low) / (4 * p.sd) == pytest.approx(1.0, abs=0.3)
 
@@ -282,7 +282,7 @@ def test_asymmetry_is_smooth_antisymmetric_and_a_function_of_the_subject() -> No
 def test_extremes_have_no_degenerate_triangles() -> None:
     for p in PARAMETERS:
         for value in (p.low, p.high):
-            head = neutral_head({**mean_identity(), p.name: value})
+            head = neutral_head({**MEAN, p.name: value})
             assert np.linalg.norm(cross(head, MODEL.triangles), axis=1).min() > 2e-4, p.name
 
 

@@ -121,20 +121,14 @@ def find_alignment(
 
 
 def find_alignment_in_format(
-    path: Path,
-    file_mesh: FileMesh,
-    *,
-    unit: str,
-    axes: str,
-    format_axes: str,
-    recentre: bool,
+    path: Path, file_mesh: FileMesh, *, unit: str, axes: str, format_axes: str
 ) -> Alignment:
     """Find the alignment in a format with known axes: for "auto" these are taken and checked.
 
     Raises MeshError also for a face that looks away or is upside down in the format's axes.
     """
     chosen = format_axes if axes == "auto" else axes
-    alignment = find_alignment(path, file_mesh, unit=unit, axes=chosen, recentre=recentre)
+    alignment = find_alignment(path, file_mesh, unit=unit, axes=chosen, recentre=True)
     if axes == "auto" and alignment.better_axes:
         raise MeshError(
             f"{path}: the face looks away or stands on its head in the format's own axes "

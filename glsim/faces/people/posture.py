@@ -156,54 +156,51 @@ def _arm(
     outside = max(sign * shoulder[0], body.half_width) + _GAP_MM
     a, b = float(rng.uniform(-1, 1)), float(rng.uniform(-1, 1))
     curl = float(rng.uniform(*_CURL_DEG))
-    elbow_to = np.array([sign, -0.5, -0.3])
-    if kind == "sides":
-        target = np.array(
-            [
+    table = kind == "front" and sitting  # hands on a table, or on the thighs
+    height = joints[f"upperleg01.{side}"][1] + (110.0 if a < 0 else 0.35 * upper + 90.0)
+    hand = norm(joints[f"finger3-1.{side}"] - wrist)
+    before = body.front
+    # Kind -> target of the wrist, mm, and direction of the elbow.
+    goals: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+        "sides": (
+            (
                 sign * (outside + 35.0 + 10.0 * a),
                 shoulder[1] - 0.965 * (upper + lower),
                 shoulder[2] + 25.0 + 30.0 * b,
-            ]
-        )
-        elbow_to = np.array([0.6 * sign, 0.0, -1.0])
-    elif kind == "front" and sitting:  # hands on a table or on the thighs
-        height = joints[f"upperleg01.{side}"][1] + (110.0 if a < 0 else 0.35 * upper + 90.0)
-        target = np.array(
-            [sign * (130.0 + 50.0 * b), height, body.front + (0.55 if a < 0 else 0.75) * lower]
-        )
-        elbow_to = np.array([sign, -0.8, -0.5])
-    elif kind == "front":  # hands held before the belly
-        target = np.array(
-            [
-                sign * (55.0 + 15.0 * a),
-                shoulder[1] - upper - 30.0 * b,
-                body.front + 75.0 + 22.0 * sign,  # one before the other
-            ]
-        )
-        elbow_to = np.array([sign, -0.6, -0.4])
-    elif kind == "crossed":
-        target = np.array(
-            [
+            ),
+            (0.6 * sign, 0.0, -1.0),
+        ),
+        "table": (
+            (sign * (130.0 + 50.0 * b), height, before + (0.55 if a < 0 else 0.75) * lower),
+            (sign, -0.8, -0.5),
+        ),
+        "front": (  # hands held before the belly, one before the other
+            (sign * (55.0 + 15.0 * a), shoulder[1] - upper - 30.0 * b, before + 75.0 + 22.0 * sign),
+            (sign, -0.6, -0.4),
+        ),
+        "crossed": (
+            (
                 -sign * 0.2 * body.half_width,
                 shoulder[1] - 0.72 * upper + 20.0 * sign,
-                body.front + 62.0 + 24.0 * sign,
-            ]
-        )
-        elbow_to = np.array([sign, -0.9, 0.1])
-    elif kind == "raised":  # a gesture beside the chest
-        target = np.array(
-            [
+                before + 62.0 + 24.0 * sign,
+            ),
+            (sign, -0.9, 0.1),
+        ),
+        "raised": (  # a gesture beside the chest
+            (
                 sign * (outside + 40.0 + 50.0 * a),
                 shoulder[1] - 0.55 * upper + 60.0 * b,
-                body.front + 0.6 * lower,
-            ]
-        )
-        elbow_to = np.array([0.7 * sign, -1.0, -0.2])
-    else:  # a fist under the chin, beside the midline
-        hand = norm(joints[f"finger3-1.{side}"] - wrist)
-        target = body.chin + np.array([sign * 30.0, -hand - 33.0, 24.0])
-        elbow_to = np.array([0.55 * sign, -1.0, 0.2])
-        curl = _FIST_DEG
+                before + 0.6 * lower,
+            ),
+            (0.7 * sign, -1.0, -0.2),
+        ),
+        "chin": (  # a fist under the chin, beside the midline
+            tuple(body.chin + np.array([sign * 30.0, -hand - 33.0, 24.0])),
+            (0.55 * sign, -1.0, 0.2),
+        ),
+    }
+    target, elbow_to = (np.array(goal) for goal in goals["table" if table else kind])
+    curl = _FIST_DEG if kind == "chin" else curl
     place = _elbow(shoulder, target, upper, lower, elbow_to)
     reached = place + lower * _unit(target - place)
     first = _between(elbow - shoulder, place - shoulder)

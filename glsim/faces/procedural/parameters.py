@@ -20,7 +20,6 @@ person (``FACTORS``) and of its own part; the numbers in the table are the corre
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,8 +150,6 @@ PARAMETERS: tuple[IdentityParameter, ...] = (
     _p("hair_volume", 3, 3.0, "E", "hair cap; 0 is bald", -0.3, low=0.0, high=9, template=0.0),
 )  # fmt: skip
 
-BY_NAME: Mapping[str, IdentityParameter] = {p.name: p for p in PARAMETERS}
-
 
 def sample_factors(rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw the factors of a person (len(FACTORS),)."""
@@ -172,8 +169,3 @@ def sample_identity(seed: int, subject: str) -> dict[str, float]:
             np.clip(p.mean + p.sd * ((loads * factors).sum() + own), p.low, p.high)
         )
     return values
-
-
-def mean_identity() -> dict[str, float]:
-    """Return parameter -> mean."""
-    return {p.name: p.mean for p in PARAMETERS}

@@ -131,6 +131,13 @@ def asymmetry_field(seed: int, subject: str) -> _Array:
     return np.asarray(field, np.float64)
 
 
+def clipped_normal(
+    rng: np.random.Generator, mean: float, sd: float, low: float, high: float
+) -> float:
+    """Draw a normal number, clipped to [low, high]."""
+    return float(np.clip(rng.normal(mean, sd), low, high))
+
+
 def draw_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
     """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
 
@@ -140,10 +147,7 @@ def draw_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
     model = head_model()
     rng = rng_for(seed, "albedo", subject)
 
-    def draw(mean: float, sd: float, low: float, high: float) -> float:
-        return float(np.clip(rng.normal(mean, sd), low, high))
-
-    skin, hair = draw(*SKIN_ALBEDO), draw(*HAIR_ALBEDO)
+    skin, hair = clipped_normal(rng, *SKIN_ALBEDO), clipped_normal(rng, *HAIR_ALBEDO)
     albedo = np.full(len(model.template_mm), skin)
     # blood and glands: low-frequency patches of a few per cent
     phases = rng.uniform(0, 2 * np.pi, (6, 3))

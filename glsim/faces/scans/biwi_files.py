@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import MeshError
 from glsim.faces.meshes.limits import check_size
+from glsim.faces.scans.file_source import one_bad_file
 
 _MAX_SIDE: Final = 2048
 _MAX_TEXT: Final = 10_000
@@ -42,42 +44,22 @@ def read_depth_bin(path: Path) -> NDArray[np.uint16]:
     empty pixels, int32 number of full pixels, and the int16 depths of the full ones.
     """
     check_size(path, 8 + 10 * _MAX_SIDE**2)
-    try:
+    with one_bad_file(path):
         data = path.read_bytes()
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if len(data) < 8:
-        raise MeshError(f"{path}: cut short: {len(data)} bytes hold no header; copy it again")
-    width, height = (int(side) for side in np.frombuffer(data, "<i4", 2))
-    if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
-        raise MeshError(
-            f"{path}: an image of {width} x {height} pixels; the file is damaged, copy it again"
-        )
-    pixels = np.zeros(width * height, np.int16)
-    at, done = 8, 0
-    while done < len(pixels):
-        if at + 8 > len(data):
-            raise MeshError(f"{path}: cut short at pixel {done} of {len(pixels)}; copy it again")
-        empty = int.from_bytes(data[at : at + 4], "little", signed=True)
-        full = int.from_bytes(data[at + 4 : at + 8], "little", signed=True)
-        at += 8
-        if empty < 0 or full < 0 or not 0 < empty + full <= len(pixels) - done:
-            raise MeshError(
-                f"{path}: a run of {empty} empty and {full} full pixels at pixel {done} of "
-                f"{len(pixels)}; the file is damaged, copy it again"
-            )
-        if at + 2 * full > len(data):
-            raise MeshError(f"{path}: cut short at pixel {done} of {len(pixels)}; copy it again")
-        done += empty
-        pixels[done : done + full] = np.frombuffer(data, "<i2", full, at)
-        done += full
-        at += 2 * full
-    if at != len(data):
-        raise MeshError(
-            f"{path}: {len(data) - at} bytes follow the last pixel; the file is damaged"
-        )
-    if (pixels < 0).any():
-        raise MeshError(f"{path}: {int((pixels < 0).sum())} depths are negative; it is damaged")
+        width, height = struct.unpack_from("<ii", data)
+        if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
+            raise ValueError(f"an image of {width} x {height} pixels")
+        pixels = np.zeros(width * height, np.int16)
+        at, done = 8, 0
+        while done < len(pixels):
+            empty, full = struct.unpack_from("<ii", data, at)
+            if empty < 0 or full < 0 or not 0 < empty + full <= len(pixels) - done:
+                raise ValueError(f"a run of {empty} empty and {full} full pixels at pixel {done}")
+            done += empty + full
+            pixels[done - full : done] = np.frombuffer(data, "<i2", full, at + 8)
+            at += 8 + 2 * full
+        if at != len(data) or (pixels < 0).any():
+            raise ValueError("bytes follow the last pixel, or depths are negative")
     return pixels.astype(np.uint16).reshape(height, width)
 
 
@@ -86,9 +68,7 @@ def read_pose(path: Path) -> HeadPose:
 
     Raises MeshError.
     """
-    numbers = _numbers(path)
-    if len(numbers) != 12:
-        raise MeshError(f"{path}: {len(numbers)} numbers, not the 12 of a pose; copy it again")
+    numbers = _numbers(path, 12)
     rotation, centre = numbers[:9].reshape(3, 3), numbers[9:]
     bounded = np.abs(rotation).max() < 1 + _ROTATION_TOLERANCE
     error = np.abs(rotation @ rotation.T - np.eye(3)).max() if bounded else np.inf
@@ -105,31 +85,21 @@ def read_calibration(path: Path) -> Intrinsics:
     Format: 3x3 matrix, 4 distortions, 3x3 rotation, 3 translations (mm), width and height. Raises
     MeshError, also for lens distortion other than 0, which no known file has.
     """
-    numbers = _numbers(path)
-    if len(numbers) != 27:
-        raise MeshError(f"{path}: {len(numbers)} numbers, not the 27 of a calibration")
+    numbers = _numbers(path, 27)
     (fx, skew, cx), (_, fy, cy), _ = numbers[:9].reshape(3, 3)
     width, height = numbers[25:]
     valid = 1 <= width <= _MAX_SIDE and 1 <= height <= _MAX_SIDE and fx > 0 and fy > 0
     if not valid or skew or numbers[9:13].any():
         raise MeshError(f"{path}: no plain pinhole (skewed, distorted or of no size)")
-    return Intrinsics(
-        int(width),
-        int(height),
-        float(fx),
-        float(fy),
-        float(cx) + _PIXEL_CENTRE,
-        float(cy) + _PIXEL_CENTRE,
-    )
+    centre = float(cx) + _PIXEL_CENTRE, float(cy) + _PIXEL_CENTRE
+    return Intrinsics(int(width), int(height), float(fx), float(fy), *centre)
 
 
-def _numbers(path: Path) -> NDArray[np.float64]:
-    """Read a small text file of numbers. Raises MeshError if a word is not a finite number."""
+def _numbers(path: Path, count: int) -> NDArray[np.float64]:
+    """Read a small text file of ``count`` numbers. Raises MeshError."""
     check_size(path, _MAX_TEXT)
-    try:
+    with one_bad_file(path):
         numbers = np.array([float(word) for word in path.read_bytes().split()])
-    except (OSError, ValueError) as error:
-        raise MeshError(f"{path}: is not a text of numbers ({error}); copy it again") from None
-    if not np.isfinite(numbers).all():
-        raise MeshError(f"{path}: holds NaN or infinity; copy it again")
+        if len(numbers) != count or not np.isfinite(numbers).all():
+            raise ValueError(f"it holds {len(numbers)} numbers, not {count} finite ones")
     return numbers

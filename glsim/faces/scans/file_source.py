@@ -37,7 +37,7 @@ class FileFaces(FaceSource):
     #: What a root without subjects lacks, for the message.
     nothing: ClassVar[str]
 
-    def __init__(self, root: Path | str, unit: str, axes: str) -> None:
+    def __init__(self, root: Path | str, unit: str = "auto", axes: str = "auto") -> None:
         check_unit(unit)
         check_axes(axes)
         self.root = check_root(root)

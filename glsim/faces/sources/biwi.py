@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.core.products import product
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
@@ -81,8 +81,6 @@ class Biwi(FileFaces):
     def __init__(
         self, root: Path | str, *, unit: str = "auto", axes: str = "auto", every: int = 1
     ) -> None:
-        if every < 1:
-            raise ConfigError(f"every={every}: take one frame in 1 or more")
         below = Path(root) / "hpdb"
         super().__init__(below if below.is_dir() else root, unit, axes)
         self._every = every
@@ -160,7 +158,7 @@ class Biwi(FileFaces):
         file_mesh = read_mesh(path)
         unit = "mm" if self._unit == "auto" else self._unit
         alignment = find_alignment_in_format(
-            path, file_mesh, unit=unit, axes=self._axes, format_axes=AXES, recentre=True
+            path, file_mesh, unit=unit, axes=self._axes, format_axes=AXES
         )
         mesh = check_head_size(path, file_mesh.to_mesh(alignment))
         for other in self._kept.values():

@@ -34,15 +34,8 @@ class _BoardKeys(ComputedKeys):
     """The frames of a board, numbered from 0."""
 
     def __init__(self, subject: str, count: int) -> None:
-        self._subject, self._count = subject, count
-
-    @property
-    def words(self) -> tuple[object, ...]:
-        """The arguments."""
-        return self._subject, self._count
-
-    def __len__(self) -> int:
-        return self._count
+        super().__init__(count, subject, count)
+        self._subject = subject
 
     def _key(self, number: int) -> FaceKey:
         return FaceKey(self._subject, _SEQUENCE, number)

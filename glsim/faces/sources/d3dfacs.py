@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import MeshError
 from glsim.faces.base import FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import FileMesh, find_alignment_in_format, read_mesh
@@ -86,8 +86,6 @@ class D3dfacs(Folder):
         every: int = 1,
         peak_only: bool = False,
     ) -> None:
-        if every < 1:
-            raise ConfigError(f"every={every}: take one frame in 1 or more")
         root = Path(root)
         below = root / REGISTRATIONS
         super().__init__(below if below.is_dir() else root, unit=unit, axes=axes)
@@ -131,14 +129,7 @@ class D3dfacs(Folder):
 
     def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
         unit = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
-        return find_alignment_in_format(
-            path,
-            file_mesh,
-            unit=unit,
-            axes=axes,
-            format_axes=AXES,
-            recentre=self._recentre,
-        )
+        return find_alignment_in_format(path, file_mesh, unit=unit, axes=axes, format_axes=AXES)
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
         units = action_units(key.sequence)

@@ -1,6 +1,8 @@
 """Read FaceWarehouse: 150 people with 47 blend shapes and 20 poses each.
 
-    Tester_N/Blendshape/shape.bs         all 47 meshes (glsim.faces.scans.blend_shape_file)
+    Tester_N/Blendshape/shape.bs         all 47 meshes: int32 number of expressions (46: the neutral
+                                         face is not counted), vertices and quads, little-endian;
+                                         then (V, 3) float32 positions each, the neutral first
     Tester_N/Blendshape/shape_K.obj      single meshes, with the topology: quads
     Tester_N/TrainingPose/pose_K.obj     20 fitted poses, 0 is neutral
 
@@ -9,14 +11,16 @@ one subject. Sequence "shapes" goes through the blend shapes in order, ``steps``
 the next (easing in and out); its frame K * steps is shape K. Sequence "poses" contains the poses.
 
 The files have their own unit, about 100 to 125 mm; it is estimated from the width of the neutral
-face (glsim.faces.scans.head_scale). +y is up, +z out of the face.
+face. +y is up, +z out of the face.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import re
-from collections.abc import Iterator, Sequence
+import struct
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,17 +30,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.limits import check_size
 from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
 from glsim.faces.meshes.obj import read_obj, read_vertices
-from glsim.faces.scans.blend_shape_file import SHAPES, open_blend_shapes
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
 from glsim.faces.scans.file_tree import list_names
-from glsim.faces.scans.head_scale import mm_per_unit
+
+SHAPES: Final = 47
+"""The neutral face and 46 expressions. A reader that takes 46 as the total loses the last one."""
 
 AXES: Final = "+x+y+z"
 FRAMES_PER_SECOND: Final = 30.0
@@ -46,6 +51,14 @@ MAX_BYTES: Final = 50_000_000  # an OBJ of the set is 2 MB
 _TESTER: Final = re.compile(r"Tester_\d+", re.ASCII)
 _MAX_DEPTH: Final = 3
 _MAX_ATTEMPTS: Final = 3  # files tried for the topology
+
+#: Width over the cheek bones as measured by ``mm_per_unit``: mean of 100 random ICT-FaceKit heads,
+#: whose unit is known (standard deviation 7.8 mm). Adults have 137 mm by calliper.
+FACE_WIDTH_MM: Final = 141.0
+#: Depth of the measured part behind the tip of the nose, in face widths: it includes the widest
+#: part of the cheeks and excludes the ears.
+_DEPTH: Final = 0.55
+_ITERATIONS: Final = 30
 
 
 @dataclass(frozen=True)
@@ -99,7 +112,7 @@ class FaceWarehouse(FileFaces):
     """A FaceSource for FaceWarehouse in its original layout.
 
     Args:
-        steps: frames from one blend shape to the next, 1 or more.
+        steps: frames from one blend shape to the next.
         poses: whether to include the poses.
         unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
 
@@ -119,8 +132,6 @@ class FaceWarehouse(FileFaces):
         steps: int = 1,
         poses: bool = True,
     ) -> None:
-        if steps < 1:
-            raise ConfigError(f"steps={steps}: 1 or more frames lead from one shape to the next")
         super().__init__(root, unit, axes)
         self._steps, self._poses = steps, poses
 
@@ -179,17 +190,20 @@ class FaceWarehouse(FileFaces):
     ) -> NDArray[np.floating[Any]]:
         """Read the (V, 3) vertices of a frame, in the file's unit."""
         files = self._files_of(key.subject)
-        if not weights:
-            return _read_points(self.root / key.path, count)
         meshes: list[NDArray[np.floating[Any]]]
-        if files.bs:
-            file = open_blend_shapes(files.bs)
-            _check_vertex_count(files.bs, file.vertices, count)
-            meshes = list(file.read(weights))
+        if files.bs and weights:
+            meshes = [*read_blend_shapes(files.bs, weights)]
         else:
-            meshes = [_read_points(files.shapes[number], count) for number in weights]
+            meshes = [_read_points(files.shapes[number]) for number in weights]
+            meshes = meshes or [_read_points(self.root / key.path)]
         shares = list(weights.values())
-        return meshes[0] if len(meshes) == 1 else shares[0] * meshes[0] + shares[1] * meshes[1]
+        points = meshes[0] if len(meshes) == 1 else shares[0] * meshes[0] + shares[1] * meshes[1]
+        if len(points) != count or not np.isfinite(points).all():
+            raise MeshError(
+                f"{self.root / key.path}: not {count} finite vertices as the topology; "
+                "copy the set's files again"
+            )
+        return points
 
     def _geometry_of(self, subject: str) -> _PersonGeometry:
         """Estimate topology, scale, winding and origin from the neutral face. Raises MeshError."""
@@ -215,7 +229,7 @@ class FaceWarehouse(FileFaces):
                 )
             unit = f"{length:.6g}"
         alignment = find_alignment_in_format(
-            neutral, file_mesh, unit=unit, axes=self._axes, format_axes=AXES, recentre=True
+            neutral, file_mesh, unit=unit, axes=self._axes, format_axes=AXES
         )
         if alignment.flip_winding:
             faces = faces[:, ::-1]
@@ -297,17 +311,49 @@ def _numbered(folder: Path, stem: str) -> dict[int, Path]:
     return {int(match[1]): folder / match[0] for match in matches if match}
 
 
-def _read_points(path: Path, count: int) -> NDArray[np.float64]:
+def _read_points(path: Path) -> NDArray[np.float64]:
     check_size(path, MAX_BYTES)
-    points = read_vertices(path)
-    _check_vertex_count(path, len(points), count)
-    if not np.isfinite(points).all():
-        raise MeshError(f"{path}: a vertex is at NaN or infinity; copy it again")
-    return points
+    return read_vertices(path)
 
 
-def _check_vertex_count(path: Path, vertices: int, count: int) -> None:
-    if vertices != count:
-        raise MeshError(
-            f"{path}: {vertices} vertices, the topology has {count}; copy the set's files again"
-        )
+def read_blend_shapes(path: Path, numbers: Iterable[int]) -> list[NDArray[np.float32]]:
+    """Read meshes of a ``shape.bs`` by number (0: neutral), (V, 3) each. Raises MeshError."""
+    with one_bad_file(path), path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        expressions, vertices, _ = struct.unpack("<iii", file.read(12))
+        if expressions not in (SHAPES - 1, SHAPES) or size != 12 + SHAPES * 12 * vertices:
+            raise ValueError(
+                f"{size} bytes are not {SHAPES} meshes: the header says {expressions} expressions "
+                f"of {vertices} vertices"
+            )
+        meshes = []
+        for number in numbers:
+            file.seek(12 + number * 12 * vertices)
+            meshes.append(np.frombuffer(file.read(12 * vertices), "<f4").reshape(-1, 3))
+    return meshes
+
+
+def mm_per_unit(vertices: NDArray[np.floating]) -> float:
+    """Return the millimetres per unit that make the face FACE_WIDTH_MM wide; 0 without a width.
+
+    The width is measured less than 0.55 widths behind the nose tip and up to 0.4 widths above it,
+    by fixed-point iteration.
+
+    Args:
+        vertices: (V, 3) of a neutral head, y up, z out of the face.
+    """
+    x, y, z = vertices.T
+    middle, width = (x.min() + x.max()) / 2, float(np.ptp(x))
+    for _ in range(_ITERATIONS):
+        near = np.abs(x - middle) < 0.1 * width
+        if not near.any():
+            return 0.0
+        tip_y, tip_z = y[near][np.argmax(z[near])], z[near].max()
+        front = (z > tip_z - _DEPTH * width) & (y > tip_y) & (y < tip_y + 0.4 * width)
+        if not front.any():
+            return 0.0
+        narrower = float(np.ptp(x[front]))
+        if abs(narrower - width) <= 1e-6 * width:
+            break
+        width = narrower
+    return FACE_WIDTH_MM / width if width > 0 else 0.0

@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import MeshError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.limits import EXTENSIONS
@@ -65,12 +65,12 @@ class FolderSettings(MeshFileSettings):
 class Folder(FileFaces):
     """A FaceSource over the mesh files below ``root``.
 
+    The origin is behind the nose of the first valid mesh of each sequence, so that the head still
+    moves within a sequence.
+
     Args:
         unit, axes: as for ``load_mesh``. "auto" is detected on the first valid mesh of a subject
             and used for all its meshes, so that a sequence does not jump.
-        recentre: put the origin behind the nose of the first valid mesh of each sequence, so that
-            the head still moves within a sequence.
-        frames_per_second: converts frame numbers to FaceKey.time_s.
 
     Raises:
         ConfigError: an invalid setting, a missing root or a root without meshes.
@@ -78,20 +78,6 @@ class Folder(FileFaces):
 
     name = "folder"
     nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
-
-    def __init__(
-        self,
-        root: Path | str,
-        *,
-        unit: str = "auto",
-        axes: str = "auto",
-        recentre: bool = True,
-        frames_per_second: float = FRAMES_PER_SECOND,
-    ) -> None:
-        if not frames_per_second > 0:
-            raise ConfigError(f"frames_per_second={frames_per_second}: must be above 0")
-        super().__init__(root, unit, axes)
-        self._recentre, self._frames_per_second = recentre, frames_per_second
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the first ``count`` frames of a subject, by sequence. Raises ConfigError."""
@@ -129,7 +115,7 @@ class Folder(FileFaces):
         return merge_patches([read_mesh(path) for path in self._paths(key)])
 
     def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
-        return find_alignment(path, file_mesh, unit=unit, axes=axes, recentre=self._recentre)
+        return find_alignment(path, file_mesh, unit=unit, axes=axes, recentre=True)
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
         return {}
@@ -138,8 +124,6 @@ class Folder(FileFaces):
         """Combine the subject's unit, axes and winding with the sequence's origin. MeshError."""
         keys = self.frames(key.subject, None)
         subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes)
-        if not self._recentre:
-            return subject
         keys = [other for other in keys if other.sequence == key.sequence]
         unit = str(subject.mm_per_unit)
         sequence = self._first_alignment(key.subject, key.sequence, keys, unit, subject.axes)
@@ -194,7 +178,7 @@ class Folder(FileFaces):
             if len(set(known)) != len(members):
                 known = list(range(len(members)))
             for number, path in sorted(zip(known, members, strict=True)):
-                time_s = (number - min(known)) / self._frames_per_second
+                time_s = (number - min(known)) / FRAMES_PER_SECOND
                 name = path.relative_to(self.root).as_posix()
                 keys.append(FaceKey(subject, sequence, number, time_s, name))
         return keys

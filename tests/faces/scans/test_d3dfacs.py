@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.core.errors import ConfigError
 from glsim.faces.base import BadFace, Face
 from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
@@ -55,8 +54,6 @@ def test_every_and_the_peak(tmp_path: Path) -> None:
     assert face.notes["peak"] == "measured"
     put(tmp_path / "d3dfacs_alignments/Joe/1+2L/1+2L_13.ply", b"ply\n")
     assert [key.frame for key in all_keys(D3dfacs(tmp_path, peak_only=True))] in ([11], [14])
-    with pytest.raises(ConfigError, match="every=0: take one frame in 1 or more"):
-        D3dfacs(tmp_path, every=0)
 
 
 def test_deformation_leaves_rigid_motion_out() -> None:
