@@ -122,7 +122,7 @@ class Topology:
         triangles: (F, 3) int32.
         regions: (V,) uint8 indices into ``region_names``, or None.
         region_names: names of face regions.
-        landmarks: (68,) int64 vertices in the order of ``glsim.faces.landmarks``, or None.
+        landmarks: (68,) int64 vertices in the order of ``glsim.faces.regions``, or None.
     """
 
     triangles: NDArray[np.int32]

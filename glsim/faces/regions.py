@@ -1,15 +1,21 @@
-"""Face regions in data sets: one table of names for all sources, and labels for the renderer."""
+"""Regions and landmarks of faces in data sets: one table of names for all sources, and labels.
+
+Landmarks are 68 vertices in the order of Multi-PIE (and iBUG): jaw 0-16, brows 17-26, nose 27-35,
+eyes 36-47, lips 48-67; each part starts at the side of the subject's right, the left side of the
+image.
+"""
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
+from glsim.core.products import product
 from glsim.faces.base import FaceSource
 
 #: Region names with a fixed number, from 1: "nose" has the same number in every data set.
@@ -58,7 +64,7 @@ class RegionLabels:
         self.numbers = region_numbers(sources, further)
         self._sources = sources
         self._labels: dict[int, NDArray[np.float32] | None] = {}
-        self._uniform: OrderedDict[tuple[str, int], NDArray[np.float32]] = OrderedDict()
+        self.uniform = lru_cache(_KEPT_LABELS)(self._uniform)
 
     def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
         """Return (V,) float32 labels for the meshes of a source; None if it has no regions.
@@ -82,7 +88,7 @@ class RegionLabels:
             )
         return labels
 
-    def uniform(self, name: str, vertices: int) -> NDArray[np.float32] | None:
+    def _uniform(self, name: str, vertices: int) -> NDArray[np.float32] | None:
         """Return (V,) float32 labels of a mesh that is one region; None for the name "".
 
         Returns the same array each time. Raises ConfigError for a name outside of KNOWN_REGIONS.
@@ -91,15 +97,9 @@ class RegionLabels:
             return None
         if name not in KNOWN_REGIONS:
             raise ConfigError(f"{name!r}: no known face region")
-        key = name, vertices
-        if key not in self._uniform:
-            number = KNOWN_REGIONS.index(name) + 1
-            self.numbers.setdefault(name, number)
-            self._uniform[key] = np.full(vertices, number, np.float32)
-            if len(self._uniform) > _KEPT_LABELS:
-                self._uniform.popitem(last=False)
-        self._uniform.move_to_end(key)
-        return self._uniform[key]
+        number = KNOWN_REGIONS.index(name) + 1
+        self.numbers.setdefault(name, number)
+        return np.full(vertices, number, np.float32)
 
     def _load(self, source: FaceSource) -> NDArray[np.float32] | None:
         topology = source.topology
@@ -108,3 +108,22 @@ class RegionLabels:
         numbers = np.array([self.numbers[name] for name in topology.region_names], np.float32)
         labels: NDArray[np.float32] = numbers[topology.regions]
         return labels
+
+
+def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
+    """Return (68,) indices of vertices, the same in each mesh of the source.
+
+    Raises ConfigError for a source that does not know them.
+    """
+    topology = source.topology
+    if topology is None or topology.landmarks is None:
+        raise ConfigError(
+            f"{source.name}: does not know the landmarks of its faces: leave output.landmarks out, "
+            "or use procedural, people or ict-facekit"
+        )
+    return topology.landmarks
+
+
+def to_camera(vertices_mm: NDArray[np.float32], view: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Move (N, 3) vertices of a head, mm, by a (4, 4) view to camera-frame metres."""
+    return product(vertices_mm.astype(np.float64), view[:3, :3].T) + view[:3, 3]

@@ -13,10 +13,8 @@ from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
 from glsim.faces.base import Face, WornPart
-from glsim.faces.head_motion import head_motion, move_pose
-from glsim.faces.landmarks import landmark_vertices, to_camera
-from glsim.faces.neck import bend_neck
-from glsim.faces.regions import RegionLabels
+from glsim.faces.neck import bend_neck, head_motion, move_pose
+from glsim.faces.regions import RegionLabels, landmark_vertices, to_camera
 from glsim.faces.variation import draw_variation
 from glsim.looks.dress import worn_regions
 from glsim.looks.room.scenery import Prop, body_of, build_scenery, check_behind, scene_regions

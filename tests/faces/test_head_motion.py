@@ -10,8 +10,7 @@ import pytest
 
 from glsim.core.pose import pose_matrix
 from glsim.faces.base import FaceSource
-from glsim.faces.head_motion import WAVES, head_motion, move_pose
-from glsim.faces.neck import NECK_PIVOT_MM
+from glsim.faces.neck import NECK_PIVOT_MM, WAVES, head_motion, move_pose
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame

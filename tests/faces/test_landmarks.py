@@ -11,8 +11,8 @@ import pytest
 from glsim.core import depth_map
 from glsim.core.errors import ConfigError
 from glsim.faces.base import FaceSource, Topology
-from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.one_mesh import OneMesh
+from glsim.faces.regions import landmark_vertices
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from tests.support.scenes import face_mesh, settings_for
@@ -27,7 +27,7 @@ class MarkedFace(OneMesh):
 
     @property
     def topology(self) -> Topology:
-        landmarks = np.linspace(0, len(MESH.vertices_mm) - 1, LANDMARKS).astype(np.int64)
+        landmarks = np.linspace(0, len(MESH.vertices_mm) - 1, 68).astype(np.int64)
         return Topology(MESH.faces, landmarks=landmarks)
 
 
@@ -51,7 +51,7 @@ def test_landmarks_lie_where_their_vertices_are_drawn(context: moderngl.Context)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-5)
     assert frame.head_to_camera[:3, 3] == pytest.approx([0.012, 0, 0.9], abs=1e-6)
     seen = frame.landmarks.visible
-    assert 40 <= seen.sum() < LANDMARKS  # some are on the far side of the turned face
+    assert 40 <= seen.sum() < 68  # some are on the far side of the turned face
     column, row = np.floor(frame.landmarks.pixels[seen]).astype(int).T
     depth_m = frame.clean[row, column] / 1000.0
     np.testing.assert_allclose(depth_m, frame.landmarks.points_m[seen, 2], atol=0.006)

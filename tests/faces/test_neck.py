@@ -7,8 +7,7 @@ import pytest
 
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
-from glsim.faces.head_motion import move_pose
-from glsim.faces.neck import NECK_DEG, Neck, bend_neck, head_share, trunk_angles
+from glsim.faces.neck import NECK_DEG, Neck, bend_neck, head_share, move_pose, trunk_angles
 from glsim.faces.procedural.model import head_model
 from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.procedural.subject import neutral_head

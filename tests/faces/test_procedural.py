@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import vertex_normals
 from glsim.faces.base import Face
-from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import (
     FACTORS,
@@ -26,6 +25,7 @@ from glsim.faces.procedural.subject import (
     neutral_head,
     subject_of,
 )
+from glsim.faces.regions import landmark_vertices
 from glsim.faces.sources.procedural import ProceduralFaces
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 
@@ -344,12 +344,12 @@ def test_landmarks_are_68_vertices_of_the_skin_mirrored_on_their_regions(
     source: ProceduralFaces,
 ) -> None:
     vertices = landmark_vertices(source)
-    assert len(set(vertices.tolist())) == LANDMARKS
+    assert len(set(vertices.tolist())) == 68
     assert not HIDDEN[vertices].any()
     assert np.isin(vertices, MODEL.triangles).all()
     points = MODEL.template_mm[vertices]
     np.testing.assert_allclose(points[MIRROR] * FLIP, points, atol=1e-6)
-    assert np.flatnonzero(np.arange(LANDMARKS) == MIRROR).tolist() == MIDLINE
+    assert np.flatnonzero(np.arange(68) == MIRROR).tolist() == MIDLINE
     for part, names in (
         (slice(17, 27), ["brow"]),
         (slice(28, 31), ["nose"]),

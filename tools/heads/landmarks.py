@@ -34,7 +34,7 @@ _NOSE_BASE = ((13.0, -27.0), (6.5, -28.5))
 
 
 def landmark_vertices(template: Template) -> NDArray[np.int64]:
-    """Return the (68,) vertices of the template in the order of ``glsim.faces.landmarks``."""
+    """Return the (68,) vertices of the template in the order of ``glsim.faces.regions``."""
     right, left = _Half(template, -1), _Half(template, 1)
     middle = right.nearest  # on the midline both halves agree
     nose_tip = right.tip()

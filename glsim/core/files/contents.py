@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 #: Larger files are compared by their size alone: no mesh or stage is read that is as large
-#: (``glsim.faces.meshes.limits.MAX_BYTES``), and hashing would take seconds.
+#: (``glsim.faces.meshes.obj.MAX_BYTES``), and hashing would take seconds.
 _MAX_BYTES = 1_000_000_000
 _BLOCK_BYTES = 1 << 20
 

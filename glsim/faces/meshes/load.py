@@ -30,8 +30,13 @@ from glsim.faces.meshes.alignment import (
     check_unit,
     estimate_alignment,
 )
-from glsim.faces.meshes.limits import EXTENSIONS, check_count, check_size
-from glsim.faces.meshes.obj import read_material_colours, read_obj
+from glsim.faces.meshes.obj import (
+    EXTENSIONS,
+    check_count,
+    check_size,
+    read_material_colours,
+    read_obj,
+)
 
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair has 0.05-0.3; nothing on a face is whiter than a wall
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values

@@ -5,16 +5,28 @@ trimesh splits vertices by texture coordinate; a morphable model needs the verte
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
-from glsim.core.files.regular import read_regular
-from glsim.faces.meshes.limits import MAX_BYTES, check_count
+from glsim.core.files.regular import open_regular, read_regular
+
+EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+"""Readable formats: OBJ by glsim, the others by trimesh without further packages."""
+
+MAX_TRIANGLES: Final = 5_000_000
+"""Largest number of triangles: a head in 0.3 mm triangles. More would need 0.4 GB of vertices for
+detail that no depth camera sees."""
+
+MAX_BYTES: Final = 200 * MAX_TRIANGLES
+"""Largest file size, bytes: 200 per triangle; an OBJ with texture coordinates and normals needs
+about 120."""
 
 #: Largest material file that is read, bytes: exporters write a few kB.
 _MAX_MATERIAL_BYTES = 1 << 24
@@ -50,6 +62,30 @@ class ObjFile:
         step = np.arange(len(polygon)) - (np.cumsum(fans) - fans)[polygon]
         corner = np.stack([first, first + step + 1, first + step + 2], axis=1)
         return self.corners[corner], polygon
+
+
+def check_size(path: Path, max_bytes: int = MAX_BYTES) -> None:
+    """Check the size of a file. Raises MeshError if it is 0 or above ``max_bytes``."""
+    try:
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if size == 0:
+        raise MeshError(f"{path}: the file is empty")
+    if size > max_bytes:
+        raise MeshError(
+            f"{path}: {size / 1e6:.0f} MB is more than the {max_bytes / 1e6:.0f} MB allowed"
+        )
+
+
+def check_count(path: Path, triangles: int) -> None:
+    """Raise MeshError for more than MAX_TRIANGLES triangles."""
+    if triangles > MAX_TRIANGLES:
+        raise MeshError(
+            f"{path}: {triangles} triangles, the limit is {MAX_TRIANGLES}; "
+            "simplify it (a depth camera sees 2.5 mm at 0.9 m)"
+        )
 
 
 def read_vertices(path: Path) -> NDArray[np.float64]:

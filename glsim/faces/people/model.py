@@ -40,7 +40,7 @@ class BodyModel:
             above 0 of the other vertices.
         bones: (B,) names, parents before children.
         parents: (B,) int32, -1 for the root.
-        landmarks: (68,) int64 fine vertices in the order of ``glsim.faces.landmarks``.
+        landmarks: (68,) int64 fine vertices in the order of ``glsim.faces.regions``.
         chin: the fine vertex of the foremost point of the chin.
     """
 

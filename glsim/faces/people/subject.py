@@ -6,7 +6,6 @@ Reflectivity is as in ``glsim.faces.procedural.subject``, where its sources are.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
@@ -31,8 +30,6 @@ from glsim.faces.procedural.subject import (
 
 _Floats = NDArray[np.float32]
 
-FRAMINGS: Final = ("face", "bust", "body")
-
 _PALE: Final = 0.03  # skin varies by this share over the body: blood and sun; chosen
 
 #: Action that closes an eye -> landmarks of its upper lid in the order of their x, and landmarks of
@@ -40,14 +37,6 @@ _PALE: Final = 0.03  # skin varies by this share over the body: blood and sun; c
 _LIDS: Final = {"eyeBlinkRight": ((37, 38), (41, 40)), "eyeBlinkLeft": ((43, 44), (47, 46))}
 #: Overlap of closed lids, mm, as in the procedural heads, so that no gap shows. Chosen.
 _OVERLAP_MM: Final = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class Stance:
-    """A posture, and what lies at the origin of the mesh: (3,) mm in the posed body's frame."""
-
-    posture: Posture
-    origin_mm: NDArray[np.float64]
 
 
 class BodySubject:
@@ -67,18 +56,19 @@ class BodySubject:
         """Return (V, 3) float32 vertices in the canonical frame, mm.
 
         Args:
-            framing: of FRAMINGS, what lies at the origin.
+            framing: what lies at the origin.
             expression: action unit -> intensity.
         """
-        model, stance = self._model, self.stance(sequence, framing)
+        model = self._model
+        posture, origin = self.stance(sequence, framing)
         rest = self.rest_mm.copy()
         add_expression(model, rest, expression)
-        turns = dict(stance.posture.turns)
+        turns = dict(posture.turns)
         further = movement(self._seed, self.name, sequence, framing, time_s)
         for bone, turn in further.items():
             turns[bone] = product(turns[bone], turn) if bone in turns else turn
         moved = model.transforms(self._joints, turns)
-        back, origin = np.eye(3), stance.origin_mm
+        back = np.eye(3)
         if framing == "face":
             head = moved[model.bones.index("head")]
             tip = self.rest_mm[model.nose_tip].astype(np.float64)
@@ -88,17 +78,18 @@ class BodySubject:
         moved[:, :, 3] -= product(back, origin)
         return model.skinned(rest, moved)
 
-    def _stance(self, sequence: str, framing: str) -> Stance:
+    def _stance(self, sequence: str, framing: str) -> tuple[Posture, NDArray[np.float64]]:
+        """Return a posture, and what lies at the origin of the mesh: (3,) mm in the posed body."""
         posture = draw_posture(self._seed, self.name, sequence, self._shape)
         bones = self._model.bones
         moved = self._model.transforms(self._joints, posture.turns)
         place = np.einsum("bij,bj->bi", moved[:, :, :3], self._joints) + moved[:, :, 3]
         if framing != "body":
-            return Stance(posture, place[bones.index("neck01")])
+            return posture, place[bones.index("neck01")]
         posed = self._model.skinned(self.rest_mm, moved)
         middle = (posed.min(axis=0) + posed.max(axis=0)) / 2
         root = place[bones.index("root")]
-        return Stance(posture, np.array([root[0], middle[1], root[2]]))
+        return posture, np.array([root[0], middle[1], root[2]])
 
 
 def draw_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:

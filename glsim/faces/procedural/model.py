@@ -31,7 +31,7 @@ class HeadModel:
         triangles: (F, 3) int32.
         occluder: (F', 3) int32, the triangles that cast shadows, see ``Mesh``.
         regions: (V,) uint8 indices into REGIONS.
-        landmarks: (68,) int64 vertices in the order of ``glsim.faces.landmarks``.
+        landmarks: (68,) int64 vertices in the order of ``glsim.faces.regions``.
         identity: a shape per identity parameter, mm per unit of the parameter.
         pulls: two shapes per action unit, the skin pulls of the left and of the right side.
         units: names of the action units.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import MeshError
-from glsim.faces.meshes.limits import check_size
+from glsim.faces.meshes.obj import check_size
 from glsim.faces.scans.file_source import one_bad_file
 
 _MAX_SIDE: Final = 2048

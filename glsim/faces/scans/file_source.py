@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -46,10 +45,9 @@ class FileFaces(FaceSource):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the settings, without what was read."""
-        cached = {name for c in type(self).__mro__ for name, v in vars(c).items()
-                  if isinstance(v, cached_property)}  # fmt: skip
-        state = {name: value for name, value in self.__dict__.items() if name not in cached}
-        return state | {"_kept": {}}
+        state = self.__dict__ | {"_kept": {}}
+        state.pop("people", None)
+        return state
 
     @property
     @abstractmethod

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import re
 from collections import Counter
@@ -11,18 +10,12 @@ from pathlib import Path
 from typing import Final
 
 from glsim.core.errors import ConfigError
-from glsim.faces.meshes.limits import EXTENSIONS
+from glsim.faces.meshes.obj import EXTENSIONS
 
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
-_LOG = logging.getLogger(__name__)
 
-#: Folders in folders, from the root of the disk; real sets have a dozen. A recursion of this depth
-#: is far from Python's limit.
-_MAX_PARTS: Final = 100
 #: Folders of one subject; real sets have hundreds, a link to the root of a disk millions.
 _MAX_FOLDERS: Final = 20_000
-#: Linux opens paths of up to 4,096 bytes (PATH_MAX) with names of up to 255 (NAME_MAX) at the end.
-_MAX_PATH_BYTES: Final = 4096 - 256
 
 _NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
 
@@ -36,17 +29,11 @@ def check_root(root: Path | str) -> Path:
     return root
 
 
-class UniqueNames:
-    """Makes path-safe names, each unique."""
-
-    def __init__(self) -> None:
-        self._uses: Counter[str] = Counter()
-
-    def make(self, name: str) -> str:
-        """Return ``name`` with unsafe characters as "_", and "~2", "~3", ... if already used."""
-        safe = _UNSAFE.sub("_", name)
-        self._uses[safe] += 1
-        return safe if self._uses[safe] == 1 else f"{safe}~{self._uses[safe]}"
+def unique_name(name: str, uses: Counter[str]) -> str:
+    """Return ``name`` with unsafe characters as "_", and "~2", "~3", ... if already in ``uses``."""
+    safe = _UNSAFE.sub("_", name)
+    uses[safe] += 1
+    return safe if uses[safe] == 1 else f"{safe}~{uses[safe]}"
 
 
 def list_names(folder: Path) -> list[str]:
@@ -64,17 +51,12 @@ def list_names(folder: Path) -> list[str]:
 def find_meshes(folder: Path, seen: set[str]) -> Iterator[Path]:
     """Yield the mesh files of a folder, then of its sub-folders, each folder once.
 
-    A folder that is too deep for the system's longest path is skipped with a warning.
-
     Args:
         seen: real paths of folders that are skipped; those that are visited are added.
 
     Raises:
         ConfigError: a folder cannot be read, or there are more than _MAX_FOLDERS.
     """
-    if len(folder.parts) > _MAX_PARTS or len(os.fsencode(folder)) > _MAX_PATH_BYTES:
-        _LOG.warning("%.200s...: too deep below the root; its meshes are left out", folder)
-        return
     real = os.path.realpath(folder)
     if real in seen:
         return

@@ -28,8 +28,8 @@ from glsim.core.mesh import Mesh
 from glsim.core.products import product
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
-from glsim.faces.meshes.limits import check_size
 from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, read_mesh
+from glsim.faces.meshes.obj import check_size
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces
 from glsim.faces.scans.file_tree import last_number, list_names

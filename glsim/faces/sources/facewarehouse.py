@@ -34,9 +34,8 @@ from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
-from glsim.faces.meshes.limits import check_size
 from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
-from glsim.faces.meshes.obj import read_obj, read_vertices
+from glsim.faces.meshes.obj import check_size, read_obj, read_vertices
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
 from glsim.faces.scans.file_tree import list_names
 

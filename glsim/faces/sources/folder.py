@@ -15,6 +15,7 @@ back to a parent folder, and files of other types are skipped.
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -27,7 +28,6 @@ from numpy.typing import NDArray
 from glsim.core.errors import MeshError
 from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
-from glsim.faces.meshes.limits import EXTENSIONS
 from glsim.faces.meshes.load import (
     FileMesh,
     check_head_size,
@@ -36,13 +36,14 @@ from glsim.faces.meshes.load import (
     merge_patches,
     read_mesh,
 )
+from glsim.faces.meshes.obj import EXTENSIONS
 from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 from glsim.faces.scans.file_tree import (
-    UniqueNames,
     find_meshes,
     is_mesh,
     last_number,
     list_names,
+    unique_name,
 )
 
 MAIN_SEQUENCE: Final = "main"
@@ -151,7 +152,7 @@ class Folder(FileFaces):
     def people(self) -> dict[str, list[FaceKey]]:
         """Subject -> its frames; the tree is listed once."""
         keys: dict[str, list[FaceKey]] = {}
-        names = UniqueNames()
+        names: Counter[str] = Counter()
         for name in list_names(self.root):
             path = self.root / name
             if path.is_dir():
@@ -159,7 +160,7 @@ class Folder(FileFaces):
             else:
                 files = [path] if is_mesh(path) else []
             if files:
-                subject = names.make(name if path.is_dir() else path.stem)
+                subject = unique_name(name if path.is_dir() else path.stem, names)
                 keys[subject] = self._sequences(subject, path, files)
         return keys
 
@@ -169,10 +170,10 @@ class Folder(FileFaces):
         for path in files:
             by_folder.setdefault(path.parent, []).append(path)
         keys = []
-        names = UniqueNames()
+        names: Counter[str] = Counter()
         for folder, members in by_folder.items():
             below = "" if folder == top.parent else "-".join(folder.relative_to(top).parts)
-            sequence = names.make(below or MAIN_SEQUENCE)
+            sequence = unique_name(below or MAIN_SEQUENCE, names)
             numbers = [last_number(path.stem) for path in members]
             known = [number for number in numbers if number is not None]
             if len(set(known)) != len(members):

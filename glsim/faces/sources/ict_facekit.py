@@ -29,8 +29,7 @@ from glsim.faces.action_units import SHAPES, shape_weights
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
 from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
-from glsim.faces.meshes.limits import check_size
-from glsim.faces.meshes.obj import read_obj, read_vertices
+from glsim.faces.meshes.obj import check_size, read_obj, read_vertices
 from glsim.faces.model_cache import Arrays, cached_arrays
 
 #: Which vertices and triangles of the neutral mesh are drawn.

