@@ -1,20 +1,26 @@
-"""Stages on arrays: despeckle, and functions of the user's own."""
+"""Stages on arrays: despeckle, fill_from_points, and code of the user's own."""
 
 from __future__ import annotations
 
+import logging
+import os
 from pathlib import Path
 
 import moderngl
 import numpy as np
 import pytest
 
+from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
+from glsim.core.rect import Rect
 from glsim.noise.array_stages import despeckle
-from glsim.noise.registry import find_stage
-from glsim.sensors.sensor import load_sensor
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.registry import declared_stage, find_stage, is_code, shipped_stages
+from glsim.sensors.sensor import load_sensor, sensor_code
+from glsim.settings.schema import load_settings
 from tests.support.scenes import frames_of, plate, sensor_file, settings_for
-from tests.support.stage_harness import frame
+from tests.support.stage_harness import HEIGHT, WIDTH, Image, crop, flat, frame, layers_of, values
 
 MINE = """
 import numpy as np
@@ -125,3 +131,174 @@ def test_despeckle_removes_islands_below_the_area_only() -> None:
     np.testing.assert_array_equal(written["depth"][~gone], depth[~gone])
     for name, layer in layers.items():
         np.testing.assert_array_equal(layer, before[name])
+
+
+STAGE = "fill_from_points"
+
+
+def run(layers: dict[str, Image], at: FrameContext | None = None, **p: float) -> dict[str, Image]:
+    at = at or frame()
+    function = shipped_stages()[STAGE].function
+    assert function is not None
+    return dict(function(at.view(STAGE), layers, values(STAGE, p)))
+
+
+def steps(near_m: float, far_m: float) -> Image:
+    """The left half near, the right half far."""
+    depth = np.full((HEIGHT, WIDTH), far_m, np.float32)
+    depth[:, : WIDTH // 2] = near_m
+    return depth
+
+
+def test_a_plane_stays_where_it_is_and_becomes_smooth() -> None:
+    rng = np.random.default_rng(0)
+    inverse = 1 / 0.5 + rng.normal(0, 0.0065, (HEIGHT, WIDTH))
+    layers = flat(0.5)
+    layers["depth"] = (1 / inverse).astype(np.float32)
+    layers["depth"][60:75, 90:110] = 0
+    made = run(layers)
+    assert (made["depth"] > 0).all()
+    error_mm = 1000 * (made["depth"].astype(float) - 0.5)
+    assert abs(error_mm.mean()) < 0.1
+    assert error_mm.std() < 0.3 * 1000 * 0.0065 * 0.25
+    assert (made["reason"] == Reason.VALID).all()
+    units = made["depth"] / np.float32(1e-4)
+    assert np.abs(units - np.rint(units)).max() < 2e-3, "steps of 0.1 mm"
+
+
+@pytest.mark.parametrize("near_m", [0.4, 0.5, 0.7])
+def test_a_silhouette_grows_in_lobes_and_its_step_is_a_ramp(near_m: float) -> None:
+    """As seen on three heads: lobes of 10 to 20 px, a ramp."""
+    layers = layers_of(steps(near_m, 1.6), np.array([0.0, 0.0, -1.0, 0.6]))
+    depth = run(layers)["depth"].astype(float)
+    share = (1 / depth - 1 / 1.6) / (1 / near_m - 1 / 1.6)
+    inner = share[20:-20]
+    grown = (inner > 0.5).sum(axis=1) - WIDTH // 2
+    assert 8 <= grown.mean() <= 20
+    assert 0.7 < grown.std() < 5, "round lobes, not a straight line"
+    ramp = ((inner > 0.1) & (inner < 0.9)).sum(axis=1)
+    assert 2 <= np.median(ramp) <= 8
+    reason = run(layers)["reason"]
+    assert (reason[:, WIDTH // 2 : WIDTH // 2 + 5] == Reason.MOVED).all()
+    assert (reason[:, -40:] == Reason.VALID).all()
+
+
+def test_holes_wider_than_it_reaches_stay() -> None:
+    layers = flat(0.5)
+    layers["depth"] = np.zeros_like(layers["depth"])
+    assert not run(layers)["depth"].any()
+    layers["depth"][:, :40] = 0.5
+    filled = [int((run(layers, doublings=n)["depth"][100] > 0).sum()) for n in (0, 1, 2)]
+    assert 55 < filled[0] < filled[1] < filled[2] < WIDTH
+    nothing = flat(0.5)
+    nothing["clean"] = np.zeros_like(nothing["clean"])
+    assert (run(nothing)["reason"] == Reason.GROWN).all()
+
+
+def test_a_window_has_the_pixels_of_the_whole_frame() -> None:
+    rng = np.random.default_rng(3)
+    depth = steps(0.5, 1.4)
+    depth[rng.random(depth.shape) < 0.1] = 0
+    depth[40:90, 100:160] = 0
+    layers = layers_of(depth, np.array([0.0, 0.0, -1.0, 0.6]))
+    reach = shipped_stages()[STAGE].reach_px(values(STAGE, {"doublings": 1}))
+    whole = run(layers, doublings=1)["depth"]
+    at = frame(window=Rect(13, 7, WIDTH - 13, HEIGHT - 7))
+    part = run(crop(layers, at), at, doublings=1)["depth"]
+    inner = np.s_[reach:, reach:]
+    assert part[inner].size > 10_000
+    assert np.array_equal(part[inner], whole[at.window.slices][inner])
+
+
+CODE = """
+from pathlib import Path
+Path(__file__).with_name("it_ran").touch()
+from glsim import array_stage
+
+@array_stage(lambda p: 2, by_mm=("float", 10, 0, 50, "mm", "how far"))
+def farther(view, layers, p):
+    "Moves all depth."
+    return {"depth": layers["depth"] + p["by_mm"] / 1000}
+
+def plain(view, layers, p):
+    return {}
+
+LIMIT = 5
+@array_stage(by_mm=("float", LIMIT, 0, 50, "mm", "how far"))
+def computed(view, layers, p):
+    return {}
+"""
+SENSOR = """
+title = "mine"
+[rig]
+width = 64
+height = 64
+focal_px = [60, 60]
+centre_px = [32, 32]
+[[stage]]
+use = "mine.py:farther"
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(CODE)
+    (tmp_path / "mine.toml").write_text(SENSOR)
+    return tmp_path
+
+
+def test_code_is_named_when_it_runs(here: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        load_sensor("mine.toml")
+        load_sensor("mine.toml")
+    assert (here / "it_ran").exists()
+    lines = [line for line in caplog.messages if "runs code of" in line]
+    assert len(lines) <= 1  # once a process
+    assert not lines or "mine.py" in lines[0]
+    caplog.clear()
+    (here / "other.py").write_text(CODE)
+    find_stage(f"{here / 'other.py'}:farther")
+    assert caplog.messages == [
+        f"runs code of {here / 'other.py'}: name only files whose author you trust"
+    ]
+
+
+def test_a_plan_and_a_list_run_no_code(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["generate", "--plan", "--sensor", "mine.toml", "--subjects", "2"]
+    assert main([*words, "--frames-per-subject", "2"]) == 0
+    assert "nothing was rendered or written" in " ".join(capsys.readouterr().out.split())
+    assert main(["stages", "mine.py:farther"]) == 0
+    listing = capsys.readouterr().out
+    assert "farther: Moves all depth." in listing
+    assert "by_mm" in listing
+    assert not (here / "it_ran").exists()
+
+
+def test_what_a_sensor_would_run(here: Path) -> None:
+    assert sensor_code(load_settings(overrides={"sensor": "mine.toml"})) == ["mine.py:farther"]
+    assert sensor_code(load_settings()) == []
+    assert is_code("package.module:stage")
+    assert not is_code("axial")
+    assert not is_code("a:b.glsl")
+
+
+def test_a_declaration_is_read_from_the_text(here: Path) -> None:
+    spec = declared_stage(here / "mine.py", "farther")
+    run = find_stage("mine.py:farther", here)
+    assert spec.parameters.keys() == run.parameters.keys()
+    assert spec.parameters["by_mm"].default == run.parameters["by_mm"].default == 10
+    assert spec.title == run.title
+    (here / "broken.py").write_text("def")
+    os.mkfifo(here / "pipe.py")
+    for use, problem in (
+        ("mine.py:plain", "is not a stage"),
+        ("mine.py:none", "has no function 'none'"),
+        ("mine.py:computed", "'by_mm' is not written out"),
+        ("broken.py:x", "is no Python file"),
+        ("pipe.py:x", "is a pipe"),
+        ("none.py:x", "No such file"),
+    ):
+        file, _, name = use.partition(":")
+        with pytest.raises(ConfigError, match=problem):
+            declared_stage(here / file, name)

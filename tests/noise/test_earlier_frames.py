@@ -10,10 +10,8 @@ import moderngl
 import numpy as np
 import pytest
 
-import glsim
 from glsim.core.seeds import stable_seed
 from glsim.faces.one_mesh import OneMesh
-from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator
@@ -87,21 +85,6 @@ def test_a_frame_before_is_the_frame_of_its_own_seed(
         assert (earlier[..., number] == frame.noisy_m).mean() > 0.99
         assert (earlier[..., number] != now.noisy_m).mean() > 0.5
         assert "earlier_depth" not in frame.extra, "without the filter there are none"
-
-
-def test_the_stage_filters_as_filter_sequence_does(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
-    settings = settings_of(camera(tmp_path), **filtered(persistence=3))
-    off = settings_of(camera(tmp_path), match_stereo=filtered()["match_stereo"])
-    (frame,), (alone,) = (draw(context, s, 99) for s in (settings, off))
-    before = np.moveaxis(frame.extra["earlier_depth"], -1, 0)
-    recording = np.concatenate([before, alone.noisy_m[None]])
-    rig = load_sensor(camera(tmp_path)).rig
-    fb = rig.intrinsics.fx * rig.baseline_m
-    wanted = glsim.filter_sequence(recording, fb, ALPHA, persistence=3, unit_mm=0)
-    np.testing.assert_array_equal(frame.noisy_m, wanted[-1])
-    assert (frame.noisy_m > 0).sum() > (alone.noisy_m > 0).sum(), "holes take their last depth"
 
 
 @pytest.mark.parametrize("count", [8, 2])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 
-import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ from tests.support.stage_harness import (
     Image,
     flat,
     frame,
-    run_shader,
     run_twin,
     z_correlation,
     z_mean,
@@ -101,17 +99,6 @@ def test_continuous(field: Field) -> None:
     for axis in np.eye(3):
         change = np.abs(field(moved(at, step * axis), 1) - field(at, 1))
         assert change.max() < 8.0 * step + 1e-4  # float32 coordinates are 3e-5 apart here
-
-
-@pytest.mark.parametrize("use", FIELDS)
-@pytest.mark.parametrize("p", [{}, {"drift_hz": 3.0}])
-def test_shader_draws_the_field(context: moderngl.Context, use: str, p: dict[str, float]) -> None:
-    at = frame(time_s=0.4)
-    p = {**p, "amplitude_mm": 100.0}
-    shader = run_shader(context, use, flat(1.0), at, **p)["depth"]
-    np.testing.assert_allclose(
-        field_of(shader), field_of(run_twin(use, flat(1.0), at, **p)["depth"]), rtol=0, atol=3e-5
-    )
 
 
 def sequence(use: str, seed: int, time_s: float, drift_hz: float) -> NDArray[np.float64]:

@@ -1,12 +1,15 @@
-"""librealsense's filters: the rules on small arrays, against loops, and on correlated noise."""
+"""librealsense's filters: the rules on small arrays, against loops, and in a chain."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import moderngl
 import numpy as np
 import pytest
 
+import glsim
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.noise.layer_names import EARLIER_LAYER
@@ -20,6 +23,14 @@ from glsim.noise.realsense_filters import (
     temporal_filter,
 )
 from glsim.noise.registry import find_stage
+from glsim.sensors import sensor
+from glsim.simulation.corrupt import Corrupter
+from tests.support.scenes import (
+    face_mesh,
+    frames_of,
+    moving_settings,
+    settings_for,
+)
 from tests.support.stage_harness import FOCAL_BASELINE, Image, frame
 
 #: A view of a rig of 365 px and 75 mm.
@@ -146,46 +157,6 @@ def test_smoothing_by_lines_is_smoothing_pixel_by_pixel() -> None:
     np.testing.assert_allclose(smooth_disparity(disparity, 0.6, 20.0, 2), twice, rtol=1e-6)
 
 
-def box_noise(rng: np.random.Generator, size: int, frames: int = 1) -> Image:
-    """(frames, 200, 260) noise of variance 1: a box over ``size`` px, as block matching gives."""
-    white = rng.standard_normal((frames, 200 + size, 260 + size))
-    for axis in (1, 2):
-        sums = np.cumsum(white, axis=axis)
-        last = np.take(sums, range(size, sums.shape[axis]), axis)
-        first = np.take(sums, range(sums.shape[axis] - size), axis)
-        white = (last - first) / np.sqrt(size)
-    noise: Image = white[:, :200, :260].astype(np.float32)
-    return noise
-
-
-def expected_sigma(size: int, alpha: float, iterations: int) -> float:
-    """The share of sigma that is left of noise of a box.
-
-    A pass and the one back weigh the k-th neighbour by alpha / (2 - alpha) (1 - alpha)^|k|.
-    """
-    k = np.arange(-200, 201)
-    weights = alpha / (2 - alpha) * (1 - alpha) ** np.abs(k)
-    kernel = np.ones(1)
-    for _ in range(iterations):
-        kernel = np.convolve(kernel, weights)
-    seen = np.convolve(kernel, np.ones(size) / np.sqrt(size))
-    return float((seen**2).sum())  # a factor of the root of this sum per axis
-
-
-@pytest.mark.parametrize("size", [1, 13])
-def test_noise_falls_as_its_correlation_lets_it(size: int) -> None:
-    """White noise falls to 0.11 of its sigma; noise of a box of 13 px only to 0.76."""
-    rng = np.random.default_rng(size)
-    noise = box_noise(rng, size, 8)
-    plane = 1200 + 2.5 * noise  # 0.08 px
-    smooth = smooth_disparity(plane, 0.5, 20.0, 2)
-    inner = (slice(None), slice(30, -30), slice(30, -30))
-    sigma = float((smooth[inner] - 1200).std()) / 2.5
-    expected = expected_sigma(size, 0.5, 2)
-    assert sigma == pytest.approx(expected, rel=0.03 if size == 1 else 0.1)
-    assert (sigma < 0.2) if size == 1 else (sigma > 0.7)
-
-
 def test_the_spatial_stage_smooths_disparity_and_delivers_millimetres() -> None:
     rng = np.random.default_rng(2)
     constant = 32 * FOCAL_BASELINE
@@ -260,3 +231,59 @@ def test_a_rig_without_a_baseline_is_named(stage: Any) -> None:
     layers = layers_of(image([1.0, 1.0])) | {EARLIER_LAYER: np.ones((1, 2, 1), np.float32)}
     with pytest.raises(ConfigError, match="the rig has no baseline"):
         stage(view, layers, defaults(stage.__name__))
+
+
+COARSE = face_mesh(60)
+
+
+def kinect_with(folder: Path, *stages: str) -> str:
+    """The file of a Kinect V1 with more stages at its end."""
+    shipped = Path(sensor.__file__).parent / "kinect-v1.toml"
+    file = folder / "mine.toml"
+    file.write_text(shipped.read_text() + "".join(f"\n[[stage]]\n{stage}\n" for stage in stages))
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    "stages",
+    [
+        ('use = "spatial_filter"\nfilling_mode = 4',),
+        ('use = "spatial_filter"', 'use = "hole_filling"\nmode = 0'),
+        ('use = "hole_filling"', 'use = "threshold_filter"\nfar_mm = 1200'),
+    ],
+)
+def test_a_crop_is_filtered_as_the_whole_frame(
+    context: moderngl.Context, tmp_path: Path, stages: tuple[str, ...]
+) -> None:
+    named = kinect_with(tmp_path, *stages)
+    scene = {"wall_mm": 1300}
+    whole, cut = (
+        frames_of(context, moving_settings(named, scene=scene, **crop), COARSE, 2)
+        for crop in ({}, {"output": {"crop": 64}})
+    )
+    for full, part in zip(whole, cut, strict=True):
+        left = round(full.intrinsics.cx - part.intrinsics.cx)
+        top = round(full.intrinsics.cy - part.intrinsics.cy)
+        window = np.s_[top : top + 64, left : left + 64]
+        assert (part.noisy > 0).mean() > 0.2
+        for layer in ("noisy", "reason"):
+            np.testing.assert_array_equal(part.image(layer), full.image(layer)[window])
+
+
+def test_a_still_sequence_of_depth_maps_is_filtered_after_it_was_made() -> None:
+    """A recording, or frames of a Corrupter: noise falls and rims keep their depth."""
+    depth = np.full((60, 80), 1.6, np.float32)
+    depth[20:40, 20:50] = 0.9
+    with Corrupter(settings_for("kinect-v1"), depth.shape, backend="numpy") as camera:
+        noisy = camera(np.stack([depth] * 12))
+        focal_baseline_px_m = camera.rig.intrinsics.fx * camera.rig.baseline_m
+    filtered = glsim.filter_sequence(noisy, focal_baseline_px_m)
+    assert filtered.shape == noisy.shape
+    assert filtered.dtype == np.float32
+    known = (noisy[-1] > 0)[24:36, 24:46]
+    error, before = ((m[-1] - depth)[24:36, 24:46][known] for m in (filtered, noisy))
+    assert np.abs(error).mean() < 0.8 * np.abs(before).mean()
+    assert ((filtered[-1] > 1.0) & (filtered[-1] < 1.5)).mean() <= (
+        (noisy[-1] > 1.0) & (noisy[-1] < 1.5)
+    ).mean()
+    assert (filtered[-1] > 0).sum() > (noisy[-1] > 0).sum()
