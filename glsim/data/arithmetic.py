@@ -55,7 +55,7 @@ class Machine:
 
 def fingerprint(context: Any) -> str:
     """Return a hash of fixed computations on this machine, in NumPy and in a GL context."""
-    from glsim.gl.arithmetic import shader_arithmetic
+    from glsim.gl.draw import shader_arithmetic
 
     digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)
     digest.update(shader_arithmetic(context))

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.gl.program import link_files
 from glsim.gl.targets import set_matrix
 
 
@@ -57,3 +58,15 @@ def index_buffer(
     """
     short = vertices <= 1 << 16
     return context.buffer(faces.astype(np.uint16 if short else np.uint32)), 2 if short else 4
+
+
+def shader_arithmetic(context: moderngl.Context) -> bytes:
+    """Return what the driver computes at 4,096 pixels with sine, logarithm, power, ... (float32).
+
+    Two drivers, or one driver on two processors, may differ in the last bits.
+    """
+    target = context.texture((64, 64), 4, dtype="f4")
+    framebuffer = context.framebuffer([target])
+    framebuffer.use()
+    FullscreenPass(context, link_files(context, "render/arithmetic.frag")).draw()
+    return bytes(framebuffer.read(components=4, dtype="f4"))

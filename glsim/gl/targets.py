@@ -108,45 +108,36 @@ class Readback:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._buffer: moderngl.Buffer | None = None
-        self._parts: list[tuple[str, Rect, int, int]] = []
+        self._parts: dict[str, tuple[int, tuple[int, ...]]] = {}
+        self._size = 0
 
     def request(self, pool: TargetPool, targets: Mapping[str, Target], window: Rect) -> None:
         """Queue the copy of ``window`` (frame pixels) of targets, given by layer name."""
-        self._parts = []
-        end = 0
+        self._parts, self._size = {}, 0
         for name, target in targets.items():
             rect, components = target.layer.window(window), target.layer.components
-            self._parts.append((name, rect, components, end))
-            end += rect.width * rect.height * components * _BYTES_PER_NUMBER
-        if self._buffer is None or self._buffer.size < end:
-            self._buffer = self._context.buffer(reserve=end)
-        for name, rect, components, offset in self._parts:
-            pool.framebuffer([targets[name]]).read_into(
+            shape = (rect.height, rect.width) + ((components,) if components > 1 else ())
+            self._parts[name] = self._size, shape
+            self._size += math.prod(shape) * _BYTES_PER_NUMBER
+        if self._buffer is None or self._buffer.size < self._size:
+            self._buffer = self._context.buffer(reserve=self._size)
+        for name, target in targets.items():
+            pool.framebuffer([target]).read_into(
                 self._buffer,
-                viewport=rect,
-                components=components,
+                viewport=target.layer.window(window),
+                components=target.layer.components,
                 dtype="f4",
-                write_offset=offset,
+                write_offset=self._parts[name][0],
             )
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
         """Wait for the copy; return float32 layers (h, w) or (h, w, components) of the window."""
         assert self._buffer is not None, "call request() first"
-        size = self._parts[-1][3] + _part_bytes(self._parts[-1])
-        data = np.frombuffer(self._buffer.read(size), dtype=np.float32)
-        result = {}
-        for part in self._parts:
-            name, rect, components, offset = part
-            start = offset // _BYTES_PER_NUMBER
-            values = data[start : start + _part_bytes(part) // _BYTES_PER_NUMBER]
-            shape = (rect.height, rect.width) + ((components,) if components > 1 else ())
-            result[name] = values.reshape(shape)
-        return result
-
-
-def _part_bytes(part: tuple[str, Rect, int, int]) -> int:
-    _, rect, components, _ = part
-    return rect.width * rect.height * components * _BYTES_PER_NUMBER
+        data = self._buffer.read(self._size)
+        return {
+            name: np.frombuffer(data, np.float32, math.prod(shape), start).reshape(shape)
+            for name, (start, shape) in self._parts.items()
+        }
 
 
 def set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:

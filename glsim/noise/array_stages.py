@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Layers
-from glsim.noise.numpy_twins.random import random_bits
+from glsim.noise.numpy_twins.layers import random_bits
 from glsim.noise.stage import array_stage
 from glsim.noise.stereo_matching import is_other_surface
 

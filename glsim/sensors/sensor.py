@@ -1,12 +1,14 @@
 """Sensors as data: a TOML file with the rig and the chain of noise stages.
 
 title = "..."
-extends = "..."           optional: another sensor, see glsim.sensors.inheritance
+extends = "azure-kinect"  optional: another sensor's name, or a path that ends in .toml, from this
+                          file's folder; a mode of a camera says only what differs
 [rig]                     see glsim.sensors.rig_table
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice
-base_sigma_mm = 1.5       parameters: numbers or distributions
+base_sigma_mm = 1.5       parameters: numbers or distributions; they replace those of the same stage
+                          of the file that is extended
 """
 
 from __future__ import annotations
@@ -30,14 +32,17 @@ from glsim.noise.registry import find_stage, is_code
 from glsim.noise.rig_checks import check_rig
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
 from glsim.sensors.images import SensorImage, read_pattern_map, read_projector_image
-from glsim.sensors.inheritance import read_sensor_tree
 from glsim.sensors.rig_table import RigTable
-from glsim.sensors.wiggling import Wave, stage_waves
+from glsim.sensors.wiggling import Wave
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.schema import Settings, place_of
-from glsim.settings.tables import TomlTable, first_problem, merge_tables, parse_table
+from glsim.settings.tables import TomlTable, first_problem, merge_tables, parse_table, read_toml
 
 SENSOR_FOLDER = Path(__file__).parent
+#: The key that names the other file.
+EXTENDS = "extends"
+#: The keys of [rig] that name a file, from the folder of the sensor file.
+RIG_FILES = ("fixed_pattern_map", "projector_image")
 
 #: Returns the place of a setting for messages, see ``glsim.settings.schema.place_of``.
 _Place = Callable[..., str]
@@ -96,7 +101,7 @@ class Sensor:
         """The images that stages read in every frame, by the name of the layer."""
         images = {}
         if self.pattern_map is not None:
-            images[PATTERN_LAYER] = np.nan_to_num(self.pattern_map.values, nan=NO_PATTERN)
+            images[PATTERN_LAYER] = np.nan_to_num(self.pattern_map.values, nan=float(NO_PATTERN))
         if self.projector_image is not None:
             images[PROJECTOR_LAYER] = self.projector_image.values
         return images
@@ -164,6 +169,69 @@ def sensor_file(name: str) -> Path:
     return plugin_file(package, file.name) or file
 
 
+def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Return the tables of a sensor file, as if it extended none. Raises ConfigError.
+
+    Args:
+        file: the TOML file.
+        before: the files that extend it.
+    """
+    own = read_toml(file)
+    base = own.pop(EXTENDS, None)
+    if base is None:
+        return own
+    if not isinstance(base, str):
+        raise ConfigError(f"{file}: {EXTENDS} must be the name of a sensor, not {base!r}")
+    if file.resolve() in before:
+        raise ConfigError(f"{file}: extends itself: let one of the files extend none")
+    other = file.parent / base if base.endswith(".toml") else sensor_file(base)
+    tree = read_sensor_tree(other, (*before, file.resolve()))
+    _anchor(tree, other.parent)
+    stages = own.pop("stage", [])
+    merge_tables(tree, own)
+    _merge_stages(tree, stages, file, other)
+    return tree
+
+
+def _anchor(tree: dict[str, Any], folder: Path) -> None:
+    """Make the paths in a file that is extended independent of the file that extends it."""
+    rig = tree.get("rig", {})
+    for key in RIG_FILES if isinstance(rig, dict) else ():
+        if isinstance(found := rig.get(key), str) and found:
+            rig[key] = str(folder.absolute() / found)
+    for stage in tree.get("stage", []):
+        use = stage.get("use") if isinstance(stage, dict) else None
+        if isinstance(use, str) and (use.endswith(".glsl") or ".py:" in use):
+            stage["use"] = str(folder.absolute() / use)
+
+
+def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> None:
+    """Merge the parameters of ``own`` stages into those of the other file, in place."""
+    stages = tree.get("stage", [])
+    given = all(isinstance(table, list) and all(isinstance(s, dict) for s in table)
+                for table in (stages, own))  # fmt: skip
+    if not given:
+        raise ConfigError(f"{file}: write each stage as a table of its own, [[stage]]")
+    known = {_name(stage, other): stage for stage in stages}
+    for stage in own:
+        name = _name(stage, file)
+        if name not in known:
+            raise ConfigError(
+                f"{file}: changes the stage {name!r}, which {other.name} does not have "
+                f"({did_you_mean(name, known)}); a file with other stages extends none"
+            )
+        known[name].update(stage)
+
+
+def _name(stage: dict[str, Any], file: Path) -> str:
+    """Return the name of a stage in the chain."""
+    use = stage.get("use")
+    if not isinstance(use, str):
+        raise ConfigError(f'{file}: say which stage with use = "..."')
+    stem = Path(use).stem if use.endswith(".glsl") else use.rpartition(":")[2]
+    return str(stage.get("name", stem))
+
+
 def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor:
     """Load the sensor that the settings name, with their overrides of its rig and stages."""
     place = partial(place_of, settings)
@@ -177,7 +245,7 @@ def sensor_code(settings: Settings) -> list[str]:
     """
     if not settings.sensor.endswith(".toml"):
         return []
-    stages = read_sensor_tree(Path(settings.sensor), sensor_file).get("stage", [])
+    stages = read_sensor_tree(Path(settings.sensor)).get("stage", [])
     uses = [s.get("use") for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
     return [use for use in uses if isinstance(use, str) and is_code(use)]
 
@@ -201,7 +269,7 @@ def load_sensor(
         ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = sensor_file(name)
-    tree = read_sensor_tree(file, sensor_file)
+    tree = read_sensor_tree(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
     places: dict[tuple[str, ...], str] = {
         ("rig", key): place("rig", key) for key in rig_overrides or {}
@@ -244,9 +312,9 @@ def load_sensor(
         rig,
         tuple(stages),
         file,
-        pattern and read_pattern_map(pattern, (given.height, given.width)),
-        given.wiggling or stage_waves(stages, rig.modulation_mhz),
-        thrown and view_deg and read_projector_image(thrown, view_deg, given.focal_px),
+        read_pattern_map(pattern, (given.height, given.width)) if pattern else None,
+        given.wiggling,
+        read_projector_image(thrown, view_deg, given.focal_px) if thrown and view_deg else None,
         view_deg,
     )
 

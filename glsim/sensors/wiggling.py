@@ -8,9 +8,6 @@ sensor file says what the device's harmonics are, as ``glsim fit`` measures them
     modulation_mhz = 80
     size = 0.0109             relative to the fundamental
     phase_deg = 57.3
-
-or, without these, the phases and sizes of its light stage where all are fixed numbers
-(``harmonic_phase_spread = 0``).
 """
 
 from __future__ import annotations
@@ -25,7 +22,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.core.camera import FloatArray
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
-from glsim.noise.stage import ENABLED, Stage
 
 #: Periods per half wavelength of the harmonics that three taps alias.
 CYCLES: Final[Mapping[int, int]] = {2: 3, 5: 6}
@@ -44,34 +40,6 @@ class Wave(BaseModel):
     modulation_mhz: float = Field(ge=1)
     size: float = Field(ge=0, le=0.2)
     phase_deg: float = Field(ge=-180, le=180)
-
-
-def stage_waves(stages: Sequence[Stage], modulation_mhz: Sequence[float]) -> tuple[Wave, ...]:
-    """Return the waves of a light stage whose harmonics are fixed numbers; none if they are drawn.
-
-    Args:
-        modulation_mhz: of the rig; a stage has the same sizes and phases at all frequencies.
-    """
-    for stage in stages:
-        if "harmonic_phase_spread" not in stage.settings:
-            continue
-        names = [f"harmonic_{h}{end}" for h in CYCLES for end in ("", "_phase_deg")]
-        bounds = {n: stage.settings[n].bounds() for n in (*names, "harmonic_phase_spread", ENABLED)}
-        fixed = all(low == high for low, high in bounds.values())
-        if not fixed or bounds["harmonic_phase_spread"][0] != 0 or bounds[ENABLED][0] == 0:
-            return ()
-        waves = []
-        for harmonic in CYCLES:
-            size = bounds[f"harmonic_{harmonic}"][0]
-            phase = bounds[f"harmonic_{harmonic}_phase_deg"][0] + (180.0 if size < 0 else 0.0)
-            turned = (phase + 180.0) % 360.0 - 180.0
-            waves += [
-                Wave(harmonic=harmonic, modulation_mhz=mhz, size=abs(size), phase_deg=turned)
-                for mhz in modulation_mhz
-                if size
-            ]
-        return tuple(waves)
-    return ()
 
 
 def wiggling_mm(

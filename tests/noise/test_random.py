@@ -17,7 +17,7 @@ from glsim.gl.declarations import Layer
 from glsim.gl.program import link
 from glsim.gl.shader_source import load_source
 from glsim.gl.targets import TargetPool
-from glsim.noise.numpy_twins.random import normal_pair, random_bits, uniform01
+from glsim.noise.numpy_twins.layers import normal_pair, random_bits, uniform01
 from tests.support.stage_harness import Z_MAX, z_correlation, z_mean, z_rate, z_sd
 
 SHADER = """#version 330 core

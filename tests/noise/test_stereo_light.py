@@ -10,7 +10,7 @@ import pytest
 
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.numpy_twins.random import pcg_word
+from glsim.noise.numpy_twins.layers import pcg_word
 from glsim.noise.numpy_twins.stereo import dots
 from tests.support.stage_harness import (
     FOCAL_PX,

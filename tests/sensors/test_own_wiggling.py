@@ -32,6 +32,13 @@ def device_file(folder: Path, pattern_mm: np.ndarray | None = None) -> Path:
     text = (SENSOR_FOLDER / "kinect-v2-fast.toml").read_text()
     values = "".join(f"{key} = {value}\n" for key, value in HARMONICS.items())
     text = text.replace('use = "tof_fast"\n', f'use = "tof_fast"\n{values}')
+    waves = ", ".join(
+        f"{{harmonic = {h}, modulation_mhz = {mhz}, size = {HARMONICS[f'harmonic_{h}']}, "
+        f"phase_deg = {HARMONICS[f'harmonic_{h}_phase_deg']}}}"
+        for h in (2, 5)
+        for mhz in MHZ
+    )
+    text = text.replace("[rig]\n", f"[rig]\nwiggling = [{waves}]\n", 1)
     if pattern_mm is not None:
         np.save(folder / "pattern.npy", pattern_mm.astype(np.float32))
         text = text.replace("[rig]\n", '[rig]\nfixed_pattern_map = "pattern.npy"\n', 1)

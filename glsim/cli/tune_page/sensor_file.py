@@ -12,8 +12,7 @@ from tomlkit.items import Table
 from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
-from glsim.sensors.inheritance import EXTENDS, RIG_FILES
-from glsim.sensors.sensor import Sensor
+from glsim.sensors.sensor import EXTENDS, RIG_FILES, Sensor
 from glsim.settings.schema import Settings
 from glsim.settings.tables import toml_value
 

@@ -10,14 +10,18 @@ from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.numpy_twins.layers import (
     Image,
     Parameters,
+    Words,
     beside,
     mix,
     moved_by_mm,
+    normal_pair,
+    pcg_word,
     pixels,
+    random_bits,
     square,
+    uniform01,
     without,
 )
-from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits, uniform01
 
 _ZERO, _ONE, _HALF, _MM = (np.float32(n) for n in (0.0, 1.0, 0.5, 0.001))
 _TWO_PI, _FAR, _MOST_HAZE_M = np.float32(6.28318530718), np.float32(1e4), np.float32(0.04)

@@ -18,12 +18,14 @@ from glsim.noise.numpy_twins.layers import (
     disparity_px,
     fetch,
     mix,
+    normal_pair,
     pixels,
+    random_bits,
     reasons_of_taken,
     square,
+    uniform01,
     without,
 )
-from glsim.noise.numpy_twins.random import normal_pair, random_bits, uniform01
 from glsim.noise.numpy_twins.values import angle_ratio, angle_to_axis
 
 CELL_PX = 3

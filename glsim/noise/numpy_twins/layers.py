@@ -1,22 +1,30 @@
-"""Twins of shaders/lib/layers, depth and disparity.glsl, and of GLSL built-ins."""
+"""Twins of shaders/lib: layers, depth, disparity, random, kernel and correlated_noise.glsl.
+
+Random numbers are functions of (pixel, seed, draw), bit for bit those of the shaders.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Layers
 
 Image = NDArray[np.float32]
+Words = NDArray[np.uint32]
 #: Parameter values by their GLSL names.
 Parameters = Mapping[str, np.float32]
 
 #: The smallest depth that a pixel with depth can be moved to, m.
 _LEAST_M = np.float32(1e-4)
+
+#: libfreenect2's 3x3 Gaussian: |dx| + |dy| of a neighbour -> weight.
+KERNEL = {0: np.float32(0.1195716), 1: np.float32(0.1131098), 2: np.float32(0.1069973)}
+KERNEL_UNIT = np.float32(2.99791)
 
 
 def pixels(window: Rect) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -100,3 +108,62 @@ def without(layers: Layers, lost: NDArray[np.bool_], reason: Reason | Image) -> 
         "depth": np.where(lost, np.float32(0.0), depth),
         "reason": np.where(lost, np.asarray(reason, np.float32), layers["reason"]),
     }
+
+
+def random_bits(
+    x: ArrayLike, y: ArrayLike, seed: int, draw: ArrayLike
+) -> tuple[Words, Words, Words, Words]:
+    """Four random words for integers that broadcast; the result has at least one dimension."""
+    a, b, c, d = _scramble(_word(x), _word(y), _word(seed), _word(draw))
+    sixteen = np.uint32(16)
+    return _scramble(a ^ (a >> sixteen), b ^ (b >> sixteen), c ^ (c >> sixteen), d ^ (d >> sixteen))
+
+
+def _word(numbers: ArrayLike) -> Words:
+    """One step of a congruential generator modulo 2^32, from integers of any sign."""
+    # Always an array: NumPy warns when scalars overflow.
+    word = np.atleast_1d(np.asarray(numbers, dtype=np.int64)).astype(np.uint32)
+    stepped: Words = word * np.uint32(1664525) + np.uint32(1013904223)
+    return stepped
+
+
+def _scramble(a: Words, b: Words, c: Words, d: Words) -> tuple[Words, Words, Words, Words]:
+    a = a + b * d
+    b = b + c * a
+    c = c + a * b
+    return a, b, c, d + b * c
+
+
+def pcg_word(word: Words) -> Words:
+    """One word of the generator PCG (RXS-M-XS 32)."""
+    state = word * np.uint32(747796405) + np.uint32(2891336453)
+    mixed: Words = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state) * np.uint32(
+        277803737
+    )
+    return (mixed >> np.uint32(22)) ^ mixed
+
+
+def uniform01(bits: Words) -> NDArray[np.float32]:
+    """Uniform numbers in the open interval (0, 1), with 23 bits."""
+    return ((bits >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(
+        1.0 / 8388608.0
+    )
+
+
+def normal_pair(first: Words, second: Words) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two independent standard normal numbers from two random words (Box-Muller)."""
+    radius = np.sqrt(np.float32(-2.0) * np.log(uniform01(first)))
+    angle = np.float32(6.28318530718) * uniform01(second)
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def correlated_noise(window: Rect, seed: int) -> NDArray[np.float32]:
+    """(h, w) white noise after the decoder's 3x3 filter, scaled to variance 1."""
+    x, y = pixels(window)
+    noise = np.zeros((window.height, window.width), np.float32)
+    for dx, dy in square(1):
+        row = pcg_word(np.uint32(seed) ^ pcg_word((y + dy).astype(np.uint32)))
+        bits = pcg_word(row + (x + dx).astype(np.uint32))
+        halves = (bits >> np.uint32(16)).astype(np.int64) + (bits & np.uint32(0xFFFF))
+        noise += KERNEL[abs(dx) + abs(dy)] * (halves - 0xFFFF).astype(np.float32)
+    return KERNEL_UNIT * np.float32(3.73772e-5) * noise

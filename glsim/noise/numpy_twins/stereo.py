@@ -7,8 +7,18 @@ import numpy as np
 from glsim.core.camera import Point
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import PROJECTOR_LAYER
-from glsim.noise.numpy_twins.layers import Image, Parameters, beside, pixels, square
-from glsim.noise.numpy_twins.random import Words, normal_pair, pcg_word, random_bits, uniform01
+from glsim.noise.numpy_twins.layers import (
+    Image,
+    Parameters,
+    Words,
+    beside,
+    normal_pair,
+    pcg_word,
+    pixels,
+    random_bits,
+    square,
+    uniform01,
+)
 
 
 def stereo_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:

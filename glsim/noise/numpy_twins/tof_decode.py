@@ -10,20 +10,18 @@ from numpy.typing import NDArray
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.numpy_twins.layers import (
+    KERNEL,
+    KERNEL_UNIT,
     Image,
     Parameters,
     beside,
+    correlated_noise,
     moved_by_mm,
+    normal_pair,
     pixels,
+    random_bits,
     square,
     without,
-)
-from glsim.noise.numpy_twins.random import (
-    KERNEL,
-    KERNEL_UNIT,
-    correlated_noise,
-    normal_pair,
-    random_bits,
 )
 from glsim.noise.numpy_twins.tof_light import (
     TWO_PI,
@@ -36,6 +34,9 @@ from glsim.noise.numpy_twins.tof_light import (
     phasors,
     unwrapped_cycles,
 )
+
+Mask = NDArray[np.bool_]
+Numbers = NDArray[np.floating]
 
 #: libfreenect2's ab_multiplier_per_frq, and the phases of the taps.
 CONTRAST_MULTIPLIER = np.array([1.322581, 1.0, 1.612903], np.float32)
@@ -63,7 +64,7 @@ def _parts(layers: Layers) -> tuple[Image, Image]:
     return real, np.stack([a[..., 1], a[..., 3], b[..., 1]], axis=-1)
 
 
-def _layers(real: Image, imaginary: Image, counts: Image, flags: Image) -> dict[str, Image]:
+def _layers(real: Numbers, imaginary: Numbers, counts: Image, flags: Image) -> dict[str, Image]:
     """The layers of phasors, of the infrared image, and of flags: 1 edge, 2 saturated."""
     both = np.stack([real, imaginary], axis=-1).reshape(*counts.shape, 6)
     b = np.concatenate([both[..., 4:], counts[..., None], flags[..., None]], axis=-1)
@@ -72,7 +73,7 @@ def _layers(real: Image, imaginary: Image, counts: Image, flags: Image) -> dict[
 
 def _alike(
     view: FrameContext, p: Parameters, real: Image, imaginary: Image, reach: int, clamped: bool
-) -> Iterator[tuple[int, int, Image, Image, Image, Image, Image]]:
+) -> Iterator[tuple[int, int, Image, Image, Image, Numbers, Numbers]]:
     """Yield the neighbours: dx, dy, real, imaginary, whether each counts, and phase distances.
 
     The first distance is 0 for the same phase and 1 for the opposite one; the second is 0 at pixels
@@ -91,12 +92,16 @@ def _alike(
 
 
 def _filtered(
-    layers: Layers, kept: Image, marked: Image, real: Image, imaginary: Image
+    layers: Layers, kept: Mask, marked: Mask, real: Numbers, imaginary: Numbers
 ) -> dict[str, Image]:
     """The layers after a filter of phasors, which leaves pixels that are ``kept`` as they are."""
-    b, before = layers["phasor_b"], _parts(layers)
-    both = (np.where(kept[..., None], *of) for of in zip(before, (real, imaginary), strict=True))
-    return _layers(*both, b[..., 2], b[..., 3] + (marked & ~kept).astype(np.float32))
+    b, (own_real, own_imaginary), keep = layers["phasor_b"], _parts(layers), kept[..., None]
+    return _layers(
+        np.where(keep, own_real, real),
+        np.where(keep, own_imaginary, imaginary),
+        b[..., 2],
+        b[..., 3] + (marked & ~kept).astype(np.float32),
+    )
 
 
 def companded(taps: Image) -> Image:

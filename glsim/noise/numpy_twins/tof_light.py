@@ -7,8 +7,15 @@ from numpy.typing import NDArray
 
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Layers
-from glsim.noise.numpy_twins.layers import Image, Parameters, beside, fetch, pixels
-from glsim.noise.numpy_twins.random import pcg_word, uniform01
+from glsim.noise.numpy_twins.layers import (
+    Image,
+    Parameters,
+    beside,
+    fetch,
+    pcg_word,
+    pixels,
+    uniform01,
+)
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
 
 TWO_PI, _PI = np.float32(6.28318530718), np.float32(3.14159265359)

@@ -9,20 +9,18 @@ from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.numpy_twins.layers import (
     Image,
     Parameters,
+    Words,
+    correlated_noise,
     disparity_px,
     displaced,
     mix,
     moved_by_mm,
-    pixels,
-    without,
-)
-from glsim.noise.numpy_twins.random import (
-    Words,
-    correlated_noise,
     normal_pair,
     pcg_word,
+    pixels,
     random_bits,
     uniform01,
+    without,
 )
 
 #: pi/2 - a is at least _FROM_POLE, rad: the angle term has a pole at 90 degrees.
