@@ -49,7 +49,6 @@ MAX_BYTES: Final = 50_000_000  # an OBJ of the set is 2 MB
 
 _TESTER: Final = re.compile(r"Tester_\d+", re.ASCII)
 _MAX_DEPTH: Final = 3
-_MAX_ATTEMPTS: Final = 3  # files tried for the topology
 
 #: Width over the cheek bones as measured by ``mm_per_unit``: mean of 100 random ICT-FaceKit heads,
 #: whose unit is known (standard deviation 7.8 mm). Adults have 137 mm by calliper.
@@ -157,7 +156,7 @@ class FaceWarehouse(FileFaces):
         for subject in subjects:
             files = self._files_of(subject)
             paths += [*([files.bs] if files.bs else []), *files.shapes.values()]
-            paths += [*files.poses.values(), *self._topology_files(subject)]
+            paths += [*files.poses.values(), *self._topology_file(subject)]
         return file_contents(self.root, paths)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
@@ -240,34 +239,20 @@ class FaceWarehouse(FileFaces):
         return _PersonGeometry(shared, count, alignment, estimated_scale)
 
     def _topology(self, subject: str) -> tuple[NDArray[np.int64], int]:
-        """Return (F, 3) triangles and the number of vertices, from the first readable OBJ.
-
-        All people share one topology, so another person's OBJ serves if the subject has none.
-        """
-        error = MeshError(f"{self.root}: no shape_K.obj or pose_K.obj tells the topology")
-        for path in self._topology_files(subject):
-            try:
-                check_size(path, MAX_BYTES)
-                with one_bad_file(path):
-                    obj = read_obj(path)
-                    triangles, _ = obj.triangles()
-                if len(triangles) == 0:
-                    raise MeshError(f"{path}: no faces in it; copy it again")
+        """Return (F, 3) triangles and the number of vertices. Raises MeshError."""
+        for path in self._topology_file(subject):
+            check_size(path, MAX_BYTES)
+            obj = read_obj(path)
+            triangles, _ = obj.triangles()
+            if len(triangles):
                 return triangles, len(obj.vertices)
-            except MeshError as problem:
-                error = problem
-        raise error
+        raise MeshError(f"{self.root}: no shape_K.obj or pose_K.obj tells the topology")
 
-    def _topology_files(self, subject: str) -> list[Path]:
-        """Return the OBJ files to try for the topology, in order: the person's own first."""
+    def _topology_file(self, subject: str) -> list[Path]:
+        """Return the OBJ file that tells the topology: another person's if the subject has none."""
         own = self._files_of(subject)
-        own_first = [own, *(files for files in self.people.values() if files is not own)]
-        candidates = [
-            path
-            for files in own_first
-            for path in (files.shapes | {-1 - k: p for k, p in files.poses.items()}).values()
-        ]
-        return candidates[:_MAX_ATTEMPTS]
+        files = [own, *self.people.values()]
+        return [path for f in files for path in (*f.shapes.values(), *f.poses.values())][:1]
 
     def _files_of(self, subject: str) -> _PersonFiles:
         self.check_subject(subject)

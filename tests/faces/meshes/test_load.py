@@ -67,17 +67,6 @@ def test_every_format_comes_back(tmp_path: Path, extension: str) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("extension", "options"),
-    [(".ply", {"encoding": "ascii"}), (".stl", {"file_type": "stl_ascii"})],
-)
-def test_ascii_variants_come_back(tmp_path: Path, extension: str, options: dict[str, str]) -> None:
-    path = tmp_path / f"face{extension}"
-    data = _face().export(**{"file_type": extension[1:], **options})
-    path.write_bytes(data.encode() if isinstance(data, str) else data)  # type: ignore[arg-type]
-    assert load_mesh(path).mesh.faces.shape == TRIANGLES.shape
-
-
 def test_quads_relative_numbers_groups_and_continued_lines(tmp_path: Path) -> None:
     path = tmp_path / "quads.obj"
     path.write_text(

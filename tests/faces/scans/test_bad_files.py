@@ -24,13 +24,7 @@ MESH = obj_bytes(FACE, TRIANGLES)
 
 @pytest.mark.parametrize(
     "error",
-    [
-        MemoryError(),
-        RecursionError("maximum recursion depth exceeded"),
-        OSError(5, "Input/output error"),
-        ValueError("embedded null byte"),
-        IndexError("of a library"),
-    ],
+    [MemoryError(), OSError(5, "Input/output error"), IndexError("of a library")],
     ids=lambda error: type(error).__name__,
 )
 @pytest.mark.parametrize("first", [True, False])
