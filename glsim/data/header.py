@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 import numpy as np
 from isal import isal_zlib
@@ -98,14 +98,6 @@ class Manifest:
         return open_regular(self.path, inside=self.path.parent)
 
 
-class OpenHeader(NamedTuple):
-    """A header, the problem with its checksum if there is one, and the manifest beside it."""
-
-    header: dict[str, Any]
-    problem: str | None
-    manifest: Manifest
-
-
 def is_dataset(place: Path | str) -> bool:
     """Return whether a path names a data set of glsim, complete or not; a URL always does."""
     path = Path(place)
@@ -117,8 +109,11 @@ def read_header(place: Path | str) -> dict[str, Any]:
     return _read_header(open_store(place))[0]
 
 
-def open_header(store: Store) -> OpenHeader:
-    """Read the header and the manifest of a data set. Raises DatasetError as ``read_header``."""
+def open_header(store: Store) -> tuple[dict[str, Any], str | None, Manifest]:
+    """Return the header of a data set, the problem with its checksum or None, and the manifest.
+
+    Raises DatasetError as ``read_header``.
+    """
     header, data = _read_header(store)
     recorded = header["files"].get(MANIFEST)
     expected = None if recorded is None else {n: recorded[n] for n in ("size", "crc32")}
@@ -126,7 +121,7 @@ def open_header(store: Store) -> OpenHeader:
     key = text_hash(data.decode())
     store.local(HEADER, found, key)
     manifest = Manifest(store.local(MANIFEST, expected, key))
-    return OpenHeader(header, header_problem(store, found), manifest)
+    return header, header_problem(store, found), manifest
 
 
 def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:

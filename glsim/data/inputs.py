@@ -11,7 +11,7 @@ from glsim.core.files.contents import content_hash, text_hash
 from glsim.core.plugins import plugin_code
 from glsim.data.identity import InputHashes
 from glsim.faces.base import FaceSource
-from glsim.gl.shader_source import load_source
+from glsim.gl.includes import flatten, read_shader
 from glsim.noise.stage import Stage
 from glsim.settings.source_settings import shipped_kinds
 from glsim.simulation.plan.tasks import Task, people_of
@@ -33,10 +33,9 @@ def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
             file = code.co_filename if code is not None else stage.spec.file
             hashes[stage.spec.file] = content_hash(Path(file))
             continue
-        source = load_source(Path(stage.spec.file))
         texts: dict[str, list[str]] = defaultdict(list)
-        for line, (file, _) in zip(source.text.splitlines(), source.lines, strict=True):
-            texts[file].append(line)
+        for line in flatten(read_shader(Path(stage.spec.file)), Path(stage.spec.file)):
+            texts[line.file].append(line.text)
         hashes |= {file: text_hash("\n".join(lines)) for file, lines in texts.items()}
     return dict(sorted(hashes.items()))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -102,7 +103,7 @@ def inspect(
     for result in source.load(chosen):
         report.checked += 1
         if isinstance(result, BadFace):
-            report.problems[_without_root(str(result.error), path)] += 1
+            report.problems[str(result.error).replace(f"{path}/", "")] += 1
         else:
             sizes.append((len(result.mesh.vertices_mm), len(result.mesh.faces)))
             report.usable.append(result.key)
@@ -152,21 +153,13 @@ def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
     return [keys[round(number * last / max(1, count - 1))] for number in range(count)]
 
 
-def _without_root(text: str, root: Path) -> str:
-    return text.replace(f"{root}/", "")
-
-
 def _folders(root: Path, depth: int) -> Iterator[Path]:
     """Yield the folders below the root, level by level."""
     level = [root]
     for _ in range(depth):
-        below = []
-        for folder in level:
-            try:
+        below: list[Path] = []
+        for folder in level[:_MAX_FOLDERS]:
+            with suppress(GlsimError):  # one that cannot be read
                 below += [folder / name for name in list_names(folder) if (folder / name).is_dir()]
-            except GlsimError:
-                continue
-            if len(below) > _MAX_FOLDERS:
-                break
         yield from below
         level = below

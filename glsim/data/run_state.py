@@ -149,17 +149,15 @@ class RunState:
         if record.summary.chunk != number or record.summary.total != frames:
             return f"the record of chunk {number} does not fit the plan"
         try:
-            problems = map(self._file_problem, _images_of(record))
-            return next((problem for problem in problems if problem is not None), None)
+            for file in _images_of(record):
+                found = self.store.checksum(file["name"])
+                if found is None:
+                    return f"{file['name']} is missing"
+                if found != {"size": file["size"], "crc32": file["crc32"]}:
+                    return f"{file['name']} is damaged"
         except DatasetError as error:
             return str(error)
-
-    def _file_problem(self, file: Mapping[str, Any]) -> str | None:
-        found = self.store.checksum(file["name"])
-        if found is None:
-            return f"{file['name']} is missing"
-        same = found["size"] == file["size"] and found["crc32"] == file["crc32"]
-        return None if same else f"{file['name']} is damaged"
+        return None
 
     def withdraw(self) -> None:
         """Mark the data set as incomplete: remove its header, then the header's checksum."""

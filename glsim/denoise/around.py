@@ -11,13 +11,10 @@ from typing import Final
 import cv2
 import numpy as np
 
-from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.filters.windows import pieces
 from glsim.denoise.interface import Depth, Mask
 from glsim.denoise.tiles import Box, box_around
 
-#: What ``around`` may be.
-AROUND: Final = ("face",)
 #: Height and width of the part that is denoised, mm: a head of the 99th percentile is 255 mm high
 #: (ANSUR II, stature less chin height) and 165 mm wide; the rest is for hair and a turned head.
 HEAD_MM: Final = (280.0, 220.0)
@@ -32,12 +29,6 @@ _COARSE_PX: Final = 4
 #: Surface around the head that is denoised too, px. Chosen: with it, cutting the frame there moves
 #: no depth of the head by more than 0.1 mm.
 _MARGIN_PX: Final = 32
-
-
-def check_around(what: str | None) -> None:
-    """Raise ConfigError for another word than "face"."""
-    if what is not None and what not in AROUND:
-        raise ConfigError(f"--around {what}: {did_you_mean(what, AROUND)}")
 
 
 def head_box(depth_mm: Depth) -> Box | None:

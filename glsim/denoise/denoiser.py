@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import MEANING, DepthProtocol, check_protocol
 from glsim.core.errors import ConfigError, DenoiserError, GlsimError
-from glsim.denoise.around import check_around, head_box
+from glsim.denoise.around import head_box
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
 from glsim.denoise.interface import (
     MIN_MEASURED_MM,
@@ -99,7 +99,8 @@ class Denoiser:
             raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
         if composite is not None:
             check_composite(composite, "composite")
-        check_around(around)
+        if around not in (None, "face"):
+            raise ConfigError(f"--around {around}: the only one is face")
         self.label, self.function, self.version = label, function, version
         self.before, self.after = (int(getattr(function, n, 0)) for n in ("before", "after"))
         self._sequences = hasattr(function, "before") or hasattr(function, "after")
