@@ -78,7 +78,7 @@ HOMES = {
     ),
     "jinja2": ("glsim.eval.report.page",),
     "nicegui": ("glsim.cli.tune_page",),
-    "fastapi": ("glsim.cli.tune_page.server",),
+    "fastapi": ("glsim.cli.tune_page.page",),
     "tomlkit": ("glsim.cli.tune_page",),
     "playwright": (),
     "skimage": (),

@@ -88,6 +88,6 @@ def tune(
     # 5 ms each of many short NumPy calls would wait that long for the interpreter.
     sys.setswitchinterval(0.0005)
     session.prepare()
-    from glsim.cli.tune_page.server import serve  # takes seconds, while the first frame is drawn
+    from glsim.cli.tune_page.page import serve  # takes seconds, while the first frame is drawn
 
     serve(session, address)

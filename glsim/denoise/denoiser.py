@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import MEANING, DepthProtocol, check_protocol
 from glsim.core.errors import ConfigError, DenoiserError, GlsimError
-from glsim.denoise.around import head_box
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
 from glsim.denoise.interface import (
     MIN_MEASURED_MM,
@@ -23,6 +22,7 @@ from glsim.denoise.interface import (
     Mask,
     Probability,
 )
+from glsim.denoise.tiles import head_box
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration
@@ -89,7 +89,7 @@ class Denoiser:
             own_code: the function is the user's, so that its errors are those of a denoiser.
             device: sensor file whose fixed pattern and wiggling are subtracted first.
             composite: see the class.
-            around: "face": only around the nearest head, see ``glsim.denoise.around``.
+            around: "face": only around the nearest head, see ``tiles.head_box``.
 
         Raises:
             DenoiserError: for something that cannot be called.

@@ -12,10 +12,9 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_depth_png
 from glsim.denoise import load_denoiser
-from glsim.denoise.around import head_box
 from glsim.denoise.interface import Depth
 from glsim.denoise.record import AROUND_PX
-from glsim.denoise.tiles import GRID_PX, box_around
+from glsim.denoise.tiles import GRID_PX, box_around, head_box
 
 
 def head(wall_mm: float | None = None, distance_mm: float = 900.0, seed: int = 4) -> Depth:

@@ -34,11 +34,6 @@ def coefficients(lens: Distortion) -> list[float]:
     return [*simple, lens.k4, lens.k5, lens.k6] if lens.is_rational else simple
 
 
-def lens_model(lens: Distortion) -> str:
-    """Return ROS's name of the lens model."""
-    return "rational_polynomial" if lens.is_rational else "plumb_bob"
-
-
 def open3d_json(camera: Intrinsics) -> bytes:
     """Return a PinholeCameraParameters file of Open3D (columns first), camera at the origin."""
     content = {
@@ -69,7 +64,7 @@ def ros_yaml(camera: Intrinsics, lens: Distortion, name: str) -> bytes:
         f"image_height: {camera.height}",
         f"camera_name: {json.dumps(name)}",  # a JSON string is a YAML string
         *matrix("camera_matrix", 3, 3, k.ravel().tolist()),
-        f"distortion_model: {lens_model(lens)}",
+        f"distortion_model: {'rational_polynomial' if lens.is_rational else 'plumb_bob'}",
         *matrix("distortion_coefficients", 1, len(coefficients(lens)), coefficients(lens)),
         *matrix("rectification_matrix", 3, 3, np.eye(3).ravel().tolist()),
         *matrix("projection_matrix", 3, 4, projection.ravel().tolist()),
