@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from torch import Generator, Tensor
 from torch.nn import functional
 
-from glsim.core.edges import BAND_PX, JUMP_MM
+from glsim.core.depth_map import BAND_PX, JUMP_MM
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.safeguards import REACH_PX
 from glsim.settings.tables import parse_table

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from glsim.core.edges import BAND_PX
+from glsim.core.depth_map import BAND_PX
 from glsim.eval.metrics.metric import Direction, Metric
 from glsim.eval.metrics.prediction import FLYING_MM, PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS

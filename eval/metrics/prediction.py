@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.depth_map import central_normals
-from glsim.core.edges import BAND_PX, JUMP_MM
+from glsim.core.depth_map import BAND_PX, JUMP_MM, central_normals
 from glsim.core.errors import DenoiserError
 from glsim.denoise.interface import Depth, Mask
 from glsim.eval.metrics.regions import Regions

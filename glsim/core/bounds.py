@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -182,28 +181,6 @@ def image_window(
     return _grown(exact, whole, MARGIN_PX)
 
 
-def out_of_view(
-    corners_m: NDArray[np.float64],
-    field_of_view: FieldOfView,
-    visible: Rect | None,
-    around: Frustum | None = None,
-) -> bool:
-    """Whether a mesh lies beside the image, beside the crop ``visible``, or behind the camera.
-
-    Args:
-        corners_m: (8, 3), the mesh's bounding box.
-        around: a smaller frustum around the mesh, or None.
-    """
-    if corners_m[:, 2].max() <= field_of_view.rig.near_m:
-        return True
-    box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), field_of_view.rig.near_m)
-    if box is None:
-        return False
-    image = field_of_view.rig.intrinsics
-    seen = visible or Rect(0, 0, image.width, image.height)
-    return 0 in field_of_view.window(box).intersection(seen)[2:]
-
-
 def emitter_frustum(
     corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
 ) -> Frustum:
@@ -217,50 +194,33 @@ def emitter_frustum(
     Raises:
         MeshError: the emitter is inside a scene before the camera.
     """
-    near_m = field_of_view.rig.near_m / 2  # an emitter may stand before the camera
-    whole = bounding_frustum(corners_m, origin_m, near_m)
     reached_m = field_of_view.rig.near_m
-    if whole is None and corners_m[:, 2].min() <= reached_m and origin_m[2] <= reached_m:
-        return _seen_from(origin_m, field_of_view, float(corners_m[:, 2].max()))
-    if whole is None:
+    near_m = reached_m / 2  # an emitter may stand before the camera
+    low_m, high_m = float(corners_m[:, 2].min()), float(corners_m[:, 2].max())
+    whole = bounding_frustum(corners_m, origin_m, near_m)
+    inside = whole is None and low_m <= reached_m and origin_m[2] <= reached_m
+    if whole is None and not inside:
         raise MeshError(
             f"the mesh reaches behind the emitter at {origin_m} m or nearer than "
             f"{near_m * 1000:.0f} mm: check units, axes and distance"
         )
-    z = np.clip([corners_m[:, 2].min(), corners_m[:, 2].max()], near_m, None)
+    ends = (reached_m, max(high_m, 2 * reached_m)) if inside else (low_m, high_m)
     x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
-    seen = _seen_points(field_of_view, x, y, z)
-    lit = bounding_frustum(seen, origin_m, 0.0)
-    if lit is None:
-        return whole
+    eyes = [(0.0, 0.0, 0.0), *field_of_view.rig.imagers_m]
+    points = [
+        (e[0] + a * d, e[1] + b * d, d)
+        for e, d, a, b in itertools.product(eyes, np.clip(ends, near_m, None), x, y)
+    ]
+    lit = bounding_frustum(np.array(points), origin_m, 0.0)
+    if whole is None or lit is None:
+        box = lit or whole
+        assert box is not None  # an emitter behind the near plane sees all of these points
+        return box
     return Frustum(
         max(lit.left, whole.left), max(lit.top, whole.top),
         min(lit.right, whole.right), min(lit.bottom, whole.bottom),
         whole.near_m, whole.far_m,
     )  # fmt: skip
-
-
-def _seen_points(
-    field_of_view: FieldOfView, x: Iterable[float], y: Iterable[float], z: Iterable[float]
-) -> NDArray[np.float64]:
-    """Return (N, 3) points, metres, at the ends of the directions of the camera and the imagers."""
-    eyes = [(0.0, 0.0, 0.0), *field_of_view.rig.imagers_m]
-    return np.array(
-        [(e[0] + a * d, e[1] + b * d, d) for e, d, a, b in itertools.product(eyes, z, x, y)]
-    )
-
-
-def _seen_from(
-    origin_m: tuple[float, float, float], field_of_view: FieldOfView, far_m: float
-) -> Frustum:
-    """The frustum, from ``origin_m``, of all that the camera sees between near plane and far_m."""
-    near_m = field_of_view.rig.near_m
-    x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))
-    far_m = max(far_m, 2 * near_m)
-    points = _seen_points(field_of_view, x, y, (near_m, far_m))
-    seen = bounding_frustum(points, origin_m, 0.0)
-    assert seen is not None  # an emitter behind the near plane
-    return seen
 
 
 def union(windows: list[Rect]) -> Rect:

@@ -1,4 +1,4 @@
-"""The geometry of a depth camera: intrinsics, lens distortion, emitters, clip matrix.
+"""A depth camera: intrinsics, lens distortion, emitters, clip matrix, times of exposure.
 
 Camera frame (OpenCV): x right, y down, z forward, metres. Image coordinates are continuous: the
 centre of the pixel in column u and row v is at (u + 0.5, v + 0.5), row 0 on top. The principal
@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
-from glsim.core.exposure import Exposure
 from glsim.core.products import norm
 from glsim.core.rect import Rect
 
@@ -31,6 +32,10 @@ _UNDISTORT_ITERATIONS = 30
 #: Radii of the table from which the inversion of a lens with a limit starts; between them a guess
 #: is wrong by less than 1e-6.
 _RADII = 4096
+
+
+#: Captures of a time-of-flight frame that measure: three taps of each of three frequencies.
+TAPS, FREQUENCIES = 3, 3
 
 
 @dataclass(frozen=True)
@@ -211,6 +216,58 @@ class Emitter:
         if not end.any():
             return [(centre, 1.0)]
         return list(zip((centre - end, centre, centre + end), self.shares, strict=True))
+
+
+class SubExposure(NamedTuple):
+    """A part of a frame that is exposed at one time.
+
+    Attributes:
+        time_ms: of its middle, from the frame's instant.
+        capture: number of the capture, 0 to 8: tap capture % 3 of frequency capture // 3; None for
+            rows.
+        rows: (first, end) of the band as shares of the image's height; None for a capture.
+    """
+
+    time_ms: float
+    capture: int | None = None
+    rows: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """When the parts of a frame are exposed; by default all at once.
+
+    A frame's instant is the middle of its exposure: a scene that moves is drawn at the time of each
+    part, and glsim.render.sub_frames puts the parts together.
+
+    Args:
+        captures: of a time-of-flight frame, one after the other; 0: another camera. The first nine
+            measure, frequency by frequency in the rig's order; a tenth is not used.
+        spacing_ms: from one capture to the next.
+        read_out_ms: of a rolling shutter, from the first row to the last; 0: a global one.
+        bands: of rows that share one time.
+    """
+
+    captures: int = 0
+    spacing_ms: float = 0.0
+    read_out_ms: float = 0.0
+    bands: int = 16
+
+    def parts(self) -> tuple[SubExposure, ...]:
+        """Return the parts of the exposure, earliest first; none if all pixels share one time."""
+        if self.captures and self.spacing_ms > 0:
+            middle = 0.5 * (self.captures - 1)
+            return tuple(
+                SubExposure((k - middle) * self.spacing_ms, capture=k)
+                for k in range(TAPS * FREQUENCIES)
+            )
+        if self.read_out_ms > 0:
+            shares = [k / self.bands for k in range(self.bands + 1)]
+            return tuple(
+                SubExposure((0.5 * (a + b) - 0.5) * self.read_out_ms, rows=(a, b))
+                for a, b in pairwise(shares)
+            )
+        return ()
 
 
 @dataclass(frozen=True)

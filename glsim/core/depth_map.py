@@ -15,6 +15,12 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
 
+#: In evaluation and training an edge of a clean map is an invalid pixel, or a jump of more than
+#: JUMP_MM between two neighbours: one surface would have to be seen at 85 degrees, at 0.9 m and the
+#: Kinect V2's 2.5 mm per pixel. The edge band reaches BAND_PX rows and columns from an edge; the
+#: other valid pixels are the interior.
+JUMP_MM, BAND_PX = 30.0, 3
+
 #: Depth difference between neighbouring pixels that separates surfaces, relative to the depth: a
 #: surface seen at 85 degrees changes by 3 % per pixel at the Kinect V2's 0.16 degrees per pixel.
 _EDGE_SHARE = 0.03

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from glsim.core.errors import ConfigError, DeviceError
-from glsim.core.occluder import occluder_of
+from glsim.core.mesh import occluder_of
 from glsim.data.worker_processes import WorkerFailure, WorkerProcess
 from glsim.settings.schema import Settings
 from glsim.simulation.frame import Frame, Skipped

@@ -18,7 +18,7 @@ For a rig that triangulates, each imager is drawn like the camera, from its own 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -30,12 +30,12 @@ from glsim.core.bounds import (
     FieldOfView,
     bounding_corners,
     image_window,
-    out_of_view,
     union,
     vertex_frustum,
     widened,
 )
 from glsim.core.camera import Point, SensorRig
+from glsim.core.errors import MeshError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
@@ -223,16 +223,13 @@ class Renderer:
         around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
         windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
         for (mesh, view), box in zip(meshes[1:], boxes[1:], strict=True):
-            if out_of_view(box, self._sight, visible):
-                continue
-            wanted = image_window(box, self._sight, visible, reach_px)
-            if union([windows[0], wanted]) != windows[0]:
-                # Trousers of a sitting person: their box is far wider than they are.
-                around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
-                if out_of_view(box, self._sight, visible, around):
-                    continue
-                wanted = image_window(box, self._sight, visible, reach_px, around)
-            windows.append(wanted)
+            with suppress(MeshError):  # it is out of view
+                wanted = image_window(box, self._sight, visible, reach_px)
+                if union([windows[0], wanted]) != windows[0]:
+                    # Trousers of a sitting person: their box is far wider than they are.
+                    around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
+                    wanted = image_window(box, self._sight, visible, reach_px, around)
+                windows.append(wanted)
         nearest_m = float(np.concatenate(boxes)[:, 2].min())
         return widened(union(windows), self._sight, self.rig.reach_of_views(nearest_m))
 

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager
 
 import moderngl
 
-from glsim.core.exposure import TAPS, SubExposure
+from glsim.core.camera import TAPS, SubExposure
 from glsim.core.rect import Rect
 from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link_files

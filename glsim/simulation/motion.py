@@ -8,18 +8,15 @@ scene of each band of rows --copied--> layers of a rolled frame, on which the ch
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.bounds import union
-from glsim.core.camera import SensorRig
+from glsim.core.camera import SensorRig, SubExposure
 from glsim.core.errors import ConfigError
-from glsim.core.exposure import SubExposure
 from glsim.core.reason import Reason
-from glsim.core.rect import Rect
 from glsim.gl.targets import Readback, Target
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
@@ -33,13 +30,7 @@ _TRUE_LAYERS = ("clean", "normal", "region")
 
 
 def exposure_parts(rig: SensorRig, chain: ShaderChain, sensor: str) -> tuple[SubExposure, ...]:
-    """Return the parts of a rig's exposure. Raises ConfigError if frames cannot be made of them.
-
-    Args:
-        rig: of the sensor.
-        chain: of its stages.
-        sensor: its name, for messages.
-    """
+    """Return the parts of a rig's exposure. Raises ConfigError if frames cannot be made of them."""
     parts = rig.exposure.parts()
     if not parts:
         raise ConfigError(
@@ -86,11 +77,9 @@ class MovingFrames:
 
         Args:
             still: the scene at the frame's instant.
-            scenes: those of the parts.
+            scenes: of the parts of the exposure.
             reach_px: how far around the crop stages read.
             frame_of: describes a rendered frame to the stages.
-            values: parameters of the stages.
-            readback: takes the layers.
         """
         renderer = self._renderer
         window = union([renderer.window(s.meshes, s.crop, reach_px) for s in (still, *scenes)])
@@ -117,9 +106,12 @@ class MovingFrames:
         held: list[Target],
     ) -> None:
         """Run the chain on the layers of all bands; deliver the true scene beside the noise."""
-        window = true.window
+        window, render = true.window, self._renderer.render
         layers = self._sub_frames.rows(
-            self.parts, lambda k: self._render(scenes[k], window), window, frame.height
+            self.parts,
+            lambda k: render(scenes[k].meshes, scenes[k].crop, window=window),
+            window,
+            frame.height,
         )
         held += layers.values()
         truth = {name: true.layers[name] for name in _TRUE_LAYERS if name in true.layers}
@@ -137,7 +129,7 @@ class MovingFrames:
         sums: list[Target] = []
         for part, scene in zip(self.parts, scenes, strict=True):
             with (
-                self._render(scene, true.window) as sub,
+                self._renderer.render(scene.meshes, scene.crop, window=true.window) as sub,
                 self._chain.light(sub, frame, values) as light,
             ):
                 if not sums:
@@ -148,10 +140,6 @@ class MovingFrames:
                     buffer.clear(viewport=true.window)
                 self._sub_frames.add_capture(sub.pool, part, light, sums)
         return dict(zip(LIGHT_LAYERS, sums, strict=True))
-
-    def _render(self, scene: FrameScene, window: Rect) -> AbstractContextManager[Rendered]:
-        """Render the scene of a part in the window of the frame."""
-        return self._renderer.render(scene.meshes, scene.crop, window=window)
 
 
 def settle_reasons(layers: dict[str, NDArray[np.float32]]) -> None:

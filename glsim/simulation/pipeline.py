@@ -251,12 +251,10 @@ class Simulator:
         previous = next((c.before for c in self._changes if c.name == name), None)
         kept = [change for change in self._changes if change.name != name]
         change = StageChange(name, spec, before or previous)
-        left_out = set(self._settings.stage.get(name, {})) - {ENABLED, *spec.parameters}
-        settings = self._settings
-        if left_out:
-            own = {k: v for k, v in settings.stage[name].items() if k not in left_out}
-            stages = {**settings.stage, name: own}
-            settings = settings.model_copy(update={"stage": stages})
+        settings, known_values = self._settings, {ENABLED, *spec.parameters}
+        if name in settings.stage:
+            own = {k: v for k, v in settings.stage[name].items() if k in known_values}
+            settings = settings.model_copy(update={"stage": {**settings.stage, name: own}})
         return self._like(settings=settings, changes=[*kept, change])
 
     def with_layers(self, layers: Collection[str], extra_layers: Sequence[str] = ()) -> Simulator:
@@ -351,12 +349,8 @@ class Simulator:
         make_current(self._context)
         layers = item.readback.arrays()
         if not layers["clean"].any():
-            return self._skipped(
-                item.task,
-                MeshError(
-                    "the mesh covers no pixel: its triangles are wound inside out, or too small"
-                ),
-            )
+            why = "the mesh covers no pixel: its triangles are wound inside out, or too small"
+            return self._skipped(item.task, MeshError(why))
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
         if item.rolled:
             settle_reasons(layers)

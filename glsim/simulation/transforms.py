@@ -94,8 +94,8 @@ class DepthNoise:
         chance = np.random.default_rng(stable_seed("p", self.settings.seed, sequence, frame))
         if chance.random() >= self.p:
             return depth_m
-        height, width = (int(side) for side in shape[-2:])
-        return self._corrupter(height, width)(depth_m, frame=frame, sequence=sequence)
+        size = int(shape[-2]), int(shape[-1])
+        return self._corrupter(size)(depth_m, frame=frame, sequence=sequence)
 
     def __repr__(self) -> str:
         return f"DepthNoise({self.settings.sensor!r}, p={self.p:g}, seed={self.settings.seed})"
@@ -117,25 +117,18 @@ class DepthNoise:
         """Return the name of this worker in this epoch, and the number of its maps before."""
         if self._process != os.getpid():  # forked: the parent's maps are not ours
             self._forget()
-        worker = _worker()
+        torch = sys.modules.get("torch")
+        info = None if torch is None else torch.utils.data.get_worker_info()
+        worker = "here" if info is None else f"worker {info.seed}"  # another one in each epoch
         number = self._maps.get(worker, 0)
         self._maps = {worker: number + maps}
         return worker, number
 
-    def _corrupter(self, height: int, width: int) -> Corrupter:
-        size = height, width
+    def _corrupter(self, size: tuple[int, int]) -> Corrupter:
         if size not in self._by_size:
-            backend, focal_px, centre_px = self._camera
-            self._by_size[size] = Corrupter(self.settings, size, backend, focal_px, centre_px)
+            self._by_size[size] = Corrupter(self.settings, size, *self._camera)
             if len(self._by_size) > _SIZES:
                 _, oldest = self._by_size.popitem(last=False)
-                oldest.__exit__(None, None, None)
+                oldest.__exit__()
         self._by_size.move_to_end(size)
         return self._by_size[size]
-
-
-def _worker() -> str:
-    """Name the worker of a DataLoader by its seed, which is another one in each epoch."""
-    torch = sys.modules.get("torch")
-    info = None if torch is None else torch.utils.data.get_worker_info()
-    return "here" if info is None else f"worker {info.seed}"

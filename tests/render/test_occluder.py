@@ -9,8 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.core.mesh import Mesh
-from glsim.core.occluder import KEPT_SHARE, occluder_of
+from glsim.core.mesh import KEPT_SHARE, Mesh, occluder_of
 from glsim.faces.base import Face
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.render.renderer import Renderer

@@ -13,9 +13,8 @@ from glsim.core.errors import ConfigError
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import SourceSettings, parse_source
 from glsim.simulation.pipeline import open_sources
-from glsim.simulation.plan.mixture import image_counts, mix_sources
 from glsim.simulation.plan.split import PAPER_IMAGES, split_as_paper
-from glsim.simulation.plan.tasks import make_tasks
+from glsim.simulation.plan.tasks import Thinning, image_counts, make_tasks
 from tests.support.face_sets import FACE, TRIANGLES, ply_bytes, put, write_tester
 
 
@@ -42,7 +41,7 @@ def test_counts_and_weights() -> None:
 def test_thinning_is_even_and_exact(people: list[int], data: st.DataObject) -> None:
     total = sum(people)
     count = data.draw(st.integers(1, total))
-    (thinning,) = mix_sources(_sources({"count": count}), [total])
+    thinning = Thinning(total, count)
     positions = [thinning.position(number) for number in range(count)]
     assert positions == sorted(set(positions))
     assert 0 <= positions[0] <= positions[-1] < total
@@ -53,7 +52,7 @@ def test_thinning_is_even_and_exact(people: list[int], data: st.DataObject) -> N
         assert kept == sum(first <= p < first + have for p in positions)
         assert abs(kept - have * count / total) <= 1
         first += have
-    (every,) = mix_sources(_sources({}), [total])
+    every = Thinning(total, total)
     assert [every.position(number) for number in range(total)] == list(range(total))
 
 

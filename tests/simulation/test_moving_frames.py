@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.core.camera import Exposure
 from glsim.core.errors import ConfigError
-from glsim.core.exposure import Exposure
 from glsim.core.mesh import Mesh
 from glsim.core.reason import Reason
 from glsim.render.renderer import Renderer

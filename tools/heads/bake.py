@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.occluder import occluder_of
+from glsim.core.mesh import occluder_of
 from glsim.faces.procedural.lids import Lids
 from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.sparse_shapes import SparseShapes

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.occluder import occluder_of
+from glsim.core.mesh import occluder_of
 from glsim.core.products import product
 from glsim.faces.model_cache import Arrays
 from glsim.faces.sparse_shapes import SparseShapes

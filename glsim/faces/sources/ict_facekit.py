@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.files.cache_folder import cache_folder
-from glsim.core.mesh import Mesh
-from glsim.core.occluder import occluder_of
+from glsim.core.mesh import Mesh, occluder_of
 from glsim.core.seeds import rng_for
 from glsim.faces.action_units import SHAPES, shape_weights
 from glsim.faces.base import Face, FaceKey, FaceSource, Topology

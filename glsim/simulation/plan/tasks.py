@@ -11,7 +11,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import NamedTuple, overload
 
 import numpy as np
@@ -21,7 +21,7 @@ from glsim.core.seeds import device_key, stable_seed
 from glsim.faces.base import ComputedKeys, FaceKey, FaceSource
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
-from glsim.simulation.plan.mixture import mix_sources
+from glsim.settings.source_settings import SourceSettings
 from glsim.simulation.plan.split import assign_splits
 
 
@@ -69,6 +69,22 @@ class PersonFrames(NamedTuple):
     frames: int
 
 
+@dataclass(frozen=True)
+class Thinning:
+    """``count`` of the ``total`` frames of a source, at even distances."""
+
+    total: int
+    count: int
+
+    def below(self, position: int) -> int:
+        """Return how many of the first ``position`` frames are chosen."""
+        return position * self.count // self.total if self.total else 0
+
+    def position(self, number: int) -> int:
+        """Return where the chosen frame of this number is among all frames, both from 0."""
+        return -(-(number + 1) * self.total // self.count) - 1
+
+
 #: Largest plan of generated faces. dataset.json names each person and each shard of 512 frames,
 #: with 14 and 95 bytes (measured): these are its 16 MB.
 MAX_PEOPLE, MAX_FRAMES = 500_000, 50_000_000
@@ -98,7 +114,8 @@ class Plan(Sequence[Task]):
         self._source = np.array(numbers, np.int16)
         have = np.array(frames, np.int64)
         available = [int(have[self._source == n].sum()) for n in range(len(sources))]
-        self._thinned = mix_sources(settings.source, available)
+        counts = image_counts(settings.source, available)
+        self._thinned = [Thinning(*both) for both in zip(available, counts, strict=True)]
         #: Position of each person's first frame among all frames of the source, chosen or not.
         self._before = np.zeros(len(have), np.int64)
         chosen = np.zeros(len(have), np.int64)
@@ -110,11 +127,11 @@ class Plan(Sequence[Task]):
             chosen[own] = np.diff(below, prepend=0)
         #: Index of each person's first task, and the number of all tasks.
         self._first = np.concatenate([[0], np.cumsum(chosen)])
-        counts = dict(zip(map(self._subject, range(len(have))), chosen.tolist(), strict=True))
-        if len(counts) < len(have):
+        images = dict(zip(map(self._subject, range(len(have))), chosen.tolist(), strict=True))
+        if len(images) < len(have):
             raise DatasetError("a source names two of its people alike: rename one")
-        splits = assign_splits(settings, counts)
-        self._split = np.array([SPLIT_NAMES.index(splits[name]) for name in counts], np.uint8)
+        splits = assign_splits(settings, images)
+        self._split = np.array([SPLIT_NAMES.index(splits[name]) for name in images], np.uint8)
 
     def __len__(self) -> int:
         return int(self._first[-1])
@@ -167,13 +184,12 @@ class Plan(Sequence[Task]):
 
     def people(self) -> Iterator[PersonFrames]:
         """Yield the people who have frames, in order."""
-        prefix = len(self._sources) > 1
         first = self._first.tolist()
-        columns = zip(self._names, self._source.tolist(), self._split.tolist(), strict=True)
-        for (name, number, split), start, end in zip(columns, first, first[1:], strict=False):
+        for person, (start, end) in enumerate(pairwise(first)):
             if start < end:
-                subject = f"{number}-{name}" if prefix else name
-                yield PersonFrames(SPLIT_NAMES[split], subject, number, name, start, end - start)
+                split, number = SPLIT_NAMES[self._split[person]], int(self._source[person])
+                subject, name = self._subject(person), self._names[person]
+                yield PersonFrames(split, subject, number, name, start, end - start)
 
     def stems(self) -> Iterator[str]:
         """Yield names of files that show whether all can be written.
@@ -213,6 +229,27 @@ class Plan(Sequence[Task]):
                 for key in self._keys(person):
                     add(key.sequence, key.frame, key.path)
         return digest.hexdigest()
+
+
+def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) -> list[int]:
+    """Return the number of images from each source, by its count, its weight, or all it has.
+
+    The scarcest of the weighted sources limits the images that they share. Raises ConfigError for
+    a count above the available images, and for a source without weight or count beside a weighted
+    one.
+    """
+    weighted = any(source.weight for source in sources)
+    for number, (source, images) in enumerate(zip(sources, available, strict=True)):
+        name = f"source {number} ({source.kind})"
+        if source.count is not None and source.count > images:
+            raise ConfigError(f"{name}: count = {source.count}, but it has {images} images")
+        if weighted and source.weight is None and source.count is None:
+            raise ConfigError(f"{name}: give it a weight or a count, as other sources have")
+    pairs = list(zip(sources, available, strict=True))
+    total = min((images / s.weight for s, images in pairs if s.weight is not None), default=0.0)
+    return [
+        s.count or (images if s.weight is None else round(total * s.weight)) for s, images in pairs
+    ]
 
 
 def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
