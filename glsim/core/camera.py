@@ -163,13 +163,9 @@ class Distortion:
     def _within_limit(
         self, target: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Move points into the part of the image where the lens model can be inverted.
+        """Move (..., 2) distorted points to where the lens model can be inverted.
 
-        Args:
-            target: (..., 2) distorted points.
-
-        Returns:
-            The moved points, and a first guess of their undistorted places, (..., 2) each.
+        Return them and a first guess of their undistorted places.
         """
         ideal_r = np.linspace(0.0, self.limit_tan, _RADII)
         distorted_r = ideal_r * self._radial(ideal_r**2)
@@ -305,20 +301,17 @@ class SensorRig:
 
     def canvas(self) -> SensorRig:
         """The rig whose images are those of the imagers: with the border, delivered whole."""
+        if not any(self.border_px):
+            return self
         left, top, right, bottom = self.border_px
         i = self.intrinsics
-        wide = Intrinsics(
-            i.width + left + right, i.height + top + bottom, i.fx, i.fy, i.cx + left, i.cy + top
-        )
-        return (
-            replace(self, intrinsics=wide, border_px=(0, 0, 0, 0)) if any(self.border_px) else self
-        )
+        wide = i.cropped(-left, -top, i.width + left + right, i.height + top + bottom)
+        return replace(self, intrinsics=wide, border_px=(0, 0, 0, 0))
 
     def on_canvas(self, window: Rect) -> Rect:
         """Return a window of the delivered image in pixels of the canvas."""
-        return window._replace(
-            left=window.left + self.border_px[0], top=window.top + self.border_px[1]
-        )
+        left, top = self.border_px[:2]
+        return window._replace(left=window.left + left, top=window.top + top)
 
     @property
     def keeps_distortion(self) -> bool:
@@ -359,13 +352,10 @@ class SensorRig:
         views = [*self.imagers_m, np.add(self.imagers_m[0], self.second_view_m)]
         shift = np.array([view[:2] for view in views]) * (self.intrinsics.fx, self.intrinsics.fy)
         shift = np.ceil(shift / max(nearest_m, self.near_m))
-        low, high = shift.max(axis=0), -shift.min(axis=0)  # a view to the right sees things left
-        return (
-            int(max(low[0], 0)),
-            int(max(low[1], 0)),
-            int(max(high[0], 0)),
-            int(max(high[1], 0)),
-        )
+        # A view to the right sees things left.
+        left, top = np.maximum(shift.max(axis=0), 0).astype(int).tolist()
+        right, bottom = np.maximum(-shift.min(axis=0), 0).astype(int).tolist()
+        return left, top, right, bottom
 
     @property
     def emitter_m(self) -> Point:

@@ -274,15 +274,8 @@ class Frames(Sequence[DepthFrame]):
         """Return the frame at a position, from the end if negative, or the frames of a slice."""
         if isinstance(number, slice):
             numbers = range(*number.indices(self._count))
-            return Frames(
-                len(numbers),
-                partial(_at, self.load, numbers),
-                partial(_at, self.key, numbers),
-                title=self.title,
-                identity=self.identity,
-                regions=self.regions,
-                protocol=self.protocol,
-            )
+            load, key = (partial(_at, get, numbers) for get in (self.load, self.key))
+            return self._like(len(numbers), load, key, self.identity, self.protocol)
         position = number + self._count if number < 0 else number
         if not 0 <= position < self._count:
             raise IndexError(f"{self.title or 'the set'} has {self._count} frames, not {number}")
@@ -301,15 +294,21 @@ class Frames(Sequence[DepthFrame]):
             identity: of the change.
             protocol: of the changed maps; default: as they were.
         """
-        return Frames(
-            self._count,
-            partial(_then, self.load, change),
-            self.key,
-            title=self.title,
-            identity=f"{self.identity} {identity}".strip(),
-            regions=self.regions,
-            protocol=protocol or self.protocol,
-        )
+        load = partial(_then, self.load, change)
+        name = f"{self.identity} {identity}".strip()
+        return self._like(self._count, load, self.key, name, protocol or self.protocol)
+
+    def _like(
+        self,
+        count: int,
+        load: Callable[[int], DepthFrame],
+        key: Callable[[int], FrameKey],
+        identity: str,
+        protocol: DepthProtocol,
+    ) -> Frames:
+        made = Frames(count, load, key, title=self.title, identity=identity, protocol=protocol)
+        made.regions = self.regions
+        return made
 
 
 @lru_cache(maxsize=2)

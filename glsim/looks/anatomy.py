@@ -66,22 +66,10 @@ class Anatomy:
         return self.is_in(*_BODY)
 
     @cached_property
-    def eyes(self) -> Array:
-        """(2, 3): centres of the subject's left and right eyeball."""
-        points = self._of(*_EYES)
-        left = points[:, 0] > _middle(points)[0]
-        return np.stack([_middle(points[left]), _middle(points[~left])])
-
-    @cached_property
     def eye(self) -> Array:
         """(3,): the point between the eyes."""
-        return np.asarray(self.eyes.mean(axis=0))
-
-    @cached_property
-    def nose_tip(self) -> Array:
-        """(3,): the foremost point of the nose."""
-        points = self._of("nose")
-        return np.asarray(points[np.argmax(points[:, 2])])
+        points = self._of(*_EYES)
+        return np.asarray(_pair(points, _middle(points)[0]).mean(axis=0))
 
     @cached_property
     def mouth(self) -> Array:
@@ -95,12 +83,6 @@ class Anatomy:
         return float(skull[:, 1].max() - self.eye[1]) / _MEAN_EYE_TO_TOP_MM
 
     @cached_property
-    def back_z(self) -> float:
-        """Depth of the back of the head, mm."""
-        skull = self._of(*_SKULL)
-        return float(skull[skull[:, 1] > self.eye[1], 2].min())
-
-    @cached_property
     def ears(self) -> Array:
         """(2, 3): centres of the left and right ear.
 
@@ -108,9 +90,7 @@ class Anatomy:
         below the eyes (the proportions of the procedural mean head).
         """
         if "ear" in self.names:
-            points = self._of("ear")
-            left = points[:, 0] > self.eye[0]
-            return np.stack([_middle(points[left]), _middle(points[~left])])
+            return _pair(self._of("ear"), self.eye[0])
         at = self.eye + np.array([0.0, -12.0, -88.0]) * self.scale
         near = self.vertices_mm[self.outside & ~self.body]
         near = near[np.abs(near - at)[:, 1:].max(axis=1) < 25 * self.scale]
@@ -121,7 +101,9 @@ class Anatomy:
     @cached_property
     def centre(self) -> Array:
         """(3,): the middle of the skull, from which hair is laid out."""
-        behind = 0.5 * (self.eye[2] + self.back_z)
+        skull = self._of(*_SKULL)
+        back_z = float(skull[skull[:, 1] > self.eye[1], 2].min())
+        behind = 0.5 * (self.eye[2] + back_z)
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
     def above_hairline_mm(self, points: Array) -> Array:
@@ -144,3 +126,9 @@ class Anatomy:
 
 def _middle(points: Array) -> Array:
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
+
+def _pair(points: Array, middle_x: float) -> Array:
+    """Return (2, 3) the middles of the points on the subject's left and right."""
+    left = points[:, 0] > middle_x
+    return np.stack([_middle(points[left]), _middle(points[~left])])

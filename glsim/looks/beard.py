@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.looks.anatomy import Anatomy, Array, Mask
 from glsim.looks.binding import Shell
@@ -88,10 +87,9 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
     x, y, z = np.abs(local[:, 0]), local[:, 1], local[:, 2]
     nose = anatomy.vertices_mm[anatomy.is_in("nose")]
     nose_base = (float(nose[:, 1].min()) - anatomy.mouth[1]) / size
-    lips = anatomy.vertices_mm[anatomy.is_in("lips")]
-    half = 0.5 * float(np.ptp(lips[:, 0])) / size
     # An ellipse around the lips keeps the beard off them.
-    high = 0.5 * float(np.ptp(lips[:, 1])) / size
+    lips = anatomy.vertices_mm[anatomy.is_in("lips")]
+    half, high = (0.5 * float(np.ptp(lips[:, axis])) / size for axis in (0, 1))
     off_lips = (np.hypot(x / (half + 2.0), y / (high + 1.5)) - 1) * high
     cheek = np.interp(z, _CHEEK_Z, _CHEEK_Y)
     # Below the nose the outline rises to it: a moustache narrows towards the corners of the mouth.
@@ -108,8 +106,8 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
 
 def make_beard(
     beard: BeardGrid, rest_mm: Array, style: BeardStyle, length_mm: float, seed: int
-) -> tuple[Shell, NDArray[np.int32]]:
-    """Return the shell and the triangles of a subject's beard.
+) -> Shell:
+    """Return the shell of a subject's beard.
 
     Args:
         rest_mm: (V, 3) the subject at rest.
@@ -118,12 +116,8 @@ def make_beard(
     """
     inside = beard.inside.copy()
     if not style.cheeks:
-        allowed = np.full_like(inside, -1e3)
-        if style.chin:
-            allowed = np.maximum(allowed, beard.chin)
-        if style.lip:
-            allowed = np.maximum(allowed, beard.lip)
-        inside = np.minimum(inside, allowed)
+        parts = ((style.chin, beard.chin), (style.lip, beard.lip))
+        inside = np.minimum(inside, np.max([part for worn, part in parts if worn], axis=0))
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
     ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
@@ -141,12 +135,20 @@ def make_beard(
         drop = np.zeros((len(points), 3), np.float32)
         drop[:, 1] = -style.hang * share * ends * rim**2
         drop[:, 2] = 0.15 * style.hang * share * rim
-    return Shell(grid, rest_mm, height, drop), np.ascontiguousarray(grid.faces, np.int32)
+    return Shell(grid, rest_mm, height, drop)
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     """Return the grid of the brows, its points (N, 3) and how far each is inside a brow (N,)."""
-    brow = _brows(anatomy)
+    if "brow" in anatomy.names:
+        brow = anatomy.is_in("brow").astype(np.float64)
+    else:  # arches over the eyes
+        local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
+        x, y = np.abs(local[:, 0]), local[:, 1]
+        along = np.clip((x - 10) / 42, 0, 1)
+        arch = 16.5 + 6.0 * np.sin(np.pi * np.minimum(0.78 * along, 1)) - 4.0 * along**3
+        span = (x > 9) & (x < 52) & (local[:, 2] > -45)
+        brow = span * np.exp(-(((y - arch) / (4.4 - 2.6 * along)) ** 4))
     skin = anatomy.outside & ~anatomy.body
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
     grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 3.3)
@@ -155,30 +157,11 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     return grid, own, grid.anchors.place(columns)[:, 0]
 
 
-def _brows(anatomy: Anatomy) -> Array:
-    """Return (V,) 1 in the brows, 0 outside: the region, or arches over the eyes without one."""
-    if "brow" in anatomy.names:
-        return anatomy.is_in("brow").astype(np.float64)
-    local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
-    x, y = np.abs(local[:, 0]), local[:, 1]
-    along = np.clip((x - 10) / 42, 0, 1)
-    arch = 16.5 + 6.0 * np.sin(np.pi * np.minimum(0.78 * along, 1)) - 4.0 * along**3
-    half = 4.4 - 2.6 * along
-    span = (x > 9) & (x < 52) & (local[:, 2] > -45)
-    return np.asarray(span * np.exp(-(((y - arch) / half) ** 4)))
-
-
-def make_brows(
-    brows: BrowGrid, rest_mm: Array, height_mm: float, seed: int
-) -> tuple[Shell, NDArray[np.int32]]:
-    """Return the shell and the triangles of a subject's brows, height_mm high.
-
-    Args:
-        rest_mm: (V, 3) the subject at rest.
-    """
+def make_brows(brows: BrowGrid, rest_mm: Array, height_mm: float, seed: int) -> Shell:
+    """Return the shell of a subject's brows, height_mm high; (V, 3) ``rest_mm`` at rest."""
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
     kept, blend = grid.clipped(ragged - 0.3)
     relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
     height = height_mm * np.clip(blend.of(weight), 0.15, 1) * relief
-    return Shell(kept, rest_mm, height), np.ascontiguousarray(kept.faces, np.int32)
+    return Shell(kept, rest_mm, height)

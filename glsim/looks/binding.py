@@ -121,7 +121,7 @@ class Shell:
             offset_mm: (N,) along the smooth normals of the skin, or (N, 3) in the axes at rest.
             drop_mm: (N, 3) besides, in the frame of the skull.
         """
-        self.used = grid.base
+        self.used, self.faces = grid.base, np.ascontiguousarray(grid.faces, np.int32)
         drop = np.zeros((1, 3), np.float32) if drop_mm is None else drop_mm
         self._dropped = np.flatnonzero(drop.any(axis=1))
         self._drop = drop[self._dropped]

@@ -54,7 +54,6 @@ _CREST: Final = 0.33
 #: Seams are even lines: edges are smoothed over this length, mm, in at most so many rounds.
 _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
 
-
 #: Gives the mean of each point's neighbours.
 Averaging = Callable[[Array], Array]
 
@@ -297,11 +296,7 @@ def _repeated(change: Averaging, rounds: int, values: Array) -> Array:
 
 
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
-    """Return a function of (N,) or (k, N) values that gives the mean of each point's neighbours.
-
-    Args:
-        hang: weight of what is above over what is below, as a power of e^2.
-    """
+    """Return the mean over neighbours of (N,) or (k, N) values; those above weigh e^(2 hang)."""
     edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     first, second = np.ascontiguousarray(edges.T)
     count = len(piece.skin)
@@ -321,15 +316,9 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
 def _membrane(
     piece: ClothBody, room: Array, most: Array, rest: float, mean: Averaging, carried: Averaging
 ) -> tuple[Array, Array]:
-    """Lift cloth off the skin so that it spans hollows and falls from what stands out.
+    """Lift cloth off the skin, (N,) ``room`` to ``most`` mm: it spans hollows and hangs.
 
-    Args:
-        room, most: (N,) mm off the skin, at least and at most.
-        rest: mm off the skin where small bumps carry the cloth.
-        mean, carried: averages over all neighbours, and over those that carry cloth that hangs.
-
-    Returns:
-        (N, 3) mm and (N,) mm over the skin.
+    Return its (N, 3) points, mm, and (N,) mm over the skin, at least ``rest``.
     """
     out = np.ascontiguousarray(piece.normal.T)
     for _ in range(_NORMAL_ROUNDS):
@@ -378,12 +367,7 @@ def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
 
 
 def crests(places: Array, seed: int) -> NDArray[np.float32]:
-    """Return (N,) float32 in [-0.6, 0.85]: rounded crests with broad valleys between them.
-
-    Args:
-        places: (N, 3) mm over the distance between crests.
-        seed: of the noise.
-    """
+    """Return (N,) float32 in [-0.6, 0.85]: crests one unit apart, with broad valleys between."""
     value = smooth_noise(places, seed) / np.float32(_CREST)
     return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
@@ -469,8 +453,7 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> W
             strip = [np.stack([before[:, 1], before[:, 0], after[:, 0]], 1),
                      np.stack([before[:, 1], after[:, 0], after[:, 1]], 1)]  # fmt: skip
             strips += strip
-            if rows is top:  # a collar that is folded down shows the cloth's other side
-                stiff += strip
+            stiff += strip if rows is top else []  # a folded collar shows the cloth's other side
             is_stiff = stands and rows is top
             bases.append(own)
             placed.append(surface[own] + (0.0 if is_stiff else row))
@@ -500,12 +483,7 @@ def _rows(profile: Profile, thick: float, normal: Array, away: Array) -> Array:
 
 
 def _collar(garment: Garment, away: Array, normal: Array, beside: Array, scale: float) -> Array:
-    """Return (R, P, 3) offsets of a collar from the edge at the neckline.
-
-    Args:
-        away, normal: (P, 3) unit vectors along the cloth, away from it, and off it.
-        beside: (P, 3) mm, the edge from the middle of the neck.
-    """
+    """Return (R, P, 3) offsets of a collar from the edge, (P, 3) mm from the middle of the neck."""
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
     out = _units(beside - (beside * UP).sum(axis=1, keepdims=True) * UP)

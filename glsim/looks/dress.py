@@ -26,8 +26,8 @@ from glsim.looks.binding import Binding, Motion, Points, Rigid, Shell, skull_mot
 from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.glasses import make_glasses
 from glsim.looks.hair import make_hair, make_scalp
+from glsim.looks.noise import Pattern, pattern_factors
 from glsim.looks.outfit import Outfit, draw_outfit
-from glsim.looks.patterns import Pattern, pattern_factors
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import AppearanceSettings
 
@@ -208,11 +208,12 @@ class Dresser:
             wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
         if outfit.beard is not None:
             grid = self._grid(make_beard_grid)
-            made = make_beard(grid, vertices, outfit.beard, outfit.beard_mm, outfit.seed)
-            wear("beard", *made, outfit.hair_albedo)
+            beard = make_beard(grid, vertices, outfit.beard, outfit.beard_mm, outfit.seed)
+            wear("beard", beard, beard.faces, outfit.hair_albedo)
         if outfit.brow_mm:
-            made = make_brows(self._grid(make_brow_grid), vertices, outfit.brow_mm, outfit.seed)
-            wear("brow", *made, outfit.hair_albedo)
+            brows = self._grid(make_brow_grid)
+            brow = make_brows(brows, vertices, outfit.brow_mm, outfit.seed)
+            wear("brow", brow, brow.faces, outfit.hair_albedo)
         if outfit.glasses is not None:
             points, faces, is_lens = make_glasses(
                 own, vertices, outfit.glasses, outfit.lens, outfit.seed

@@ -1,13 +1,24 @@
-"""Smooth random fields in space: the relief of hair and cloth, evaluated once per subject."""
+"""Random fields in space: relief of hair and cloth, and patterns, evaluated once per subject."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.seeds import keyed_rng
+
 Array = NDArray[np.floating[Any]]
+
+Pattern = Literal["plain", "mottled", "stripes", "checks", "print"]
+
+#: Cloth differs by this share from place to place, in patches of _PATCH_MM; chosen.
+_PATCHES, _PATCH_MM = 0.10, 30.0
+#: Widths of a pair of stripes, mm, and contrasts; below 36 mm the meshes cannot carry them; chosen.
+_STRIPES_MM, _CONTRAST = (40.0, 90.0), (0.12, 0.4)
+#: Carbon black in a print leaves this share of the cloth's reflectivity; chosen.
+_PRINT_LEFT: Final = 0.3
 
 #: Odd 32-bit multipliers that spread lattice coordinates over all bits; chosen, prime.
 _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
@@ -67,3 +78,36 @@ def openings(points: Array, seed: int) -> NDArray[np.float32]:
 def ridges(points: Array, seed: int) -> NDArray[np.float32]:
     """Return (N,) float32 in [-1, 1]: sharp crests where noise crosses zero, as between locks."""
     return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
+
+
+def pattern_factors(pattern: Pattern, points: Array, seed: int) -> Array:
+    """Return (N,) factors of the reflectivity of cloth at (N, 3) mm, about 1 in the mean.
+
+    Args:
+        pattern: kind of the cloth.
+        points: at rest; x to the subject's left, y up, z ahead.
+        seed: of widths, places and contrasts.
+    """
+    factors = 1 + _PATCHES * smooth_noise(points / _PATCH_MM, seed).astype(np.float64)
+    rng = keyed_rng(seed, "pattern")
+    period, contrast = rng.uniform(*_STRIPES_MM), rng.uniform(*_CONTRAST)
+    if pattern == "mottled":
+        factors += 0.18 * smooth_noise(points / 14.0, seed + 1)
+    elif pattern in ("stripes", "checks"):
+        factors += contrast * _waves(points[:, 1] / period)
+        if pattern == "checks":
+            around = np.arctan2(points[:, 0], points[:, 2] - points[:, 2].mean()) * 150.0
+            factors += contrast * _waves(around / period)
+    elif pattern == "print":
+        middle = np.array([points[:, 0].mean(), points[:, 1].max() - rng.uniform(190, 260)])
+        size = rng.uniform(60, 110)
+        inside = np.abs(points[:, :2] - middle).max(axis=1) < size
+        inside &= points[:, 2] > points[:, 2].mean()
+        drawn = smooth_noise(points / rng.uniform(22, 50), seed + 2) > -0.15
+        factors[inside & drawn] *= _PRINT_LEFT
+    return factors
+
+
+def _waves(place: Array) -> Array:
+    """Return stripes with soft edges, -1 to 1, one pair per unit."""
+    return np.asarray(np.clip(2.5 * np.sin(2 * np.pi * place), -1, 1))

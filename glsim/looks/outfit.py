@@ -13,7 +13,7 @@ from glsim.core.seeds import rng_for
 from glsim.looks.beard import BEARDS, BeardStyle
 from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
 from glsim.looks.glasses import GLASSES, GlassesStyle
-from glsim.looks.patterns import Pattern
+from glsim.looks.noise import Pattern
 from glsim.looks.styles import STYLES, HairStyle
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import AppearanceSettings

@@ -55,12 +55,7 @@ _RING_ON_GPU = 4
 
 @dataclass(eq=False)
 class _InFlight:
-    """A frame between drawing and readback.
-
-    Attributes:
-        drawn: the drawn values of the stages.
-        rolled: whether rows were exposed one after the other while the scene moved.
-    """
+    """A frame between drawing and readback; ``rolled`` if its rows were exposed in turn."""
 
     readback: Readback
     task: Task
@@ -261,25 +256,18 @@ class Simulator:
         """Return a simulator that delivers other layers; arguments as in ``simulate``."""
         return self._like(layers=layers, extra_layers=extra_layers)
 
-    def _like(
-        self,
-        settings: Settings | None = None,
-        changes: Sequence[StageChange] | None = None,
-        layers: Collection[str] | None = None,
-        extra_layers: Sequence[str] | None = None,
-    ) -> Simulator:
-        wanted = settings or self._settings
-        if wanted.source != self._settings.source:
+    def _like(self, **changed: Any) -> Simulator:
+        """Return a simulator with other arguments of ``__init__``."""
+        given: dict[str, Any] = {
+            "settings": self._settings,
+            "extra_layers": self._extra,
+            "layers": self._layers,
+            "changes": self._changes,
+            **changed,
+        }
+        if given["settings"].source != self._settings.source:
             raise ConfigError("source: other faces need another Simulator")
-        return Simulator(
-            wanted,
-            self._sources,
-            self._context,
-            self._extra if extra_layers is None else extra_layers,
-            self._layers if layers is None else layers,
-            self._changes if changes is None else changes,
-            cache=self._cache,
-        )
+        return Simulator(sources=self._sources, context=self._context, cache=self._cache, **given)
 
     def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
         """Yield one result per task, in order."""

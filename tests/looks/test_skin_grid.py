@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from glsim.looks.cloth import crests
-from glsim.looks.noise import openings
-from glsim.looks.patterns import Pattern, pattern_factors
+from glsim.looks.noise import Pattern, openings, pattern_factors
 from glsim.looks.skin_grid import SkinGrid, make_grid
 
 

@@ -159,7 +159,11 @@ def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
     index = np.arange(len(radius) * segments, dtype=np.int32).reshape(len(radius), segments)
     index[np.array(radius) == 0] = index[np.array(radius) == 0, :1]
     ring = np.concatenate([index, index[:, :1]], axis=1).ravel()
-    faces = ring[_grid(len(radius), segments + 1)[:, ::-1]]
+    return without_slivers(ring[_grid(len(radius), segments + 1)[:, ::-1]])
+
+
+def without_slivers(faces: Triangles) -> Triangles:
+    """Return the triangles that have three different corners."""
     a, b, c = faces.T
     return np.ascontiguousarray(faces[(a != b) & (b != c) & (c != a)], np.int32)
 

@@ -12,7 +12,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import product
-from glsim.looks.room.shapes import Shape
+from glsim.looks.room.shapes import Shape, without_slivers
 
 Points = NDArray[np.float64]
 
@@ -24,18 +24,16 @@ _NEAREST_M = 0.3
 
 
 def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
-    """Turn a thing's view matrix for a camera that looks up by ``tilt_deg``.
+    """Turn a thing's (4, 4) matrix, mm to camera m, for a camera that looks up by ``tilt_deg``.
 
-    Args:
-        view: (4, 4), its mm to camera m. It keeps its place in the image; its upright axis turns.
+    The thing keeps its place in the image; its upright axis turns.
     """
     if tilt_deg == 0.0:
         return view
     c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
-    turn = np.eye(4)
-    turn[1:3, 1:3] = [[c, s], [-s, c]]
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
     matrix = view.astype(np.float64)
-    matrix[:3, :3] = product(turn[:3, :3], matrix[:3, :3])
+    matrix[:3, :3] = product(turn, matrix[:3, :3])
     return matrix.astype(np.float32)
 
 
@@ -46,11 +44,8 @@ def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float
         face_camera_mm: the face in camera axes (x right, y down, z forward), eye_mm above the
             floor.
     """
-    to_room = _rotation(tilt_deg).T
-    place: Points = np.array([0.0, eye_mm, 0.0]) - product(
-        to_room, np.asarray(face_camera_mm, np.float64)
-    )
-    return place
+    face = product(_rotation(tilt_deg).T, np.asarray(face_camera_mm, np.float64))
+    return np.asarray(np.array([0.0, eye_mm, 0.0]) - face)
 
 
 #: The camera looks up or down by at most this, degrees (chosen: a stand tilts that far).
@@ -106,9 +101,7 @@ def visible_mesh(
     corners = triangles.reshape(-1, 3) * (1000.0, -1000.0, -1000.0)
     rows = np.column_stack([corners, np.repeat(albedo, 3)]).astype(np.float32)
     unique, index = np.unique(rows, axis=0, return_inverse=True)
-    faces = index.reshape(-1, 3).astype(np.int32)
-    a, b, c = faces.T
-    faces = np.ascontiguousarray(faces[(a != b) & (b != c) & (c != a)])
+    faces = without_slivers(index.reshape(-1, 3).astype(np.int32))
     if len(faces) == 0:
         return None
     return Mesh(np.ascontiguousarray(unique[:, :3]), faces, np.ascontiguousarray(unique[:, 3]))
@@ -173,8 +166,12 @@ def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tupl
         order = (odd[:, None] + np.arange(3)) % 3  # the corner that is alone comes first
         p = np.take_along_axis(triangles[some], order[..., None], axis=1)
         d = np.take_along_axis(side[some], order, axis=1)
-        # From the inner to the outer corner, so that neighbours cut their edge at the same point.
-        ends = [_crossing(p[:, 0], d[:, 0], p[:, n], d[:, n], corners == 1) for n in (1, 2)]
+        ends = []
+        for n in (1, 2):
+            # From the inner to the outer corner: neighbours cut their edge at the same point.
+            a, b = (0, n) if corners == 1 else (n, 0)
+            share = (d[:, a] / (d[:, a] - d[:, b]))[:, None]
+            ends.append(p[:, a] + share * (p[:, b] - p[:, a]))
         if corners == 1:
             kept.append(np.stack([p[:, 0], ends[0], ends[1]], axis=1))
         else:
@@ -182,11 +179,3 @@ def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tupl
             kept.append(np.stack([ends[0], p[:, 2], ends[1]], axis=1))
         values += [albedo[some]] * corners
     return np.concatenate(kept), np.concatenate(values)
-
-
-def _crossing(a: Points, da: Points, b: Points, db: Points, a_is_inside: bool) -> Points:
-    """The points (T, 3) where the edges a-b cross the plane, from the signed distances."""
-    if not a_is_inside:
-        a, da, b, db = b, db, a, da
-    share = (da / (da - db))[:, None]
-    return np.asarray(a + share * (b - a))
