@@ -53,15 +53,10 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
 
 @dataclass(eq=False)
 class _Worn:
-    """A thing that a subject wears.
+    """A thing that a subject wears, with the skin and the motion that it was placed on last.
 
     Much of a head does not move from frame to frame: the same part is delivered then, and is on the
     GPU already.
-
-    Args:
-        albedo: (N,).
-        occluder: triangles that cast shadows; None for all.
-        last: the skin and the motion that the part was placed on last.
     """
 
     region: str

@@ -10,23 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.seeds import stable_seed
-from glsim.settings.schema import SPLIT_NAMES, Settings
+from glsim.settings.schema import SPLIT_NAMES
 
 #: Training, validation and test images of Kendrick, Yap and Tan.
 PAPER_IMAGES: Final = (32_029, 5_503, 8_406)
 
 _MAX_EXACT_PEOPLE: Final = 9  # up to here all 3**9 divisions are tried
-
-
-def assign_splits(settings: Settings, frames: dict[str, int]) -> dict[str, str]:
-    """Return subject -> split by the setting ``split``.
-
-    Args:
-        frames: subject -> number of images.
-    """
-    if isinstance(settings.split, str):
-        return split_as_paper(frames, settings.seed)
-    return split_subjects(list(frames), settings.split, settings.seed)
 
 
 def split_subjects(
@@ -117,19 +106,18 @@ def _best_swap(
     a: int,
     b: int,
 ) -> tuple[float, list[tuple[int, int]]]:
-    """Return the best swap between splits a and b: (change of the cost, [(person, new split)]).
-
-    Args:
-        missing: images that each split lacks.
-    """
+    """Return the best swap between splits a and b: (change of the cost, [(person, new split)])."""
     persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
     # Of people with equally many images the first one is enough. The last entry of each list is
     # nobody: a swap with nobody is a move.
-    from_a, from_b = (np.append(_first_of_size(who, sizes), -1) for who in (persons_a, persons_b))
+    from_a, from_b = (
+        np.append(who[np.sort(np.unique(sizes[who], return_index=True)[1])], -1)
+        for who in (persons_a, persons_b)
+    )
     images_a, images_b = (np.where(who < 0, 0, sizes[who]) for who in (from_a, from_b))
     moved = images_a[:, None] - images_b[None]
-    before = abs(missing[a]), abs(missing[b])
-    change = np.abs(missing[a] + moved) + np.abs(missing[b] - moved) - before[0] - before[1]
+    change = np.abs(missing[a] + moved) + np.abs(missing[b] - moved)
+    change = change - abs(missing[a]) - abs(missing[b])
     if len(persons_a) == 1:
         change[0, -1] = 0.0  # the last person stays
     if len(persons_b) == 1:
@@ -139,9 +127,3 @@ def _best_swap(
         (int(person), split) for person, split in ((from_a[i], b), (from_b[j], a)) if person >= 0
     ]
     return float(change[i, j]), moves
-
-
-def _first_of_size(people: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the first person of each number of images, in the order of ``people``."""
-    _, first = np.unique(sizes[people], return_index=True)
-    return people[np.sort(first)]

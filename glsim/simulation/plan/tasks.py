@@ -22,7 +22,7 @@ from glsim.faces.base import ComputedKeys, FaceKey, FaceSource
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.settings.source_settings import SourceSettings
-from glsim.simulation.plan.split import assign_splits
+from glsim.simulation.plan.split import split_as_paper, split_subjects
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,10 @@ class Plan(Sequence[Task]):
         images = dict(zip(map(self._subject, range(len(have))), chosen.tolist(), strict=True))
         if len(images) < len(have):
             raise DatasetError("a source names two of its people alike: rename one")
-        splits = assign_splits(settings, images)
+        if isinstance(settings.split, str):
+            splits = split_as_paper(images, settings.seed)
+        else:
+            splits = split_subjects(list(images), settings.split, settings.seed)
         self._split = np.array([SPLIT_NAMES.index(splits[name]) for name in images], np.uint8)
 
     def __len__(self) -> int:
