@@ -9,13 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glsim.core.products import (
-    nearest_rotation,
-    norm,
-    principal_axis,
-    product,
-    solve,
-)
+from glsim.core.products import nearest_rotation, norm, principal_axis, product, solve
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

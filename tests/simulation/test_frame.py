@@ -9,13 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.png import encode_png
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
+from glsim.data.layer_images import decode_layer
 from glsim.faces.base import FaceKey
 from glsim.settings.schema import OutputSettings
 from glsim.simulation.assembly import assemble_frame, reconcile_reasons
-from glsim.simulation.frame import Frame, decode_depth, encode_depth
+from glsim.simulation.frame import Frame, decode_depth, decode_normals, encode_depth, encode_normals
 from tests.support.scenes import V2
 
 WITH_DEPTH = [Reason.VALID, Reason.MOVED, Reason.GROWN]
@@ -97,11 +99,6 @@ def test_a_crop_moves_window_and_camera() -> None:
     assert made(crop=Rect(101, 40, 64, 32)).clean_m.shape == (1, 1)
 
 
-def test_units_of_a_tenth() -> None:
-    frame = made(900.04, 905.26, depth_unit_mm=0.1)
-    assert (frame.clean.max(), frame.noisy.max()) == (9000, 9053)
-
-
 def test_the_clean_mask_may_be_the_noisy_ones() -> None:
     assert made(900, 0).clean.max() == 900
     assert made(900, 0, clean_mask="as-noisy").clean.max() == 0
@@ -166,3 +163,29 @@ def test_intersections_hold_the_pixels_of_both(
     assert pixels(a.intersection(b)) == pixels(a) & pixels(b)
     if b.width and b.height:
         assert a.contains(b) == (pixels(b) <= pixels(a))
+
+
+def test_normals_come_back_within_the_step_of_a_code() -> None:
+    rng = np.random.default_rng(2)
+    normals = rng.normal(size=(30, 40, 3))
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals[0, :3] = [[-1, 0, 0], [0, 1, 0], [0, 0, -1]]
+    seen = rng.random((30, 40)) < 0.7
+    seen[0, :3] = True
+    codes = encode_normals(normals, seen)
+    assert codes.dtype == np.uint16
+    assert codes[0, 0].tolist() == [1, 32768, 32768]
+    assert (codes.any(axis=-1) == seen).all()
+    again = decode_layer(encode_png(codes), "normals", "a file")
+    np.testing.assert_array_equal(again, codes)
+    decoded = decode_normals(codes)
+    np.testing.assert_allclose(decoded[seen], normals[seen], atol=3e-5)
+    assert not decoded[~seen].any()
+
+
+def test_channels_are_those_of_the_layer() -> None:
+    grey, colour = np.zeros((4, 5), np.uint16), np.zeros((4, 5, 3), np.uint16)
+    with pytest.raises(DatasetError, match="has 1 channels instead of three"):
+        decode_layer(encode_png(grey), "normals", "a file")
+    with pytest.raises(DatasetError, match="has 3 channels instead of one"):
+        decode_layer(encode_png(colour), "noisy", "a file")
