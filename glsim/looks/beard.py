@@ -141,14 +141,14 @@ def make_beard(
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     """Return the grid of the brows, its points (N, 3) and how far each is inside a brow (N,)."""
     if "brow" in anatomy.names:
-        brow = anatomy.is_in("brow").astype(np.float64)
+        brow: Array = anatomy.is_in("brow").astype(np.float64)
     else:  # arches over the eyes
         local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
         x, y = np.abs(local[:, 0]), local[:, 1]
         along = np.clip((x - 10) / 42, 0, 1)
         arch = 16.5 + 6.0 * np.sin(np.pi * np.minimum(0.78 * along, 1)) - 4.0 * along**3
         span = (x > 9) & (x < 52) & (local[:, 2] > -45)
-        brow = span * np.exp(-(((y - arch) / (4.4 - 2.6 * along)) ** 4))
+        brow = np.where(span, np.exp(-(((y - arch) / (4.4 - 2.6 * along)) ** 4)), 0.0)
     skin = anatomy.outside & ~anatomy.body
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
     grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 3.3)

@@ -461,9 +461,7 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> W
             before, total = after, total + len(own)
     points = np.concatenate(bases)
     outside = np.concatenate([faces, *strips])
-    whole = SkinGrid(
-        piece.grid.base, piece.grid.triangles, piece.grid.anchors.taken(points), outside
-    )
+    whole = piece.grid._replace(anchors=piece.grid.anchors.taken(points), faces=outside)
     skin = whole.anchors.place(piece.rest_mm[whole.base]).astype(np.float64)
     near = np.zeros(count, bool)
     near[edge] = garment.seen_rings > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,7 @@ from glsim.core.mesh import vertex_normals
 from glsim.looks.anatomy import Array, Mask
 
 
-@dataclass(frozen=True, eq=False)
-class Anchors:
+class Anchors(NamedTuple):
     """Points on a mesh: corners (N, 3) vertex indices and their weights (N, 3) float32."""
 
     corners: NDArray[np.int64]
@@ -31,8 +30,7 @@ class Anchors:
         return Anchors(self.corners[chosen], self.weights[chosen])
 
 
-@dataclass(frozen=True, eq=False)
-class Blend:
+class Blend(NamedTuple):
     """Points between two points of a grid.
 
     Args:
@@ -50,8 +48,7 @@ class Blend:
         return np.asarray((1 - share) * values[self.first] + share * values[self.second])
 
 
-@dataclass(frozen=True, eq=False)
-class SkinGrid:
+class SkinGrid(NamedTuple):
     """A part of a source's triangles, divided where they are large.
 
     Args:
@@ -107,12 +104,8 @@ class SkinGrid:
         first, second = (np.concatenate([every, lines[:, k]]) for k in range(2))
         share = np.concatenate([np.zeros(len(every)), low / (low - high)])
         blend = Blend(first, second, share)
-        grown = SkinGrid(
-            self.base,
-            self.triangles,
-            _blended_anchors(self.anchors, blend),
-            np.concatenate([whole, tip, rest]),
-        )
+        anchors = _blended_anchors(self.anchors, blend)
+        grown = self._replace(anchors=anchors, faces=np.concatenate([whole, tip, rest]))
         left, used = grown.taken(np.ones(len(grown.faces), bool))
         return left, Blend(first[used], second[used], share[used])
 
@@ -143,21 +136,14 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
         middle[long] = len(places) + number.reshape(-1)
         divided = _split(divided, middle)
         every = np.arange(len(places))
-        blend = Blend(
-            np.concatenate([every, edges[:, 0]]),
-            np.concatenate([every, edges[:, 1]]),
-            np.concatenate([np.zeros(len(every)), np.full(len(edges), 0.5)]),
-        )
+        first, second = (np.concatenate([every, edges[:, k]]) for k in range(2))
+        share = np.concatenate([np.zeros(len(every)), np.full(len(edges), 0.5)])
+        blend = Blend(first, second, share)
         anchors, places = _blended_anchors(anchors, blend), blend.of(places)
 
 
 def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Divide triangles at the middles of their sides; neighbours stay joined.
-
-    Args:
-        faces: (F, 3).
-        middle: (F, 3) point on the sides from corner 0 to 1, 1 to 2 and 2 to 0, or -1.
-    """
+    """Divide (F, 3) triangles at (F, 3) points on their sides 0-1, 1-2 and 2-0, -1 for none."""
     count = (middle >= 0).sum(axis=1)
     # One divided side comes first, one undivided side too; the order round the triangle stays.
     first = np.where(count == 1, (middle >= 0).argmax(axis=1), (middle < 0).argmax(axis=1))
@@ -179,20 +165,16 @@ def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
     """Return the anchors of points between two points of one triangle of the source."""
     corners = np.concatenate([anchors.corners[blend.first], anchors.corners[blend.second]], axis=1)
     share = blend.share.astype(np.float32)[:, None]
-    weights = np.concatenate(
-        [anchors.weights[blend.first] * (1 - share), anchors.weights[blend.second] * share], axis=1
-    )
+    own, other = anchors.weights[blend.first], anchors.weights[blend.second]
+    weights = np.concatenate([own * (1 - share), other * share], axis=1)
     order = np.argsort(corners, axis=1, kind="stable")
-    corners = np.take_along_axis(corners, order, 1)
-    weights = np.take_along_axis(weights, order, 1)
+    corners, weights = (np.take_along_axis(values, order, 1) for values in (corners, weights))
     for k in range(5):  # the weights of a corner that comes again are carried to its last place
         same = corners[:, k] == corners[:, k + 1]
         weights[:, k + 1] += np.where(same, weights[:, k], 0)
         weights[same, k] = 0
     heaviest = np.argsort(-weights, axis=1, kind="stable")[:, :3]
-    return Anchors(
-        np.take_along_axis(corners, heaviest, 1), np.take_along_axis(weights, heaviest, 1)
-    )
+    return Anchors(*(np.take_along_axis(values, heaviest, 1) for values in (corners, weights)))
 
 
 def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +64,12 @@ def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, fl
     camera, not turned.
     """
     way = _way(n)
-    left, back, right, front = _extent(n, way)
+    # The walls of the convex room, which holds all of the way.
+    share = _rng(n, "extent").uniform(0.3, 0.7)
+    left = min(-share * n.width_mm, *(x - r - _WALL_GAP_MM for x, _, r in way))
+    right = max((1 - share) * n.width_mm, *(x + r + _WALL_GAP_MM for x, _, r in way))
+    back = min(-n.behind_mm, *(z - r for _, z, r in way))
+    front = max(z + r for _, z, r in way) + 600.0
     walls = _walls(n, left, back, right, front)
     paint = draw_albedo(_rng(n, "paint"), "wall paint")
     shapes: list[Shape] = []
@@ -105,18 +109,6 @@ def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
     share = np.clip(steps[:, 0] * 1.3, 0, 1)
     radii = _CAMERA_RADIUS_MM + share * (radius - _CAMERA_RADIUS_MM)
     return [(float(p[0]), float(p[2]), float(r)) for p, r in zip(points, radii, strict=True)]
-
-
-def _extent(
-    n: RoomNumbers, way: Sequence[tuple[float, float, float]]
-) -> tuple[float, float, float, float]:
-    """(left, back, right, front) walls of the convex room, which holds all of ``way``."""
-    share = _rng(n, "extent").uniform(0.3, 0.7)
-    left = min(-share * n.width_mm, *(x - r - _WALL_GAP_MM for x, _, r in way))
-    right = max((1 - share) * n.width_mm, *(x + r + _WALL_GAP_MM for x, _, r in way))
-    back = min(-n.behind_mm, *(z - r for _, z, r in way))
-    front = max(z + r for _, z, r in way) + 600.0
-    return left, back, right, front
 
 
 def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float) -> list[Wall]:
