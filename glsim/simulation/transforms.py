@@ -86,7 +86,7 @@ class DepthNoise:
         Raises:
             ConfigError: for whole numbers, millimetres, and what is no depth map.
         """
-        shape = getattr(depth_m, "shape", ())
+        shape: tuple[int, ...] = getattr(depth_m, "shape", ())
         if len(shape) < 2:
             raise ConfigError(f"depth must be an array or a tensor (..., H, W), not {shape}")
         if frame is None:
