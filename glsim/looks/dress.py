@@ -16,12 +16,7 @@ from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.faces.base import Face, FaceSource, WornPart
 from glsim.faces.generated import GeneratedFaces
 from glsim.looks.anatomy import Anatomy
-from glsim.looks.beard import (
-    make_beard,
-    make_beard_grid,
-    make_brow_grid,
-    make_brows,
-)
+from glsim.looks.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
 from glsim.looks.binding import Binding, Motion, Points, Rigid, Shell, skull_motion, uncovered
 from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.glasses import make_glasses
