@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from math import log
 from typing import Any, ClassVar, Final, Literal
 
 import torch
@@ -179,7 +178,7 @@ class Masked(Loss):
             errors_mm = prediction.candidates_mm - clean_mm
             target = target_surface(errors_mm.detach())
             error_mm = errors_mm.gather(1, target)
-            choice = _cross_entropy(prediction.choice_logits, target)
+            choice = -prediction.choice_logits.log_softmax(dim=1).gather(1, target)
             has_depth = has_depth * (error_mm.detach().abs() < _KNOWABLE_MM)
         counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
         inside = counted * interior_mask(clean_mm)
@@ -211,9 +210,10 @@ class Masked(Loss):
         """Mean loss of the error's steps along columns plus that along rows, a scalar."""
         terms = []
         for axis in (-2, -1):
-            step_mm = _without_first(error_mm, axis) - _without_last(error_mm, axis)
-            both_inside = _without_last(inside, axis) * _without_first(inside, axis)
-            terms.append(weighted_mean(_smooth_l1(step_mm, self.slope_beta_mm), both_inside))
+            size = inside.shape[axis] - 1
+            both_inside = inside.narrow(axis, 0, size) * inside.narrow(axis, 1, size)
+            steps = _smooth_l1(error_mm.diff(dim=axis), self.slope_beta_mm)
+            terms.append(weighted_mean(steps, both_inside))
         return torch.stack(terms).sum()
 
 
@@ -240,26 +240,13 @@ def target_surface(errors_mm: Tensor) -> Tensor:
     return size.argmin(dim=1, keepdim=True)
 
 
-def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-    """Per-pixel cross entropy, (B, 1, H, W)."""
-    return -logits.log_softmax(dim=1).gather(1, target)
-
-
 def _laplace_nll(error_mm: Tensor, log_sigma: Tensor) -> Tensor:
     """Negative log of a Laplace density with standard deviation sigma: scale sigma / sqrt 2."""
-    return 2**0.5 * error_mm.abs() * torch.exp(-log_sigma) + log_sigma + 0.5 * log(2)
+    return 2**0.5 * error_mm.abs() * torch.exp(-log_sigma) + log_sigma + 0.5 * math.log(2)
 
 
 def _smooth_l1(values: Tensor, beta: float) -> Tensor:
     return functional.smooth_l1_loss(values, torch.zeros_like(values), reduction="none", beta=beta)
-
-
-def _without_first(image: Tensor, axis: int) -> Tensor:
-    return image.narrow(axis, 1, image.shape[axis] - 1)
-
-
-def _without_last(image: Tensor, axis: int) -> Tensor:
-    return image.narrow(axis, 0, image.shape[axis] - 1)
 
 
 class Recorrupted(Loss):

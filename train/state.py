@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 
 import torch
 from lightning_fabric import Fabric
-from torch import Size, Tensor, nn
+from torch import Tensor, nn
 from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
@@ -188,11 +188,12 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
         given = weights.get(name)
         if name in NOT_COPIED or given is None:
             continue
+        inputs = given.shape[1] if min(given.dim(), target.dim()) > 1 else 0
         if given.shape == target.shape:
             target.copy_(given)
-        elif _has_more_inputs(target.shape, given.shape):
+        elif inputs and target[:, :inputs].shape == given.shape:
             target.zero_()
-            target[:, : given.shape[1]].copy_(given)
+            target[:, :inputs].copy_(given)
             extended.append(name)
         else:
             raise ConfigError(
@@ -204,12 +205,3 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
             f"{where}: {', '.join(extended)} have fewer inputs than in this network: only its "
             "first layer may; start from a network with the same [model.backbone]"
         )
-
-
-def _has_more_inputs(target: Size, given: Size) -> bool:
-    """Return whether ``target`` has the shape ``given`` with more input channels."""
-    return (
-        len(target) == len(given) > 1
-        and target[1] > given[1]
-        and (target[0], *target[2:]) == (given[0], *given[2:])
-    )

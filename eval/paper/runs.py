@@ -1,11 +1,12 @@
 """Find the trained networks in FOLDER/*/, with their recipes and results.
 
-This module reads only JSON. It opens each checkpoint once, by ``glsim.load_denoiser``, to report
+It reads only JSON, and opens each checkpoint once, by ``glsim.load_denoiser``, to report
 truncated or foreign ones before scoring starts.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -14,7 +15,9 @@ from pydantic import BaseModel, ValidationError
 
 from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.core.files.atomic import read_json
+from glsim.data.reader import Dataset
 from glsim.denoise import load_denoiser
+from glsim.simulation.plan.paper_sources import PAPER_SOURCES, STAND_IN, missing_counts
 
 
 class TrainedRun(BaseModel):
@@ -153,3 +156,28 @@ def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
         if group.row in _TWINNED
     ]
     return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
+
+
+_NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURCES.items()}}
+
+
+def data_note(dataset: Dataset) -> str:
+    """Return a sentence for captions: sources, numbers of frames, absent face sets, sensor.
+
+    Args:
+        dataset: of the reproduction.
+    """
+    held = Counter(str(pair.record["source"]) for pair in dataset)
+    sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in held.items())
+    note = f"Frames: {sources}."
+    others = " and ".join(source_name(kind) for kind in held if kind not in PAPER_SOURCES)
+    missing = missing_counts(held)
+    if others and missing:
+        lacks = ", ".join(f"{PAPER_SOURCES[kind].name} ({n:,})" for kind, n in missing.items())
+        note += f" In place of {lacks}: {others}."
+    return f"{note} Sensor: {dataset.sensor_title}."
+
+
+def source_name(kind: str) -> str:
+    """Return the name of a kind of face source in captions."""
+    return _NAMES.get(kind, kind)

@@ -23,8 +23,7 @@ from glsim.denoise import PAPER_FILTERS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.runs import find_trained_runs, group_by_network, with_twins
 from glsim.eval.paper.tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
-from glsim.eval.report.document import Document, TextTable
-from glsim.eval.report.page import html_page
+from glsim.eval.report.page import Document, TextTable, html_page
 from glsim.eval.report.tables import TABLE_METRICS, format_number
 
 #: Folder of the filters' data sets and scores in that of a reproduction.

@@ -1,15 +1,85 @@
-"""One HTML file that needs no network: documents and pictures, through ``page.html.jinja``."""
+"""Documents of headings, paragraphs, tables and pictures: Markdown, and HTML by page.html.jinja.
+
+The HTML file needs no network.
+"""
 
 from __future__ import annotations
 
 import base64
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from glsim.core.errors import GlsimError
-from glsim.eval.report.document import CaptionedPng, Document
+from glsim.core.files.markdown import markdown_table
+
+#: A cell that starts with a number, also a bold one: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
+_NUMBER: Final = re.compile(r"\W{0,3}\d")
+#: Cells of a column of numbers that hold none.
+_NO_VALUE: Final = frozenset(("", "-", "nan", "not scored"))
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of text; cells may contain **bold** and `code`."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def numeric_columns(self) -> list[bool]:
+        """Tell columns of numbers, aligned on the right; the first holds names, and is none.
+
+        At least half of their cells with a value begin with a number.
+        """
+        numeric = [False]
+        for index in range(1, len(self.head)):
+            filled = [row[index] for row in self.rows if row[index] not in _NO_VALUE]
+            numbers = sum(1 for cell in filled if _NUMBER.match(cell))
+            numeric.append(0 < numbers >= len(filled) / 2)
+        return numeric
+
+    def markdown(self) -> str:
+        """Return Markdown without a final line break."""
+        return "\n".join(markdown_table(self.head, self.rows))
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The heading of a section."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class CaptionedPng:
+    """A PNG picture with a caption; reports also write it as ``figures/NAME.png``."""
+
+    name: str
+    caption: str
+    png: bytes
+
+
+@dataclass
+class Document:
+    """A title and parts in order: a str is a paragraph, a list of str is a bullet list."""
+
+    title: str
+    parts: list[str | list[str] | Heading | TextTable] = field(default_factory=list)
+
+    def markdown(self, level: int = 1) -> str:
+        """Return Markdown; ``level`` is that of the title."""
+        blocks = [f"{'#' * level} {self.title}"]
+        for part in self.parts:
+            if isinstance(part, TextTable):
+                blocks.append(part.markdown())
+            elif isinstance(part, Heading):
+                blocks.append(f"{'#' * (level + 1)} {part.text}")
+            else:
+                blocks.append(part if isinstance(part, str) else "\n".join(f"- {x}" for x in part))
+        return "\n\n".join(blocks) + "\n"
+
 
 if TYPE_CHECKING:
     from jinja2 import Template

@@ -14,8 +14,7 @@ import numpy as np
 from glsim.core.files.atomic import write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.results import EDGES, Interval, RealMeasures, RealScores
-from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable
-from glsim.eval.report.page import html_page
+from glsim.eval.report.page import CaptionedPng, Document, Heading, TextTable, html_page
 from glsim.eval.report.tables import format_number
 from glsim.eval.scoring.run import write_csv
 

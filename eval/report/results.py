@@ -12,11 +12,10 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.denoise import load_denoiser
 from glsim.denoise.interface import Depth
-from glsim.eval.report.document import CaptionedPng, Document
 from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
 from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels
 from glsim.eval.report.figures.style import to_png
-from glsim.eval.report.page import html_page
+from glsim.eval.report.page import CaptionedPng, Document, html_page
 from glsim.eval.report.tables import (
     ResultTable,
     note_documents,

@@ -14,13 +14,6 @@ from glsim.core.errors import DatasetError
 from glsim.denoise.interface import Depth
 
 
-def _shifted(depth: Depth, columns: int) -> Depth:
-    """Shift a map to the right; new columns have no depth."""
-    moved = np.zeros_like(depth)
-    moved[:, columns:] = depth[:, : depth.shape[1] - columns]
-    return moved
-
-
 def _eroded(depth: Depth, pixels: int) -> Depth:
     """Erode the mask of a map by ``pixels`` along its silhouette."""
     kernel = np.ones((2 * pixels + 1,) * 2, np.uint8)
@@ -35,7 +28,7 @@ TRIVIAL_BASELINES: Final[dict[str, Callable[[Depth, Depth | None], Depth | None]
     "clean, eroded 1 px": lambda clean, _: _eroded(clean, 1),
     "clean, eroded 2 px": lambda clean, _: _eroded(clean, 2),
     "clean, eroded 4 px": lambda clean, _: _eroded(clean, 4),
-    "clean, shifted 1 px": lambda clean, _: _shifted(clean, 1),
+    "clean, shifted 1 px": lambda clean, _: np.pad(clean[:, :-1], ((0, 0), (1, 0))),
 }
 
 #: Largest number of frames, evenly spread, for baselines: only their magnitude matters.

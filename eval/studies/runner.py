@@ -75,7 +75,9 @@ class Runner:
         Returns:
             What ``run`` returns; None for a step that was complete.
         """
-        done = output is not None and output.exists() and self._record(name) == _plain(inputs)
+        record = self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
+        inputs = json.loads(json.dumps(inputs))
+        done = output is not None and output.exists() and _inputs_of(record) == inputs
         minutes = (time.monotonic() - self._start) / 60
         self.announce(f"{minutes:.0f} min, {name}{': complete' if done else ''}")
         if done or self.dry:
@@ -86,8 +88,7 @@ class Runner:
             message = f"{name}: {error}: the same command goes on there"
             raise type(error)(message) from error
         if output is not None:
-            path = self._record_path(name)
-            write_atomic(to_json({"inputs": _plain(inputs)}, str(path)).encode(), path)
+            write_atomic(to_json({"inputs": inputs}, str(record)).encode(), record)
         return result
 
     def generate(self, settings: Settings, folder: Path) -> None:
@@ -129,16 +130,10 @@ class Runner:
     def _name(self, folder: Path) -> str:
         return folder.relative_to(self.out).as_posix()
 
-    def _record_path(self, name: str) -> Path:
-        return self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
 
-    def _record(self, name: str) -> Any:
-        """Return the inputs with which a step was finished; "none" if it was not."""
-        try:
-            return read_json(self._record_path(name)).get("inputs", "none")
-        except DatasetError:
-            return "none"
-
-
-def _plain(inputs: Any) -> Any:
-    return json.loads(json.dumps(inputs))
+def _inputs_of(record: Path) -> Any:
+    """Return the inputs with which a step was finished; "none" if it was not."""
+    try:
+        return read_json(record).get("inputs", "none")
+    except DatasetError:
+        return "none"

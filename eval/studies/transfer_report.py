@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.files.atomic import write_atomic
-from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.page import Document, Heading, TextTable
 from glsim.eval.report.tables import TABLE_METRICS, format_number
 from glsim.eval.scoring.bias import (
     BIAS_BIN_MM,

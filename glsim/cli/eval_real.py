@@ -88,9 +88,9 @@ def evaluate_real(
         )
     pictures = []
     if figures:
-        from glsim.eval.report.document import CaptionedPng
         from glsim.eval.report.figures.real_frames import measures_figure
         from glsim.eval.report.figures.style import to_png
+        from glsim.eval.report.page import CaptionedPng
 
         caption = "All measures; edges: shares."
         pictures = [CaptionedPng("measures", caption, to_png(measures_figure(scores)))]

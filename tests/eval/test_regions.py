@@ -17,7 +17,7 @@ from glsim.data.driver import write_dataset
 from glsim.eval.metrics.prediction import Truth, angles_deg, whole_windows
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.score import metrics_with_regions, score
-from glsim.eval.report.document import Heading, TextTable
+from glsim.eval.report.page import Heading, TextTable
 from glsim.eval.report.tables import _region_document
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.faces.regions import region_numbers

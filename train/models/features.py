@@ -123,7 +123,10 @@ def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) ->
         torch.asinh(bands_mm / _BAND_MM),
         support,
         torch.asinh((fill_mm - around_mm) / _AROUND_MM) * near,
-        *(_log_noise(depth_mm, valid, step) for step in _NOISE_STEPS_PX),
+        *(
+            torch.log(noise_mm + _LEAST_NOISE_MM) * reached
+            for noise_mm, reached in (noise_around(depth_mm, valid, n) for n in _NOISE_STEPS_PX)
+        ),
         valid,
     ]
     return Features(fill_mm, bands_mm, torch.cat(channels, dim=1), even)
@@ -197,11 +200,6 @@ def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
         depth_mm = torch.where(known > 0, depth_mm, grown_mm)
         known = torch.maximum(known, reached)
     return depth_mm
-
-
-def _log_noise(depth_mm: Tensor, valid: Tensor, step_px: int) -> Tensor:
-    mean_mm, reached = noise_around(depth_mm, valid, step_px)
-    return torch.log(mean_mm + _LEAST_NOISE_MM) * reached
 
 
 def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor, Tensor]:

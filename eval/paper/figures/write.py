@@ -13,7 +13,6 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
 from glsim.denoise import load_denoiser
-from glsim.eval.paper.data_note import data_note, source_name
 from glsim.eval.paper.figures.solids import (
     FigureFrame,
     choose_frame,
@@ -21,11 +20,17 @@ from glsim.eval.paper.figures.solids import (
     surfaces_figure,
 )
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
-from glsim.eval.paper.runs import SeedGroup, find_trained_runs, group_by_network, with_twins
-from glsim.eval.report.document import CaptionedPng, Document
+from glsim.eval.paper.runs import (
+    SeedGroup,
+    data_note,
+    find_trained_runs,
+    group_by_network,
+    source_name,
+    with_twins,
+)
 from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
-from glsim.eval.report.page import html_page
+from glsim.eval.report.page import CaptionedPng, Document, html_page
 
 #: Folder of the figures in that of the reproduction.
 FOLDER: Final = "paper_figures"
