@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 import shutil
-import warnings
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from glsim.core.files import flush
 from glsim.denoise import checkpoint
 from glsim.train.logs import RunLogs
 from glsim.train.loop import StepStatus, fit
-from glsim.train.run_setup import make_fabric
 from tests.support.power_cuts import PowerCuts
 from tests.support.train_fakes import batch_source, recipe
 
@@ -92,14 +90,3 @@ def test_metrics_are_whole_at_any_moment_of_a_resume(tmp_path: Path) -> None:
     RunLogs(tmp_path, 1)
     with (tmp_path / "metrics.csv").open() as file:
         assert list(csv.DictReader(file)) == [{"loss": "1.0", "mse": "", "step": "1"}]
-
-
-def test_a_machine_with_slurm_needs_no_advice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "srun").write_text("#!/bin/sh\n")
-    (tmp_path / "srun").chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        make_fabric(SETTINGS.training)

@@ -123,41 +123,24 @@ def test_transposed_attention_weighs_channels() -> None:
     torch.testing.assert_close(layer(x), expected)
 
 
+def paper_input(**backbone: Any) -> dict[str, Any]:
+    return {"kind": "paper_input", "backbone": {"kind": "dncnn"} | backbone}
+
+
 @pytest.mark.parametrize(
     ("spec", "words"),
     [
         ({"kind": "mask_awar", "backbone": {"kind": "dncnn"}}, "did you mean 'mask_aware'"),
         ({"backbone": {"kind": "dncnn"}}, "model.kind"),
         ({"kind": "paper_input"}, "model.backbone: give a table"),
-        ({"kind": "paper_input", "backbone": {"kind": "dncn"}}, "did you mean 'dncnn'"),
-        (
-            {"kind": "paper_input", "backbone": {"kind": "dncnn", "deptt": 7}},
-            "no parameter 'deptt' .did you mean 'depth'",
-        ),
-        (
-            {"kind": "paper_input", "backbone": {"kind": "dncnn", "depth": 1}},
-            "model.backbone.depth = 1: .*greater than or equal to 2",
-        ),
-        (
-            {"kind": "paper_input", "backbone": {"kind": "dncnn", "depth": "deep"}},
-            "model.backbone.depth = 'deep'",
-        ),
-        (
-            {"kind": "mask_aware", "backbone": {"kind": "dncnn", "residual": True}},
-            "model.backbone.residual: set by the model around it",
-        ),
-        (
-            {"kind": "paper_input", "backbone": {"kind": "dncnn", "backbone": {"kind": "unet"}}},
-            "dncnn has no backbone",
-        ),
-        (
-            {"kind": "paper_input", "uncertainty": True, "backbone": {"kind": "dncnn"}},
-            "no parameter 'uncertainty'",
-        ),
-        (
-            {"kind": "paper_input", "backbone": {"kind": "restormer", "heads": [1, 2, 4, 7]}},
-            "do not divide",
-        ),
+        (paper_input(kind="dncn"), "did you mean 'dncnn'"),
+        (paper_input(deptt=7), "no parameter 'deptt' .did you mean 'depth'"),
+        (paper_input(depth=1), "model.backbone.depth = 1: .*greater than or equal to 2"),
+        (paper_input(depth="deep"), "model.backbone.depth = 'deep'"),
+        (paper_input(in_channels=2), "model.backbone.in_channels: set by the model around it"),
+        (paper_input(backbone={"kind": "unet"}), "dncnn has no backbone"),
+        (paper_input() | {"uncertainty": True}, "no parameter 'uncertainty'"),
+        (paper_input(kind="restormer", heads=[1, 2, 4, 7]), "do not divide"),
     ],
 )
 def test_wrong_specifications(spec: dict[str, Any], words: str) -> None:

@@ -39,12 +39,8 @@ def test_every_row_of_the_paper_has_a_recipe_with_its_settings(size: str) -> Non
         assert recipe.training.precision == "32-true"
 
 
-def test_the_networks_of_the_paper() -> None:
-    """Artefact removal is the identity in denoising."""
-    published = {"paper-d7": 185_857, "paper-d20": 665_921, "paper-d64": 2_290_753}
-    for name, count in published.items():
-        model = build_model(load_recipe(name).model)
-        assert sum(p.numel() for p in model.parameters()) == count
+def test_artefact_removal_is_the_identity_in_denoising() -> None:
+    for name in ("paper-d7", "paper-d20", "paper-d64"):
         twin = load_recipe(name.replace("paper-", "paper-ar-"))
         assert twin.difference(load_recipe(name)) == f"row is {twin.row!r}, not {twin.row[3:]!r}"
 

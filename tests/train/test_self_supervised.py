@@ -8,10 +8,8 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from glsim.core.errors import ConfigError
-from glsim.train.losses import Recorrupted, build_loss
+from glsim.train.losses import Recorrupted
 from glsim.train.models.base import Prediction
-from glsim.train.recipe import load_recipe
 
 SIGMA_MM = 2.0
 
@@ -107,14 +105,3 @@ def test_a_filter_learns_to_smooth_without_clean_frames() -> None:
     with torch.no_grad():
         error = (filtered(noisy).depth_mm - clean)[there].std().item()
     assert error < 0.6 * SIGMA_MM
-
-
-def test_recipes_and_bad_tables() -> None:
-    recipe = load_recipe("recorrupted-small")
-    assert build_loss(recipe.loss).model_fields_set
-    assert recipe.training.monitor == "interior_rmse_mm"
-    assert not recipe.model["uncertainty"], "the loss does not teach it"
-    with pytest.raises(ConfigError, match=r"no such kind 'recorupted'.*'recorrupted'"):
-        build_loss({"kind": "recorupted"})
-    with pytest.raises(ConfigError, match="alpha"):
-        build_loss({"kind": "recorrupted", "alpha": 1.5})
