@@ -126,11 +126,13 @@ def _score_missing(
     total: int,
     progress: Callable[[ScoringProgress], None] | None,
 ) -> None:
-    missing = [block for block in blocks if not _is_done(folder, block)]
+    found = ((block, _read(folder, block.number)) for block in blocks)
+    # Bad frames may have been repaired since.
+    missing = [block for block, scored in found if scored is None or scored.bad]
     reused = done = total - sum(block.frames for block in missing)
     bad = 0
-    if progress is not None:
-        progress(ScoringProgress(done, total, reused, bad))
+    show = progress or (lambda _: None)
+    show(ScoringProgress(done, total, reused, bad))
     if not missing:
         return
     for scored in run_tasks(job, missing, min(workers, len(missing))):
@@ -138,43 +140,34 @@ def _score_missing(
         data = to_json(asdict(scored), str(path)).encode()
         write_atomic(data, path, sync=False)  # an empty block is scored again
         done, bad = done + scored.frames, bad + len(scored.bad)
-        if progress is not None:
-            progress(ScoringProgress(done, total, reused, bad))
+        show(ScoringProgress(done, total, reused, bad))
 
 
 def _path(folder: Path, number: int) -> Path:
     return folder / f"{number:06d}.json"
 
 
-def _is_done(folder: Path, block: FrameBlock) -> bool:
-    """Whether a block is finished without bad frames; those may have been repaired since."""
+def _read(folder: Path, number: int) -> ScoredBlock | None:
+    """Return a finished block; None if it is missing or damaged."""
     try:
-        return not _read(folder, block).bad
-    except DatasetError:
-        return False
-
-
-def _read(folder: Path, block: FrameBlock) -> ScoredBlock:
-    path = _path(folder, block.number)
-    try:
-        return ScoredBlock(**json.loads(path.read_bytes()))
+        return ScoredBlock(**json.loads(_path(folder, number).read_bytes()))
     except (OSError, ValueError, TypeError):
-        raise DatasetError(f"{path}: is missing or damaged: run the same command again") from None
+        return None
 
 
 def _collect(
     out: Path, folder: Path, blocks: list[FrameBlock], total: int, metrics: Mapping[str, Metric]
 ) -> Evaluation:
     summary, baselines = ScoreSummary(total, metrics), ScoreSummary(total, metrics)
-    bad = 0
-    first_bad: list[str] = []
-
+    bad: list[tuple[str, str]] = []
     fields = ("subject", "sequence", "frame", "method", *metrics)
 
     def rows() -> Iterator[list[object]]:
-        nonlocal bad
         for block in blocks:
-            scored = _read(folder, block)
+            scored = _read(folder, block.number)
+            if scored is None:
+                where = _path(folder, block.number)
+                raise DatasetError(f"{where}: is missing or damaged: run the same command again")
             for row in scored.rows:
                 summary.add(row)
                 yield [row[field] for field in fields]
@@ -183,19 +176,17 @@ def _collect(
             for method, counts in scored.histograms.items():
                 summary.add_histogram(method, counts)
             summary.add_bias(scored.bias)
-            bad += len(scored.bad)
-            first_bad.extend(f"{item['frame']}: {item['why']}" for item in scored.bad[:10])
+            bad.extend((item["frame"], item["why"]) for item in scored.bad)
 
     write_csv(out / "rows.csv", fields, rows())
     if bad:
-        bads = (item for block in blocks for item in _read(folder, block).bad)
-        faults = ((item["frame"], item["why"]) for item in bads)
-        write_csv(out / "bad.csv", ("frame", "why"), faults)
+        write_csv(out / "bad.csv", ("frame", "why"), bad)
     else:
         (out / "bad.csv").unlink(missing_ok=True)
+    first = tuple(f"{frame}: {why}" for frame, why in bad[:10])
     if not summary.methods:
-        raise DatasetError(f"no frame could be scored, {bad} are bad; the first: {first_bad[0]}")
-    return Evaluation(summary, baselines, total, bad, tuple(first_bad[:10]))
+        raise DatasetError(f"no frame could be scored, {len(bad)} are bad; the first: {first[0]}")
+    return Evaluation(summary, baselines, total, len(bad), first)
 
 
 def write_csv(path: Path, fields: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
