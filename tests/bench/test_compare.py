@@ -150,16 +150,6 @@ def test_errors_are_one_line(
     assert error.count("\n") == 1
 
 
-def test_long_sets_are_thinned_in_runs(tmp_path: Path) -> None:
-    folder = tmp_path / "long"
-    folder.mkdir()
-    np.save(folder / "depth.npy", np.full((50, 40, 40), 900, np.uint16))
-    names = [frame.name for frame in read_frames(folder, most=12)]
-    assert len(names) == 12
-    assert names[:4] == [f"depth_{k:05d}" for k in range(4)]
-    assert names[-1] == "depth_00049"
-
-
 @pytest.mark.long
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real frames are not at {REAL}")
 def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:

@@ -12,9 +12,7 @@ from glsim.bench.measures.disparity import (
     to_disparity,
 )
 from tests.support.real_cameras import (
-    D435_ROBOT_PX_MM,
     D435_WALL_PX_MM,
-    KINECT_V1_PX_MM,
     SIDE_PX,
     box_covariance,
     box_noise,
@@ -116,40 +114,3 @@ def test_a_d435_of_a_wall() -> None:
         (noise.frame_columns, (0.96, 0.90, 0.82, 0.72, 0.48, 0.25, -0.05)),
     ):
         assert found == pytest.approx(known, abs=0.07)
-
-
-@needs_real_cameras
-def test_a_d435_over_distance() -> None:
-    """Known medians in px of rooms of a robot, by distance in m."""
-    known = {
-        (0.55, 0.75): 0.062, (0.75, 0.95): 0.055, (0.95, 1.25): 0.055, (1.25, 1.7): 0.059,
-        (1.7, 2.1): 0.076, (2.1, 2.9): 0.111, (2.9, 3.7): 0.165, (3.7, 6.0): 0.215,
-    }  # fmt: skip
-    tiles = [find_tiles(d) for d in real_disparities("d435_robot_room", D435_ROBOT_PX_MM)]
-    sigma, level = (
-        np.concatenate([getattr(t, name) for t in tiles]) for name in ("sigma", "level")
-    )
-    distance_m = D435_ROBOT_PX_MM / level / 1000
-    for (near, far), known_px in known.items():
-        here = sigma[(distance_m >= near) & (distance_m < far)]
-        assert np.median(here) == pytest.approx(known_px, rel=0.16), near
-
-
-@needs_real_cameras
-def test_a_kinect_v1_and_two_truedepth_cameras() -> None:
-    """Known: 0.086 to 0.092 px; 0.0065 and 0.0061 per m, frame to frame 0.0041 and 0.0036."""
-    tables = measure_disparity_noise(
-        real_disparities("kinect_v1_tables", KINECT_V1_PX_MM), side_px=24
-    )
-    assert tables.residual == pytest.approx(0.089, rel=0.05)
-    assert tables.rows[:6] == pytest.approx((0.72, 0.59, 0.47, 0.38, 0.21, 0.09), abs=0.05)
-    assert tables.columns[:4] == pytest.approx((0.58, 0.35, 0.17, 0.04), abs=0.06)
-    for folder, residual, frame, rows in (
-        ("eval_iPhone11Pro_iOS14", 0.0065, 0.0041, (0.88, 0.74, 0.61, 0.50, 0.26, 0.05, -0.13)),
-        ("eval_iPadPro12_4gen_iOS15", 0.0061, 0.0036, (0.87, 0.75, 0.64, 0.54, 0.39, 0.23, -0.03)),
-    ):
-        frames = real_disparities(f"truedepth_zeiss/{folder}", None, 0.1)
-        noise = measure_disparity_noise(frames, [(k, k + 1) for k in range(len(frames) - 1)])
-        assert noise.residual == pytest.approx(residual, rel=0.05)
-        assert noise.frame == pytest.approx(frame, rel=0.05)
-        assert noise.rows == pytest.approx(rows, abs=0.06)

@@ -14,7 +14,6 @@ from glsim.bench.measures.disparity_steps import (
 from glsim.bench.measures.validity import flip_share, hole_share_beside_band
 from tests.support.real_cameras import (
     D435_ROBOT_PX_MM,
-    D435_WALL_PX_MM,
     needs_real_cameras,
     real_disparities,
 )
@@ -94,22 +93,3 @@ def test_the_shadows_of_a_d435() -> None:
     assert right[0] == pytest.approx(3.0, abs=0.5)
     assert between_share(found) == pytest.approx(0.006, abs=0.002)
     assert border_band(frames)[1] == pytest.approx(6.8, abs=0.4)
-
-
-@needs_real_cameras
-def test_the_holes_and_the_band_of_a_d435_before_a_wall() -> None:
-    """Known: 3.3 % holes, 1.4 % flips, band 11 to 12 px wider than the disparity."""
-    frames = real_disparities("d435_wall_2frames", D435_WALL_PX_MM)
-    assert hole_share_beside_band(frames) == pytest.approx(0.033, abs=0.001)
-    assert flip_share(frames, [(0, 1)]) == pytest.approx(0.014, abs=0.001)
-    assert border_band(frames)[1] == pytest.approx(11.5, abs=0.7)
-
-
-@needs_real_cameras
-def test_truedepth_has_shadows_above_and_below() -> None:
-    """Known: medians 23 and 6 px, 0.2 to 0.5 % between."""
-    frames = real_disparities("truedepth_box_and_can/box_can", 434.8 * 29.0, 0.1, 12)
-    found = [find_steps(frame.T) for frame in frames]
-    above, below = measure_gaps(found, False), measure_gaps(found, True)
-    assert (above[0], below[0]) == (pytest.approx(6, abs=1.5), pytest.approx(24, abs=3))
-    assert between_share(found) < 0.009

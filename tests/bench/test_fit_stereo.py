@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.bench.fit.stereo_sensor import stereo_base
-from glsim.bench.fit.stereo_statistics import find_lattice, measure_stereo
+from glsim.bench.fit.stereo_sensor import find_lattice, measure_stereo, stereo_base
 from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
 from glsim.bench.measures.frame import frames_of
 from glsim.bench.measures.stacks import with_nan

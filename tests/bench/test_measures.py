@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from glsim.bench.measures.correlation import LAGS
+from glsim.bench.measures.depth_noise import measure_spatial, measure_temporal
 from glsim.bench.measures.frame import frames_of, radius_px
 from glsim.bench.measures.light import measure_light
 from glsim.bench.measures.pattern import measure_pattern
 from glsim.bench.measures.silhouettes import measure_silhouettes
-from glsim.bench.measures.spatial import measure_spatial
 from glsim.bench.measures.static import static_pairs, view_change
-from glsim.bench.measures.temporal import measure_temporal
 from glsim.bench.measures.validity import measure_invalid
 from glsim.core.depth_frame import DepthFrame
 from tests.support.planted_frames import CAMERA, SHAPE, noisy, plane, shadowed

@@ -39,16 +39,6 @@ def failures(report: ValidationReport) -> set[str]:
 # --- the sheet ----------------------------------------------------------------------------------
 
 
-def test_the_sheet_of_the_kinect_v2_has_its_checks_and_bands() -> None:
-    checks = run.sheets()["kinect-v2"].checks
-    numbers = [*(str(n) for n in range(1, 31)), *(f"A{n}" for n in range(1, 7))]
-    assert [check.number for check in checks] == numbers
-    bands = {c.number: [(b.low, b.high) for b in c.bands] for c in checks}
-    assert bands["3"] == [(1.1, 1.8), (1.2, 2.1), (1.55, 3.4), (2.3, 5.5)]
-    assert bands["20"][:3] == [(2.3, 4.6), (6.3, 8.9), (9.0, 11.9)]
-    assert bands["9"][0] == pytest.approx((0.0585, 0.102))
-
-
 def test_every_check_names_its_source_and_kind() -> None:
     for sheet in run.sheets().values():
         for check in sheet.checks:

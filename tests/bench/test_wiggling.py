@@ -14,9 +14,7 @@ from glsim.bench.fit.wiggling import fit_wiggling
 from glsim.bench.measures.frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.core.camera import Intrinsics
-from glsim.core.depth_frame import Frames
 from glsim.core.mesh import Mesh
-from glsim.data.recordings.recording import open_recording
 from tests.support.planted_frames import encoded
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
@@ -79,21 +77,3 @@ def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
     wiggling = fit_wiggling(found, IMAGE, EMITTER_M)
     assert wiggling is not None
     assert not any(wiggling.known(harmonic) for harmonic in (2, 5))
-
-
-@pytest.mark.skipif(
-    not REAL.is_dir(),
-    reason="the real Kinect V2 frames are not on this machine: GLSIM_REAL_ROOT names their folder",
-)
-def test_a_real_room_of_bent_and_distorted_surfaces_shows_none() -> None:
-    """Doors and chairs through the lens are no planes; the error says so."""
-    recording = open_recording([REAL / f"{name}_depth.png" for name in ("0007", "0008")])
-    image = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
-    wiggling = fit_wiggling(
-        measure_recording(
-            Frames.of([f.changed(intrinsics=image) for f in recording.read_static()])
-        ),
-        image,
-        EMITTER_M,
-    )
-    assert wiggling is None or not any(wiggling.known(harmonic) for harmonic in (2, 5))

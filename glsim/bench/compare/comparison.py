@@ -11,15 +11,20 @@ from typing import Any
 
 from glsim.bench.compare.classifier import Verdict, tell_apart
 from glsim.bench.compare.patches import KINDS, Patches, edge_patches, surface_patches
-from glsim.bench.measures.cells import DISTANCES_M, RADII_PX
 from glsim.bench.measures.correlation import LAGS
+from glsim.bench.measures.depth_noise import (
+    DISTANCES_M,
+    RADII_PX,
+    SpatialNoise,
+    TemporalNoise,
+    measure_spatial,
+    measure_temporal,
+)
 from glsim.bench.measures.light import NO_LIGHT, Light, measure_light
 from glsim.bench.measures.pattern import FixedPattern, measure_pattern
 from glsim.bench.measures.silhouettes import Silhouettes, measure_silhouettes
-from glsim.bench.measures.spatial import SpatialNoise, measure_spatial
 from glsim.bench.measures.stacks import ratio
 from glsim.bench.measures.static import static_pairs, view_numbers
-from glsim.bench.measures.temporal import TemporalNoise, measure_temporal
 from glsim.bench.measures.validity import measure_invalid
 from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import without_nan
@@ -73,8 +78,7 @@ class Comparison:
         """The lines of the table that at least one set has."""
         first, second = _lines(self.first), _lines(self.second)
         rows = [
-            Row(*names, first.get((*names, as_ratio), math.nan), value, as_ratio)
-            for (*names, as_ratio), value in second.items()
+            Row(*key[:3], first.get(key, math.nan), value, key[3]) for key, value in second.items()
         ]
         return [r for r in rows if math.isfinite(r.first) or math.isfinite(r.second)]
 
@@ -190,7 +194,8 @@ def _silhouette_lines(found: Silhouettes) -> _Lines:
     sides = {"left": found.left, "right": found.right}
     dark = sides.pop(found.shadow_side)
     lines: _Lines = {}
-    for name, side in (("lit", *sides.values()), ("shadow", dark)):
+    (lit,) = sides.values()
+    for name, side in (("lit", lit), ("shadow", dark)):
         lines |= {
             (f"silhouettes, {name} side", text, unit, True): value
             for text, unit, value in (

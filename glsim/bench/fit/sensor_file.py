@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.cells import Cell
+from glsim.bench.measures.depth_noise import Cell
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
 
@@ -54,16 +54,16 @@ def recording_camera(
         ConfigError: the focal length is not known.
     """
     known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
-    focal = [focal_px or (known[0].fx if known else other_px or 0.0)] * 2
+    fx = fy = focal_px or other_px or 0.0
     if known and focal_px is None:
-        focal = [known[0].fx, known[0].fy]
-    if min(focal) < 1:
+        fx, fy = known[0].fx, known[0].fy
+    if min(fx, fy) < 1:
         raise ConfigError(
             f"the frames are {size[0]}x{size[1]}, the base sensor's {own.width}x{own.height}: "
             "give --focal-px"
         )
-    centre = (known[0].cx, known[0].cy) if known else (size[0] / 2, size[1] / 2)
-    return Intrinsics(*size, *focal, *centre)
+    cx, cy = (known[0].cx, known[0].cy) if known else (size[0] / 2, size[1] / 2)
+    return Intrinsics(*size, fx, fy, cx, cy)
 
 
 def sensor_toml(

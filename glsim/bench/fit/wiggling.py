@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +147,7 @@ def fit_wiggling(
     return Wiggling(amplitude, phase, error, sizes)
 
 
-def _fit_waves(planes: Sequence[tuple[Array, ...]]) -> tuple[Array, Array]:
+def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array]:
     """Fit the waves to what is left of planes.
 
     Args:

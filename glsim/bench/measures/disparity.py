@@ -174,10 +174,12 @@ def measure_disparity_noise(
         squares.append(own[1])
     differences = np.concatenate(squares) if squares else np.zeros((0, side_px, side_px))
     shared = _median(static)
+    rows, columns = _correlations(residual, pooled=False)
     return DisparityNoise(
         int(sigma.size),
         _median([sigma]),
-        *_correlations(residual, pooled=False),
+        rows,
+        columns,
         len(pairs),
         _median(frame),
         float(np.sqrt(max(shared, 0.0))) if np.isfinite(shared) else shared,
@@ -185,7 +187,7 @@ def measure_disparity_noise(
     )
 
 
-def _correlations(tiles: Array, *, pooled: bool) -> list[tuple[float, ...]]:
+def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns.
 
     Args:
@@ -205,7 +207,7 @@ def _correlations(tiles: Array, *, pooled: bool) -> list[tuple[float, ...]]:
         else:
             known = [c[np.isfinite(c)] for c in each.T]
             found.append(tuple(float(c.mean()) if c.size else float("nan") for c in known))
-    return found
+    return found[0], found[1]
 
 
 def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tuple[Array, Array]:

@@ -47,7 +47,6 @@ class Lattice:
         offset: added to the whole number, 0 to 1.
         share: of the telling depths that lie on it.
         telling: number of different depths that would rarely lie on it by chance.
-        error: half the range of K that fits as many depths.
 
     """
 
@@ -55,7 +54,6 @@ class Lattice:
     offset: float
     share: float
     telling: int
-    error: float
 
     @property
     def accepted(self) -> bool:
@@ -166,7 +164,7 @@ def _refined(values: Array, constant: float, offset: float) -> Lattice:
     """Return the lattice in the middle of the constants near by that fit the most values."""
     telling = values[constant / values**2 < _TELLING]
     if telling.size == 0:
-        return Lattice(constant, offset, 0.0, 0, float("nan"))
+        return Lattice(constant, offset, 0.0, 0)
     reach = 3.0 / float(telling.max())
     near = constant * (1.0 + np.linspace(-reach, reach, 1201))
     hits = np.zeros(len(near))
@@ -175,5 +173,4 @@ def _refined(values: Array, constant: float, offset: float) -> Lattice:
         hits += np.abs(near / place - value) <= _TOLERANCE
     good = near[hits == hits.max()]
     middle = float(good[len(good) // 2])
-    share = lattice_share(telling, middle, offset)
-    return Lattice(middle, offset, share, int(telling.size), float(np.ptp(good)) / 2.0)
+    return Lattice(middle, offset, lattice_share(telling, middle, offset), int(telling.size))

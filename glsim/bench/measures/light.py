@@ -15,9 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.cells import DISTANCES_M
+from glsim.bench.measures.depth_noise import DISTANCES_M, pair_noise
 from glsim.bench.measures.frame import lit, radius_px, surfaces
-from glsim.bench.measures.temporal import pair_noise
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]

@@ -49,14 +49,14 @@ def sigma_spatial(residual: Array) -> float:
     return float(np.sqrt((flat[valid] ** 2).mean())) if valid.any() else float("nan")
 
 
-def temporal_part(frames: Array, least: int = 2) -> Array:
+def temporal_part(frames: Array) -> Array:
     """Subtract the mean of each pixel over time; scaled so that the variance is unbiased.
 
-    Pixels with fewer than ``least`` valid frames become NaN.
+    Pixels with fewer than two valid frames become NaN.
     """
     count = np.isfinite(frames).sum(axis=0)
-    enough = count >= max(least, 2)
-    mean = np.where(enough, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
+    total = np.nansum(frames, axis=0)
+    mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
     scale = np.sqrt(count / np.maximum(count - 1, 1))
     return np.asarray((frames - mean) * scale)
 

@@ -171,7 +171,7 @@ def _frame(
     window = Rect(0, 0, image.width, image.height)
     unit = settings.output.depth_unit_mm
     head = task.key, source.name, task.seeds.frame, image, window
-    return Frame(*head, *maps, depth_unit_mm=unit, **facts)
+    return Frame(*head, *maps, **facts | {"depth_unit_mm": unit})
 
 
 class RecordingSource(FaceSource):

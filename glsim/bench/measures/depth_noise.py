@@ -1,7 +1,9 @@
-"""Noise over time: sigma by distance and radius, and its correlation between pixels.
+"""Noise by distance and radius, and its correlation between pixels: over time and in one frame.
 
-The difference of two frames of one view is temporal noise only; half its variance is that of one
-frame. Rounding to steps of q mm adds q^2 / 12 to the variance of each frame, which is subtracted.
+Over time: the difference of two frames of one view is temporal noise only; half its variance is
+that of one frame. In one frame: the residual of a quadric in 7 x 7 pixels holds temporal noise and
+fixed pattern, less what the quadric follows: 6/49 of white noise, more of correlated noise.
+Rounding to steps of q mm adds q^2 / 12 to the variance of each frame, which is subtracted.
 """
 
 from __future__ import annotations
@@ -14,14 +16,53 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.cells import DISTANCES_M, Cell, Samples
 from glsim.bench.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.bench.measures.frame import radius_px, surface_mm, surfaces
+from glsim.bench.measures.frame import lit, radius_px, surface_mm, surfaces
 from glsim.bench.measures.stacks import mean_of
 from glsim.bench.measures.surfaces import fit_surfaces
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]
+
+#: Bounds of the cells: distances, m, and radii, px of a Kinect V2.
+DISTANCES_M = (0.45, 0.65, 0.9, 1.2, 1.5, 2.0, 2.6, 3.2, 4.5)
+RADII_PX = (0.0, 100.0, 160.0, 210.0, 250.0, 400.0)
+#: Least number of pixels of a cell: sigma is then known to 5 %, correlated noise included.
+LEAST_PIXELS = 400
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value of the pixels between two distances, m, and two radii, px."""
+
+    distance_m: tuple[float, float]
+    radius_px: tuple[float, float]
+    value: float
+    pixels: int
+
+
+#: Distance, mm, radius, px, and a value of pixels, of one shape; NaN values do not count.
+Sample = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
+
+
+def root_cells(samples: Sequence[Sample]) -> tuple[Cell, ...]:
+    """Return the root of the mean value in each cell with LEAST_PIXELS."""
+    if not samples:
+        return ()
+    depth, radius, value = (
+        np.concatenate([np.asarray(s[k][np.isfinite(s[2])], np.float32) for s in samples])
+        for k in range(3)
+    )
+    cells = []
+    for near, far in pairwise(DISTANCES_M):
+        row = (depth >= 1000 * near) & (depth < 1000 * far)
+        for inner, outer in pairwise(RADII_PX):
+            here = value[row & (radius >= inner) & (radius < outer)]
+            if here.size >= LEAST_PIXELS:
+                root = float(np.sqrt(max(float(here.mean(dtype=np.float64)), 0.0)))
+                cells.append(Cell((near, far), (inner, outer), root, int(here.size)))
+    return tuple(cells)
+
 
 #: Outliers (edges, people): beyond _CLIP robust standard deviations of pixels of like distance, and
 #: _LOCAL_CLIP of the 5 x 5 pixels around (dark surfaces have more noise).
@@ -110,12 +151,52 @@ def measure_temporal(
     frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
 ) -> TemporalNoise:
     """Measure the temporal noise of static pairs, given by the numbers of their frames."""
-    samples = Samples()
+    samples: list[Sample] = []
     sums: list[Array] = []
     for first, second in pairs:
         a, b = frames[first], frames[second]
         noise = pair_noise(a, b)
         quantum = (a.step_mm**2 + b.step_mm**2) / 24.0
-        samples.add(surface_mm(a), radius_px(a), noise**2 - quantum)
+        samples.append((surface_mm(a), radius_px(a), noise**2 - quantum))
         sums.append(lagged_sums(without_local_mean(noise)))
-    return TemporalNoise(len(pairs), samples.root_cells(), correlation_of(sums))
+    return TemporalNoise(len(pairs), root_cells(samples), correlation_of(sums))
+
+
+#: Windows that are measured: every third along both axes; nearer ones share most of their pixels.
+_STRIDE = 3
+
+
+@dataclass(frozen=True)
+class SpatialNoise:
+    """Residuals of all smooth surfaces.
+
+    Attributes:
+        cells: rms, mm, rounding subtracted.
+        rough_mm: 10th percentile, median and 90th of the rms in a window, mm; NaN with fewer than
+            100 windows.
+        correlation: of the residual at LAGS, smaller than that of the noise.
+
+    """
+
+    cells: tuple[Cell, ...]
+    rough_mm: tuple[float, float, float]
+    correlation: tuple[float, ...]
+
+
+def measure_spatial(frames: Sequence[DepthFrame]) -> SpatialNoise:
+    """Measure the residuals of all smooth surfaces."""
+    samples, rough, sums = [], [], []
+    for frame in frames:
+        s = surfaces(frame)
+        smooth = s.smooth & lit(frame)
+        quantum = frame.step_mm**2 / 12.0
+        squares = np.where(smooth, s.rough_mm.astype(np.float64) ** 2 - quantum, np.nan)
+        every = np.s_[::_STRIDE, ::_STRIDE]
+        samples.append((frame.measured_mm[every], radius_px(frame)[every], squares[every]))
+        rough.append(np.sqrt(np.maximum(squares[every][smooth[every]], 0.0)))
+        residual = np.where(smooth & (s.rough_mm < 6.0), s.residual_mm, np.nan)
+        sums.append(lagged_sums(residual.astype(np.float64)))
+    values = np.concatenate(rough)
+    known = values if values.size >= 100 else np.full(1, np.nan)
+    p10, median, p90 = np.percentile(known, (10, 50, 90)).tolist()
+    return SpatialNoise(root_cells(samples), (p10, median, p90), correlation_of(sums))
