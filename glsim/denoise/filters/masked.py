@@ -88,7 +88,8 @@ class MaskedBilateral(Masked):
         weight = np.exp(-np.minimum(nearness + likeness, np.float32(80)))
         weight *= around(support, radius, wanted, False)
         total, share = (weight * depth).sum(axis=1), weight.sum(axis=1)
-        return np.divide(total, share, out=np.zeros_like(total), where=share > 0)
+        mean: Depth = np.divide(total, share, out=np.zeros_like(total), where=share > 0)
+        return mean
 
 
 class LocalPolynomial(Masked):
