@@ -1,6 +1,10 @@
-"""Frames that keep their lens distortion: planes stay planes, edges land where OpenCV puts them."""
+"""Lenses, samples and silhouettes: edges land where OpenCV puts them, skipped pixels stay blank."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 
 import cv2
 import moderngl
@@ -8,7 +12,10 @@ import numpy as np
 import pytest
 
 from glsim.core.camera import Distortion
-from tests.support.scenes import V2, V2_LENS, Plane, layers_of, rectangle, rig
+from glsim.core.rect import Rect
+from glsim.render.silhouette import Silhouette
+from tests.support.scenes import V2, V2_LENS, Plane, interior, layers_of, rectangle, rig
+from tests.support.tof_harness import Camera, Placed, face_scenes, quad
 
 RAW = rig((0.075, 0, 0), distortion=V2_LENS, deliver="raw")
 
@@ -93,3 +100,81 @@ def test_shadows_are_as_wide_as_without_the_lens(context: moderngl.Context, side
     assert np.abs(width - plain[190:220].sum(axis=1)).max() <= 1
     # Nothing else is dark, neither beside the occluder's other edge nor at the image's borders.
     assert dark.sum() == pytest.approx(plain.sum(), rel=0.08)
+
+
+def test_the_number_of_samples_reaches_the_shader(context: moderngl.Context) -> None:
+    """The range of a slanted plane within a pixel is (n - 1) / n of its change per pixel."""
+    three, five = (
+        layers_of(context, replace(rig(), supersample=samples), [Plane(0.9, 30).mesh(0.1)])
+        for samples in (3, 5)
+    )
+    inside = interior(three["clean"])
+    ratio = np.median((five["uneven"] / np.maximum(three["uneven"], 1e-9))[inside])
+    assert ratio == pytest.approx((4 / 5) / (2 / 3), rel=0.05)
+
+
+MULTIPATH = {"tof_multipath": {"enabled": 1.0, "samples": 8.0}}
+
+
+def skips_empty(cam: Camera, scene: Sequence[Placed]) -> bool:
+    with cam.renderer.render(scene) as rendered:
+        return rendered.silhouette.skips_empty
+
+
+def draw_everywhere(cam: Camera, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make passes draw the whole window from now on."""
+    silhouettes = cam.renderer._silhouettes
+    draw = silhouettes.draw
+
+    @contextmanager
+    def draw_whole(*arguments: object) -> Iterator[Silhouette]:
+        with draw(*arguments) as silhouette:  # type: ignore[arg-type]
+            silhouette.skips_empty = False
+            yield silhouette
+
+    monkeypatch.setattr(silhouettes, "draw", draw_whole)
+
+
+@pytest.mark.parametrize("sensor", ["kinect-v2", "kinect-v2-fast", "azure-kinect"])
+def test_the_same_bytes_come_out(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, sensor: str
+) -> None:
+    cam, scenes = Camera.open(context, sensor), face_scenes(2, seed=3)
+    changes = MULTIPATH if sensor == "kinect-v2" else {}
+    skipped = [cam.shoot(scene, changes, seed=7) for scene in scenes]
+    assert all(skips_empty(cam, scene) for scene in scenes)
+    draw_everywhere(cam, monkeypatch)
+    assert not any(skips_empty(cam, scene) for scene in scenes)
+    for scene, some in zip(scenes, skipped, strict=True):
+        for name, whole in cam.shoot(scene, changes, seed=7).items():
+            np.testing.assert_array_equal(some[name], whole, name)
+
+
+def test_a_smaller_face_leaves_nothing_of_a_larger_one(context: moderngl.Context) -> None:
+    """Targets are reused; what was drawn in them before must be cleared."""
+    cam, scene = Camera.open(context), [quad(900.0, (-40, 40), (-40, 40))]
+    alone = cam.shoot(scene)
+    cam.shoot([quad(900.0, (-300, 300), (-200, 200))])
+    again = cam.shoot(scene)
+    for name, image in alone.items():
+        np.testing.assert_array_equal(image, again[name], name)
+
+
+def test_a_background_leaves_nothing_out(context: moderngl.Context) -> None:
+    cam = Camera.open(context)
+    assert not skips_empty(cam, [quad(900.0)])
+    assert skips_empty(cam, [quad(900.0, (-40, 40), (-40, 40))])
+
+
+def test_its_edge_is_a_pixel_outside(context: moderngl.Context) -> None:
+    """The blurred light one pixel outside the visible surface is kept."""
+    cam = Camera.open(context)
+    layers = cam.shoot([quad(900.0, (-40, 40), (-40, 40))])
+    rows, columns = np.nonzero(layers["phasor_b"][..., 2] > 0)
+    seen = np.nonzero(layers["clean"] > 0)
+    box, inner = (
+        Rect(int(x.min()), int(y.min()), int(np.ptp(x)) + 1, int(np.ptp(y)) + 1)
+        for y, x in ((rows, columns), seen)
+    )
+    assert box.contains(inner)
+    assert 1 <= box.width - inner.width <= 4

@@ -25,13 +25,10 @@ FILES = {
     "lens.toml": SENSOR.format(rig=RIG, rest="[rig.distortion]\nk7 = 0.1"),
     "lens_nan.toml": SENSOR.format(rig=RIG, rest="[rig.distortion]\nk1 = nan"),
     "lens_limit.toml": SENSOR.format(rig=RIG, rest="[rig.distortion]\nlimit_tan = 11"),
-    "parameter.toml": SENSOR.format(rig=RIG, rest=AXIAL + "base_sigma = 2"),
     "kind.toml": SENSOR.format(rig=RIG, rest=AXIAL + "base_sigma_mm = { unifrom = [1, 2] }"),
     "stage.toml": SENSOR.format(rig=RIG, rest='[[stage]]\nuse = "axail"'),
-    "title.toml": "titel = 'x'\n" + SENSOR.format(rig=RIG, rest=""),
     "config.toml": "[outptu]\ncrop = 64\n",
     "mixture.toml": "[[source]]\n[[source]]\nsubject = 3\n",
-    "twice.toml": "seed = 1\nseed = 2\n",
 }
 FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
 
@@ -48,49 +45,19 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
             ["--sensor", "emitter.toml"],
             ["emitter.toml: ", "'rig.emitter.0.position'", "'position_m'"],
         ),
-        (
-            ["--sensor", "parameter.toml"],
-            ["parameter.toml: stage 1", "base_sigma'", "'base_sigma_mm'"],
-        ),
         (["--sensor", "kind.toml"], ["kind.toml: stage 1: axial.base_sigma_mm: ", "'uniform'"]),
         (["--sensor", "stage.toml"], ["stage.toml: stage 1: ", "'axail'", "'axial'"]),
-        (["--sensor", "title.toml"], ["title.toml: ", "'titel'", "'title'"]),
-        (["--sensor", "kinect-v3"], ["'kinect-v3'", "'kinect-v2'"]),
         (["--config", "config.toml"], ["config.toml: ", "'outptu'", "'output'"]),
-        (["--config", "twice.toml"], ["twice.toml: ", "line 2"]),
-        (["--set", "=abc"], ["--set =abc: write name=value, e.g. "]),
         (
             ["--set", "pose.yaw_deg=abc"],
             ["--set pose.yaw_deg=abc: pose.yaw_deg: give a number, or"],
         ),
-        (["--set", "pose.yaw=3"], ["--set pose.yaw=3: ", "'pose.yaw'", "'yaw_deg'"]),
         (
             ["--set", "pose.yaw_deg={uniform=[1]}"],
             ["--set pose", "pose.yaw_deg.uniform.1: is miss"],
         ),
-        (["--set", "pose.yaw_deg={unifrm=[1,2]}"], ["--set pose", "yaw_deg.unifrm'", "'uniform'"]),
-        (
-            ["--set", "pose.distance_mm=inf"],
-            ["--set pose", "pose.distance_mm: numbers must be fin"],
-        ),
-        (["--set", "pose=3"], ["--set pose=3: pose: is a table: set one of its entries"]),
-        (["--set", "sensr=ideal"], ["--set sensr=ideal: ", "'sensr'", "'sensor'"]),
-        (
-            ["--set", "output.format=jpg"],
-            ["--set output.format=jpg: output.format: ", "png, webdat"],
-        ),
-        (
-            ["--set", "output.crop=3"],
-            ["--set output.crop=3: output.crop: must be greater than", "8"],
-        ),
-        (
-            ["--set", 'output.layers=["clen"]'],
-            ["--set output", "output.layers.0: 'clen'", "'clean'"],
-        ),
         (["--set", "rig.focal=[3,3]"], ["error: --set ", "'rig.focal'", "'focal_px'"]),
         (["--set", "rig.deliver=rwa"], ["--set rig.deliver=rwa: rig.deliver: 'rwa'", "'raw'"]),
-        (["--set", "rig.width=-3"], ["--set rig.width=-3: rig.width: must be", "8", "-3"]),
-        ([*FANKHAUSER, "--set", "axial.base_sigma=3"], ["error: --set ", "base_sigma_mm'"]),
         (
             [*FANKHAUSER, "--set", "axial.base_sigma_mm=-3"],
             ["--set axial.base_sigma_mm=-3: axial.base_", "[0,"],
@@ -99,12 +66,7 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
             [*FANKHAUSER, "--set", "axail.base_sigma_mm=3"],
             ["error: --set ", "'axail'", "'axial'"],
         ),
-        (
-            [*FANKHAUSER, "--set", "axial.base_sigma_mm=x"],
-            ["--set axial", "base_sigma_mm: give a num"],
-        ),
         (["--source", "proceduarl"], ["source.0.kind: 'proceduarl'", "'procedural'"]),
-        (["--set", "output.layers=clean,nosy"], ["output.layers.1: 'nosy'", "'noisy'"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) and value[0][0] == "-" else "",
 )
