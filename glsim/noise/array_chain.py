@@ -120,16 +120,9 @@ def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
 def _earlier_depth(
     stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
 ) -> NDArray[np.float32]:
-    """Return the depth of earlier frames, (h, w, N) metres, oldest first.
+    """Return the depth of earlier frames, (h, w, N) metres, oldest first. Raises ConfigError.
 
     Frame k before this one is exposed with a seed that is a function of (seed of this frame, k).
-
-    Args:
-        number: of the stage that matches.
-        layers: those of ``layers_for_earlier``, and what the matcher reads.
-
-    Raises:
-        ConfigError: no stage before exposes images, or it has no twin.
     """
     matcher, exposure = stages[number], _exposure(stages[:number])
     twin = None if exposure is None else _twin_of(exposure)

@@ -54,7 +54,14 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
                 f"{where}: stage {stage.name!r} is a shader and comes after {seen_array_stage!r}, "
                 "which runs on arrays: put array stages last"
             )
-        _check_reads(stage, source, layers, rig, where)
+        for name in (n for n in source.reads if n not in layers):
+            why = f"which no stage before it writes ({did_you_mean(name, layers)})"
+            if name in IMAGER_LAYERS:
+                why = (
+                    f"but the rig has {len(rig.imagers_m)} of the imagers that see it: give it one "
+                    "more under [[rig.imager]]"
+                )
+            raise ConfigError(f"{where}: stage {stage.name!r} reads the layer {name!r}, {why}")
         for name in source.bound:
             if name not in BOUND:
                 raise ConfigError(
@@ -65,24 +72,6 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
             raise ConfigError(
                 f"{where}: stage {stage.name!r} works on disparity, but the rig has no emitter "
                 "beside the camera: give it one under [[rig.emitter]]"
-            )
-
-
-def _check_reads(
-    stage: Stage, source: ShaderSource, layers: set[str], rig: SensorRig, where: str
-) -> None:
-    """Raise ConfigError if a stage reads a layer that is not among ``layers``."""
-    for name in source.reads:
-        if name in IMAGER_LAYERS and name not in layers:
-            raise ConfigError(
-                f"{where}: stage {stage.name!r} reads the layer {name!r}, but the rig has "
-                f"{len(rig.imagers_m)} of the imagers that see it: give it one more under "
-                "[[rig.imager]]"
-            )
-        if name not in layers:
-            raise ConfigError(
-                f"{where}: stage {stage.name!r} reads the layer {name!r}, which no stage "
-                f"before it writes ({did_you_mean(name, layers)})"
             )
 
 

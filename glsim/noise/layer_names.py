@@ -29,12 +29,8 @@ IMAGE_CONSTANTS = {PATTERN_LAYER: "PATTERN_MAP", PROJECTOR_LAYER: "PROJECTOR_IMA
 
 #: Depth with the device's systematic error and without everything random: clean before the first
 #: stage. Stages write it only in chains that need it: their shaders see the constant EXPECTED.
-#: tof_light and tof_fast do. The other stages have nothing to add: axial, gaussian, perlin,
-#: simplex, lateral, tof_taps and tof_floor are noise with a mean of 0; millimetre_quantise and
-#: disparity_quantise round, which noise before them turns into noise; fixed_pattern is a map that
-#: differs between pixels, to be removed; dot_spread, correlation_window, max_filter, tof_bilateral
-#: and the edges' stages blur, move or drop; haze, bounces (tof_multipath) and light in shadows
-#: depend on the scene.
+#: tof_light, tof_fast and any_camera_noise do. The other stages add noise with a mean of 0 or a
+#: pattern to be removed, blur, move, drop or round depth, or depend on the scene.
 EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
 
 #: Depth of N earlier frames of the same still scene, (h, w, N) metres, oldest first: other draws of

@@ -136,13 +136,7 @@ def _reject_rims(matched: Matched, reach_px: int, step: int) -> None:
 def _support_mean(
     values: Disparities, along_px: int, across_px: int, step_px: float
 ) -> Disparities:
-    """Average disparities over the neighbours that continue the surface, first rows, then columns.
-
-    Args:
-        values: (H, W) in 1/256 px, -1 without a match.
-        along_px, across_px: sides of the region along the baseline and across it.
-        step_px: a neighbour that differs by more does not count.
-    """
+    """Average disparities over neighbours that differ by less than a step, rows, then columns."""
     step = int(step_px * STEPS_PER_PX)
     for axis, side_px in ((1, along_px), (0, across_px)):
         values = _mean_along(values, axis, side_px // 2, step)

@@ -155,9 +155,8 @@ class Renderer:
             with ExitStack() as silhouettes:
                 uneven = layers.get("uneven", layers["clean"])
                 seen = silhouettes.enter_context(self._silhouettes.draw(uneven, window))
-                casting = uploaded if self.rig.shadow_map else []
                 layers |= self._draw_light(
-                    View(layers, seen), uploaded, casting, views, corners_m, window,
+                    View(layers, seen), uploaded, views, corners_m, window,
                     held, silhouettes,
                 )  # fmt: skip
                 if labels:
@@ -170,22 +169,13 @@ class Renderer:
         self,
         camera: View,
         meshes: Sequence[GpuMesh],
-        casting: Sequence[GpuMesh],
         views: Sequence[NDArray[np.float32]],
         corners_m: NDArray[np.float64],
         window: Rect,
         held: list[Target],
         silhouettes: ExitStack,
     ) -> dict[str, Target]:
-        """Draw the imagers' depth and normals, and the light that the camera and they see.
-
-        Args:
-            meshes: what the imagers see.
-            casting: what casts shadows.
-            views: one (4, 4) matrix per mesh of both.
-            held: gets the targets that are drawn.
-            silhouettes: gets the imagers' silhouettes.
-        """
+        """Draw the imagers' depth and normals, and the light that the camera and they see."""
         seen = [camera]
         layers: dict[str, Target] = {}
         for side, eye_m in zip(_SIDES, self.rig.imagers_m, strict=False):
@@ -199,7 +189,7 @@ class Renderer:
                 )
             layers |= {f"{side}_{name}": drawn[name] for name in ("clean", "normal")}
             seen.append(View(drawn, silhouette, eye_m, LIT_BY_EACH))
-        arrays = [mesh.projector for mesh in casting]
+        arrays = [mesh.projector for mesh in meshes] if self.rig.shadow_map else []
         names = (LIT.name, *(f"{side}_{LIT.name}" for side in _SIDES))
         lit = self._shadow_map.draw(seen, window, arrays, views, corners_m)
         held += lit
@@ -258,7 +248,6 @@ class Renderer:
         view = pose_matrix({})
         box = np.zeros((0, 3)) if surface is None else bounding_corners(surface.vertices_mm, view)
         meshes = [] if surface is None else [self._meshes.upload(surface)]
-        casting = meshes if self.rig.shadow_map else []
         with self._pool.scope() as held, ExitStack() as silhouettes:
             everywhere = silhouettes.enter_context(self._silhouettes.draw(None, window))
             layers = {
@@ -268,7 +257,7 @@ class Renderer:
             }
             held += layers.values()
             layers |= self._draw_light(
-                View(layers, everywhere), meshes, casting, [view] * len(meshes), box, window,
+                View(layers, everywhere), meshes, [view] * len(meshes), box, window,
                 held, silhouettes,
             )  # fmt: skip
             nearest_m = float(clean_m[clean_m > 0].min(initial=np.inf))

@@ -60,17 +60,14 @@ class SubFrames:
                 for name, source in rendered.layers.items():
                     if name not in layers:
                         layers[name] = rendered.pool.take(source.layer, window)
-                    self._copy_band(rendered.pool, source, layers[name], band)
+                    buffer = rendered.pool.framebuffer([layers[name]])
+                    buffer.use()
+                    buffer.viewport = source.layer.window(band)
+                    source.texture.use(0)
+                    self._copy.program["u_layer"] = 0
+                    self._context.enable_only(moderngl.NOTHING)
+                    self._copy.draw()
         return layers
-
-    def _copy_band(self, pool: TargetPool, source: Target, to: Target, band: Rect) -> None:
-        buffer = pool.framebuffer([to])
-        buffer.use()
-        buffer.viewport = to.layer.window(band)
-        source.texture.use(0)
-        self._copy.program["u_layer"] = 0
-        self._context.enable_only(moderngl.NOTHING)
-        self._copy.draw()
 
     def add_capture(
         self, pool: TargetPool, part: SubExposure, light: Mapping[str, Target], sums: list[Target]

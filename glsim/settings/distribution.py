@@ -28,6 +28,9 @@ Scope = Literal["frame", "sequence", "subject"]
 DrawScope = Literal[Scope, "device"]
 
 
+_KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
+
+
 class Distribution(TomlTable):
     """Exactly one of uniform, loguniform, normal, choice or constant; drawn once per ``per``."""
 
@@ -40,10 +43,9 @@ class Distribution(TomlTable):
 
     @model_validator(mode="after")
     def _check(self) -> Distribution:
-        kinds = ("constant", "uniform", "loguniform", "normal", "choice")
-        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
         if len(given) != 1:
-            raise ValueError(f"give exactly one of {', '.join(kinds)}, not {given or 'none'}")
+            raise ValueError(f"give exactly one of {', '.join(_KINDS)}, not {given or 'none'}")
         values = self._numbers()
         if not all(math.isfinite(v) for v in values):
             raise ValueError("numbers must be finite")
@@ -59,10 +61,9 @@ class Distribution(TomlTable):
         return self
 
     def _numbers(self) -> tuple[float, ...]:
-        for numbers in (self.uniform, self.loguniform, self.normal, self.choice):
-            if numbers is not None:
-                return numbers
-        return (self.constant,) if self.constant is not None else ()
+        given = (getattr(self, kind) for kind in _KINDS)
+        numbers = next(n for n in given if n is not None)
+        return numbers if isinstance(numbers, tuple) else (numbers,)
 
     @property
     def is_constant(self) -> bool:

@@ -237,17 +237,12 @@ def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict
         [np.float32(r) for r in (Reason.LOW_SIGNAL, Reason.SATURATED, Reason.DROPPED)],
         np.float32(Reason.VALID),
     )
-    rounded = _rounded(depth, np.float32(1000.0) * p["step_px"] / p["focal_baseline_px_mm"])
-    return without({**layers, "depth": rounded}, reason != Reason.VALID, reason)
-
-
-def _rounded(depth: Image, step_per_m: np.float32) -> Image:
-    """Depth whose inverse is a multiple of ``step_per_m``; 0: not rounded."""
-    if step_per_m <= 0:
-        return depth
-    known = np.where(depth > 0, depth, _ONE)
-    steps = np.maximum(np.floor(_ONE / (known * step_per_m) + _HALF), _ONE)
-    return np.where(depth > 0, _ONE / (step_per_m * steps), _ZERO)
+    if p["step_px"] > 0:
+        per_m = np.float32(1000.0) * p["step_px"] / p["focal_baseline_px_mm"]
+        known = np.where(depth > 0, depth, _ONE)
+        steps = np.maximum(np.floor(_ONE / (known * per_m) + _HALF), _ONE)
+        depth = np.where(depth > 0, _ONE / (per_m * steps), _ZERO)
+    return without({**layers, "depth": depth}, reason != Reason.VALID, reason)
 
 
 def _node(word: Words) -> Image:

@@ -114,28 +114,6 @@ def _mix(one: Image, other: Image, share: Image) -> Image:
     return mixed
 
 
-def _projected(
-    view: FrameContext,
-    layers: Layers,
-    point: Image,
-    normal: Image,
-    emitter: Point,
-    lit: Image,
-    key: Words,
-    p: Parameters,
-) -> Image:
-    way = point - np.array(emitter, np.float32)
-    squared = (way * way).sum(-1)
-    inverse = np.float32(1) / np.sqrt(squared)
-    facing = np.maximum(-(normal * way).sum(-1) * inverse, np.float32(0))
-    brightness = _thrown(view, layers, way[..., :2] / way[..., 2:], key, p)
-    pattern = p["flood"] + (np.float32(1) - p["flood"]) * brightness
-    pattern[brightness < 0] = 0
-    light: Image = lit * facing / squared * pattern
-    light *= (way[..., 2] * inverse) ** p["fall_off_power"]
-    return light
-
-
 def _imaged_light(
     view: FrameContext, layers: Layers, p: Parameters, side: str, imager: Point
 ) -> Image:
@@ -148,7 +126,15 @@ def _imaged_light(
     light = np.zeros_like(depth)
     for number, emitter in enumerate(view.emitters_m):
         word = key + np.uint32(number)
-        light += _projected(view, layers, point, shape[..., :3], emitter, lit[..., number], word, p)
+        way = point - np.array(emitter, np.float32)
+        squared = (way * way).sum(-1)
+        inverse = np.float32(1) / np.sqrt(squared)
+        facing = np.maximum(-(shape[..., :3] * way).sum(-1) * inverse, np.float32(0))
+        brightness = _thrown(view, layers, way[..., :2] / way[..., 2:], word, p)
+        pattern = p["flood"] + (np.float32(1) - p["flood"]) * brightness
+        pattern[brightness < 0] = 0
+        thrown: Image = lit[..., number] * facing / squared * pattern
+        light += thrown * (way[..., 2] * inverse) ** p["fall_off_power"]
     sky = np.float32(0.6) - np.float32(0.4) * shape[..., 1]
     albedo = shape[..., 3]
     if p["texture_share"] > 0:

@@ -114,10 +114,8 @@ def companded(taps: Image) -> Image:
     return result
 
 
-def taps_of(
-    view: FrameContext, layers: Layers, p: Parameters
-) -> tuple[Image, NDArray[np.bool_], NDArray[np.bool_]]:
-    """(h, w, 3, 3) taps by frequency and phase, and (h, w) masks of read and saturated pixels."""
+def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Measures taps with noise, and combines them into one phasor per frequency."""
     both = np.concatenate([layers["light_a"], layers["light_b"]], -1)
     light, beside_light = _blurred(view, both, p)
     shot = light[..., 6:7] / CONTRAST_MULTIPLIER + p["ambient_lsb"]
@@ -135,20 +133,9 @@ def taps_of(
     if p["companding"]:
         taps = companded(taps)
     border = ((x == 0) | (x == view.width - 1)) & (p["dead_border"] > 0)
-    read: NDArray[np.bool_] = seen & ~border
-    return taps, read, np.asarray(saturated)
-
-
-def demodulated(taps: Image) -> tuple[Image, Image]:
-    """(..., 3) real and imaginary parts, in units of amplitude, from (..., 3, 3) taps."""
+    read = seen & ~border
     scale = CONTRAST_MULTIPLIER * np.float32(2.0) / np.float32(3.0)
-    return scale * (taps * TAP_COS).sum(axis=-1), -scale * (taps * TAP_SIN).sum(axis=-1)
-
-
-def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Measures taps with noise, and combines them into one phasor per frequency."""
-    taps, read, saturated = taps_of(view, layers, p)
-    real, imaginary = demodulated(taps)
+    real, imaginary = scale * (taps * TAP_COS).sum(axis=-1), -scale * (taps * TAP_SIN).sum(axis=-1)
     amplitude = np.sqrt(real * real + imaginary * imaginary)
     mean = (amplitude[..., 0] + amplitude[..., 1] + amplitude[..., 2]) / np.float32(3.0)
     infrared = np.where(saturated, _LIMIT, np.minimum(_COUNTS_PER_AMPLITUDE * mean, _LIMIT))

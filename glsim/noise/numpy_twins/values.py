@@ -64,7 +64,8 @@ def gaussian(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     """Adds white noise in depth or in disparity."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     mm, px = normal_pair(first, second)
-    return {"depth": _displaced(view, layers, p["sigma_mm"] * mm, p["sigma_px"] * px)}
+    by_mm, by_px = p["sigma_mm"] * mm, p["sigma_px"] * px
+    return {"depth": displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)}
 
 
 def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -138,11 +139,7 @@ def _with_field(
     view: FrameContext, layers: Layers, p: Parameters, field: Image
 ) -> dict[str, Image]:
     by_mm, by_px = p["amplitude_mm"] * field, p["amplitude_px"] * field
-    return {"depth": _displaced(view, layers, by_mm, by_px)}
-
-
-def _displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) -> Image:
-    return displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)
+    return {"depth": displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)}
 
 
 def infrared(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
