@@ -15,7 +15,7 @@ from glsim.noise.numpy_twins.edges import cells
 from glsim.noise.registry import shipped_stages
 from tests.support.stage_harness import FRAME, Image, crop, frame, run_shader, run_twin, scene
 
-#: Stages of time of flight and of imagers have layers of their own: test_tof_agreement and
+#: Stages of time of flight and of imagers have layers of their own: test_tof_frames and
 #: test_stereo_light.
 SHADERS = [name for name, spec in shipped_stages().items() if spec.source is not None]
 STAGES = [use for use in SHADERS if not use.startswith(("tof_", "stereo_", "pattern_"))]
