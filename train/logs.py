@@ -82,7 +82,8 @@ def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -
     rows = []
     for frame in frames:
         noisy_m, denoised_m, clean_m = (
-            part[0].float().cpu().numpy() / np.float32(1000) for part in frame
+            np.asarray(part[0].float().cpu().numpy() / np.float32(1000), np.float32)
+            for part in frame
         )
         height, width = clean_m.shape
         camera = Intrinsics(width, height, _FOCAL_PX, _FOCAL_PX, width / 2, height / 2)

@@ -121,7 +121,8 @@ def with_shapes(model: onnx.ModelProto) -> onnx.ModelProto:
         if node.op_type == "Slice" and node.input[2] not in constants:
             _fix_ends(kept, known, constants)
         nodes.append(kept)
-    needed, reached = {output.name for output in graph.output}, []
+    needed = {output.name for output in graph.output}
+    reached: list[onnx.NodeProto] = []
     for node in reversed(nodes):  # those that the outputs need
         if needed.intersection(node.output):
             reached.insert(0, node)

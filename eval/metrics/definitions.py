@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -25,6 +26,10 @@ def _flying_px(prediction: ScoredMap) -> float:
     hits, predicted, _ = prediction.counts
     error = prediction.error[prediction.valid & prediction.truth.valid]
     return float(int(np.count_nonzero(np.abs(error) > FLYING_MM)) + predicted - hits)
+
+
+def _ssim(prediction: ScoredMap, preset: str) -> float:
+    return prediction.ssim[preset]
 
 
 def _angle(prediction: ScoredMap, of: Callable[..., float]) -> float:
@@ -85,7 +90,7 @@ SHIPPED_METRICS: Final = (
                                     / p.squared.size, p.mse_mm2), in_table=True),
     *(
         Metric(f"ssim_{name}", "1", "higher", "paper", f"structural similarity, {preset}",
-               lambda p, name=name: p.ssim[name], in_table=True)
+               partial(_ssim, preset=name), in_table=True)
         for name, preset in PRESETS.items()
     ),
     Metric("iou", "1", "higher", "validity", "valid in both / valid in either",

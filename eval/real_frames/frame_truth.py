@@ -133,7 +133,8 @@ class FrameTruth:
 
     def _lost(self, other_mm: Depth) -> Mask:
         raw = self.frame.measured_mm
-        return np.isfinite(raw) & ((other_mm <= 0) | (np.abs(other_mm - raw) > _LOST_MM))
+        moved = (other_mm <= 0) | (np.abs(other_mm - raw) > _LOST_MM)
+        return np.asarray(np.isfinite(raw) & moved, np.bool_)
 
 
 def distance_bin(depth_mm: NDArray[np.floating] | float) -> NDArray[np.int64]:

@@ -139,7 +139,7 @@ def write_transfer(
         document.parts += [Heading(TABLE_METRICS[metric].heading), _cell_table(of_metric)]
     paths = [out / "transfer.md", out / "transfer.csv"]
     write_atomic(document.markdown().encode(), paths[0])
-    fields = list(max(rows, key=len))
+    fields = list(dict.fromkeys(name for row in rows for name in row))
     write_csv(paths[1], fields, ([row.get(name, "") for name in fields] for row in rows))
     return paths
 

@@ -178,12 +178,12 @@ class TransferStudy(TomlTable):
             if kind not in ("sensor", "source"):
                 raise ConfigError(f"--leave {text}: write sensor:NAME, source:NAME or all")
             _check_names(f"--leave {text}", [name], [f.name for f in getattr(self, kind)])
-            kept = {"sensor": trainable, "source": self.source}
-            kept[kind] = tuple(family for family in kept[kind] if family.name != name)
-            if not all(kept.values()):
+            sensors = tuple(s for s in trainable if kind != "sensor" or s.name != name)
+            sources = tuple(s for s in self.source if kind != "source" or s.name != name)
+            if not sensors or not sources:
                 raise ConfigError(f"--leave {text}: nothing else is left to train on")
             cells = tuple(c for c in self.cells() if getattr(c, kind).name == name)
-            found.append(Training(f"without-{name}", kept["sensor"], kept["source"], cells))
+            found.append(Training(f"without-{name}", sensors, sources, cells))
         if train_on:
             _check_names("--train-on", train_on, [sensor.name for sensor in trainable])
             sensors = tuple(sensor for sensor in trainable if sensor.name in train_on)

@@ -15,7 +15,7 @@ import numpy as np
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_map import normals
 from glsim.core.depth_protocol import add_offset
-from glsim.denoise.interface import Depth, Mask
+from glsim.denoise.interface import Depth
 from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm, side_view
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 
@@ -130,6 +130,7 @@ def _draw(
         axis.set_xlim(columns.start, columns.stop)
         axis.set_ylim(high + _MARGIN_MM, low - _MARGIN_MM)
         return
+    picture: Any
     marks: list[tuple[Any, str]] = [(depth <= 0, _NOTHING)]
     if kind == "depth":
         picture = mappings["depth"].to_rgba(depth)[..., :3]
@@ -153,7 +154,7 @@ def _draw(
     axis.set_ylim(edges[2:])
 
 
-def _ends(used: Mask) -> tuple[int, int]:
+def _ends(used: Any) -> tuple[int, int]:
     """Return the first and the last index of what is used; of all without any."""
     places = np.flatnonzero(used if used.any() else ~used)
     return int(places[0]), int(places[-1])
