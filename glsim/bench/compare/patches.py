@@ -159,10 +159,7 @@ def _projections() -> tuple[Array, Array]:
 
 
 def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:
-    """Return (N, 16, 16) patches on a grid of 8 px, complete, smooth, with infrared in range.
-
-    And (N,) their first columns.
-    """
+    """Return (N, 16, 16) complete smooth patches on a grid of 8 px, and their first columns."""
     step, (height, width) = SIDE_PX // 2, frame.measured_mm.shape
     smooth = np.isfinite(surfaces(frame).rough_mm) & lit(frame)
     cells, columns = [], []

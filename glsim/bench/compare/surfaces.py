@@ -204,12 +204,7 @@ def _limit_mm(depth_mm: Array, differences: Array, at: Array) -> Array:
 
 
 def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Array:
-    """Smooth a depth map within slabs of depth, by planes in inverse depth.
-
-    A plane is fitted to the pixels of a slab of depths alone, so that a near and a far surface that
-    touch elsewhere are not mixed. NaN where nothing is known, and for flying pixels, which have few
-    neighbours in their slab.
-    """
+    """Smooth by planes in 1 / z within slabs of depth, so that surfaces that touch do not mix."""
     if not known.any():
         return np.full(depth_mm.shape, np.nan)
     level = np.where(known, np.log(np.where(known, depth_mm, 1.0)) / _SLAB, -10.0)
@@ -236,11 +231,7 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
 
 
 def _local_planes(values: Array, mask: Array, sigma_px: float) -> tuple[Array, Array]:
-    """Fit a plane around every pixel, weighted by a Gaussian and a mask.
-
-    Returns:
-        Its value at the pixel, and the share of the window that the mask has.
-    """
+    """Return a Gaussian-weighted plane at every pixel, and the share of its window in the mask."""
     y, x = np.mgrid[: values.shape[0], : values.shape[1]].astype(np.float64)
     known = mask > 0
     offset = float(values[known].mean())
@@ -401,16 +392,7 @@ def _fill_gap(
 
 
 def _behind_rows(front: Array, index: Labels) -> tuple[Array, Labels]:
-    """Continue far surfaces behind the rims of near ones, along rows.
-
-    Args:
-        front: (H, W) depth that the camera sees, mm, NaN = none.
-        index: (H, W) flat index of each pixel.
-
-    Returns:
-        (H, W) depth behind it, mm, and of the far surface's own last pixel; NaN elsewhere. And the
-        index of that last pixel, whose reflectivity the continued surface has.
-    """
+    """Continue far surfaces behind the rims of near ones: depth, mm, and pixel of the light."""
     out, place = np.full(front.shape, np.nan), np.zeros(front.shape, np.int64)
     width = front.shape[1]
     with np.errstate(invalid="ignore"):

@@ -225,10 +225,7 @@ def _smooth_mask(mean: Array) -> Mask:
 
 
 def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) -> Mask:
-    """Find pixels around which the surface is flat and evenly bright: no cloth, seams or print.
-
-    Depth is averaged over 5 x 5 first, which leaves little of the pattern to select by.
-    """
+    """Find pixels around which the surface is flat and evenly bright: no cloth, seams, print."""
     even = cv2.blur(np.where(steady, mean, 0.0), (5, 5))
     bends = [np.abs(second_difference(np.asarray(even), axis, 2 * _LAG_PX)) for axis in (0, 1)]
     flat = (bends[0] < _MOST_BEND_MM) & (bends[1] < _MOST_BEND_MM)
@@ -258,11 +255,7 @@ def second_difference(image: Array, axis: int, lag: int) -> Array:
 
 
 def _edges(frames: Frames, mean: Array, steady: Mask) -> tuple[int, float, float]:
-    """Count the pixels of a frame beside depth edges, and the shares without depth and flying.
-
-    An edge lies where steady pixels within 5 x 5 differ by more than _EDGE_MM; pixels beside it are
-    at most one pixel away from the end of the nearer surface.
-    """
+    """Count the pixels beside depth edges, and the shares of them without depth and flying."""
     kernel = np.ones((5, 5), np.uint8)
     low = cv2.erode(np.where(steady, mean, 1e6), kernel, borderValue=1e6)
     high = cv2.dilate(np.where(steady, mean, 0.0), kernel, borderValue=0.0)

@@ -184,10 +184,7 @@ def _median_of_counts(counts: Array) -> float:
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Fit y = offset + slope x by least absolute deviations, as half of the points may be outliers.
-
-    NaN for few points or if x hardly varies.
-    """
+    """Fit y = offset + slope x by least absolute deviations; NaN if x hardly varies."""
     if x.size < _LEAST_EDGES or float(np.subtract(*np.percentile(x, (90, 10)))) < 30.0:
         return float("nan"), float("nan")
     design = np.column_stack([np.ones_like(x), x])

@@ -159,14 +159,7 @@ def mug_before_walls() -> Mesh:
 def _cylinder(
     axis_mm: tuple[float, float], radius_mm: float, rows_mm: tuple[float, float], albedo: float
 ) -> Mesh:
-    """Build the mantle of an upright cylinder.
-
-    Args:
-        axis_mm: (x, z) of its axis.
-        radius_mm: of the mantle.
-        rows_mm: (top, bottom), y.
-        albedo: of it.
-    """
+    """Build the mantle of an upright cylinder: (x, z) of its axis, (top, bottom) y."""
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     x = axis_mm[0] + radius_mm * np.sin(turn)
     z = axis_mm[1] - radius_mm * np.cos(turn)

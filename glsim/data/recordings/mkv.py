@@ -83,10 +83,7 @@ class MkvStream(FrameStream):
         return found[0], next(iter([*lights, *found[1:]]), None)
 
     def _find_times(self, tracks: Sequence[int]) -> dict[int, NDArray[np.int64]]:
-        """Return the times of the frames of each track: the file is read once, packet by packet.
-
-        A recording that was cut off ends with its last whole frame.
-        """
+        """Return the times of whole frames of each track: the file is read once."""
         import av
 
         container = self._open()

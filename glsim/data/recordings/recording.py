@@ -153,9 +153,6 @@ class _Loader:
         camera = camera_of(self.stated.intrinsics, depth_mm.shape)
         return DepthFrame(FrameKey("", name, number), camera, layers, step_mm=step_mm, name=name)
 
-    def frames(self) -> Frames:
-        return Frames(len(self.reader), self)
-
 
 def camera_of(stated: Intrinsics | None, shape: tuple[int, ...]) -> Intrinsics:
     """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
@@ -214,7 +211,7 @@ def open_recording(
     if stated_by is not None and stated_by.name == CAMERA_FILE:
         check_size(stated, depth_mm.shape, stated_by)
     stated = _mirrored(stated, mirror)
-    frames = _Loader(reader, unit, mirror, stated).frames()
+    frames = Frames(len(reader), _Loader(reader, unit, mirror, stated))
     return Recording(given[0], found[0][0], frames, reader, stated, stated_by)
 
 
@@ -270,7 +267,7 @@ def _stream_recording(
     kind = STREAMS.get(path.suffix.lower(), "bag")
     notes = stream.notes if given.intrinsics is None else ()
     stated = _mirrored(stated, mirror)
-    frames = _Loader(stream, unit, mirror, stated).frames()
+    frames = Frames(len(stream), _Loader(stream, unit, mirror, stated))
     return Recording(path, kind, frames, stream, stated, file or path, notes)
 
 

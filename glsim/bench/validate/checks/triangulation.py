@@ -48,11 +48,7 @@ def _plane(captures: Captures, z_mm: float) -> tuple[DisparityNoise, NDArray[np.
 def _noise_rows(
     captures: Captures, distances_m: Sequence[float], scale: float
 ) -> tuple[dict[str, dict[str, float | None]], NDArray[np.float64]]:
-    """Measure planes; return residual, frame, static and correlation, and the last one's depths.
-
-    Args:
-        scale: of the noise's unit over pixels.
-    """
+    """Measure planes; return rows of noise times ``scale`` by measure, and the last depths."""
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
     found = []
     for distance in distances_m:
