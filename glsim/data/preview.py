@@ -161,7 +161,7 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
     """
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
     side = side if columns == 1 else min(side, _NARROW_PX)
-    headings = ("noisy, shaded", "infrared")
+    headings: tuple[str, ...] = ("noisy, shaded", "infrared")
     if frames[0].has_clean:
         headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
     width = columns * len(headings) * side

@@ -194,8 +194,8 @@ def _stated_mm(files: Sequence[Path]) -> set[float]:
         headers[root] = float(read_header(root)["depth_unit_mm"])
     stated = set()
     for file in files:
-        root = roots[file.parent]
-        stated.add(stated_unit_mm(file) if root is None else headers[root])
+        inside = roots[file.parent]
+        stated.add(stated_unit_mm(file) if inside is None else headers[inside])
     return set() if stated == {None} else {1.0 if step is None else step for step in stated}
 
 
