@@ -61,8 +61,8 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     cases = {case.title: case for case in read_cases(out)}
     assert len(cases) == 4
     for case in cases.values():
-        assert {"Median", "zero image"} <= {*case.values}
-    assert {"D7", "AR D7", "D20"} <= {*cases["protocol depth, dense clean maps"].values}
+        assert {"Median", "zero image"} <= {*case.seeds}
+    assert {"D7", "AR D7", "D20"} <= {*cases["protocol depth, dense clean maps"].seeds}
 
     # The same command trains nothing again; a step without its output or record is done again.
     run = out / "runs" / "paper-d7-small-4"

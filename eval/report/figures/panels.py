@@ -114,8 +114,8 @@ def _draw(
     seen = frame.clean > 0
     if kind == "side":
         half = half_width_mm()
-        picture = side_view(frame.in_space(depth), frame.in_space(frame.clean), frame.intrinsics)
-        axis.imshow(picture, extent=(-half, half, -half, half))
+        surface = side_view(frame.in_space(depth), frame.in_space(frame.clean), frame.intrinsics)
+        axis.imshow(surface, extent=(-half, half, -half, half))
         return
     rows, columns = (
         slice(max(0, first - _MARGIN_PX), last + 1 + _MARGIN_PX)
