@@ -15,9 +15,9 @@ from pathlib import Path
 
 from glsim.data.worker_processes import available_workers
 from glsim.denoise import PAPER_FILTERS
-from glsim.eval.report.tables import table_markdown
+from glsim.eval.report.score_tables import table_markdown
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.run import evaluate
+from glsim.eval.scoring.evaluate import evaluate
 
 
 def measure(dataset: Path, split: str) -> None:

@@ -28,7 +28,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from glsim.faces.base import Face, FaceSource
+from glsim.faces.face_source import Face, FaceSource
 from glsim.settings.schema import Settings, load_settings
 
 #: Name -> title. The first is what the others are compared with.

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from glsim.core.reason import Reason
     from glsim.data.driver import generate
     from glsim.data.export import export_dataset, push_dataset
-    from glsim.data.export.frames import Export
+    from glsim.data.export.exported_frame import Export
     from glsim.data.layer_images import webdataset_decoder
     from glsim.data.reader import open_dataset
     from glsim.data.verification import verify
     from glsim.denoise import load_denoiser
     from glsim.eval.metrics.metric import Metric
     from glsim.eval.scoring.blocks import ScoringJob
-    from glsim.eval.scoring.run import evaluate
-    from glsim.faces.base import Face, FaceKey, FaceSettings, FaceSource
+    from glsim.eval.scoring.evaluate import evaluate
+    from glsim.faces.face_source import Face, FaceKey, FaceSettings, FaceSource
     from glsim.faces.meshes import load_mesh
     from glsim.faces.one_mesh import OneMesh
     from glsim.gl.context import open_context
@@ -48,11 +48,11 @@ _HOME = {
     "Band": "glsim.bench.validate.report",
     "Check": "glsim.bench.validate.report",
     "Corrupter": "glsim.simulation.corrupt",
-    "Export": "glsim.data.export.frames",
-    "Face": "glsim.faces.base",
-    "FaceKey": "glsim.faces.base",
-    "FaceSettings": "glsim.faces.base",
-    "FaceSource": "glsim.faces.base",
+    "Export": "glsim.data.export.exported_frame",
+    "Face": "glsim.faces.face_source",
+    "FaceKey": "glsim.faces.face_source",
+    "FaceSettings": "glsim.faces.face_source",
+    "FaceSource": "glsim.faces.face_source",
     "Frame": "glsim.simulation.frame",
     "GlsimError": "glsim.core.errors",
     "Intrinsics": "glsim.core.camera",
@@ -68,7 +68,7 @@ _HOME = {
     "Simulator": "glsim.simulation.pipeline",
     "Skipped": "glsim.simulation.frame",
     "array_stage": "glsim.noise.stage",
-    "evaluate": "glsim.eval.scoring.run",
+    "evaluate": "glsim.eval.scoring.evaluate",
     "export_dataset": "glsim.data.export",
     "filter_sequence": "glsim.noise.realsense_filters",
     "frames": "glsim.simulation.pipeline",

@@ -25,8 +25,8 @@ from glsim import Frame, load_settings, simulate
 from glsim.core.errors import GlsimError
 from glsim.core.files.markdown import markdown_table
 from glsim.denoise import Denoiser, load_denoiser
-from glsim.eval.metrics.prediction import Truth
-from glsim.eval.metrics.score import score
+from glsim.eval.metrics.frame_score import score
+from glsim.eval.metrics.scored_map import Truth
 
 Depth = NDArray[np.float32]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from glsim import Frame, load_denoiser, load_settings, simulate
 from glsim.core.files.atomic import write_atomic
-from glsim.data.preview import Picture, brightness, shaded
+from glsim.data.contact_sheet import Picture, brightness, shaded
 
 _FIGURES: Final = Path(__file__).resolve().parents[1] / "docs" / "figures"
 #: Sensor -> its caption and the distance of the face, mm: where each camera is used.

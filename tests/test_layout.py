@@ -19,7 +19,7 @@ from tests.support.imports import loaded_after
         ("import glsim", {"torch", "cv2", "moderngl", "trimesh", "typer", "rich", "numpy"}),
         ("import glsim; glsim.load_settings()", {"torch", "cv2", "trimesh"}),
         ("import glsim.cli, glsim.train.recipe", {"torch", "cv2", "moderngl", "matplotlib"}),
-        ("import glsim.eval.scoring.run", {"torch", "matplotlib"}),
+        ("import glsim.eval.scoring.evaluate", {"torch", "matplotlib"}),
     ],
 )
 def test_nothing_heavy_is_loaded_early(code: str, not_loaded: set[str]) -> None:

@@ -76,14 +76,14 @@ HOMES = {
         "glsim.eval.report.figures",
         "glsim.eval.paper.figures",
     ),
-    "jinja2": ("glsim.eval.report.page",),
+    "jinja2": ("glsim.eval.report.document",),
     "nicegui": ("glsim.cli.tune_page",),
     "fastapi": ("glsim.cli.tune_page.page",),
     "tomlkit": ("glsim.cli.tune_page",),
     "playwright": (),
     "skimage": (),
     "sklearn": ("glsim.bench.compare.classifier",),
-    "scipy": ("glsim.bench.compare.surfaces",),
+    "scipy": ("glsim.bench.compare.replay_surfaces",),
     "huggingface_hub": ("glsim.data.export.hub",),
     "rosbags": ("glsim.data.recordings.bag",),
     "av": ("glsim.data.recordings.mkv",),
@@ -160,7 +160,7 @@ def test_every_room_exists_and_every_module_has_one() -> None:
         "import glsim.data.reader",
         "def f():\n    from glsim import dataset",
         "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from glsim.cli import app",
-        "from importlib import import_module\nimport_module('glsim.eval.scoring.run')",
+        "from importlib import import_module\nimport_module('glsim.eval.scoring.evaluate')",
         "from glsim import load_settings",
         "from ..pipeline import simulate",
         "import torch",
@@ -177,10 +177,10 @@ def test_a_forbidden_import_is_found(tmp_path: Path, source: str) -> None:
 
 
 def test_train_and_eval_meet_in_denoise_only() -> None:
-    for module, other in (("glsim.eval.scoring.run", "train"), ("glsim.train.fit", "eval")):
+    for module, other in (("glsim.eval.scoring.evaluate", "train"), ("glsim.train.fit", "eval")):
         assert broken_rules(module, f"import glsim.{other}")
         assert broken_rules(module, "import glsim.denoise") == []
-    assert broken_rules("glsim.eval.scoring.run", "from glsim.train.models import registry")
+    assert broken_rules("glsim.eval.scoring.evaluate", "from glsim.train.models import registry")
     assert broken_rules("glsim.denoise.inference", "from glsim.train.models import registry") == []
     assert broken_rules("glsim.denoise.inference", "from glsim.train import recipe")
 

@@ -16,7 +16,7 @@ from torch import Tensor
 from glsim.core.camera import Intrinsics
 from glsim.core.files.atomic import without_nan, write_atomic
 from glsim.core.files.png import write_picture
-from glsim.data.preview import difference, shaded
+from glsim.data.contact_sheet import difference, shaded
 
 METRICS_FILE: Final = "metrics.csv"
 RUN_FILE: Final = "run.json"

@@ -19,7 +19,7 @@ from torch.nn import functional
 from glsim.core.depth_map import BAND_PX, JUMP_MM
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.denoise.safeguards import REACH_PX
-from glsim.settings.tables import parse_table
+from glsim.settings.toml_tables import parse_table
 from glsim.train.models.base import Prediction
 
 LossParts = dict[str, Tensor]
@@ -77,7 +77,7 @@ def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
 def interior_mask(clean_mm: Tensor) -> Tensor:
     """Mark pixels with depth more than BAND_PX from holes and from jumps: (B, 1, H, W) bool.
 
-    Equals the interior of ``eval/metrics/prediction.py``, which training may not import; a test
+    Equals the interior of ``eval/metrics/scored_map.py``, which training may not import; a test
     compares the two.
     """
     valid = clean_mm > 0

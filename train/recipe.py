@@ -29,7 +29,7 @@ from pydantic import Field
 
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.settings.tables import TomlTable, assign, parse_table, read_toml, split_assignment
+from glsim.settings.toml_tables import TomlTable, assign, parse_table, read_toml, split_assignment
 
 RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
 PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]

@@ -19,7 +19,7 @@ from glsim.core.files.atomic import file_checksum, wrap_write_errors
 from glsim.core.files.lock import locked
 from glsim.denoise import checkpoint
 from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX, is_shipped, shipped_file
-from glsim.settings.tables import parse_table
+from glsim.settings.toml_tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
 from glsim.train.state import WeightsOf
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from glsim.core.depth_map import BAND_PX
 from glsim.eval.metrics.metric import Direction, Metric
-from glsim.eval.metrics.prediction import FLYING_MM, PSNR_MAX_MM, ScoredMap, psnr_db
+from glsim.eval.metrics.scored_map import FLYING_MM, PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
 
 #: A normal with a smaller error, degrees, counts as good.

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from glsim.eval.metrics.prediction import ScoredMap
+from glsim.eval.metrics.scored_map import ScoredMap
 
 Direction = Literal["lower", "higher", "neither"]
 MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]

@@ -17,13 +17,19 @@ from pydantic import Field
 
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.eval.paper.figures.write import write_paper_figures
-from glsim.eval.paper.score import score_tables
-from glsim.eval.paper.values import FILTERS_FOLDER, MASKS, case_folder, mask_folder, write_values
+from glsim.eval.paper.figures.draw_figures import write_paper_figures
+from glsim.eval.paper.ours_beside_printed import (
+    FILTERS_FOLDER,
+    MASKS,
+    case_folder,
+    mask_folder,
+    write_values,
+)
+from glsim.eval.paper.score_networks import score_tables
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.studies.runner import Runner
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.tables import TomlTable, merge_tables, parse_table, read_toml
+from glsim.settings.toml_tables import TomlTable, merge_tables, parse_table, read_toml
 from glsim.simulation.plan.paper_sources import PAPER_SOURCES, paper_mixture
 from glsim.train.recipe import Recipe, load_recipe
 

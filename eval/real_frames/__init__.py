@@ -5,9 +5,9 @@
 """
 
 from glsim.eval.real_frames.frame_truth import BINS_M
-from glsim.eval.real_frames.results import RealMeasures, RealScores
-from glsim.eval.real_frames.run import score_recording, tune_on_pairs
-from glsim.eval.real_frames.split import SplitRecording, split_recording
+from glsim.eval.real_frames.halves import SplitRecording, split_recording
+from glsim.eval.real_frames.score_recording import score_recording, tune_on_pairs
+from glsim.eval.real_frames.totals import RealMeasures, RealScores
 
 __all__ = [
     "BINS_M",

@@ -13,10 +13,10 @@ import numpy as np
 
 from glsim.core.files.atomic import write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
-from glsim.eval.real_frames.results import EDGES, Interval, RealMeasures, RealScores
-from glsim.eval.report.page import CaptionedPng, Document, Heading, TextTable, html_page
-from glsim.eval.report.tables import format_number
-from glsim.eval.scoring.run import write_csv
+from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealScores
+from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable, html_page
+from glsim.eval.report.score_tables import format_number
+from glsim.eval.scoring.evaluate import write_csv
 
 #: Headings of EDGES, in order, and their factor: shares are printed in %.
 _EDGE_HEADS: Final = {

@@ -12,11 +12,11 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.denoise import load_denoiser
 from glsim.denoise.interface import Depth
+from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
 from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels
 from glsim.eval.report.figures.style import to_png
-from glsim.eval.report.page import CaptionedPng, Document, html_page
-from glsim.eval.report.tables import (
+from glsim.eval.report.score_tables import (
     ResultTable,
     note_documents,
     result_documents,
@@ -25,7 +25,7 @@ from glsim.eval.report.tables import (
     write_table_csv,
 )
 from glsim.eval.scoring.blocks import ScoringJob, denoise, stacks_of
-from glsim.eval.scoring.run import Evaluation
+from glsim.eval.scoring.evaluate import Evaluation
 
 #: Largest number of methods side by side in a figure, which is as wide as a paper page.
 _COLUMNS: Final = 5

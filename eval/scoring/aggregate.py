@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE
+from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.prediction import psnr_db
-from glsim.eval.metrics.score import METRICS
+from glsim.eval.metrics.scored_map import psnr_db
 from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
 from glsim.eval.scoring.blocks import BINS, Row
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.denoise.interface import Depth
-from glsim.eval.metrics.prediction import FLYING_MM, Truth
+from glsim.eval.metrics.scored_map import FLYING_MM, Truth
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 #: Width of a bin, mm.

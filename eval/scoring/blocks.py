@@ -20,9 +20,9 @@ from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.denoiser import Estimate
 from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
-from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.regions import Regions
-from glsim.eval.metrics.score import score
+from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.scoring.baselines import TRIVIAL_BASELINES
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames

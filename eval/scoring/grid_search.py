@@ -10,7 +10,7 @@ from typing import Final
 from glsim.denoise import GRIDS
 from glsim.denoise.registry import CLEANUPS, tuning_specs
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.run import Evaluation, ScoringProgress, evaluate, write_csv
+from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate, write_csv
 
 #: Target number of tuning frames, evenly spread over the split.
 TUNING_FRAMES: Final = 150

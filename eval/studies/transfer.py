@@ -18,8 +18,8 @@ from glsim.core.errors import DatasetError
 from glsim.denoise import DEFAULT_COMPOSITE, GRIDS, load_denoiser
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.evaluate import evaluate
 from glsim.eval.scoring.grid_search import tune_filters
-from glsim.eval.scoring.run import evaluate
 from glsim.eval.studies.runner import Runner
 from glsim.eval.studies.transfer_report import (
     METRICS,

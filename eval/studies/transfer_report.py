@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.files.atomic import write_atomic
-from glsim.eval.report.page import Document, Heading, TextTable
-from glsim.eval.report.tables import TABLE_METRICS, format_number
+from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.score_tables import TABLE_METRICS, format_number
 from glsim.eval.scoring.bias import (
     BIAS_BIN_MM,
     ENOUGH_PIXELS,
@@ -22,8 +22,8 @@ from glsim.eval.scoring.bias import (
     bias_by_distance,
     largest_bias,
 )
+from glsim.eval.scoring.evaluate import write_csv
 from glsim.eval.scoring.grid_search import SURFACE
-from glsim.eval.scoring.run import write_csv
 from glsim.eval.scoring.statistics import SubjectSums, ratio_interval
 from glsim.eval.studies.transfer_study import Cell, TransferStudy
 

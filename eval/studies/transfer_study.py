@@ -33,7 +33,7 @@ from glsim.core.errors import ConfigError, did_you_mean
 from glsim.faces.people.fetch import data_folder
 from glsim.sensors.sensor import sensor_names
 from glsim.settings.schema import Settings, load_settings
-from glsim.settings.tables import TomlTable, merge_tables, parse_table, read_toml
+from glsim.settings.toml_tables import TomlTable, merge_tables, parse_table, read_toml
 
 _FOLDER: Final = Path(__file__).parent / "transfers"
 #: Names become folders, and parts of --leave.

@@ -170,7 +170,7 @@ def score_and_write(
         tune: adds denoisers to the job, given the folder and the number of workers.
     """
     from glsim.data.worker_processes import worker_count
-    from glsim.eval.paper.score import score_tables
+    from glsim.eval.paper.score_networks import score_tables
 
     count = worker_count(workers)
     check_outputs(out / "table.md")

@@ -61,7 +61,7 @@ def evaluate_real(
     """
     from glsim.data.worker_processes import worker_count
     from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs
-    from glsim.eval.real_frames.split import Source
+    from glsim.eval.real_frames.halves import Source
     from glsim.eval.report.real_frames_page import write_real_frames
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
@@ -88,9 +88,9 @@ def evaluate_real(
         )
     pictures = []
     if figures:
+        from glsim.eval.report.document import CaptionedPng
         from glsim.eval.report.figures.real_frames import measures_figure
         from glsim.eval.report.figures.style import to_png
-        from glsim.eval.report.page import CaptionedPng
 
         caption = "All measures; edges: shares."
         pictures = [CaptionedPng("measures", caption, to_png(measures_figure(scores)))]
@@ -114,7 +114,7 @@ def _print_summary(scores: RealScores) -> None:
     """Print the tables' last columns and the edges on stdout."""
     from rich.table import Table
 
-    from glsim.eval.report.tables import format_number
+    from glsim.eval.report.score_tables import format_number
 
     table = Table("method", title=f"{scores.title}: {len(scores.checksums)} real frames")
     heads = ("static pairs [%]", "board [%]", "largest shift [mm]", "ring lost [%]",

@@ -20,7 +20,7 @@ from glsim.cli.common import (
 from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.bench.fit.sensor_file import FittedSensor
+    from glsim.bench.fit.fitted_sensor import FittedSensor
     from glsim.bench.measures.depth_noise import Cell
 
 EXAMPLES = """

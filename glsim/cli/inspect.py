@@ -51,7 +51,7 @@ def inspect(
     """
     from glsim.core.files.png import write_picture
     from glsim.data import inspection
-    from glsim.data.preview import gallery
+    from glsim.data.contact_sheet import gallery
 
     if not path.exists():
         raise ConfigError(f"{path}: no such file or folder")

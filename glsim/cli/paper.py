@@ -115,14 +115,14 @@ def tables(
 
 def figures(folder: FolderArgument) -> None:
     """Draw the paper's figures 1 to 6 from the data and networks of a reproduction."""
-    from glsim.eval.paper.figures.write import write_paper_figures
+    from glsim.eval.paper.figures.draw_figures import write_paper_figures
 
     print_written(write_paper_figures(folder, lambda name: print_message(f"drawing {name}")))
 
 
 def values(folder: FolderArgument) -> None:
     """Write paper_values.html: each value that the paper prints beside ours in four cases."""
-    from glsim.eval.paper.values import write_values
+    from glsim.eval.paper.ours_beside_printed import write_values
 
     if not folder.is_dir():
         raise ConfigError(f"{folder}: no such folder: run glsim paper reproduce -o {folder} first")

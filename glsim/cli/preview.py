@@ -39,7 +39,7 @@ def preview(
     from glsim.bench.measures.depth_errors import noise_table, recording_table
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import write_picture
-    from glsim.data.preview import PreviewFrame, contact_sheet
+    from glsim.data.contact_sheet import PreviewFrame, contact_sheet
     from glsim.data.reader import open_dataset
 
     opened = open_dataset(dataset)

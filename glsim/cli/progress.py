@@ -13,7 +13,7 @@ from glsim.core.errors import DatasetError
 
 if TYPE_CHECKING:
     from glsim.data.progress import GenerateProgress, GenerateSummary
-    from glsim.eval.scoring.run import ScoringProgress
+    from glsim.eval.scoring.evaluate import ScoringProgress
     from glsim.eval.studies.runner import Displays
 
 

@@ -54,8 +54,8 @@ def render(
         axes: File axes that become x, y, z, such as +x+y+z; overrides detection.
     """
     from glsim.core.files.png import write_picture
+    from glsim.data.contact_sheet import PreviewFrame, contact_sheet
     from glsim.data.layer_images import write_frame
-    from glsim.data.preview import PreviewFrame, contact_sheet
     from glsim.faces.meshes.load import load_mesh
     from glsim.faces.one_mesh import OneMesh
     from glsim.settings.schema import load_settings

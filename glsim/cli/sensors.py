@@ -88,7 +88,7 @@ def _described(sensor: Sensor) -> dict[str, Any]:
 
 def _copy(source: Path, out: Path | None) -> None:
     """Print a sensor's file, or write it to a new one. Raises ConfigError, DatasetError."""
-    from glsim.settings.tables import read_toml
+    from glsim.settings.toml_tables import read_toml
 
     read_toml(source)  # refuses what is no readable TOML file
     text = source.read_text(encoding="utf-8")

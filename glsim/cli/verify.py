@@ -90,7 +90,7 @@ def _command(dataset: Path, header: Mapping[str, Any]) -> str:
     Raises GlsimError if the settings are not those of this version.
     """
     from glsim.settings.schema import Settings
-    from glsim.settings.tables import parse_table, toml_value
+    from glsim.settings.toml_tables import parse_table, toml_value
 
     settings = parse_table(Settings, header.get("settings", {}), str(dataset))
     tree = settings.model_dump(mode="json", exclude_none=True)

@@ -15,9 +15,9 @@ from glsim.core.files.atomic import AtomicFile, checksum, to_json
 from glsim.core.files.png import encode_png
 from glsim.core.files.store import Store
 from glsim.data.chunks import Chunk
-from glsim.data.identity import InputHashes
 from glsim.data.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
-from glsim.data.run_state import RunState
+from glsim.data.run_identity import InputHashes
+from glsim.data.state_folder import RunState
 from glsim.data.worker_processes import Interim
 from glsim.settings.schema import Settings
 from glsim.simulation.frame import Frame, Skipped

@@ -20,12 +20,12 @@ from glsim.core.files.store import Store
 from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
 from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan, Part
 from glsim.data.disk_format import HEADER, SKIPPED
-from glsim.data.identity import InputHashes, make_identity
 from glsim.data.merge import bounded_lines, merge, merged_files_are_intact
 from glsim.data.progress import GenerateSummary, PartSummary, Progress, RunCounts
 from glsim.data.record_schema import MAX_HEADER_BYTES, MAX_LINE_BYTES, parse_header
 from glsim.data.records import ChunkRecord, ChunkSummary
-from glsim.data.run_state import RunState
+from glsim.data.run_identity import InputHashes, make_identity
+from glsim.data.state_folder import RunState
 from glsim.data.worker_processes import run_tasks
 from glsim.settings.schema import Settings
 from glsim.simulation.plan.tasks import Task
@@ -80,7 +80,7 @@ class DatasetRun:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """The entries of the header that decide the bytes, see ``glsim.data.identity``."""
+        """The entries of the header that decide the bytes, see ``glsim.data.run_identity``."""
         identity = make_identity(self.settings, self.plan, self.sensor, self.renderer)
         if self.regions:
             identity["regions"] = dict(self.regions)  # pixel values of the layer; 0 = none

@@ -1,7 +1,12 @@
-"""The driver of a run: survey the folder, render missing chunks, merge. It resumes any run.
+"""Generate a data set, or a part of one, and resume it.
 
-``generate`` makes a whole data set, ``generate_part`` one part of it; ``write_dataset`` makes a
-data set of given tasks.
+Steps of a run, in the order of the calls:
+
+1. plan: ``simulation.plan.tasks.make_tasks`` lists the frames; ``chunks`` groups them.
+2. survey: ``dataset_run`` finds chunks without record or files; ``state_folder`` locks.
+3. render: ``worker_processes`` run ``chunk_writer``, which takes frames from ``frame_maker`` (the
+   ``Simulator``) and writes their PNG files and one record per chunk.
+4. merge: ``merge`` joins the records to the manifest, and writes the header last.
 """
 
 from __future__ import annotations
@@ -14,8 +19,8 @@ from glsim.core.files.cloud import open_store
 from glsim.data.chunk_writer import FrameMaker
 from glsim.data.chunks import Part
 from glsim.data.dataset_run import ChunkRenderer, DatasetRun, in_processes, run_all, run_part
-from glsim.data.identity import InputHashes
 from glsim.data.progress import GenerateSummary, PartSummary, Progress
+from glsim.data.run_identity import InputHashes
 from glsim.data.worker_processes import Workers, available_workers, portable_environment
 from glsim.settings.schema import Settings
 from glsim.simulation.plan.tasks import Task, make_tasks
@@ -81,8 +86,9 @@ def _simulation(
 ) -> tuple[DatasetRun, ChunkRenderer]:
     """Return the run that simulates the data set, and the function that renders its chunks."""
     # Imported here because reading a data set needs no OpenGL.
-    from glsim.data.arithmetic import SameMachineSimulator, machine_of_workers, this_machine
-    from glsim.data.inputs import source_hashes, stage_hashes
+    from glsim.data.arithmetic import machine_of_workers, this_machine
+    from glsim.data.frame_maker import SameMachineSimulator
+    from glsim.data.input_hashes import source_hashes, stage_hashes
     from glsim.faces.regions import region_numbers
     from glsim.gl.context import borrowed_context
     from glsim.looks.dress import worn_regions

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Final
 
 from glsim.core.errors import ConfigError, GlsimError
+from glsim.data.contact_sheet import PreviewFrame
 from glsim.data.disk_format import HEADER
-from glsim.data.preview import PreviewFrame
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSettings, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSource
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.scans.file_tree import check_root, list_names

@@ -23,7 +23,7 @@ from glsim.data.record_schema import (
     parse_header,
 )
 from glsim.data.records import Record, metadata_row
-from glsim.data.run_state import RunState
+from glsim.data.state_folder import RunState
 from glsim.settings.schema import SPLIT_NAMES
 
 

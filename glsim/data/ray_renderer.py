@@ -20,12 +20,12 @@ from typing import Any
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import temporary_folder
 from glsim.core.files.cloud import open_store
-from glsim.data.arithmetic import SameMachineSimulator
 from glsim.data.chunk_writer import ChunkEvent, RenderJob, write_chunks
 from glsim.data.chunks import Chunk, ChunkPlan
 from glsim.data.dataset_run import ChunkRenderer
 from glsim.data.disk_format import STATE
-from glsim.data.inputs import refuse_other_inputs
+from glsim.data.frame_maker import SameMachineSimulator
+from glsim.data.input_hashes import refuse_other_inputs
 from glsim.data.ray_cluster import failure_of, ray_cluster, run_tasks
 from glsim.data.records import ChunkRecord, parse_chunk_record
 from glsim.data.worker_processes import WorkerFailure

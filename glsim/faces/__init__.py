@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from glsim.core.errors import ConfigError
-from glsim.faces.base import FaceSettings, FaceSource
+from glsim.faces.face_source import FaceSettings, FaceSource
 from glsim.settings.source_settings import SourceSettings
 
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from glsim.core.errors import ConfigError
 from glsim.core.seeds import rng_for
-from glsim.faces.base import ComputedKeys, FaceKey, FaceSettings, FaceSource, Topology
+from glsim.faces.face_source import ComputedKeys, FaceKey, FaceSettings, FaceSource, Topology
 from glsim.faces.performance import performance_for, sequence_name, sequence_number
 
 #: Frames of a generated sequence, unless the settings say otherwise.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from glsim.core.mesh import Mesh
-from glsim.faces.base import Face, FaceKey, FaceSource
+from glsim.faces.face_source import Face, FaceKey, FaceSource
 
 
 class OneMesh(FaceSource):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.products import product
-from glsim.faces.base import FaceSource
+from glsim.faces.face_source import FaceSource
 
 #: Region names with a fixed number, from 1: "nose" has the same number in every data set.
 #: Part of the data-set format: append new names at the end.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import VariationSettings
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
-from glsim.faces.base import Face, FaceSource, WornPart
+from glsim.faces.face_source import Face, FaceSource, WornPart
 from glsim.faces.generated import GeneratedFaces
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.beard import make_beard, make_beard_grid, make_brow_grid, make_brows

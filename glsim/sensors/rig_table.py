@@ -33,7 +33,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_co
 from glsim.core.camera import Distortion, Emitter, Exposure, Intrinsics, SensorRig
 from glsim.sensors.images import half_tan
 from glsim.sensors.wiggling import Wave
-from glsim.settings.tables import TomlTable
+from glsim.settings.toml_tables import TomlTable
 
 #: A coordinate beside the camera, m, and one in the image, pixels; far beyond those of any camera.
 _Metres = Annotated[float, Field(ge=-100, le=100)]

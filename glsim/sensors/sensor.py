@@ -36,7 +36,13 @@ from glsim.sensors.rig_table import RigTable
 from glsim.sensors.wiggling import Wave
 from glsim.settings.distribution import Distribution, NumberSetting
 from glsim.settings.schema import Settings, place_of
-from glsim.settings.tables import TomlTable, first_problem, merge_tables, parse_table, read_toml
+from glsim.settings.toml_tables import (
+    TomlTable,
+    first_problem,
+    merge_tables,
+    parse_table,
+    read_toml,
+)
 
 SENSOR_FOLDER = Path(__file__).parent
 #: The key that names the other file.

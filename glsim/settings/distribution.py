@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from glsim.core.seeds import keyed_rng
-from glsim.settings.tables import TomlTable
+from glsim.settings.toml_tables import TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]
 #: Of a number: scenes and shapes belong to subjects, numbers of a sensor to devices too.

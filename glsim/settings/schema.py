@@ -51,7 +51,7 @@ from glsim.core.errors import ConfigError
 from glsim.settings.distribution import Distribution, NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
 from glsim.settings.source_settings import SourceSettings, parse_source
-from glsim.settings.tables import (
+from glsim.settings.toml_tables import (
     TomlTable,
     assign,
     merge_tables,

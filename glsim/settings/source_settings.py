@@ -20,7 +20,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from glsim.core.plugins import load_plugin, module_names, plugin_names, shipped_module
-from glsim.settings.tables import TomlTable
+from glsim.settings.toml_tables import TomlTable
 
 _GROUP: Final = "sources"
 _FOLDER: Final = "faces/sources"

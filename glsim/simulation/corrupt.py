@@ -14,7 +14,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
-from glsim.faces.base import FaceKey
+from glsim.faces.face_source import FaceKey
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_array_stages, run_twins

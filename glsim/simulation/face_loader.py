@@ -13,7 +13,7 @@ import numpy as np
 
 from glsim.core.camera import SensorRig
 from glsim.core.errors import GlsimError, MeshError
-from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceSource
 from glsim.faces.variation import vary
 from glsim.looks.dress import Dresser
 from glsim.looks.room.other_people import OtherPeople

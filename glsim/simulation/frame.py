@@ -15,7 +15,7 @@ from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 
 if TYPE_CHECKING:
-    from glsim.faces.base import FaceKey
+    from glsim.faces.face_source import FaceKey
 
 _T = TypeVar("_T", bound=np.generic)
 

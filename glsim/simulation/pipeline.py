@@ -27,7 +27,7 @@ import numpy as np
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.seeds import stable_seed
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceSource
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import array_reach_px, run_array_stages

@@ -11,7 +11,7 @@ import moderngl
 
 from glsim.core.camera import SensorRig
 from glsim.core.rect import Rect
-from glsim.faces.base import FaceSource
+from glsim.faces.face_source import FaceSource
 from glsim.noise.chain import StageLayers
 from glsim.noise.stage_pass import LinkedStages
 from glsim.render.renderer import Rendered, Renderer

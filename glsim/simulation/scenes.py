@@ -12,7 +12,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
-from glsim.faces.base import Face, WornPart
+from glsim.faces.face_source import Face, WornPart
 from glsim.faces.neck import bend_neck, head_motion, move_pose
 from glsim.faces.regions import RegionLabels, landmark_vertices, to_camera
 from glsim.faces.variation import draw_variation

@@ -13,7 +13,7 @@ import pytest
 from glsim.bench.compare.classifier import tell_apart
 from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import surface_patches
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
 from glsim.bench.fit.recording_statistics import describe_pattern, measure_recording
-from glsim.bench.fit.wiggling import fit_wiggling
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.camera import Intrinsics

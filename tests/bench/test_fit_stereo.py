@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.fit.stereo_sensor import find_lattice, measure_stereo, stereo_base
 from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.stacks import with_nan
 from glsim.bench.measures.validity import flip_share, hole_share_beside_band
 from glsim.bench.validate import VirtualCamera

@@ -7,8 +7,8 @@ import pytest
 
 from glsim.bench.measures.correlation import LAGS
 from glsim.bench.measures.depth_noise import measure_spatial, measure_temporal
-from glsim.bench.measures.frame import frames_of, radius_px
 from glsim.bench.measures.light import measure_light
+from glsim.bench.measures.measured_frame import frames_of, radius_px
 from glsim.bench.measures.pattern import measure_pattern
 from glsim.bench.measures.silhouettes import measure_silhouettes
 from glsim.bench.measures.static import static_pairs, view_change

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.replay import replay
-from glsim.bench.compare.surfaces import (
+from glsim.bench.compare.replay_surfaces import (
     find_surfaces,
     keep_relief,
     measure_noise_floor,
     smooth_surfaces,
 )
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames

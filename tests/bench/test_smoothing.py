@@ -13,7 +13,7 @@ import pytest
 from glsim.bench.fit.recording_statistics import measure_recording
 from glsim.bench.fit.smoothing import find_smoothing
 from glsim.bench.measures.correlation import LAGS
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.files.atomic import write_atomic

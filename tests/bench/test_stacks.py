@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glsim.bench.measures import stacks as measure
-from glsim.bench.validate.checks.edges import shadow_px
+from glsim.bench.validate.checks.depth_edges import shadow_px
 from glsim.bench.validate.checks.phases import kde_phase_sigma_rad
 from glsim.sensors import kinect_v2
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from glsim.bench.validate import Captures, VirtualCamera, run, scenes
-from glsim.bench.validate.checks import depth, edges, faces, phases, walls
+from glsim.bench.validate.checks import depth, faces, phases, walls
+from glsim.bench.validate.checks import depth_edges as edges
 from glsim.bench.validate.checks.triangulation import lattice_share
 from glsim.bench.validate.report import Band, Check, CheckResult, Measurement, ValidationReport
 from glsim.cli import main

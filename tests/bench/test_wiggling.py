@@ -9,9 +9,9 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.recording_statistics import measure_recording
-from glsim.bench.fit.wiggling import fit_wiggling
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.core.camera import Intrinsics
 from glsim.core.mesh import Mesh

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
+from glsim.eval.paper.ours_beside_printed import read_cases
 from glsim.eval.paper.printed_values import PRINTED_NETWORKS
 from glsim.eval.paper.reproduce import load_plan
-from glsim.eval.paper.values import read_cases
 from glsim.simulation.plan.split import PAPER_IMAGES, split_as_paper
 from tests.support.face_set_trees import write_tree
 

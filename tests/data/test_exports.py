@@ -16,9 +16,9 @@ from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.exr import decode_exr, encode_exr
 from glsim.data.export import FORMATS, export_dataset
+from glsim.data.export.exported_frame import ExportFrame, export_frames, kept_lens
 from glsim.data.export.formats.cameras import centre_at_zero, open3d_json, ros_yaml
 from glsim.data.export.formats.points import encode_ply, point_cloud
-from glsim.data.export.frames import ExportFrame, export_frames, kept_lens
 from glsim.data.reader import open_dataset
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
@@ -222,7 +222,7 @@ def test_the_command_exports_frames_and_names_mistakes(
 def test_a_library_that_is_missing_is_named_before_anything_is_written(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("glsim.data.export.write.find_spec", lambda name: None)
+    monkeypatch.setattr("glsim.data.export.write_formats.find_spec", lambda name: None)
     with pytest.raises(ConfigError, match="exr needs OpenEXR: pip install"):
         export_dataset(open_dataset(data), tmp_path / "out", ["npy", "exr"])
     assert not (tmp_path / "out").exists()

@@ -16,8 +16,8 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.cloud import open_store
 from glsim.data.chunks import Part, parse_part
 from glsim.data.dataset_run import DatasetRun, in_processes, run_part
-from glsim.data.identity import InputHashes
 from glsim.data.progress import PartSummary
+from glsim.data.run_identity import InputHashes
 from glsim.data.verification import verify
 from tests.support.dataset_fakes import (
     SENSOR,

@@ -12,7 +12,7 @@ from glsim import open_dataset
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.reason import Reason
-from glsim.data import preview
+from glsim.data import contact_sheet as preview
 from tests.support.imports import ROOT
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.data.identity import InputHashes
+from glsim.data.run_identity import InputHashes
 from glsim.data.verification import verify
 from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import (
@@ -220,7 +220,7 @@ def test_another_data_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(ConfigError, match='renderer = "fake renderer", not "another"'):
         make(tmp_path, renderer="another")
     with monkeypatch.context() as patch:
-        patch.setattr("glsim.data.identity.version", lambda package: "0.1.0")
+        patch.setattr("glsim.data.run_identity.version", lambda package: "0.1.0")
         with pytest.raises(ConfigError, match=r"begun with glsim \S+, whose frames of a seed may"):
             make(tmp_path)
     assert contents(tmp_path) == before

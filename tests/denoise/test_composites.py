@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glsim import Frame, load_settings, simulate
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.camera import Intrinsics
 from glsim.core.files.png import read_depth_png

@@ -18,7 +18,7 @@ from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.interface import Depth
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.run import evaluate
+from glsim.eval.scoring.evaluate import evaluate
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy

@@ -11,7 +11,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import DatasetError
-from glsim.eval.metrics.prediction import Truth
+from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.scoring.bias import (
     ENOUGH_PIXELS,
     BiasSums,
@@ -21,7 +21,7 @@ from glsim.eval.scoring.bias import (
     largest_bias,
 )
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.run import evaluate
+from glsim.eval.scoring.evaluate import evaluate
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 SIDE = 60

@@ -7,7 +7,7 @@ import pytest
 
 from glsim.eval.report.figures.curves import cumulative_shares
 from glsim.eval.report.figures.style import new_figure, plain_log_axis
-from glsim.eval.report.tables import format_number
+from glsim.eval.report.score_tables import format_number
 from glsim.eval.scoring.blocks import BIN_MM, BINS
 
 

@@ -11,8 +11,8 @@ from scipy import ndimage
 from skimage.metrics import mean_squared_error, peak_signal_noise_ratio, structural_similarity
 
 from glsim.core.errors import DenoiserError
-from glsim.eval.metrics.prediction import Truth, angles_deg
-from glsim.eval.metrics.score import METRICS, score
+from glsim.eval.metrics.frame_score import METRICS, score
+from glsim.eval.metrics.scored_map import Truth, angles_deg
 from tests.support.eval_scenes import ADVERSARIAL, CAMERA, SIZE, Array, dome, noisy
 
 RAYS = CAMERA.rays()

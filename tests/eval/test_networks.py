@@ -11,7 +11,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.denoise import COMPOSITES
-from glsim.eval.paper.runs import find_trained_runs, group_by_network
+from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.eval_scenes import rows, write_pairs

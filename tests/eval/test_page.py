@@ -9,7 +9,14 @@ from html.parser import HTMLParser
 import pytest
 
 from glsim.core.errors import GlsimError
-from glsim.eval.report.page import CaptionedPng, Document, Heading, TextTable, _template, html_page
+from glsim.eval.report.document import (
+    CaptionedPng,
+    Document,
+    Heading,
+    TextTable,
+    _template,
+    html_page,
+)
 
 PNG = b"\x89PNG\r\n\x1a\n and the rest"
 

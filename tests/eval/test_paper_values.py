@@ -9,10 +9,10 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import DatasetError
-from glsim.eval.metrics.prediction import psnr_db
+from glsim.eval.metrics.scored_map import psnr_db
+from glsim.eval.paper.ours_beside_printed import printed_values, read_cases, verdict, write_values
+from glsim.eval.paper.paper_tables import PAPER_ROWS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
-from glsim.eval.paper.tables import PAPER_ROWS
-from glsim.eval.paper.values import printed_values, read_cases, verdict, write_values
 from tests.support import checkpoint_stand_in
 from tests.support.paper_scores import write_filters, write_networks, write_table
 

@@ -16,8 +16,8 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.reader import open_dataset
 from glsim.eval.report.results import example_frame
 from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.evaluate import Evaluation, evaluate
 from glsim.eval.scoring.pairs import open_frames
-from glsim.eval.scoring.run import Evaluation, evaluate
 from tests.support.eval_scenes import SIZE
 from tests.support.moved_sets import write_both_protocols, write_domes
 

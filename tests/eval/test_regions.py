@@ -14,11 +14,11 @@ import pytest
 from glsim.cli import main
 from glsim.core.depth_map import central_normals
 from glsim.data.driver import write_dataset
-from glsim.eval.metrics.prediction import Truth, angles_deg, whole_windows
+from glsim.eval.metrics.frame_score import metrics_with_regions, score
 from glsim.eval.metrics.regions import Regions
-from glsim.eval.metrics.score import metrics_with_regions, score
-from glsim.eval.report.page import Heading, TextTable
-from glsim.eval.report.tables import _region_document
+from glsim.eval.metrics.scored_map import Truth, angles_deg, whole_windows
+from glsim.eval.report.document import Heading, TextTable
+from glsim.eval.report.score_tables import _region_document
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.faces.regions import region_numbers
 from glsim.settings.schema import load_settings

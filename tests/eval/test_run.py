@@ -14,13 +14,13 @@ import pytest
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
-from glsim.eval.metrics.prediction import Truth
-from glsim.eval.metrics.score import METRICS, score
-from glsim.eval.report.tables import format_number
+from glsim.eval.metrics.frame_score import METRICS, score
+from glsim.eval.metrics.scored_map import Truth
+from glsim.eval.report.score_tables import format_number
 from glsim.eval.scoring.baselines import mean_face
 from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.evaluate import Evaluation, evaluate
 from glsim.eval.scoring.grid_search import tune_filters
-from glsim.eval.scoring.run import Evaluation, evaluate
 from tests.support.eval_scenes import dome, rows, write_pairs
 
 
@@ -73,7 +73,7 @@ def _pair(pairs: Path, row: dict[str, str]) -> tuple[np.ndarray, np.ndarray]:  #
 def test_workers_and_resuming_change_nothing(
     pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("glsim.eval.scoring.run._BLOCK", 3)
+    monkeypatch.setattr("glsim.eval.scoring.evaluate._BLOCK", 3)
     one, two = tmp_path / "one", tmp_path / "two"
     specs = ("noisy", "temporal_median", "quadric:cleanup=5")
     run(pairs, one, *specs)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from glsim.eval.metrics.score import METRICS
-from glsim.eval.report.tables import format_number, table_markdown
+from glsim.eval.metrics.frame_score import METRICS
+from glsim.eval.report.score_tables import format_number, table_markdown
 from glsim.eval.scoring.aggregate import ScoreSummary
-from glsim.eval.scoring.run import Evaluation
+from glsim.eval.scoring.evaluate import Evaluation
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 

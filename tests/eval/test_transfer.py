@@ -20,7 +20,7 @@ from glsim.eval.studies.transfer_report import (
     write_transfer,
 )
 from glsim.eval.studies.transfer_study import Cell, TransferStudy, load_study
-from glsim.settings.tables import parse_table, read_toml
+from glsim.settings.toml_tables import parse_table, read_toml
 
 TREE: dict[str, Any] = {
     "title": "three sensors",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.core.pose import pose_matrix
-from glsim.faces.base import FaceSource
+from glsim.faces.face_source import FaceSource
 from glsim.faces.neck import NECK_PIVOT_MM, WAVES, head_motion, move_pose
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.settings.schema import load_settings

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
-from glsim.faces.base import Face, FaceKey, Topology
+from glsim.faces.face_source import Face, FaceKey, Topology
 from glsim.faces.sources.ict_facekit import (
     KNOWN_SHAPES,
     IctFaceKit,

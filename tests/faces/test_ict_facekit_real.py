@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim import frames, load_settings
-from glsim.faces.base import Face, FaceKey
+from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.meshes.alignment import estimate_alignment
 from glsim.faces.sources.ict_facekit import IctFaceKit, load_model
 

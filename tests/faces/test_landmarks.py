@@ -10,7 +10,7 @@ import pytest
 
 from glsim.core import depth_map
 from glsim.core.errors import ConfigError
-from glsim.faces.base import FaceSource, Topology
+from glsim.faces.face_source import FaceSource, Topology
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.regions import landmark_vertices
 from glsim.simulation.frame import Frame

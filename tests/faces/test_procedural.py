@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import vertex_normals
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import (
     FACTORS,

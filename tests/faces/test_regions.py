@@ -15,7 +15,7 @@ from glsim.core.mesh import Mesh
 from glsim.data.driver import write_dataset
 from glsim.data.reader import Dataset, open_dataset
 from glsim.data.verification import verify
-from glsim.faces.base import FaceSource, Topology
+from glsim.faces.face_source import FaceSource, Topology
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.people.model import REGIONS as PEOPLE_REGIONS
 from glsim.faces.procedural.model import REGIONS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
-from glsim.faces.base import Face, FaceKey
+from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.variation import vary
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, VariationSettings, load_settings

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.faces.people.model import REGIONS
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Motion, skull_motion

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glsim.core.errors import ConfigError
-from glsim.faces.base import Face, FaceKey
+from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.variation import vary

@@ -12,7 +12,7 @@ import pytest
 from glsim.core.camera import Emitter, SensorRig
 from glsim.core.errors import ConfigError
 from glsim.core.pose import pose_matrix
-from glsim.faces.base import Face, FaceKey, FaceSource
+from glsim.faces.face_source import Face, FaceKey, FaceSource
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.scenery import body_of, build_scenery
 from glsim.looks.room.view import camera_place, room_view, visible_mesh

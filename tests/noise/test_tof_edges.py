@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix

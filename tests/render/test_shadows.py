@@ -14,7 +14,7 @@ from glsim.core import depth_map
 from glsim.core.camera import Emitter, Intrinsics, SensorRig
 from glsim.core.mesh import KEPT_SHARE, Mesh, occluder_of
 from glsim.core.rect import Rect
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.numpy_twins.tof_light import tof_shadow

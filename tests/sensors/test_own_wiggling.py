@@ -15,7 +15,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_depth_png
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
-from glsim.settings.tables import read_toml
+from glsim.settings.toml_tables import read_toml
 from tests.support.planted_frames import encoded
 
 MHZ = (80.0, 16.0, 120.0)
@@ -110,10 +110,10 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     context: moderngl.Context, tmp_path: Path
 ) -> None:
     """Phases that differ between the frequencies have no place in a stage, but in the file."""
+    from glsim.bench.fit.fit_wiggling import fit_wiggling
     from glsim.bench.fit.recording_statistics import measure_recording
     from glsim.bench.fit.time_of_flight import fitted_toml
-    from glsim.bench.fit.wiggling import fit_wiggling
-    from glsim.bench.measures.frame import frames_of
+    from glsim.bench.measures.measured_frame import frames_of
     from tests.bench.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
 
     changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn

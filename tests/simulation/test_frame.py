@@ -14,7 +14,7 @@ from glsim.core.files.png import encode_png
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.data.layer_images import decode_layer
-from glsim.faces.base import FaceKey
+from glsim.faces.face_source import FaceKey
 from glsim.settings.schema import OutputSettings
 from glsim.simulation.assembly import assemble_frame, reconcile_reasons
 from glsim.simulation.frame import Frame, decode_depth, decode_normals, encode_depth, encode_normals
@@ -137,7 +137,7 @@ def test_reasons_agree_with_the_depth(clean: float, noisy: float, code: float) -
 
 
 def test_every_reason_is_explained_and_drawn() -> None:
-    from glsim.data.preview import _REASON_COLOURS
+    from glsim.data.contact_sheet import _REASON_COLOURS
 
     assert [r for r in Reason if r.has_depth] == WITH_DEPTH
     assert sorted(Reason) == list(range(len(Reason)))

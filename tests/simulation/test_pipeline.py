@@ -15,7 +15,7 @@ import pytest
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.mesh import Mesh
-from glsim.faces.base import BadFace, Face, FaceKey
+from glsim.faces.face_source import BadFace, Face, FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame, Skipped

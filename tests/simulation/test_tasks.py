@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.chunks import ChunkPlan
-from glsim.faces.base import FaceKey
+from glsim.faces.face_source import FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.pipeline import open_sources

@@ -23,7 +23,7 @@ from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
 from glsim.data.driver import write_dataset
 from glsim.data.progress import GenerateSummary
-from glsim.faces.base import FaceKey
+from glsim.faces.face_source import FaceKey
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame, Skipped

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
-from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.sources.ict_facekit import KNOWN_SHAPES, REGIONS
 
 ROWS, COLUMNS = 61, 49

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.base import Face, FaceKey, FaceSource
+from glsim.faces.face_source import Face, FaceKey, FaceSource
 from tests.support.face_models import analytic_face
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)

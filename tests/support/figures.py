@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from glsim.core.mesh import Mesh
-from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.looks.room.shapes import box
 
 #: Height of the face above the floor, mm.

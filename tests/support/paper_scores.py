@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from glsim.denoise import PAPER_FILTERS
-from glsim.eval.paper.tables import PAPER_COLUMNS
-from glsim.eval.paper.values import case_folder
+from glsim.eval.paper.ours_beside_printed import case_folder
+from glsim.eval.paper.paper_tables import PAPER_COLUMNS
 from tests.support.checkpoint_stand_in import write_run
 
 

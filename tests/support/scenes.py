@@ -15,7 +15,7 @@ from glsim.core.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
-from glsim.faces.base import FaceKey
+from glsim.faces.face_source import FaceKey
 from glsim.faces.one_mesh import OneMesh
 from glsim.gl.context import make_current
 from glsim.gl.targets import Readback

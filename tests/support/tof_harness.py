@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_twins
 from glsim.noise.chain import ShaderChain

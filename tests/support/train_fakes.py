@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Subset
 
-from glsim.settings.tables import parse_table
+from glsim.settings.toml_tables import parse_table
 from glsim.train.batches import StoredBatches
 from glsim.train.data.stored import PairDataset
 from glsim.train.recipe import Recipe

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.faces.base import Face, WornPart
+from glsim.faces.face_source import Face, WornPart
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.looks.dress import Dresser
 from glsim.settings.distribution import DrawKeys

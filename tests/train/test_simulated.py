@@ -13,7 +13,7 @@ from torch import Tensor
 from glsim.core.errors import ConfigError, MeshError
 from glsim.data.driver import generate
 from glsim.data.reader import open_dataset
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Skipped
 from glsim.simulation.pipeline import open_sources, simulate

@@ -9,7 +9,7 @@ import numpy as np
 
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
-from glsim.eval.real_frames.results import RealScores
+from glsim.eval.real_frames.totals import RealScores
 from glsim.eval.report.figures.style import method_style, new_figure
 
 _TEXT_SIZE: Final = 7

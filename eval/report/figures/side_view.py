@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_map import surface
 from glsim.core.pose import pose_matrix
-from glsim.data.preview import shaded
+from glsim.data.contact_sheet import shaded
 from glsim.denoise.interface import Depth
-from glsim.eval.metrics.prediction import FLYING_MM
+from glsim.eval.metrics.scored_map import FLYING_MM
 from glsim.eval.report.figures.style import matplotlib
 
 #: Colour of flying pixels.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import LAGS, lagged_sums
-from glsim.bench.measures.frame import lit, surfaces
+from glsim.bench.measures.measured_frame import lit, surfaces
 from glsim.bench.measures.silhouettes import HEAD_SHIFTS, find_edges
 from glsim.core.depth_frame import DepthFrame
 

@@ -15,7 +15,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.compare.surfaces import ReplaySurfaces, find_surfaces, measure_noise_floor, mesh_of
+from glsim.bench.compare.replay_surfaces import (
+    ReplaySurfaces,
+    find_surfaces,
+    measure_noise_floor,
+    mesh_of,
+)
 from glsim.bench.measures.disparity import LAGS_PX, measure_disparity_noise, to_disparity
 from glsim.bench.measures.silhouettes import measure_silhouettes
 from glsim.bench.measures.static import view_numbers

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.fit.recording_statistics import RecordingStatistics
-from glsim.bench.measures.frame import lit, mean_frame, radius_px
 from glsim.bench.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
+from glsim.bench.measures.measured_frame import lit, mean_frame, radius_px
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.sensors.kinect_v2 import (

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import correlation_of, lagged_sums, without_local_mean
 from glsim.bench.measures.depth_noise import Cell, root_cells
-from glsim.bench.measures.frame import mean_frame, radius_px
+from glsim.bench.measures.measured_frame import mean_frame, radius_px
 from glsim.bench.measures.pattern import measure_pattern
 from glsim.bench.measures.stacks import moments
 from glsim.core.depth_frame import DepthFrame, Frames

@@ -22,7 +22,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.fit.sensor_file import FittedSensor, recording_camera, sensor_toml
+from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.time_of_flight import BASES
 from glsim.bench.measures.disparity import (
     LEAST_TILES,

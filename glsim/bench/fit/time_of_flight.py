@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from glsim.bench.fit.fit_wiggling import Wiggling, fit_wiggling
+from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.noise_model import (
     InfraredLaw,
     LightProfile,
@@ -18,9 +20,7 @@ from glsim.bench.fit.noise_model import (
     fit_noise_model,
 )
 from glsim.bench.fit.recording_statistics import RecordingStatistics, measure_recording
-from glsim.bench.fit.sensor_file import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.smoothing import NARROW, WIDE, Smoothing, find_smoothing, smoothed_values
-from glsim.bench.fit.wiggling import Wiggling, fit_wiggling
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.data.recordings.recording import Recording
@@ -28,7 +28,7 @@ from glsim.noise.registry import find_stage
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave
 from glsim.settings.distribution import NumberSetting
-from glsim.settings.tables import read_toml
+from glsim.settings.toml_tables import read_toml
 
 #: Sensors that a fit of time of flight can start from, the cheapest first.
 BASES = ("kinect-v2-fast", "kinect-v2")

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.frame import SATURATED, lit
+from glsim.bench.measures.measured_frame import SATURATED, lit
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]

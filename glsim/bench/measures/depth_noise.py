@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.bench.measures.frame import lit, radius_px, surface_mm, surfaces
+from glsim.bench.measures.measured_frame import lit, radius_px, surface_mm, surfaces
+from glsim.bench.measures.quadrics import fit_surfaces
 from glsim.bench.measures.stacks import mean_of
-from glsim.bench.measures.surfaces import fit_surfaces
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.measures.depth_noise import DISTANCES_M, pair_noise
-from glsim.bench.measures.frame import lit, radius_px, surfaces
+from glsim.bench.measures.measured_frame import lit, radius_px, surfaces
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]

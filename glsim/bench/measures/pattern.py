@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.frame import lit
-from glsim.bench.measures.surfaces import fit_surfaces
+from glsim.bench.measures.measured_frame import lit
+from glsim.bench.measures.quadrics import fit_surfaces
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]

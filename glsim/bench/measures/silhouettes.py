@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.runs import goes_on, successive_runs
+from glsim.bench.measures.pixel_runs import goes_on, successive_runs
 from glsim.core.depth_frame import DepthFrame
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.frame import radius_px
+from glsim.bench.measures.measured_frame import radius_px
 from glsim.core.depth_frame import DepthFrame
 
 #: Bounds of the rings, px of a Kinect V2 (its corners are at 330).

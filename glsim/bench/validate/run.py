@@ -22,7 +22,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
 from glsim.gl.context import borrowed_context
 from glsim.sensors.sensor import Sensor
-from glsim.settings.tables import read_toml
+from glsim.settings.toml_tables import read_toml
 
 #: Files of checks, by the name of the sensor.
 _SHEETS = Path(__file__).parent / "sheets"

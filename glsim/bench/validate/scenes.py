@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glsim.core.mesh import Mesh
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
 
 #: Albedos: painted walls and boards; cloth; black plastic and cloth. Chosen.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import correlation_of, lagged_sums
 from glsim.bench.measures.depth_noise import measure_spatial
-from glsim.bench.measures.frame import frames_of
+from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.bench.measures.validity import measure_invalid
 from glsim.core.depth_frame import Frames

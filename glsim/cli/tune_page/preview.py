@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from glsim.cli.tune_page.tuning import StageCode, Tuning
 from glsim.core.errors import GlsimError
-from glsim.faces.base import FaceSource
+from glsim.faces.face_source import FaceSource
 from glsim.gl.context import open_context
 from glsim.noise.layer_names import DISPARITY_LAYER, INFRARED_RIGHT
 from glsim.noise.registry import shipped_stage

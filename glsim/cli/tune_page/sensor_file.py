@@ -14,7 +14,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.sensors.sensor import EXTENDS, RIG_FILES, Sensor
 from glsim.settings.schema import Settings
-from glsim.settings.tables import toml_value
+from glsim.settings.toml_tables import toml_value
 
 
 def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from glsim.cli.tune_page.preview import Preview
 from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import GlsimError
-from glsim.faces.base import FaceSource
+from glsim.faces.face_source import FaceSource
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
 from glsim.settings.distribution import Distribution

@@ -14,7 +14,7 @@ from glsim.cli.tune_page.tab import TuneTab
 from glsim.cli.tune_page.tuning import Tuning, python_code, set_options
 from glsim.core.errors import ConfigError, GlsimError
 from glsim.sensors.sensor import sensor_names
-from glsim.settings.tables import toml_value
+from glsim.settings.toml_tables import toml_value
 
 #: Ranges of colours of the difference, mm.
 _SCALES_MM = (2, 5, 10, 20, 50, 100)

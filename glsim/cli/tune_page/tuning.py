@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from glsim.core.errors import ConfigError
-from glsim.settings.tables import toml_value
+from glsim.settings.toml_tables import toml_value
 
 #: A number, a switch, or a distribution such as {"uniform": [1, 3]}.
 Value = Any

@@ -5,6 +5,6 @@
 """
 
 from glsim.data.export.hub import push_dataset
-from glsim.data.export.write import FORMATS, export_dataset
+from glsim.data.export.write_formats import FORMATS, export_dataset
 
 __all__ = ["FORMATS", "export_dataset", "push_dataset"]

@@ -24,7 +24,7 @@ from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import load_sensor, sensor_names
-from glsim.settings.tables import TomlTable, parse_table, read_toml
+from glsim.settings.toml_tables import TomlTable, parse_table, read_toml
 
 #: The file that describes the camera, beside the frames.
 CAMERA_FILE = "camera.toml"

@@ -19,13 +19,13 @@ from glsim.core.pose import pose_matrix
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.data.driver import write_dataset
-from glsim.data.identity import InputHashes
-from glsim.data.inputs import source_hashes
+from glsim.data.input_hashes import source_hashes
 from glsim.data.progress import GenerateProgress, GenerateSummary
 from glsim.data.recordings.recording import FrameReader, Recording, open_recording
 from glsim.data.recordings.streams import is_stream
+from glsim.data.run_identity import InputHashes
 from glsim.data.worker_processes import Workers
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import Biwi
 from glsim.gl.context import describe, open_context

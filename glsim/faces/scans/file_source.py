@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeVar
 
 from glsim.core.errors import ConfigError, GlsimError, MeshError, did_you_mean
 from glsim.core.files.contents import content_hash
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.meshes.alignment import check_axes, check_unit
 from glsim.faces.scans.file_tree import check_root, list_names
 

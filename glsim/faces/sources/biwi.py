@@ -26,7 +26,7 @@ from pydantic import Field
 from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.core.products import product
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, read_mesh
 from glsim.faces.meshes.obj import check_size

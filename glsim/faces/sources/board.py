@@ -10,7 +10,7 @@ from pydantic import Field
 
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import Mesh
-from glsim.faces.base import ComputedKeys, Face, FaceKey, FaceSettings, FaceSource
+from glsim.faces.face_source import ComputedKeys, Face, FaceKey, FaceSettings, FaceSource
 
 
 class BoardSettings(FaceSettings):

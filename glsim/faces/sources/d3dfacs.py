@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from glsim.core.errors import MeshError
-from glsim.faces.base import FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.face_source import FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import FileMesh, find_alignment_in_format, read_mesh
 from glsim.faces.scans.file_source import one_bad_file

@@ -32,7 +32,7 @@ from pydantic import Field
 
 from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
 from glsim.faces.meshes.obj import check_size, read_obj, read_vertices

@@ -25,7 +25,7 @@ from glsim.core.files.cache_folder import cache_folder
 from glsim.core.mesh import Mesh, occluder_of
 from glsim.core.seeds import rng_for
 from glsim.faces.action_units import SHAPES, shape_weights
-from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
 from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.meshes.obj import check_size, read_obj, read_vertices

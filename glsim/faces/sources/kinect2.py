@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from glsim.core.errors import ConfigError
-from glsim.faces.base import FaceSettings, FaceSource
+from glsim.faces.face_source import FaceSettings, FaceSource
 
 
 class Kinect2Settings(FaceSettings):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from glsim.core.mesh import Mesh
-from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
 from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.neck import Neck

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
-from glsim.faces.base import Face, FaceKey, FaceSource, Topology
+from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import GeneratedFaces, GeneratorSettings
 from glsim.faces.neck import Neck, head_share
 from glsim.faces.procedural.model import REGIONS, head_model

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import SensorRig
 from glsim.core.products import product
 from glsim.core.seeds import pcg_rng, stable_seed
-from glsim.faces.base import Face, FaceKey, FaceSource
+from glsim.faces.face_source import Face, FaceKey, FaceSource
 from glsim.faces.variation import vary
 from glsim.looks.dress import Dresser
 from glsim.looks.room.scenery import Prop, Scenery, body_of

@@ -18,7 +18,7 @@ from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import product
-from glsim.faces.base import Face
+from glsim.faces.face_source import Face
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.shapes import Shape
 from glsim.looks.room.view import camera_place, camera_tilt_deg, room_view, visible_mesh

@@ -18,7 +18,7 @@ import numpy as np
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.seeds import device_key, stable_seed
-from glsim.faces.base import ComputedKeys, FaceKey, FaceSource
+from glsim.faces.face_source import ComputedKeys, FaceKey, FaceSource
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.settings.source_settings import SourceSettings

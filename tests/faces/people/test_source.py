@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
 from glsim.faces import open_source
-from glsim.faces.base import Face, FaceKey
+from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.people.model import REGIONS
 from glsim.faces.sources.people import People
 from glsim.settings.source_settings import parse_source

@@ -10,7 +10,7 @@ import pytest
 
 from glsim.core.errors import GlsimError
 from glsim.faces import open_source
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.meshes.load import read_mesh
 from glsim.faces.sources import folder as folder_source
 from glsim.faces.sources.folder import Folder

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError, MeshError
-from glsim.faces.base import BadFace, Face
+from glsim.faces.face_source import BadFace, Face
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import PEOPLE, Biwi
 from tests.support.face_set_trees import WRITERS, tree

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.faces.base import BadFace, Face
+from glsim.faces.face_source import BadFace, Face
 from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
 from tests.support.face_models import analytic_face

@@ -13,7 +13,7 @@ from hypothesis import settings as quick
 from hypothesis import strategies as st
 
 from glsim.core.errors import MeshError
-from glsim.faces.base import BadFace, Face, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceSource
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import Biwi
 from glsim.faces.sources.d3dfacs import D3dfacs

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.core.errors import ConfigError, MeshError
-from glsim.faces.base import BadFace
+from glsim.faces.face_source import BadFace
 from glsim.faces.sources.facewarehouse import (
     FACE_WIDTH_MM,
     FaceWarehouse,

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from glsim.core.errors import ConfigError
-from glsim.faces.base import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.folder import Folder
 from tests.support.face_models import analytic_face

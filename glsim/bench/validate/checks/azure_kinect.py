@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import correlation_of, lagged_sums
-from glsim.bench.measures.runs import successive_runs
+from glsim.bench.measures.pixel_runs import successive_runs
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check

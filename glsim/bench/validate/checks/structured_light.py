@@ -14,7 +14,7 @@ from glsim.bench.measures import stacks as measure
 from glsim.bench.measures.stacks import Array
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import OFF, Captures
-from glsim.bench.validate.checks.edges import HALF_PX, NEAR_MM, capture_edge
+from glsim.bench.validate.checks.depth_edges import HALF_PX, NEAR_MM, capture_edge
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.bench.validate.virtual_camera import Changes
 

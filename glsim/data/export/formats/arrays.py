@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from glsim.core.files.atomic import to_json
 from glsim.core.files.exr import encode_exr
 from glsim.core.files.npy import encode_npy
+from glsim.data.export.exported_frame import Export, ExportFrame
 from glsim.data.export.formats.cameras import centre_at_zero, coefficients
-from glsim.data.export.frames import Export, ExportFrame
 
 #: The first time that a ZIP file can hold: the same frame gives the same bytes.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)

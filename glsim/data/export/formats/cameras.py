@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics
-from glsim.data.export.frames import Export
+from glsim.data.export.exported_frame import Export
 
 #: Coordinate of the first pixel's centre here minus that in OpenCV, ROS and Open3D, pixels.
 HALF_PIXEL = 0.5

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.data.export.frames import Export, ExportFrame
+from glsim.data.export.exported_frame import Export, ExportFrame
 
 #: NumPy's kind and size of a field -> its name in PLY. Open3D reads "uint16" and leaves out what is
 #: called "ushort", PLY's older name of the same type.

@@ -24,8 +24,8 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
 from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise import Denoiser, load_denoiser
+from glsim.eval.metrics.frame_score import metrics_with_regions
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.score import metrics_with_regions
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob

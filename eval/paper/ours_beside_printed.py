@@ -20,11 +20,11 @@ from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import wrap_read_errors, write_atomic
 from glsim.denoise import PAPER_FILTERS
+from glsim.eval.paper.paper_tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
-from glsim.eval.paper.runs import find_trained_runs, group_by_network, with_twins
-from glsim.eval.paper.tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
-from glsim.eval.report.page import Document, TextTable, html_page
-from glsim.eval.report.tables import TABLE_METRICS, format_number
+from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network, with_twins
+from glsim.eval.report.document import Document, TextTable, html_page
+from glsim.eval.report.score_tables import TABLE_METRICS, format_number
 
 #: Folder of the filters' data sets and scores in that of a reproduction.
 FILTERS_FOLDER: Final = "filters"

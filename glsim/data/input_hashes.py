@@ -9,8 +9,8 @@ from pathlib import Path
 from glsim.core.errors import ConfigError
 from glsim.core.files.contents import content_hash, text_hash
 from glsim.core.plugins import plugin_code
-from glsim.data.identity import InputHashes
-from glsim.faces.base import FaceSource
+from glsim.data.run_identity import InputHashes
+from glsim.faces.face_source import FaceSource
 from glsim.gl.includes import flatten, read_shader
 from glsim.noise.stage import Stage
 from glsim.settings.source_settings import shipped_kinds

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from glsim.core.plugins import load_plugin, plugin_names
 from glsim.eval.metrics.definitions import SHIPPED_METRICS
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.prediction import ScoredMap, Truth
 from glsim.eval.metrics.regions import REGION_METRICS, region_column
+from glsim.eval.metrics.scored_map import ScoredMap, Truth
 
 
 def _all_metrics() -> dict[str, Metric]:

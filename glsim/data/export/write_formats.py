@@ -11,7 +11,7 @@ from typing import Any, Final
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
-from glsim.data.export.frames import Export, export_frames
+from glsim.data.export.exported_frame import Export, export_frames
 from glsim.data.reader import Dataset
 
 

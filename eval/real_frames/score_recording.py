@@ -13,10 +13,10 @@ from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise import GRIDS, Denoiser, load_denoiser
 from glsim.denoise.registry import tuning_specs
 from glsim.eval.real_frames.frame_truth import FrameTruth
-from glsim.eval.real_frames.results import RealScores, ScoredFrame, add_up
-from glsim.eval.real_frames.split import Source, SplitRecording, split_recording
+from glsim.eval.real_frames.halves import Source, SplitRecording, split_recording
+from glsim.eval.real_frames.totals import RealScores, ScoredFrame, add_up
 from glsim.eval.scoring.blocks import labelled, warned_already
-from glsim.eval.scoring.run import ScoringProgress, load_methods
+from glsim.eval.scoring.evaluate import ScoringProgress, load_methods
 
 #: Label of the first row, the raw frames.
 RAW = "raw"

@@ -20,7 +20,7 @@ from glsim.eval.paper.figures.solids import (
     surfaces_figure,
 )
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
-from glsim.eval.paper.runs import (
+from glsim.eval.paper.trained_networks import (
     SeedGroup,
     data_note,
     find_trained_runs,
@@ -28,9 +28,9 @@ from glsim.eval.paper.runs import (
     source_name,
     with_twins,
 )
+from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
-from glsim.eval.report.page import CaptionedPng, Document, html_page
 
 #: Folder of the figures in that of the reproduction.
 FOLDER: Final = "paper_figures"

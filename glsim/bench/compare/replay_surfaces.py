@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.surfaces import step_limit_mm
+from glsim.bench.measures.quadrics import step_limit_mm
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import grid_triangles

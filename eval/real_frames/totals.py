@@ -21,7 +21,7 @@ from glsim.eval.real_frames.frame_truth import (
     Array,
     Tally,
 )
-from glsim.eval.real_frames.split import SplitRecording
+from glsim.eval.real_frames.halves import SplitRecording
 from glsim.eval.scoring.statistics import resampled
 
 #: Version of the measures; increase it with a change that alters a number.

@@ -11,9 +11,9 @@ from glsim.core.files.atomic import parse_json, to_json
 from glsim.core.files.store import Store
 from glsim.data.chunks import Part
 from glsim.data.disk_format import COMPLETE, HEADER, STATE
-from glsim.data.identity import refuse_difference
 from glsim.data.record_schema import parse_frame
 from glsim.data.records import ChunkRecord, parse_chunk_record
+from glsim.data.run_identity import refuse_difference
 
 PLAN = f"{STATE}/plan.json"
 _CHUNKS = f"{STATE}/chunks"

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Final
 
 from glsim.core.depth_protocol import MEANING
+from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import GROUPS, Metric
-from glsim.eval.metrics.prediction import FLYING_MM
 from glsim.eval.metrics.regions import REGION_METRICS
-from glsim.eval.metrics.score import METRICS
-from glsim.eval.report.page import Document, Heading, TextTable
+from glsim.eval.metrics.scored_map import FLYING_MM
+from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean, ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
-from glsim.eval.scoring.run import Evaluation, write_csv
+from glsim.eval.scoring.evaluate import Evaluation, write_csv
 
 #: Method -> metric -> mean over the set.
 ResultTable = dict[str, dict[str, MetricMean]]

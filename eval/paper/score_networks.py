@@ -10,11 +10,11 @@ from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.data.disk_format import HEADER
 from glsim.data.reader import open_dataset
 from glsim.denoise import PAPER_FILTERS
-from glsim.eval.paper.runs import data_note, find_trained_runs, group_by_network
-from glsim.eval.paper.tables import PAPER_ROWS, paper_table
+from glsim.eval.paper.paper_tables import PAPER_ROWS, paper_table
+from glsim.eval.paper.trained_networks import data_note, find_trained_runs, group_by_network
 from glsim.eval.report.results import write_results
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.run import ScoringProgress, evaluate
+from glsim.eval.scoring.evaluate import ScoringProgress, evaluate
 
 
 def score_tables(

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.measures.quadrics import Surfaces, fit_surfaces
 from glsim.bench.measures.stacks import moments
-from glsim.bench.measures.surfaces import Surfaces, fit_surfaces
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.sensors.sensor import load_sensor

@@ -12,11 +12,11 @@ from glsim.core.depth_protocol import MEANING
 from glsim.denoise import COMPOSITES, PAPER_FILTERS
 from glsim.eval.metrics.ssim import PRESETS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
-from glsim.eval.paper.runs import SeedGroup, TrainedRun, group_by_network, with_twins
-from glsim.eval.report.page import Document, Heading, TextTable
-from glsim.eval.report.tables import TABLE_METRICS, ResultTable, format_number
+from glsim.eval.paper.trained_networks import SeedGroup, TrainedRun, group_by_network, with_twins
+from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.score_tables import TABLE_METRICS, ResultTable, format_number
 from glsim.eval.scoring.aggregate import MetricMean
-from glsim.eval.scoring.run import Evaluation
+from glsim.eval.scoring.evaluate import Evaluation
 
 #: Table -> its rows. Table 2 compares architectures, table 3 each depth with and without AR.
 PAPER_ROWS: Final = {
