@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import re
 import runpy
 import subprocess
@@ -33,6 +34,20 @@ def test_the_wheel_works_for_a_stranger(tmp_path: Path) -> None:
     command = ["bash", str(ROOT / "scripts" / "check_wheel.sh")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+def test_the_wheel_has_every_file_of_the_package() -> None:
+    """Folders without __init__.py need a pattern: an editable install would not miss it."""
+    patterns = tomllib.loads(text("pyproject.toml"))["tool"]["setuptools"]["package-data"]
+    for folder in ("glsim", "eval", "train", "shaders"):
+        for file in (ROOT / folder).rglob("*"):
+            if file.is_dir() or file.suffix in (".py", ".pyc"):
+                continue
+            package = next(home for home in file.parents if (home / "__init__.py").exists())
+            dotted = ".".join(package.relative_to(ROOT).parts)
+            own = [*patterns["*"], *patterns.get(dotted, [])]
+            shipped = {f for p in own for f in glob.glob(p, root_dir=package, recursive=True)}
+            assert str(file.relative_to(package)) in shipped, file
 
 
 def test_every_recipe_installs_the_debian_packages_of_the_hint() -> None:
