@@ -77,7 +77,8 @@ def generate(
             biwi, or one of an installed package.
         root: Folder of the meshes or of the face model.
         subjects: Number of people. Default: all of a folder, else 10.
-        frames_per_subject: Frames per person. Default: all of a folder, else 30.
+        frames_per_subject: Frames per person; a folder's meshes are used again, with other poses
+            and noise. Default: all of a folder, else 30.
         plan: Print the number of images, and estimates of size and time; render nothing.
         part: Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the last
             part to end merges all.

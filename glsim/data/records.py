@@ -26,7 +26,7 @@ def _task_fields(task: Task, source: str) -> Record:
         "index": task.index,
         "split": task.split,
         "subject": task.subject,
-        "sequence": task.key.sequence,
+        "sequence": task.sequence,
         "frame": task.key.frame,
         "time_s": float(task.key.time_s),
         "source": source,

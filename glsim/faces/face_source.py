@@ -135,6 +135,8 @@ class FaceSource(Protocol):
     """A supplier of faces: derive from it. Sources are picklable, and cheap until ``load``."""
 
     name: str
+    #: Whether a plan uses the meshes again for a subject that has fewer than frames are wanted.
+    repeats: bool = False
 
     @property
     def topology(self) -> Topology | None:

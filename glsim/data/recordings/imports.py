@@ -84,6 +84,7 @@ def import_biwi(
     tree = {"source": {name: value for name, value in options.items() if value is not None}}
     settings = load_settings(overrides=tree | ({"split": split} if split else {}))
     source = Biwi(root, every=every)
+    source.repeats = False  # each frame is a measurement
     context = open_context(backend)
     renderer = describe(context)["renderer"]
     context.release()

@@ -35,6 +35,7 @@ class FileFaces(FaceSource):
 
     #: What a root without subjects lacks, for the message.
     nothing: ClassVar[str]
+    repeats = True
 
     def __init__(self, root: Path | str, unit: str = "auto", axes: str = "auto") -> None:
         check_unit(unit)

@@ -38,6 +38,8 @@ class Task:
         key: the frame's name in that source.
         seeds: 64-bit seeds of the frame, its sequence and its subject.
         device: number of the virtual device.
+        repeat: how often the mesh was used before, where a subject of files has fewer meshes than
+            frames; each use is a sequence of its own, with its own pose, distance and noise.
     """
 
     index: int
@@ -47,11 +49,21 @@ class Task:
     key: FaceKey
     seeds: DrawKeys
     device: int
+    repeat: int = 0
+
+    @property
+    def sequence(self) -> str:
+        """The sequence's name in the data set."""
+        return _sequence(self.key, self.repeat)
 
     @property
     def stem(self) -> str:
         """The path of the frame's files in the data set, without ``_<layer>.png``."""
-        return f"{self.split}/{self.subject}/{self.key.sequence}_{self.key.frame:05d}"
+        return f"{self.split}/{self.subject}/{self.sequence}_{self.key.frame:05d}"
+
+
+def _sequence(key: FaceKey, repeat: int) -> str:
+    return f"{key.sequence}_r{repeat:03d}" if repeat else key.sequence
 
 
 class PersonFrames(NamedTuple):
@@ -108,7 +120,8 @@ class Plan(Sequence[Task]):
                 keys = source.frames(name, wanted.frames_per_subject)
                 self._names.append(name)
                 numbers.append(number)
-                frames.append(len(keys))
+                repeated = wanted.frames_per_subject if source.repeats and keys else None
+                frames.append(repeated or len(keys))
                 if number not in self._computed and isinstance(keys, ComputedKeys):
                     self._computed[number] = (type(keys).__name__, *keys.words)
         self._source = np.array(numbers, np.int16)
@@ -173,17 +186,20 @@ class Plan(Sequence[Task]):
         number, subject = int(self._source[person]), self._subject(person)
         thinning, before = self._thinned[number], int(self._before[person])
         chosen = thinning.below(before) + index - int(self._first[person])
-        key = self._keys(person)[thinning.position(chosen) - before]
+        keys = self._keys(person)
+        repeat, place = divmod(thinning.position(chosen) - before, len(keys))
+        key = keys[place]
+        sequence = _sequence(key, repeat)
         words = (self._settings.seed, self._sources[number].name, subject)
         device = person % self._settings.devices
         seeds = DrawKeys(
-            frame=stable_seed("frame", *words, key.sequence, key.frame),
-            sequence=stable_seed("sequence", *words, key.sequence),
+            frame=stable_seed("frame", *words, sequence, key.frame),
+            sequence=stable_seed("sequence", *words, sequence),
             subject=stable_seed("subject", *words),
             device=device_key(self._settings.seed, device),
         )
         split = SPLIT_NAMES[self._split[person]]
-        return Task(index, split, subject, number, key, seeds, device)
+        return Task(index, split, subject, number, key, seeds, device, repeat)
 
     def people(self) -> Iterator[PersonFrames]:
         """Yield the people who have frames, in order."""
@@ -259,7 +275,7 @@ def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
     """Make the plan. Raises ConfigError if it has no frames, or more than a data set can have."""
     for source in settings.source:
         people, each = source.subjects or 1, source.frames_per_subject or 1
-        if source.endless and (people > MAX_PEOPLE or people * each > MAX_FRAMES):
+        if people > MAX_PEOPLE or people * each > MAX_FRAMES:
             raise ConfigError(
                 f"{people} subjects of {each} frames are {people * each} frames; one data set "
                 f"has at most {MAX_FRAMES} of {MAX_PEOPLE} people: make several, with other seeds"

@@ -11,9 +11,12 @@ import pytest
 import trimesh
 
 from glsim.core.errors import ConfigError
+from glsim.data.driver import generate
+from glsim.data.reader import open_dataset
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.folder import Folder
+from glsim.settings.schema import load_settings
 from tests.support.face_models import analytic_face
 from tests.support.face_sets import all_keys, good_faces
 from tests.support.user_rights import ordinary_user
@@ -177,3 +180,21 @@ def test_a_folder_that_cannot_be_listed_is_named() -> None:
         (folder / "locked").mkdir(mode=0)
         with pytest.raises(ConfigError, match="locked: cannot be listed"):
             Folder(folder).subjects(None)
+
+
+def test_one_scan_gives_as_many_pairs_as_are_asked_for(tmp_path: Path) -> None:
+    _write(tmp_path / "scans" / "a.ply")
+    source = {"kind": "folder", "root": tmp_path / "scans", "frames_per_subject": 4}
+    turned = {"yaw_deg": {"uniform": [-30, 30]}}
+    tree = {"source": source, "output": {"crop": 96}, "pose": turned}
+    settings = load_settings(overrides=tree)
+    generate(settings, tmp_path / "data", workers=1)
+    frames = list(open_dataset(tmp_path / "data").frames())
+    assert len(frames) == 4
+    depths_mm = [frame.noisy_mm for frame in frames]
+    assert all((depth > 0).sum() > 500 for depth in depths_mm)
+    clean_mm = [frame.clean_mm for frame in frames]
+    for one in range(4):
+        for other in range(one):
+            assert not np.array_equal(clean_mm[one], clean_mm[other])  # another pose
+            assert not np.array_equal(depths_mm[one], depths_mm[other])
