@@ -1,1 +1,1 @@
-"""Metrics of one frame: ``definitions`` lists them, ``score`` computes them."""
+"""Metrics of one frame: ``definitions`` lists all metrics, ``score`` computes them."""

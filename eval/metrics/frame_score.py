@@ -1,4 +1,4 @@
-"""The metrics, and the scores of one frame.
+"""Scoring of one frame: the table METRICS and the function that computes all of its metrics.
 
 A metric is one of ``definitions.SHIPPED_METRICS``, or an entry point "glsim.metrics" of another
 package.
@@ -52,7 +52,7 @@ def metrics_with_regions(regions: Iterable[str]) -> dict[str, Metric]:
 
 
 def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
-    """Compute all metrics but the time, by name; region columns last; NaN where undefined.
+    """Compute all metrics of a frame except the time, by name, regions last; NaN if undefined.
 
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.

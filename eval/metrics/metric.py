@@ -1,4 +1,4 @@
-"""What a metric of one frame is: a name, a unit, a direction, a definition and a function."""
+"""Type of a metric of one frame: name, unit, better direction, definition and function."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GROUPS: Final[dict[MetricGroup, str]] = {
 
 @dataclass(frozen=True)
 class Metric:
-    """A column of rows.csv.
+    """A metric of one frame, which is a column of rows.csv.
 
     Args:
         name: ends with the unit, such as "mse_mm2".
@@ -49,5 +49,5 @@ class Metric:
 
     @property
     def arrow(self) -> str:
-        """Arrow in the better direction, for tables; "" if neither is better."""
+        """Arrow in the better direction, for tables; "" if neither direction is better."""
         return {"lower": "↓", "higher": "↑", "neither": ""}[self.better]

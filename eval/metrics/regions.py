@@ -1,4 +1,4 @@
-"""Surface errors per face region."""
+"""Surface errors in each region of a face, such as the nose."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Regions:
         }
 
     def angles(self, angle: _Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
-        """Return the mean of (N,) angles in degrees at N pixels of each region, NaN without."""
+        """Average (N,) angles, degrees, over each region, by column name; NaN without pixels."""
         mean = _means(angle, self.labels[pixels])
         return {
             region_column("normal_mean_deg", region): float(mean[number])
@@ -54,6 +54,6 @@ class Regions:
 
 
 def _means(values: _Array, labels: NDArray[np.uint8]) -> _Array:
-    """Return (256,) means of the (N,) values of each label, NaN for an absent label."""
+    """Average the (N,) values of each label: (256,) means; NaN for an absent label."""
     sums, counts = np.bincount(labels, values, 256), np.bincount(labels, minlength=256)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)

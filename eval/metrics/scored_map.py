@@ -59,7 +59,7 @@ class Truth:
 
 
 def jump_edges(clean: NDArray[np.floating]) -> Mask:
-    """Return (H, W) pixels with a row or column neighbour over JUMP_MM nearer or farther."""
+    """Mark pixels whose row or column neighbour is over JUMP_MM nearer or farther: (H, W) bool."""
     edges = np.zeros(clean.shape, np.bool_)
     for axis in (0, 1):
         first, second = (
@@ -74,7 +74,7 @@ def jump_edges(clean: NDArray[np.floating]) -> Mask:
 
 
 def edge_band(valid: Mask, jumps: Mask) -> Mask:
-    """Return (H, W) valid pixels at most BAND_PX rows and columns from an invalid pixel or a jump.
+    """Mark valid pixels within BAND_PX rows and columns of an invalid pixel or a jump: (H, W) bool.
 
     The image border makes no edge: depth beyond it is unknown.
     """
@@ -91,7 +91,7 @@ def _square(radius: int) -> NDArray[np.uint8]:
 
 
 class ScoredMap:
-    """A prediction and its truth.
+    """A predicted depth map with the clean frame that it is scored against.
 
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
@@ -117,7 +117,7 @@ class ScoredMap:
 
     @cached_property
     def squared(self) -> NDArray[np.float64]:
-        """(H, W) squared errors, mm²; a hole is depth 0."""
+        """(H, W) squared errors, mm²; a pixel without depth counts as depth 0."""
         return self.error * self.error
 
     @cached_property
@@ -127,12 +127,12 @@ class ScoredMap:
 
     @cached_property
     def ssim(self) -> dict[str, float]:
-        """Structural similarity by the name of its constants."""
+        """Structural similarity for each preset of constants: preset name -> mean SSIM."""
         return ssim(self.truth.moments, Moments.of(self.depth))
 
     @cached_property
     def counts(self) -> tuple[int, int, int]:
-        """Numbers of pixels: valid in both, in the prediction, in the clean map."""
+        """Numbers of valid pixels: in both maps, in the prediction, and in the clean map."""
         both = self.valid & self.truth.valid
         hits, predicted, real = (
             int(np.count_nonzero(m)) for m in (both, self.valid, self.truth.valid)
@@ -141,12 +141,12 @@ class ScoredMap:
 
     @cached_property
     def flips(self) -> int:
-        """The number of pixels that are valid in one of both maps only."""
+        """Number of pixels that are valid in exactly one of the two maps."""
         hits, predicted, real = self.counts
         return predicted + real - 2 * hits
 
     def errors(self, base: str, part: str) -> tuple[NDArray[np.float64], Mask]:
-        """Return the (N,) errors, mm, of a set of pixels, and the set as an (H, W) mask.
+        """Select a set of pixels and return its (N,) errors, mm, and its (H, W) mask.
 
         Args:
             base: "both": prediction and clean valid; "filled": these, where the input is not;
@@ -166,7 +166,7 @@ class ScoredMap:
         return errors, pixels
 
     def statistics(self, base: str, part: str) -> dict[str, float]:
-        """Return RMSE, mean, median, 95th percentile of |error| and the mean error of a set, mm."""
+        """Compute RMSE, mean, median, 95th percentile of |error| and mean error of a set, mm."""
         if (base, part) not in self._statistics:
             error, _ = self.errors(base, part)
             self._statistics[base, part] = error_statistics(error)
@@ -174,7 +174,7 @@ class ScoredMap:
 
     @cached_property
     def angles(self) -> tuple[NDArray[np.float64], Mask]:
-        """(N,) angles between the normals of both maps, degrees, and their pixels, (H, W)."""
+        """(N,) angles between predicted and clean normals, degrees, and their (H, W) mask."""
         truth = self.truth
         at = truth.smooth & whole_windows(self.valid) & math.isfinite(truth.offset_mm)
         first, second = (
@@ -185,7 +185,7 @@ class ScoredMap:
 
 
 def error_statistics(error: NDArray[np.float64]) -> dict[str, float]:
-    """Return the statistics of (N,) errors in mm by name; NaN without errors."""
+    """Compute the statistics of (N,) errors in mm by name; NaN for an empty array."""
     if error.size == 0:
         return dict.fromkeys(("rmse", "mae", "median", "p95", "bias"), math.nan)
     size = np.abs(error)
@@ -200,12 +200,12 @@ def error_statistics(error: NDArray[np.float64]) -> dict[str, float]:
 
 
 def psnr_db(mse_mm2: float) -> float:
-    """Return the PSNR for MAX = PSNR_MAX_MM, dB; NaN for an MSE of 0, where it is undefined."""
+    """Compute the PSNR, dB, for a maximum of PSNR_MAX_MM; NaN (undefined) for an MSE of 0."""
     return 10.0 * math.log10(PSNR_MAX_MM**2 / mse_mm2) if mse_mm2 > 0 else math.nan
 
 
 def whole_windows(mask: Mask) -> Mask:
-    """Return (H, W) pixels whose whole 3x3 neighbourhood is in the image and in the mask."""
+    """Mark pixels whose complete 3x3 window lies in the image and in the mask: (H, W) bool."""
     inside = np.zeros_like(mask)
     if min(mask.shape) >= 3:
         eroded = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8))

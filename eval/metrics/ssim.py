@@ -50,7 +50,7 @@ PRESETS: Final[dict[str, Preset]] = {
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """An image, its window means and those of its square: (H, W) float64 each."""
+    """An image, its local means and the local means of its square: (H, W) float64 each."""
 
     image: _Array
     mean: _Array
@@ -58,13 +58,13 @@ class Moments:
 
     @classmethod
     def of(cls, image: NDArray[np.floating]) -> Moments:
-        """Compute the moments of (H, W) millimetres."""
+        """Compute the local means of an (H, W) image in mm and of its square."""
         values = image.astype(np.float64)
         return cls(values, _window_mean(values), _window_mean(values * values))
 
 
 def ssim(first: Moments, second: Moments) -> dict[str, float]:
-    """Compute the mean SSIM of two images for each preset; NaN if smaller than the window."""
+    """Compute the mean SSIM of two images for each preset; NaN if smaller than the SSIM window."""
     if min(first.image.shape) < WINDOW:
         return dict.fromkeys(PRESETS, float("nan"))
     pad = WINDOW // 2

@@ -1,1 +1,1 @@
-"""The paper's tables: printed values beside measured ones."""
+"""The paper's tables, which compare printed values with our measured values."""

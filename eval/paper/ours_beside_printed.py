@@ -1,4 +1,4 @@
-"""The 39 values that the paper prints beside ours, in four cases, with a verdict by one rule.
+"""Comparison of the paper's 39 printed values with our values in four cases, with verdicts.
 
 The paper does not say where depths are counted from, nor whether its clean maps have holes. So all
 is scored in four cases: a protocol (``glsim.core.depth_protocol``) times a mask of the clean maps,
@@ -51,7 +51,7 @@ _Means = dict[str, float]
 
 @dataclass
 class Case:
-    """Our scores in one case.
+    """Our scores in one case, which is a depth protocol with a mask.
 
     Attributes:
         title: protocol and mask.
@@ -65,23 +65,23 @@ class Case:
     sizes: dict[str, str] = field(default_factory=dict)
 
     def values(self, row: str, metric: str) -> list[float]:
-        """Return the mean of each seed; none for a row that was not scored."""
+        """Return the mean of a metric for each seed; empty for a row that was not scored."""
         return [means[metric] for means, _ in self.seeds.get(row, ())]
 
 
 def mask_folder(out: Path, mask: str) -> Path:
-    """Return the folder of a mask's data in a reproduction, which holds dense maps itself."""
+    """Return the data folder of a mask in a reproduction; dense maps lie in ``out`` itself."""
     return out if mask == "dense" else out / f"mask_{mask}"
 
 
 def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path:
-    """Return the folder of the networks and tables of a case in that of a reproduction."""
+    """Return the folder with the networks and tables of a case, within a reproduction's folder."""
     folder = mask_folder(out, mask)
     return folder if protocol == "depth" else folder / f"protocol_{protocol}"
 
 
 def read_cases(folder: Path) -> list[Case]:
-    """Read all scores of a reproduction. Raises DatasetError for a table that cannot be read.
+    """Read the scores of all cases of a reproduction. Raises DatasetError for a damaged table.
 
     Returns:
         The four cases. One without scores has no rows.
@@ -109,7 +109,7 @@ def _add_filters(case: Case, path: Path) -> None:
 
 
 def _add_networks(case: Case, place: Path) -> None:
-    """Add the scores of the trained networks; of several sizes of a row the largest."""
+    """Add the scores of trained networks to a case; per row, the full size is preferred."""
     if not (place / "table.csv").is_file():
         return
     try:
@@ -141,7 +141,7 @@ def read_means(path: Path) -> dict[str, _Means]:
 
 
 def printed_values() -> list[tuple[int, PrintedRow, str, float]]:
-    """Return the 39 values in the order of the tables: table, row, our metric, value."""
+    """Return the 39 printed values in the order of the tables: (table, row, our metric, value)."""
     tables = [(1, row) for row in PRINTED_FILTERS.values()]
     tables += [(2 if row.title in ("Restormer", "UNet") else 3, row)
                for row in PRINTED_NETWORKS.values()]  # fmt: skip
@@ -180,12 +180,12 @@ def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Ver
 
 
 def _side(value: float, noisy: float) -> int:
-    """Return the sign of value - noisy: 0 where the printed digits could not show it."""
+    """Return the sign of value - noisy; 0 for a difference below the printed precision."""
     return 0 if abs(value - noisy) < _ROUNDING else int(math.copysign(1, value - noisy))
 
 
 def write_values(folder: Path) -> list[Path]:
-    """Write paper_values.md and paper_values.html to the folder of a reproduction.
+    """Write paper_values.md and paper_values.html to a reproduction's folder.
 
     Raises:
         DatasetError: for a table that cannot be read.
@@ -200,7 +200,7 @@ def write_values(folder: Path) -> list[Path]:
 
 
 def values_document(cases: Sequence[Case]) -> Document:
-    """Return the page of all printed values beside ours."""
+    """Return the page that lists all printed values with our values."""
     rows, counts = [], Counter[str]()
     for table, row, metric, printed in printed_values():
         unit = TABLE_METRICS[metric].unit

@@ -1,4 +1,4 @@
-"""The paper's tables 1 (filters), 2 and 3 (networks): the printed values beside ours."""
+"""The paper's tables 1 (filters), 2 and 3 (networks), which show printed values and our values."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _ARTEFACT_REMOVAL: Final = (
 
 @dataclass(frozen=True)
 class _Row:
-    """A row of a table: its name in the paper, what ours is, and the scores of each seed."""
+    """A table row: name in the paper, description of our method, and scores of each seed."""
 
     name: str
     what: str
@@ -74,7 +74,7 @@ class _Row:
 
 
 def mean_and_spread(values: Sequence[float], unit: str) -> str:
-    """Return the mean of seeds and, of several finite ones, their standard deviation as text."""
+    """Format the mean over seeds and, for several finite values, their standard deviation."""
     if not values:
         return "-"
     text = format_number(statistics.fmean(values), unit)
@@ -146,7 +146,7 @@ def paper_table(
 
 
 def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -> list[_Row]:
-    """List the rows of networks: each row of the paper, trained or not, then further networks."""
+    """List the rows of networks: all rows of the paper, then our additional networks."""
     rows = []
     for name in (*PAPER_ROWS[which], None) if which > 1 else ():
         found = [
@@ -198,7 +198,7 @@ def _printed_and_ours(rows: Sequence[_Row], noisy_mm2: float) -> TextTable:
 
 
 def _training_notes(group: SeedGroup) -> list[str]:
-    """Return notes on settings smaller than published and on interrupted trainings."""
+    """Return notes on differences from the published training and on interrupted trainings."""
     notes = [group.members[0].description] if group.members[0].description else []
     if unfinished := [run.label for run in group.members if run.state != "finished"]:
         notes.append(f"interrupted, scored as far as it came: {', '.join(unfinished)}")

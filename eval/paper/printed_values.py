@@ -1,4 +1,4 @@
-"""Printed values of the paper: table 1 (filters), tables 2 and 3 (networks).
+"""The values that the paper prints in table 1 (filters) and tables 2 and 3 (networks).
 
 Kendrick, Yap and Tan, "Synthetic Data Generation for Demonstrating Noise Reduction in Facial Depth
 Imaging".
@@ -12,7 +12,7 @@ from glsim.bench.measures.depth_errors import PAPER_BASELINE_MSE
 
 
 class PrintedRow(NamedTuple):
-    """A row of the paper. title: its name there. MSE in mm^2, PSNR in dB."""
+    """A row of a table in the paper: title as printed, MSE in mm^2, PSNR in dB."""
 
     title: str
     mse_mm2: float

@@ -1,4 +1,4 @@
-"""Reproduce the paper: data, networks, tables 1 to 3, figures, and the 39 printed values.
+"""Reproduction of the paper: data, networks, tables 1 to 3, figures, and the 39 printed values.
 
 FOLDER/data, FOLDER/runs             pairs and networks with dense clean maps, measured depth
 FOLDER/[mask_MASK/][protocol_paper/] those of the other three cases, each with its tables
@@ -39,7 +39,7 @@ CleanMask = Literal["dense", "as-noisy"]
 
 
 class TrainingGroup(TomlTable):
-    """Recipes trained with the same limits: all recipes with one seed before the next seed."""
+    """Recipes with common training limits; all are trained with a seed before the next seed."""
 
     recipes: tuple[str, ...] = Field(min_length=1)
     steps: int | None = Field(None, ge=1, description="default: as in the recipe")
@@ -49,7 +49,7 @@ class TrainingGroup(TomlTable):
 
 
 class FilterSets(TomlTable):
-    """Data sets for table 1 alone: one for each seed and mask of the clean maps."""
+    """Settings of the data sets for table 1 alone: a data set for each seed and mask."""
 
     seeds: tuple[int, ...] = Field((1,), min_length=1)
     subjects: int = Field(ge=1)
@@ -57,7 +57,7 @@ class FilterSets(TomlTable):
 
 
 class ReproductionPlan(TomlTable):
-    """What a reproduction generates, trains and scores: a file of eval/paper/plans/."""
+    """Plan of what a reproduction generates, trains and scores, read from eval/paper/plans/."""
 
     title: str
     protocols: tuple[DepthProtocol, ...] = Field(("depth",), min_length=1)
@@ -73,7 +73,7 @@ class ReproductionPlan(TomlTable):
     filters: FilterSets | None = None
 
     def data_settings(self, mask: str, roots: Mapping[str, Path]) -> Settings:
-        """Return the settings of the networks' data. Raises ConfigError.
+        """Return the settings of the data set of the networks. Raises ConfigError.
 
         Args:
             mask: of the clean maps, a key of MASKS.
@@ -97,7 +97,7 @@ class ReproductionPlan(TomlTable):
         return load_settings(overrides=tree, source=None if "source" in more else heads)
 
     def trainings(self, protocol: DepthProtocol, mask: str) -> dict[str, Recipe]:
-        """Return run -> recipe of the networks of a case, in order. Raises ConfigError."""
+        """Return run name -> recipe of the networks of a case, in order. Raises ConfigError."""
         return {
             f"{Path(name).stem}-{seed}": load_recipe(
                 name, group.set, _recipe_overrides(protocol, seed, group.steps)
@@ -126,7 +126,7 @@ def load_plan(size: str) -> ReproductionPlan:
 def reproduce(
     plan: ReproductionPlan, runner: Runner, roots: Mapping[str, Path] | None = None
 ) -> list[Path]:
-    """Generate, train and score all of a plan; finished steps of an earlier call are skipped.
+    """Run all steps of a plan (generate, train, score); steps that are complete are skipped.
 
     Args:
         plan: what to do.
@@ -177,7 +177,7 @@ def _score(
     runs: Path | None = None,
     report: bool = False,
 ) -> None:
-    """Score a case into its folder."""
+    """Score the methods of a case and write the results to its folder."""
 
     def run() -> None:
         with runner.displays.scoring("scoring") as progress:

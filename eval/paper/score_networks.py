@@ -1,4 +1,4 @@
-"""Score denoisers and trained networks, and write the paper's tables beside ours."""
+"""Scoring of denoisers and trained networks, with the paper's tables."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def score_tables(
     workers: int = 1,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> list[Path]:
-    """Score the denoisers of a job and the networks of a folder; write all results.
+    """Score the denoisers of a job and the trained networks of a folder; write all results.
 
     Args:
         job: what is scored; the paper's filters are added for a table, the noisy input always.

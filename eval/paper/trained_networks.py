@@ -1,4 +1,4 @@
-"""Find the trained networks in FOLDER/*/, with their recipes and results.
+"""Search for the trained networks in FOLDER/*/, with their recipes and results.
 
 It reads only JSON, and opens each checkpoint once, by ``glsim.load_denoiser``, to report
 truncated or foreign ones before scoring starts.
@@ -21,7 +21,7 @@ from glsim.simulation.plan.paper_sources import PAPER_SOURCES, STAND_IN, missing
 
 
 class TrainedRun(BaseModel):
-    """A run of ``glsim train``: what its recipe.json and run.json say.
+    """A run of ``glsim train`` as described by its recipe.json and run.json.
 
     Attributes:
         checkpoint: its best checkpoint.
@@ -47,22 +47,22 @@ class TrainedRun(BaseModel):
 
     @property
     def label(self) -> str:
-        """Name in tables: that of the run's folder."""
+        """Name of the run in tables, which is the name of its folder."""
         return self.checkpoint.parent.name.replace("@", "-")
 
     @property
     def network(self) -> tuple[str, str | None, str]:
-        """Title, row and size: equal for the seeds of a network."""
+        """Title, row and size of the network, which are equal for all seeds."""
         return self.title, self.row, self.size
 
     @property
     def spec(self) -> str:
-        """Denoiser for ``glsim.load_denoiser``."""
+        """Specification of the denoiser for ``glsim.load_denoiser``."""
         return f"{self.label}@{self.checkpoint}"
 
 
 def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
-    """Find the trained networks of a folder, in the order of their names.
+    """Find the trained networks of a folder, sorted by name.
 
     Args:
         folder: with a folder per run of ``glsim train``.
@@ -116,7 +116,7 @@ def _read(checkpoint: Path) -> TrainedRun:
 
 
 class SeedGroup(NamedTuple):
-    """The trainings of one network at one size, one per seed: a row of a table.
+    """The trainings of a network at one size with different seeds, which form a row of a table.
 
     Attributes:
         title: title of the recipe.
@@ -132,7 +132,7 @@ class SeedGroup(NamedTuple):
 
 
 def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:
-    """Put the seeds of each network, by title, row and size, together."""
+    """Group trainings of the same title, row and size, which differ in the seed only."""
     groups: dict[tuple[str, str | None, str], SeedGroup] = {}
     for run in sorted(trained, key=lambda run: run.seed):
         groups.setdefault(run.network, SeedGroup(*run.network, [])).members.append(run)
@@ -144,7 +144,7 @@ _TWINNED: Final = ("D7", "D20", "D64")
 
 
 def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
-    """Add the rows with artefact removal that were not trained: each is its partner's network.
+    """Add rows with artefact removal that were not trained, as copies of rows without it.
 
     The measurement operator of denoising is the identity, so that a network with and one without
     artefact removal are equal, bit for bit.
@@ -162,7 +162,7 @@ _NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURC
 
 
 def data_note(dataset: Dataset) -> str:
-    """Return a sentence for captions: sources, numbers of frames, absent face sets, sensor.
+    """Describe a data set in a caption: sources, numbers of frames, absent face sets, sensor.
 
     Args:
         dataset: of the reproduction.

@@ -1,4 +1,4 @@
-"""Score denoisers on real recordings, which have no clean truth: ``glsim eval-real``.
+"""Scoring of denoisers on real recordings, which have no clean truth: ``glsim eval-real``.
 
 ``split`` finds static scenes and halves, ``frame_truth`` measures one frame, ``results`` adds up,
 ``run`` scores all methods and tunes filters in worker processes.

@@ -1,4 +1,4 @@
-"""What one real frame tells about a denoiser: sums of four measures, from the raw frame alone.
+"""Measures of a denoiser on one real frame, without clean truth: sums of four measures.
 
 A pixel is lost if its depth is gone or has moved by half of the least step of a silhouette. Lost
 pixels are counted, and keep the input's depth in the measures of surfaces; otherwise a few would
@@ -42,7 +42,7 @@ EDGE_SUMS: Final = (
 
 
 class Tally(NamedTuple):
-    """Sums of the measures of a denoised map; numbers of pixels come first.
+    """Numbers of pixels and sums of the four measures of a denoised map; the numbers come first.
 
     Attributes:
         pair: (units, bins, 2) squared error on static pairs, by BINS_M.
@@ -59,10 +59,10 @@ class Tally(NamedTuple):
 
 
 class FrameTruth:
-    """The pixels of all measures of one frame, the same for every method."""
+    """The pixels of one raw frame on which all methods are measured."""
 
     def __init__(self, recording: SplitRecording, number: int, pairs_only: bool = False) -> None:
-        """Find the pixels of frame ``number``. pairs_only: of the static pair alone, for tuning."""
+        """Find the pixels of frame ``number``; pairs_only: only the static pair's, for tuning."""
         frame = self.frame = recording.frames[number]
         self._pairs_only = pairs_only
         self._units, self._unit_count = recording.units(number), recording.unit_count
@@ -80,7 +80,7 @@ class FrameTruth:
         self._rims = rims_and_shadow(frame)
 
     def tally(self, denoised_mm: Depth) -> Tally:
-        """Measure a denoised map, (H, W) mm, 0 = no depth."""
+        """Measure a denoised map, (H, W) mm with 0 = no depth."""
         raw = self.frame.measured_mm.astype(np.float64)
         filled = np.where(self._lost(denoised_mm), raw, denoised_mm).astype(np.float64)
         moved = filled - raw
@@ -90,7 +90,7 @@ class FrameTruth:
         return Tally(self._pair(moved), self._plane(filled, moved), shift, edges)
 
     def _pair(self, moved: Array) -> Array:
-        """Sum (denoised - partner)^2, less the partner's own variance.
+        """Sum (denoised - partner)^2 minus the noise variance of the partner frame.
 
         The noise of two frames is independent, so that half of (raw - partner)^2 is the variance of
         one, for any law and correlation.
@@ -118,7 +118,7 @@ class FrameTruth:
         return _sums((at_mm[used] / SHIFT_BIN_MM).astype(np.int64), moved[used], SHIFT_BINS)
 
     def edge_sums(self, other_mm: Depth) -> Array:
-        """Return EDGE_SUMS of another map, (H, W) mm, 0 = no depth."""
+        """Count the pixels listed in EDGE_SUMS for a map, (H, W) mm with 0 = no depth."""
         first, second, shadow = self._rims
         lost, valid = self._lost(other_mm), other_mm > 0
         raw_valid, surface = np.isfinite(self.frame.measured_mm), surfaces(self.frame).smooth
@@ -138,13 +138,13 @@ class FrameTruth:
 
 
 def distance_bin(depth_mm: NDArray[np.floating] | float) -> NDArray[np.int64]:
-    """Return the bin of BINS_M of each depth, -1 outside and for NaN."""
+    """Return the index of each depth's bin in BINS_M; -1 outside all bins and for NaN."""
     place = np.digitize(np.nan_to_num(depth_mm), 1000.0 * np.array(BINS_M)) - 1
     return np.where(place < _BINS, place, -1)
 
 
 def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
-    """Return masks of the first and second pixel of foregrounds along rows, and of gaps' holes."""
+    """Mark the first and second pixel of foregrounds along rows, and the holes beside them."""
     shape = frame.measured_mm.shape
     first, second, gap = (np.zeros(shape, np.bool_) for _ in range(3))
     edges = find_edges(frame)
@@ -159,7 +159,7 @@ def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
 
 
 def _neighbours(valid: Mask) -> NDArray[np.int64]:
-    """Count the eight neighbours with depth; there are none outside the image."""
+    """Count the eight neighbours that have depth; pixels outside the image have none."""
     counted = cv2.boxFilter(
         valid.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT
     )
@@ -167,5 +167,5 @@ def _neighbours(valid: Mask) -> NDArray[np.int64]:
 
 
 def _sums(key: NDArray[np.int64], values: Array, size: int) -> Array:
-    """Return the (size, 2) numbers and sums of the values of each key."""
+    """Compute the number and the sum of the values of each key: (size, 2)."""
     return np.stack([np.bincount(key, weights, size) for weights in (None, values)], axis=-1)

@@ -1,4 +1,4 @@
-"""A recording to score on: its static pairs, and its halves for tuning and scoring."""
+"""A recording to score on: its static pairs, and its two halves for tuning and scoring."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LEAST_SCENES: Final = 6
 
 @dataclass(frozen=True)
 class Source:
-    """The place of a recording, from which a worker reads it again."""
+    """The path and settings of a recording, from which a worker process reads it again."""
 
     path: Path
     focal_px: float | None = None
@@ -35,7 +35,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class SplitRecording:
-    """A recording with its static scenes.
+    """A recording with its static scenes and its units, which are scenes or image tiles.
 
     Attributes:
         source: its place.
@@ -52,12 +52,12 @@ class SplitRecording:
 
     @property
     def scenes(self) -> int:
-        """The number of scenes with at least two static frames."""
+        """Number of scenes with at least two static frames."""
         return len(set(self.scene.values()))
 
     @property
     def by_scene(self) -> bool:
-        """Whether the units of tuning, scoring and intervals are scenes, else tiles."""
+        """Whether the units of tuning, scoring and intervals are scenes; image tiles otherwise."""
         return self.scenes >= LEAST_SCENES
 
     @property
@@ -66,12 +66,12 @@ class SplitRecording:
 
     @property
     def unit_count(self) -> int:
-        """The number of units: scenes or tiles."""
+        """Number of units (scenes or tiles)."""
         tiles = self._tiles_across * -(-self.frames.intrinsics.height // TILE_PX)
         return self.scenes if self.by_scene else tiles
 
     def units(self, frame: int) -> NDArray[np.int64]:
-        """Return the (H, W) number of each pixel's scene or tile."""
+        """Return the number of the scene or tile of each pixel: (H, W) int64."""
         shape = self.frames[frame].measured_mm.shape
         if self.by_scene:
             return np.full(shape, self.scene.get(frame, 0), np.int64)
@@ -79,7 +79,7 @@ class SplitRecording:
         return rows[:, None] * self._tiles_across + columns[None]
 
     def tuning_units(self) -> NDArray[np.bool_]:
-        """Tell the units for tuning: every second scene, or the black tiles of a chessboard."""
+        """Mark the units for tuning: every second scene, or every second tile (chessboard)."""
         units = np.arange(self.unit_count)
         if not self.by_scene:
             units = units // self._tiles_across + units % self._tiles_across
@@ -87,7 +87,7 @@ class SplitRecording:
         return tuning
 
     def checksums(self) -> dict[str, str]:
-        """Return frame -> checksum of its depth and infrared."""
+        """Return frame name -> checksum of its depth and infrared."""
         sums = {}
         for frame in self.frames:
             digest = hashlib.blake2b(frame.measured_mm.tobytes(), digest_size=8)

@@ -1,4 +1,4 @@
-"""Score denoisers on every frame of a recording, and tune filters, in worker processes."""
+"""Scoring of denoisers on all frames of a recording, and tuning of filters, in worker processes."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _TUNING_FRAMES = 12
 
 @dataclass(frozen=True)
 class RealJob:
-    """The task of a worker; ``denoisers`` are specs of ``glsim.denoise.load``."""
+    """The task of a worker process; ``denoisers`` are specifications for ``glsim.denoise.load``."""
 
     source: Source
     denoisers: tuple[str, ...]
     pairs_only: bool = False
 
     def run(self, numbers: Iterator[int]) -> Iterator[ScoredFrame]:
-        """Score the frames ``numbers``: the job of a worker."""
+        """Score the frames ``numbers`` in a worker process."""
         with warned_already():
             recording = split_recording(self.source)
             methods = [load_denoiser(spec) for spec in self.denoisers]
@@ -41,7 +41,7 @@ class RealJob:
                 yield score_frame(recording, number, methods, self.pairs_only)
 
     def doing(self, number: int) -> str:
-        """Name a frame by its number."""
+        """Describe a frame by its number, for messages."""
         return f"scoring frame {number}"
 
 
@@ -76,7 +76,7 @@ def score_recording(
     workers: int | None = None,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> RealScores:
-    """Score denoisers beside the raw frames.
+    """Score denoisers and the raw frames on a recording.
 
     Args:
         recording: to score on.
@@ -104,7 +104,7 @@ def tune_on_pairs(
     workers: int | None = None,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> tuple[list[str], RealScores]:
-    """Choose settings of filters by ``pair_change`` on the half for tuning.
+    """Choose the filter settings with the best ``pair_change`` on the tuning half of the recording.
 
     Args:
         recording: with static pairs.
@@ -144,7 +144,7 @@ def run_frames(
     workers: int | None,
     progress: Callable[[ScoringProgress], None] | None,
 ) -> list[ScoredFrame]:
-    """Score the frames ``numbers``; return them in order."""
+    """Score the frames ``numbers`` in worker processes; return the scores in order."""
     found = []
     processes = min(workers or available_workers(), len(numbers))
     for frame in run_tasks(job, numbers, processes):

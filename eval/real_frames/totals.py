@@ -1,4 +1,4 @@
-"""Add up the sums of all frames: a table of each measure, with intervals."""
+"""Totals over all frames of a recording: each measure with its confidence interval."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LEAST_UNITS = 5
 
 
 class ScoredFrame(NamedTuple):
-    """The sums of one frame by method, and the first four of EDGE_SUMS of its static partner."""
+    """The sums of one frame by method, and the first four EDGE_SUMS of its static partner."""
 
     number: int
     tallies: dict[str, Tally]
@@ -44,7 +44,7 @@ class ScoredFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class Interval:
-    """A value and its 95 % interval, NaN where there is too little to resample."""
+    """A value and its 95 % interval; NaN if there are too few units to resample."""
 
     value: float
     low: float = math.nan
@@ -53,7 +53,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class RealMeasures:
-    """All measures of one method, by BINS_M of distance; NaN where the recording lacks one.
+    """All measures of one method, by distance bin of BINS_M; NaN where the recording has no data.
 
     Attributes:
         pair_rmse_mm: error on static pairs.
@@ -81,7 +81,7 @@ class RealMeasures:
 
     @property
     def largest_shift_mm(self) -> float:
-        """The shift, with its sign, of the 100 mm in which it is largest; NaN without any."""
+        """The signed shift of the 100 mm bin with the largest |shift|, mm; NaN without bins."""
         return max((s for _, s in self.shift_by_100mm), key=abs, default=math.nan)
 
 
@@ -124,7 +124,7 @@ class RealScores:
     pixels: list[int]
 
     def as_json(self) -> dict[str, Any]:
-        """Return everything as JSON values; None for NaN."""
+        """Return all scores as JSON values; None for NaN."""
         return {"version": VERSION, "bins_m": list(BINS_M), **without_nan(asdict(self))}
 
     @property
@@ -140,7 +140,7 @@ def add_up(
     versions: Mapping[str, str],
     tuning_half: bool | None = None,
 ) -> RealScores:
-    """Add up the frames.
+    """Add up the sums of the scored frames and compute all measures.
 
     Args:
         recording: the recording.
@@ -196,7 +196,7 @@ def _measures(total: Tally, raw: Tally) -> RealMeasures:
 
 
 def _means(sums: Array, least: int) -> Array:
-    """Return the mean of each bin of (units, bins, 2) sums, NaN for fewer pixels than ``least``."""
+    """Compute the mean of each bin from (units, bins, 2) sums; NaN below ``least`` pixels."""
     total = sums.sum(axis=0)
     pixels = np.where(total[:, 0] >= least, total[:, 0], np.nan)
     means: Array = total[:, 1] / pixels
@@ -204,13 +204,13 @@ def _means(sums: Array, least: int) -> Array:
 
 
 def _roots(sums: Array, least: int) -> list[float]:
-    """Return the root mean square by bin; 0 for a negative mean."""
+    """Compute the root mean square of each bin; 0 for a negative mean."""
     roots: list[float] = np.sqrt(np.maximum(_means(sums, least), 0.0)).tolist()
     return roots
 
 
 def _change(sums: Array, raw: Array, least: int) -> Interval:
-    """Return the change against raw in %, a geometric mean over the bins, resampling the units."""
+    """Compute the geometric mean over bins of RMSE / raw RMSE, as a change in %, with interval."""
     used = raw[:, :, 0].sum(axis=0) >= least
     if not used.any():
         return Interval(math.nan)

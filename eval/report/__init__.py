@@ -1,1 +1,1 @@
-"""Reports of an evaluation: tables, figures, report.html."""
+"""Reports of an evaluation: tables, figures and report.html."""

@@ -29,7 +29,7 @@ class TextTable:
     rows: Sequence[Sequence[str]]
 
     def numeric_columns(self) -> list[bool]:
-        """Tell columns of numbers, aligned on the right; the first holds names, and is none.
+        """Tell which columns hold numbers and are aligned right; the first column holds names.
 
         At least half of their cells with a value begin with a number.
         """
@@ -41,7 +41,7 @@ class TextTable:
         return numeric
 
     def markdown(self) -> str:
-        """Return Markdown without a final line break."""
+        """Return the table as Markdown, without a final line break."""
         return "\n".join(markdown_table(self.head, self.rows))
 
 
@@ -54,7 +54,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class CaptionedPng:
-    """A PNG picture with a caption; reports also write it as ``figures/NAME.png``."""
+    """A PNG picture with a caption, which reports also write as ``figures/NAME.png``."""
 
     name: str
     caption: str
@@ -63,13 +63,13 @@ class CaptionedPng:
 
 @dataclass
 class Document:
-    """A title and parts in order: a str is a paragraph, a list of str is a bullet list."""
+    """A title and its parts in order; a str is a paragraph and a list of str is a bullet list."""
 
     title: str
     parts: list[str | list[str] | Heading | TextTable] = field(default_factory=list)
 
     def markdown(self, level: int = 1) -> str:
-        """Return Markdown; ``level`` is that of the title."""
+        """Return the document as Markdown; ``level`` is the heading level of the title."""
         blocks = [f"{'#' * level} {self.title}"]
         for part in self.parts:
             if isinstance(part, TextTable):
@@ -91,7 +91,7 @@ def html_page(
     pictures: Sequence[CaptionedPng] = (),
     notes: Iterable[Document] = (),
 ) -> str:
-    """Return a whole HTML page: documents, pictures with their captions, and notes after them.
+    """Return a complete HTML page: documents, pictures with captions, and final notes.
 
     All text is escaped; **bold** and `code` become HTML. Brackets at the end of a cell of a table,
     which hold an interval, are small. Raises GlsimError without Jinja2.

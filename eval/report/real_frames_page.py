@@ -1,4 +1,4 @@
-"""The scores on a real recording as a document, as CSV and as one HTML page with figures."""
+"""The scores on a real recording as a document, a CSV file, and an HTML page with figures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _EDGE_HEADS: Final = {
 
 
 def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Document:
-    """Return the tables of all measures, with what they are measured on."""
+    """Return the tables of all measures, with a description of the recording."""
     distances = [f"{near:g}-{far:g} m" for near, far in pairwise(BINS_M)]
     units = f"{scores.scenes} static scenes" if scores.by_scene else "tiles of 64 x 64 px"
     page = Document(f"Real frames: {scores.title}")
@@ -99,7 +99,7 @@ def _table(
     values: Callable[[RealMeasures], Sequence[float]],
     change: Callable[[RealMeasures], Interval] | None = None,
 ) -> TextTable:
-    """Return a row per method, without columns that hold no number.
+    """Return a table with a row per method, without columns that hold no number.
 
     With a column of changes the least number of each other column is bold.
     """
@@ -148,7 +148,7 @@ def write_real_frames(
 
 
 def _csv_rows(scores: RealScores) -> Iterator[tuple[object, ...]]:
-    """Yield all numbers, one line each. at: lower bound of the distance, m, or nothing."""
+    """Yield a CSV line for each number; ``at``: lower bound of its distance bin, m, or empty."""
     for name, m in scores.methods.items():
         found: list[tuple[str, str, object, float]] = []
         for measure in ("pair_rmse", "paper_rmse", "board_rmse", "board_shift", "shift"):

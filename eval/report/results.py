@@ -1,4 +1,4 @@
-"""Write the results of an evaluation: tables, CSV files, and report.html with figures."""
+"""Output of an evaluation: tables, CSV files, and report.html with figures."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def write_results(
 
 
 def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
-    """Draw the figures of the denoisers of a job."""
+    """Draw the figures of a report for the denoisers of a job."""
     summary = evaluation.summary.only({spec.partition("@")[0] for spec in job.denoisers})
     pictures = [
         CaptionedPng(
@@ -122,7 +122,7 @@ def _wrapped(name: str) -> str:
 
 
 def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None:
-    """Denoise the frame in the middle of the set by every method.
+    """Denoise the middle frame of the set by every method.
 
     Takes the next readable frame; returns None if there is none.
     """

@@ -36,7 +36,7 @@ FEW_SUBJECTS: Final = 5
 
 
 def format_number(value: float, unit: str = "mm") -> str:
-    """Format a value with about four digits; shares (unit "1") with four decimals."""
+    """Format a value with about four digits, or a share (unit "1") with four decimals."""
     if math.isnan(value):
         return "n/a"
     digits = max(0, min(2, 3 - math.floor(math.log10(abs(value))))) if value else 0
@@ -46,7 +46,7 @@ def format_number(value: float, unit: str = "mm") -> str:
 
 
 def best_methods(table: ResultTable, metric: Metric) -> set[str]:
-    """Return the methods with the best mean, compared as printed."""
+    """Return the methods with the best mean; means that are printed equally count as equal."""
     means = {name: entries[metric.name].mean for name, entries in table.items()}
     known = {name: value for name, value in means.items() if not math.isnan(value)}
     if metric.better == "neither" or not known:
@@ -64,7 +64,7 @@ def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> 
 
 
 def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
-    """Return the table of scores, and those of face parts, bias and baselines that have rows."""
+    """Return the tables of scores, face parts, bias and baselines; empty tables are left out."""
     scores = Document(
         "Scores",
         [
@@ -82,7 +82,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
 
 
 def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
-    """Return the definitions of the metrics, and remarks if there are any."""
+    """Return the definitions of the metrics, and remarks on the result if there are any."""
     shown = [TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
     documents = [Document("Definitions", [[f"**{m.heading}**: {m.help}." for m in shown]])]
     notes = _remarks(evaluation, table)
@@ -109,7 +109,7 @@ def _table(
 
 
 def _region_document(table: ResultTable) -> Document | None:
-    """Return a table per region metric, with a column per part of the face; None without parts."""
+    """Return a table per region metric, with a column per face part; None without face parts."""
     first = next(iter(table.values()))
     document = Document(
         "Parts of the face",
@@ -134,7 +134,7 @@ def _region_document(table: ResultTable) -> Document | None:
 
 
 def _bias_document(summary: ScoreSummary) -> Document | None:
-    """Return the table of the bias of each method by distance; None without large enough bins."""
+    """Return the table of each method's bias by distance; None if no bin has enough pixels."""
     by_method = {
         method: {b.from_mm: b for b in summary.bias_by_distance(method) if b.is_enough}
         for method in summary.methods
@@ -172,7 +172,7 @@ def _baselines(evaluation: Evaluation) -> Document | None:
 
 
 def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
-    """List frames that a mean leaves out, and frames that could not be scored."""
+    """List warnings: few subjects, undefined metrics, and frames that could not be scored."""
     lines = []
     subjects = len(evaluation.summary.subjects)
     if subjects < FEW_SUBJECTS:
@@ -206,7 +206,7 @@ def write_table_csv(path: Path, table: Mapping[str, Mapping[str, MetricMean]]) -
 
 
 def write_bias_csv(path: Path, summary: ScoreSummary) -> None:
-    """Write bias_by_distance.csv: one line per method and bin of distance."""
+    """Write bias_by_distance.csv: one line per method and distance bin."""
     fields = ["method", "from_mm", "to_mm", "bias_mm", "low_95", "high_95", "pixels", "subjects"]
     rows = (
         (method, *(b.from_mm, b.from_mm + BIAS_BIN_MM, b.mean_mm, b.low_mm, b.high_mm),

@@ -1,4 +1,4 @@
-"""Means per method over subjects, added up frame by frame."""
+"""Means of each method over subjects, accumulated frame by frame."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SAMPLED_METRICS: Final = ("mse_mm2", "both_interior_rmse_mm")
 
 @dataclass(frozen=True)
 class MetricMean:
-    """The mean of a metric of a method over the set.
+    """The mean of a metric over the set, for one method, with its interval.
 
     Attributes:
         metric: what is averaged.
@@ -57,7 +57,7 @@ class MetricMean:
 
 @dataclass
 class ScoreSummary:
-    """Means and samples of the rows; memory grows with subjects and methods, not with frames.
+    """Sums and samples of the scores; memory grows with subjects and methods, not with frames.
 
     Attributes:
         total_frames: of the set.
@@ -78,20 +78,20 @@ class ScoreSummary:
 
     @property
     def methods(self) -> list[str]:
-        """The methods in the given order."""
+        """Names of the methods in the given order."""
         return list(self._totals)
 
     @property
     def subjects(self) -> list[str]:
-        """The names of all subjects, sorted."""
+        """Names of all subjects, sorted."""
         return sorted({name for totals in self._totals.values() for name in totals})
 
     def only(self, denoisers: Collection[str]) -> ScoreSummary:
-        """Return the summary of denoisers with these labels, all composites included."""
+        """Return a summary of the denoisers with these labels, with all their composites."""
         return self._of({name for name in self.methods if name.split(" [")[0] in denoisers})
 
     def one_composite(self) -> ScoreSummary:
-        """Return the summary with one row per denoiser: of a network's composites the default."""
+        """Return a summary with one row per denoiser: the default composite of a network."""
         others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
         return self._of({name for name in self.methods if not name.endswith(others)})
 
@@ -103,7 +103,7 @@ class ScoreSummary:
         return ScoreSummary(self.total_frames, self.metrics, *(chosen(part) for part in parts))
 
     def add(self, row: Row) -> None:
-        """Add the row of a frame and method."""
+        """Add the scores of one frame by one method."""
         method = row["method"]
         totals = self._totals.setdefault(method, {})
         table = totals.setdefault(row["subject"], np.zeros((3, len(self.metrics))))
@@ -117,39 +117,39 @@ class ScoreSummary:
             self.sampled.setdefault(method, []).append(sampled)
 
     def add_histogram(self, method: str, counts: list[int]) -> None:
-        """Add the error histogram of a block."""
+        """Add the error histograms of a block of frames."""
         total = self.histograms.setdefault(method, np.zeros(BINS + 1, np.int64))
         total += np.asarray(counts)
 
     def add_bias(self, sums: BiasSums) -> None:
-        """Add the errors over distance of a block."""
+        """Add the error sums by distance of a block of frames."""
         for method, subjects in sums.items():
             for subject, bins in subjects.items():
                 add_bias(self.bias_sums, method, subject, bins)
 
     def bias_by_distance(self, method: str) -> list[BiasBin]:
-        """Return the bias of a method per 100 mm of distance, near to far."""
+        """Return the bias of a method in bins of 100 mm, from near to far."""
         return bias_by_distance(self.bias_sums.get(method, {}))
 
     def sampled_frames(self, method: str) -> NDArray[np.float64]:
-        """Return (N, 2) MSE, mm^2, and interior RMSE, mm, of the sampled frames that have both."""
+        """Return (N, 2) MSE, mm^2, and interior RMSE, mm, of sampled frames that have both."""
         values = np.array(self.sampled[method])
         defined: NDArray[np.float64] = values[~np.isnan(values).any(axis=1)]
         return defined
 
     def values(self, method: str, metric: str) -> SubjectSums:
-        """Return the sums of a method's metric, in the order of ``subjects``."""
+        """Return the sums of a metric for a method, in the order of ``subjects``."""
         place = list(self.metrics).index(metric)
         nothing = np.zeros((3, len(self.metrics)))
         tables = [self._totals[method].get(subject, nothing) for subject in self.subjects]
         return SubjectSums(*np.stack([table[:, place] for table in tables], axis=1))
 
     def mean(self, method: str, metric: str) -> float:
-        """Return the mean of a metric over the frames where it is defined."""
+        """Compute the mean of a metric over the frames where it is defined."""
         return self.values(method, metric).mean
 
     def entries(self, method: str) -> dict[str, MetricMean]:
-        """Return all metrics of a method and PSNR_OF_MEAN by name."""
+        """Compute the means of all metrics of a method by name, with PSNR_OF_MEAN."""
         result: dict[str, MetricMean] = {}
         for name, metric in self.metrics.items():
             values = self.values(method, name)
@@ -166,5 +166,5 @@ class ScoreSummary:
         return result
 
     def table(self) -> dict[str, dict[str, MetricMean]]:
-        """Return method -> metric -> mean."""
+        """Return the means of all methods: method -> metric -> mean."""
         return {method: self.entries(method) for method in self.methods}

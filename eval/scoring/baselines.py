@@ -1,4 +1,4 @@
-"""Trivial predictions; their scores put the MSEs of methods into perspective."""
+"""Trivial predictions, whose scores show how much an MSE is worth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from glsim.denoise.interface import Depth
 
 
 def _eroded(depth: Depth, pixels: int) -> Depth:
-    """Erode the mask of a map by ``pixels`` along its silhouette."""
+    """Remove a band of ``pixels`` px along the silhouette from a depth map."""
     kernel = np.ones((2 * pixels + 1,) * 2, np.uint8)
     inside = cv2.erode((depth > 0).astype(np.uint8), kernel) > 0
     return np.where(inside, depth, np.float32(0))
@@ -36,7 +36,7 @@ BASELINE_FRAMES: Final = 200
 
 
 def mean_face(frames: Frames) -> Depth | None:
-    """Compute the (H, W) mean of clean frames where most have depth, mm; None if sizes differ.
+    """Average clean frames where most of them have depth: (H, W) mm; None if sizes differ.
 
     It uses about BASELINE_FRAMES frames, evenly spread; more would not change it noticeably.
     """

@@ -32,7 +32,7 @@ BiasSums = dict[str, dict[str, BinSums]]
 
 @dataclass(frozen=True)
 class BiasBin:
-    """The bias of a method in one bin of distance.
+    """The bias of a method in one distance bin.
 
     Attributes:
         from_mm: lower edge of the bin.
@@ -53,12 +53,12 @@ class BiasBin:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the bin counts for the largest bias."""
+        """Whether the bin has enough pixels to count for the largest bias."""
         return self.pixels >= ENOUGH_PIXELS
 
 
 def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
-    """Return the sums of errors and the pixels of a frame's bins; depth: (H, W) mm, 0 = no depth.
+    """Sum errors and count pixels of a frame by distance bin; depth: (H, W) mm, 0 = no depth.
 
     Bins are by distance from the camera, or by the map's own depth if that is unknown.
     """
@@ -75,7 +75,7 @@ def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
 
 
 def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list[float]]) -> None:
-    """Add the bins of a method on a subject, in place."""
+    """Add distance bins to the sums of a method on a subject, in place."""
     known = total.setdefault(method, {}).setdefault(subject, {})
     for edge, (error, pixels) in bins.items():
         before = known.get(edge, [0.0, 0])
@@ -83,7 +83,7 @@ def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list
 
 
 def bias_by_distance(subjects: Mapping[str, BinSums]) -> list[BiasBin]:
-    """Return a method's bins, near to far. subjects: subject -> bins."""
+    """Return a method's bins from near to far, given subject -> bins."""
     result = []
     for edge in sorted({int(edge) for bins in subjects.values() for edge in bins}):
         both = np.array([bins.get(str(edge), [0.0, 0]) for bins in subjects.values()], np.float64)
@@ -95,5 +95,5 @@ def bias_by_distance(subjects: Mapping[str, BinSums]) -> list[BiasBin]:
 
 
 def largest_bias(bins: Iterable[BiasBin]) -> BiasBin | None:
-    """Return the bin with the largest |bias| of those with ENOUGH_PIXELS; None without any."""
+    """Return the bin with the largest |bias| among bins with ENOUGH_PIXELS; None without any."""
     return max((b for b in bins if b.is_enough), key=lambda b: abs(b.mean_mm), default=None)

@@ -1,4 +1,4 @@
-"""Score a block of consecutive frames by every method: one task of a worker."""
+"""Scoring of a block of consecutive frames by every method, as one task of a worker process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Row = dict[str, Any]
 
 
 class FrameBlock(NamedTuple):
-    """A block of frames: [first, first + frames)."""
+    """A block of consecutive frames, numbered first to first + frames - 1."""
 
     number: int
     first: int
@@ -44,7 +44,7 @@ class FrameBlock(NamedTuple):
 
 @dataclass
 class ScoredBlock:
-    """The scores of a block, JSON-compatible, with None for NaN.
+    """The scores of a block as JSON-compatible values, with None for NaN.
 
     Attributes:
         rows: one per frame and method.
@@ -65,7 +65,7 @@ class ScoredBlock:
 
 @dataclass(frozen=True, eq=False)
 class ScoringJob:
-    """The task of an evaluation, sent to each worker.
+    """The task of an evaluation, which is sent to each worker process.
 
     Attributes:
         denoisers: see ``glsim.load_denoiser``.
@@ -96,19 +96,19 @@ class ScoringJob:
         )
 
     def run(self, blocks: Iterator[FrameBlock]) -> Iterator[ScoredBlock]:
-        """Score blocks: the job of a worker."""
+        """Score blocks of frames in a worker process."""
         with warned_already():
             methods = [load_denoiser(spec) for spec in self.denoisers]
             yield from map(_BlockScorer(self, self.frames(), methods), blocks)
 
     def doing(self, block: FrameBlock) -> str:
-        """Name a block by its frames."""
+        """Describe a block by its frames, for messages."""
         return f"scoring frames {block.first} to {block.first + block.frames - 1}"
 
 
 @contextmanager
 def warned_already() -> Iterator[None]:
-    """Log no warnings of denoisers: whoever starts the scoring has loaded them before."""
+    """Silence warnings of denoisers within the block; the main process has logged them already."""
     logger = logging.getLogger("glsim.denoise")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -119,14 +119,14 @@ def warned_already() -> Iterator[None]:
 
 
 def stacks_of(frames: Frames, methods: Sequence[Denoiser]) -> Stacks:
-    """Open the frames with as many neighbours as the methods see."""
+    """Open the frames with as many neighbours in time as the methods need."""
     before = max((method.before for method in methods), default=0)
     after = max((method.after for method in methods), default=0)
     return Stacks(frames, before, after)
 
 
 def denoise(method: Denoiser, stacks: Stacks, number: int) -> tuple[dict[str, Depth], float]:
-    """Return label -> map of each composite of a method, and its time, ms. Raises as it does."""
+    """Denoise a frame; return label -> map of each composite, and the time, ms."""
     frame = stacks.frame(number)
     stack, now = stacks.around(number, method.before, method.after)
     infrared = frame.layer("infrared") if method.infrared else None
@@ -137,7 +137,7 @@ def denoise(method: Denoiser, stacks: Stacks, number: int) -> tuple[dict[str, De
 
 
 def labelled(method: Denoiser, estimate: Estimate) -> dict[str, Depth]:
-    """Return label -> map of each composite of an estimate."""
+    """Return label -> depth map for each composite of an estimate."""
     return {
         f"{method.label} [{part}]" if part else method.label: depth
         for part, depth in estimate.composites().items()
@@ -190,13 +190,13 @@ class _BlockScorer:
 
 
 def json_row(scores: dict[str, float], time_ms: float) -> Row:
-    """Return scores and time as a JSON row, None for undefined metrics."""
+    """Return scores and time as a JSON row, with None for undefined metrics."""
     row = scores | {"time_ms": time_ms}
     return {name: None if math.isnan(value) else value for name, value in row.items()}
 
 
 def _histogram(depth: np.ndarray[Any, Any], truth: Truth) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Count |error| where input and clean are valid; the input's depth replaces missing depth."""
+    """Count |error| where input and clean are valid; the input replaces missing depth."""
     pixels = truth.input_valid & truth.valid
     prediction = np.where(depth > 0, depth, truth.noisy)[pixels]
     size = np.abs(prediction - truth.clean[pixels])

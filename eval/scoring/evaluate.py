@@ -1,4 +1,4 @@
-"""Score a whole set: blocks of frames over worker processes, resumable, in constant memory.
+"""Scoring of a whole set: blocks of frames in worker processes, resumable, in constant memory.
 
     -o DIR/.blocks/<fingerprint>/<block>.json   finished blocks; the same command resumes from them
     -o DIR/rows.csv                             one row per frame and method, in order
@@ -38,7 +38,7 @@ _VERSION: Final = 3
 
 @dataclass(frozen=True)
 class ScoringProgress:
-    """The progress of scoring: numbers of frames done, in total, reused and bad."""
+    """Progress of scoring: numbers of finished, total, reused and bad frames."""
 
     done: int
     total: int
@@ -48,7 +48,7 @@ class ScoringProgress:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The result of ``evaluate``.
+    """Result of ``evaluate``.
 
     Attributes:
         baselines: scores of trivial predictions.
@@ -109,7 +109,7 @@ def evaluate(
 
 
 def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:
-    """Load denoisers. Raises ConfigError for a wrong one, and for a label twice or in ``taken``."""
+    """Load denoisers. Raises ConfigError for a bad one, and for a repeated or ``taken`` label."""
     methods = [load_denoiser(spec) for spec in specs]
     labels = [*taken, *(method.label for method in methods)]
     for label in labels:
@@ -148,7 +148,7 @@ def _path(folder: Path, number: int) -> Path:
 
 
 def _read(folder: Path, number: int) -> ScoredBlock | None:
-    """Return a finished block; None if it is missing or damaged."""
+    """Read the scores of a finished block; None if the file is missing or damaged."""
     try:
         return ScoredBlock(**json.loads(_path(folder, number).read_bytes()))
     except (OSError, ValueError, TypeError):
@@ -190,7 +190,7 @@ def _collect(
 
 
 def write_csv(path: Path, fields: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV file atomically, None as "nan". Raises DatasetError if writing fails."""
+    """Write a CSV file atomically, with "nan" for None. Raises DatasetError if writing fails."""
     with AtomicFile(path) as file:
         for row in itertools.chain([fields], rows):
             text = io.StringIO()

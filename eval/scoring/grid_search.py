@@ -1,4 +1,4 @@
-"""Tune the settings of classical filters on the validation split alone."""
+"""Grid search for the settings of classical filters on the validation split alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SILHOUETTE: Final = "flips_px"
 
 @dataclass(frozen=True)
 class Tuned:
-    """The best settings of a filter without and with mask clean-up, as on the command line."""
+    """The best settings of a filter without and with mask clean-up, in command-line syntax."""
 
     name: str
     plain: str
@@ -38,7 +38,7 @@ def tune_filters(
     workers: int | None = None,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> list[Tuned]:
-    """Try the grid of each filter on ``job.split``; write every trial to tuning.csv in ``out``.
+    """Score each filter's grid of settings on ``job.split``; write all trials to tuning.csv.
 
     First choose the filter's own parameters by SURFACE with the input's mask, then the clean-up by
     SILHOUETTE. Raises what ``evaluate`` raises.

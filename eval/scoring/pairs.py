@@ -1,4 +1,4 @@
-"""Pairs of true and noisy frames to score: a data set of glsim, or a folder of PNG files.
+"""Pairs of true and noisy frames to score, from a glsim data set or a folder of PNG files.
 
 The truth is the layer clean, or expected: clean with the sensor's systematic error.
 """
@@ -33,7 +33,7 @@ TruthLayer = Literal["clean", "expected"]
 
 
 def _dataset_frames(path: Path, split: str, truth: TruthLayer) -> tuple[Frames, DepthProtocol]:
-    """Return the frames of a split as measured, and the protocol of its files.
+    """Open the frames of a split; return them with the depth protocol of its files.
 
     Raises DatasetError if it lacks the maps of the truth.
     """
@@ -49,7 +49,7 @@ def _dataset_frames(path: Path, split: str, truth: TruthLayer) -> tuple[Frames, 
 def _folder_frames(
     path: Path, focal_px: float | None, truth: TruthLayer
 ) -> tuple[Frames, DepthProtocol]:
-    """Return pairs of ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``, 16 bits.
+    """Open pairs of 16-bit files ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``.
 
     They are in mm, or in the step that they state (``stated_unit_mm``). The folder of a file is the
     subject, a number at the end of its name the frame. The camera is a Kinect V2, or one with focal

@@ -1,4 +1,4 @@
-"""Means over frames and their confidence intervals.
+"""Means over frames, and their confidence intervals.
 
 Frames of one subject are alike, so the bootstrap (Efron 1979) resamples subjects.
 scipy.stats.bootstrap returns NaN if one draw lacks all frames of a metric, and scoring needs no
@@ -22,7 +22,7 @@ _SEED: Final = 5
 
 @dataclass(frozen=True, eq=False)
 class SubjectSums:
-    """One metric of one method for S subjects.
+    """Sums of one metric of one method for each of S subjects.
 
     Attributes:
         sums: (S,) sums over the frames where the metric is defined.
@@ -37,7 +37,7 @@ class SubjectSums:
 
     @property
     def mean(self) -> float:
-        """Mean over all frames where the metric is defined; NaN without any."""
+        """Mean over all frames where the metric is defined; NaN if it is defined in no frame."""
         return float(self.sums.sum() / self.counts.sum()) if self.counts.sum() else float("nan")
 
     @property
@@ -47,7 +47,7 @@ class SubjectSums:
 
 
 def bootstrap_interval(values: SubjectSums) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the mean; NaN for fewer than 2 subjects."""
+    """Compute the 95 % percentile bootstrap interval of the mean; NaN for fewer than 2 subjects."""
     if np.count_nonzero(values.counts) < 2:
         return float("nan"), float("nan")
     times = resampled(len(values.sums))
@@ -55,7 +55,7 @@ def bootstrap_interval(values: SubjectSums) -> tuple[float, float]:
 
 
 def ratio_interval(first: SubjectSums, second: SubjectSums) -> tuple[float, float, float]:
-    """Return the ratio of two means over the same S subjects, and its 95 % bootstrap interval.
+    """Compute the ratio of two means over the same S subjects, and its 95 % bootstrap interval.
 
     Both means of a draw are over the same subjects. NaN where a mean is undefined or the second is
     0, and for the interval of fewer than 2 subjects.
@@ -71,7 +71,7 @@ def ratio_interval(first: SubjectSums, second: SubjectSums) -> tuple[float, floa
 
 
 def _interval(above: _Array, below: _Array) -> tuple[float, float]:
-    """Return the 2.5 and 97.5 % quantiles of the ratios that exist; NaN without any."""
+    """Compute the 2.5 % and 97.5 % quantiles of ratios with a divisor above 0; NaN without any."""
     if not (below > 0).any():
         return float("nan"), float("nan")
     low, high = np.quantile(above[below > 0] / below[below > 0], [0.025, 0.975])
@@ -79,6 +79,6 @@ def _interval(above: _Array, below: _Array) -> tuple[float, float]:
 
 
 def resampled(subjects: int) -> _Array:
-    """Return the (_DRAWS, S) counts of S subjects in each draw of a bootstrap."""
+    """Draw bootstrap samples of S subjects: (_DRAWS, S) counts of each subject in each draw."""
     rng = np.random.default_rng(_SEED)
     return rng.multinomial(subjects, np.full(subjects, 1 / subjects), _DRAWS).astype(np.float64)

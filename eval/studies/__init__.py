@@ -1,1 +1,1 @@
-"""Studies above training and scoring: they generate data, train networks and score them."""
+"""Studies that generate data, train networks and score them."""

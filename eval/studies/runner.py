@@ -1,4 +1,4 @@
-"""Run the steps of a study: data sets, trainings, scores. The same call goes on after a kill.
+"""Runner of a study's steps (data sets, trainings, scores), which continues after an interruption.
 
 A step is skipped if its output exists and FOLDER/steps/NAME.json says that it was finished with the
 same inputs. Steps without an output run every time: scoring reuses its finished blocks by itself.
@@ -32,7 +32,7 @@ _Show = AbstractContextManager[Callable[[Any], None] | None]
 
 @dataclass(frozen=True)
 class Displays:
-    """Context managers that show progress and notice signals; default: nothing is shown."""
+    """Context managers that show progress and detect signals; the default shows nothing."""
 
     generation: Callable[[], _Show] = nullcontext
     scoring: Callable[[str], _Show] = lambda _: nullcontext()
@@ -44,7 +44,7 @@ class Displays:
 
 @dataclass
 class Runner:
-    """The steps of a study in one folder.
+    """Runner of the steps of a study, with results in one folder.
 
     Attributes:
         out: folder of the study.
@@ -104,7 +104,7 @@ class Runner:
         self.step(name, run, settings.model_dump(mode="json"), folder / HEADER)
 
     def train(self, recipe: Recipe, data: Sequence[Path], folder: Path) -> None:
-        """Train a network, or go on with its training.
+        """Train a network, or continue its interrupted training.
 
         Raises:
             TrainError: without PyTorch, and as ``glsim.train.loop.fit``.
@@ -132,7 +132,7 @@ class Runner:
 
 
 def _inputs_of(record: Path) -> Any:
-    """Return the inputs with which a step was finished; "none" if it was not."""
+    """Read the inputs of a finished step from its record; "none" if it was not finished."""
     try:
         return read_json(record).get("inputs", "none")
     except DatasetError:

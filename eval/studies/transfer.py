@@ -1,4 +1,4 @@
-"""Score filters and networks under sensors and on faces that were not in training.
+"""Scoring of filters and networks on sensors and faces that were not in the training data.
 
 DIR/data/test/SENSOR/FACES/SCENE     frames of the people that are tested
 DIR/data/train/SENSOR/FACES/SCENE    frames of the people that networks are trained on
@@ -90,7 +90,7 @@ def run_transfer(
 
 
 def _score_filters(study: TransferStudy, runner: Runner, cell: Cell) -> Scores:
-    """Tune every filter on the validation people of a cell, and score it on the test people."""
+    """Tune every filter on the validation people of a cell and score it on the test people."""
     data = runner.out / "data" / "test" / cell.place
     runner.generate(study.test_settings(cell), data)
     out = runner.out / "scores" / cell.place / "filters"
@@ -117,7 +117,7 @@ def _score_network(
     spec: str,
     filters: Mapping[Path, Scores],
 ) -> CellResult:
-    """Score a network on the test people of a cell, beside the filters."""
+    """Score a network on the test people of a cell; return its scores with the filters' scores."""
     data = runner.out / "data" / "test" / cell.place
     job = ScoringJob(data, "test", (f"network@{spec}",), truth=study.truth)
 

@@ -1,4 +1,4 @@
-"""Results of a study of transfer: networks beside the input and the best filter, cell by cell."""
+"""Results of a transfer study: networks, noisy input and best filter, cell by cell."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _EXPLANATION: Final = (
 
 @dataclass
 class MethodScores:
-    """The scores of a method.
+    """The scores of a method for each person.
 
     Attributes:
         settings: the tuned ones.
@@ -59,31 +59,31 @@ class MethodScores:
     bias: dict[str, BinSums] = field(default_factory=dict)
 
     def values(self, metric: str) -> SubjectSums:
-        """Return the sums of a metric, in the order of the persons' names."""
+        """Return the sums of a metric, sorted by the person's name."""
         tables = np.stack([self.people[name] for name in sorted(self.people)])
         return SubjectSums(*tables[:, list(METRICS).index(metric)].T)
 
     def mean(self, metric: str) -> float:
-        """Return the mean over the frames where the metric is defined; infinite without any."""
+        """Compute the mean over frames where the metric is defined; infinite if there is none."""
         mean = self.values(metric).mean
         return math.inf if math.isnan(mean) else mean
 
 
 @dataclass(frozen=True, eq=False)
 class CellResult:
-    """The scores of a cell: of the input, the filters and one network, or none for ""."""
+    """The scores of a cell for the noisy input, the filters and a network ("" for no network)."""
 
     network: str
     cell: Cell
     scores: dict[str, MethodScores]
 
     def best_filter(self, metric: str) -> str:
-        """Return the filter with the lowest mean on these test frames."""
+        """Return the name of the filter with the lowest mean on the test frames."""
         filters = [name for name in self.scores if name not in (NOISY, self.network)]
         return min(filters, key=lambda name: self.scores[name].mean(metric))
 
     def row(self, metric: str) -> dict[str, Any]:
-        """Return a line of transfer.csv."""
+        """Return the values of a line of transfer.csv."""
         best = self.best_filter(metric)
         found = {
             "network": self.network,
@@ -156,7 +156,7 @@ def _sensor_table(results: Sequence[CellResult]) -> TextTable:
 
 
 def pooled_by_sensor(results: Sequence[CellResult]) -> list[CellResult]:
-    """Join the results of a network under a sensor; equal names of faces mean the same people."""
+    """Pool a network's results over all cells of a sensor; equal face names are one person."""
     pooled: dict[tuple[str, str], CellResult] = {}
     for result in results:
         group = result.network, result.cell.sensor.name

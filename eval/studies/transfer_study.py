@@ -1,4 +1,4 @@
-"""A study of transfer as data: sensors, faces, scenes, test sets and training.
+"""Definition of a transfer study in TOML: sensors, faces, scenes, test sets and training.
 
     title = "..."                       description of the study
     truth = "expected"                  layer that maps are compared with, or clean
@@ -43,7 +43,7 @@ _UNIT_MM: Final = 0.1
 
 
 class Family(TomlTable):
-    """A choice along one axis of a study; by itself a scene: what is around the faces."""
+    """A choice along one axis of a study (sensors, faces, scenes); the base class is a scene."""
 
     name: _Name
     optional: bool = False
@@ -55,7 +55,7 @@ class Family(TomlTable):
 
 
 class SensorFamily(Family):
-    """A family of sensors. sensor: a shipped one or a file; ``load_study`` sets it to the name."""
+    """A family of sensors: a shipped sensor or a file; ``load_study`` fills in ``sensor``."""
 
     sensor: str = ""
     train_people: int | None = Field(None, ge=0)
@@ -92,7 +92,7 @@ class _DataTable(TomlTable):
 
 
 class TestData(_DataTable):
-    """The test set of each cell."""
+    """Settings of the test set of each cell."""
 
     people: int = Field(20, ge=2, description="scored people")
     tune_people: int = Field(5, ge=1, description="other people, on whom filters are tuned")
@@ -100,7 +100,7 @@ class TestData(_DataTable):
 
 
 class TrainingPlan(_DataTable):
-    """The training of each network, and its part of data of each cell."""
+    """Settings of the training of each network, and of the training data of each cell."""
 
     people: int = Field(100, ge=1)
     val_people: int = Field(6, ge=1, description="other people, for the validation")
@@ -111,7 +111,7 @@ class TrainingPlan(_DataTable):
 
 
 class Cell(NamedTuple):
-    """A sensor with a source of faces in a scene."""
+    """A combination of a sensor, a source of faces and a scene."""
 
     sensor: SensorFamily
     source: FaceFamily
@@ -119,13 +119,13 @@ class Cell(NamedTuple):
 
     @property
     def place(self) -> Path:
-        """Names of its sensor, source and scene, as a folder."""
+        """Relative folder of the cell, from the names of its sensor, source and scene."""
         return Path(self.sensor.name) / self.source.name / self.scene.name
 
 
 @dataclass(frozen=True)
 class Training:
-    """A network of the study: what it is trained on, and the cells that test it."""
+    """A network of the study, with its training data and the cells that test it."""
 
     name: str
     sensors: tuple[SensorFamily, ...]
@@ -134,7 +134,7 @@ class Training:
 
 
 class TransferStudy(TomlTable):
-    """A study; the docstring of the module describes the keys."""
+    """A transfer study; the docstring of the module describes its keys."""
 
     title: str
     truth: Literal["expected", "clean"] = "expected"
@@ -196,7 +196,7 @@ class TransferStudy(TomlTable):
         return self._settings(cell, self.test, (0, self.test.tune_people, self.test.people), {})
 
     def training_settings(self, training: Training) -> dict[Path, Settings]:
-        """Return place -> settings of the data of a training. Raises ConfigError."""
+        """Return folder -> settings of each data set of a training. Raises ConfigError."""
         return {
             Path(f"{sensor.name}-{variant}" if variant else sensor.name)
             / source.name

@@ -99,7 +99,7 @@ def write_paper_figures(
 def _figures(
     dataset: Dataset, groups: Sequence[SeedGroup], note: str
 ) -> dict[str, tuple[str, Callable[[], Any]]]:
-    """Return name -> caption and drawing function of the six figures; nothing is drawn yet."""
+    """Return name -> caption and drawing function of the six figures, without drawing them."""
     example = choose_frame(dataset)
     scan = choose_frame(dataset, "facewarehouse")
     figures: dict[str, tuple[str, Callable[[], Any]]] = {
@@ -145,7 +145,7 @@ def _figures(
 
 
 def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Columns:
-    """Return a column for each table row with a trained network: the first seed of its largest."""
+    """Return a figure column for each trained table row: its first seed at the largest size."""
     columns = {}
     for row in rows:
         of_row = sorted((g for g in groups if g.row == row), key=lambda g: g.size == "full")
@@ -156,7 +156,7 @@ def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Colum
 
 
 def _panels(frame: FigureFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
-    """Draw what each method makes of the frame, networks with the default composite."""
+    """Draw the frame as denoised by each method; networks use the default composite."""
     maps = {
         title: load_denoiser(spec)(frame.noisy).depth_mm.astype(np.float32)
         for title, spec in (_NOISY | columns).items()

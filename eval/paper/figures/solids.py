@@ -1,4 +1,4 @@
-"""Figures 1 and 3: surfaces in Matplotlib's 3D axes, mm: x right, y away from the camera, z up."""
+"""Figures 1 and 3 of the paper: surfaces in Matplotlib's 3D axes, mm (x right, y away, z up)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MARGIN_MM: Final = 15.0
 
 
 class FigureFrame(NamedTuple):
-    """A frame of a data set, as the figures show it.
+    """A frame of a data set with the maps and rigs that the figures need.
 
     Attributes:
         pair: the frame.
@@ -53,7 +53,7 @@ class FigureFrame(NamedTuple):
 
 
 def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
-    """Return the middle frame of the test split, of one kind of face source if it has any.
+    """Return the middle frame of the test split, from the given kind of face source if possible.
 
     Raises DatasetError for a data set without test frames or clean maps.
     """
@@ -69,7 +69,7 @@ def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
 
 
 def frustum_figure(frame: FigureFrame, note: str) -> Any:
-    """Draw figure 1: the whole viewing frustum, and beside it the head with the shadow."""
+    """Draw figure 1: the viewing frustum (left), the head with the projector's shadow (right)."""
     figure = new_figure(8.6, 4.6)
     lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)
     far = float(frame.clean.max()) + 150.0
@@ -106,7 +106,7 @@ def frustum_figure(frame: FigureFrame, note: str) -> Any:
 
 
 def surfaces_figure(frame: FigureFrame, note: str) -> Any:
-    """Draw figure 3: the surfaces of the clean and the noisy map of a frame."""
+    """Draw figure 3: the surfaces of a frame's clean and noisy depth maps."""
     figure = new_figure(7.6, 4.3)
     bounds = _bounds(frame)
     for place, (title, depth) in enumerate({"clean": frame.clean, "noisy": frame.noisy}.items()):
@@ -119,13 +119,13 @@ def surfaces_figure(frame: FigureFrame, note: str) -> Any:
 
 
 def to_figure_axes(points_mm: Points) -> NDArray[np.float64]:
-    """Turn (..., 3) camera axes (x right, y down, z forward) into those of the figure."""
+    """Convert (..., 3) camera axes (x right, y down, z forward) to figure axes (z up)."""
     points = np.asarray(points_mm, np.float64)
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
 def _bounds(frame: FigureFrame) -> tuple[Points, Points]:
-    """Return the corners of a box around the clean surface, figure axes."""
+    """Compute two opposite corners of a box around the clean surface, figure axes, mm."""
     points = frame.window.intrinsics.unproject(frame.clean)
     seen = to_figure_axes(points)[frame.clean > 0]
     return seen.min(axis=0) - _MARGIN_MM, seen.max(axis=0) + _MARGIN_MM
@@ -134,7 +134,7 @@ def _bounds(frame: FigureFrame) -> tuple[Points, Points]:
 def _axes_3d(
     figure: Any, place: int, low: Points, high: Points, elevation_deg: float, azimuth_deg: float
 ) -> Any:
-    """Add 3D axes that show a box with equal scales to a figure of two columns."""
+    """Add 3D axes with equal scales and the limits of a box to a figure with two columns."""
     axis = figure.add_subplot(1, 2, place + 1, projection="3d", computed_zorder=False)
     axis.view_init(elev=elevation_deg, azim=azimuth_deg)
     axis.set_proj_type("persp", focal_length=2.0)
@@ -157,7 +157,7 @@ def _draw_surface(
     bounds: tuple[Points, Points],
     lit: NDArray[np.floating] | None = None,
 ) -> None:
-    """Draw the surface of a map between bounds; pixels in mid-air beyond are left out.
+    """Draw the surface of a depth map within a box; pixels outside the box are left out.
 
     Args:
         lit: (H, W) 0 where the projector's light does not reach; None: one colour for all.
@@ -187,14 +187,14 @@ def _draw_surface(
 
 
 def _image_corners(camera: Intrinsics, distance_mm: float) -> Points:
-    """Return the (4, 3) corners of the image at a distance, camera axes, mm."""
+    """Compute the (4, 3) corners of the image at a distance, camera axes, mm."""
     x = (np.array([0, camera.width, camera.width, 0]) - camera.cx) / camera.fx
     y = (np.array([0, 0, camera.height, camera.height]) - camera.cy) / camera.fy
     return np.stack([x, y, np.ones(4)], axis=1) * distance_mm
 
 
 def _draw_frustum(axis: Any, camera: Intrinsics, far_mm: float, colour: str) -> None:
-    """Draw the pyramid from the camera to the image's corners, and the image at its end."""
+    """Draw the pyramid from the camera to the image's corners, and its base."""
     ends = to_figure_axes(_image_corners(camera, far_mm))
     for end in ends:
         axis.plot(*np.stack([np.zeros(3), end]).T, color=colour, linewidth=0.8)

@@ -39,7 +39,7 @@ def error_curves(summary: ScoreSummary) -> Any:
 def cumulative_shares(
     counts: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the points of a method's error curve: |error| in mm, and the share of pixels below.
+    """Compute a method's error curve: |error|, mm, and the share of pixels with less error.
 
     Depth in whole millimetres has errors of whole millimetres: in bins of BIN_MM its curve would be
     a stair beside the lines of other methods. A rounded error k stands for errors of k - 1/2 to
@@ -56,7 +56,7 @@ def cumulative_shares(
 
 
 def disagreement(summary: ScoreSummary) -> Any:
-    """Draw all-pixel MSE against interior RMSE: a dot per frame, a large one per method's mean."""
+    """Draw all-pixel MSE against interior RMSE: small dots for frames, large dots for means."""
     figure = new_figure(6.4, 3.6)
     axis = figure.subplots()
     metrics = ("mse_mm2", "both_interior_rmse_mm")
@@ -79,7 +79,7 @@ def disagreement(summary: ScoreSummary) -> Any:
 
 
 def bias_curves(summary: ScoreSummary) -> Any | None:
-    """Draw the mean error per bin of distance with its interval, a line per method.
+    """Draw the mean error per distance bin with its interval, a line per method.
 
     Returns None if no bin has enough pixels.
     """

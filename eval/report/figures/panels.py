@@ -1,4 +1,4 @@
-"""Methods side by side: depth, errors, normals, surfaces from aside and a scan line in rows.
+"""Figure that compares methods: rows of depth, errors, normals, side views and a scan line.
 
 A column for the truth and one per method, all in the scales of the truth.
 """
@@ -46,7 +46,7 @@ _ASSUMED_MM: Final = 900.0
 
 @dataclass(frozen=True, eq=False)
 class PanelFrame:
-    """The frame of a figure; surfaces are drawn at their distance from the camera.
+    """The frame of a figure, whose surfaces are drawn at their distance from the camera.
 
     Attributes:
         clean: (H, W) millimetres, 0 = no depth.
@@ -61,14 +61,14 @@ class PanelFrame:
     offset_mm: float = 0.0
 
     def in_space(self, depth: Depth) -> Depth:
-        """Return a map in millimetres from the camera."""
+        """Add the frame's offset to a depth map: distance from the camera, mm."""
         return add_offset(depth, self.offset_mm if math.isfinite(self.offset_mm) else _ASSUMED_MM)
 
 
 def method_panels(
     frame: PanelFrame, methods: Mapping[str, Depth], rows: Sequence[PanelRow], note: str
 ) -> Any:
-    """Draw a column of panels for the truth and for each method; return the figure.
+    """Draw a column of panels for the truth and a column for each method; return the figure.
 
     Args:
         frame: the frame.
@@ -155,13 +155,13 @@ def _draw(
 
 
 def _ends(used: Any) -> tuple[int, int]:
-    """Return the first and the last index of what is used; of all without any."""
+    """Return the first and the last index where ``used`` is true; of all if it is never true."""
     places = np.flatnonzero(used if used.any() else ~used)
     return int(places[0]), int(places[-1])
 
 
 def _depth_range(clean: Depth) -> tuple[float, float]:
-    """Return the range of the depth colours, mm: the truth's depths without the farthest 1 %."""
+    """Compute the range of the depth colours, mm, from true depths without the farthest 1 %."""
     depths = clean[clean > 0]
     if depths.size == 0:
         return 0.0, 1.0
@@ -174,7 +174,7 @@ def _colours(low_mm: float, high_mm: float, name: str) -> Any:
 
 
 def _legend() -> list[Any]:
-    """Return handles of the colours that are no values."""
+    """Return legend handles of the colours of missing depth, false depth and flying pixels."""
     patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
     return [
         patch(facecolor=_FALSE_VALID, label="depth where there is no surface"),

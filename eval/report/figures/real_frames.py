@@ -1,4 +1,4 @@
-"""The figure of scores on a real recording."""
+"""Figure of the scores on a real recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _OTHERS: Final = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_CO
 
 
 def measures_figure(scores: RealScores) -> Any:
-    """Draw static pairs and the board by distance, the shift by 100 mm, and losses at edges."""
+    """Draw errors on static pairs and on the board, depth shift, and losses at edges."""
     figure = new_figure(10.0, 7.4)
     (pairs, papers), (shifts, edges) = figure.subplots(2, 2)
     names = [name for name in scores.methods if not name.endswith(_OTHERS)]

@@ -1,4 +1,4 @@
-"""Side view of a depth map: its shaded surface, cut at jumps, seen from aside."""
+"""Side view of a depth map: its shaded surface, cut at depth jumps and turned to the side."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STEEPEST_DEG: Final = 83.0
 
 
 def half_width_mm() -> float:
-    """Return half the width of a side view at the middle of the head, mm."""
+    """Compute half the width that a side view shows at the depth of the head's middle, mm."""
     return _SIDE / 2 * _DISTANCE_MM / _FOCAL
 
 
@@ -65,7 +65,7 @@ def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArra
 
 
 def _project(points_mm: NDArray[np.floating]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Project (N, 3) points into the picture: (N, 2) px, and their distance, mm."""
+    """Project (N, 3) points into the picture: (N, 2) px, and (N,) distances, mm."""
     view = pose_matrix({"yaw_deg": TURN_DEG, "distance_mm": _DISTANCE_MM})
     turned = (points_mm @ view[:3, :3].T + view[:3, 3]).astype(np.float64)
     return np.floor(_VIEW.project(turned)).astype(np.int32), turned[:, 2]

@@ -1,4 +1,4 @@
-"""The common style of figures, and lazy access to Matplotlib (the extra ``eval``)."""
+"""Common style of figures, and delayed import of Matplotlib (the extra ``eval``)."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def matplotlib(part: str) -> ModuleType:
 
 
 def new_figure(width_in: float, height_in: float) -> Any:
-    """Make an empty figure in the common style, without a display or global state."""
+    """Create an empty figure in the common style, without a display or global state."""
     figure = matplotlib("figure").Figure(figsize=(width_in, height_in), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.02, hspace=0.02)
     return figure
 
 
 def add_note(figure: Any, text: str) -> None:
-    """Write a small note below a figure, in lines of its width."""
+    """Write a small note below a figure, wrapped to the figure's width."""
     width = int(figure.get_figwidth() * _NOTE_LETTERS_PER_IN)
     lines = "\n".join(textwrap.wrap(text, width))
     figure.supxlabel(lines, fontsize=_NOTE_SIZE, color="#555555")
@@ -46,7 +46,7 @@ _DASHES = ("-", "--", ":")
 
 
 def method_style(number: int) -> dict[str, str]:
-    """Return colour and line style of the n-th method, the same in every figure."""
+    """Return colour and line style of method number n, the same in every figure."""
     rounds, place = divmod(number, len(_COLOURS))
     return {"color": _COLOURS[place], "linestyle": _DASHES[rounds % len(_DASHES)]}
 
@@ -60,7 +60,7 @@ def plain_log_axis(axis: Any) -> None:
 
 
 def to_png(figure: Any, dpi: int = 200) -> bytes:
-    """Return the bytes of a PNG file, equal for equal figures."""
+    """Convert a figure to the bytes of a PNG file; equal figures give equal bytes."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
     return stream.getvalue()
