@@ -54,7 +54,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name from its module."""
+    """Import a public name from its module at its first use."""
     if name not in _HOME:
         raise AttributeError(f"module 'glsim.train' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOME[name]), name)

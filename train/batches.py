@@ -1,4 +1,4 @@
-"""Sources of batches: stored or simulated pairs, in an order given by seed and epoch alone.
+"""Sources of batches: stored or simulated pairs, in an order set by seed and epoch alone.
 
 ``clean_mm`` is the target of the recipe: the clean depth, or the expected one (data.target).
 """
@@ -42,21 +42,21 @@ _SIMULATED_VALIDATION_FRAMES: Final = 200
 
 
 def on_device(fabric: Fabric, loader: DataLoader[Batch]) -> DataLoader[Batch]:
-    """Return a loader whose batches lie on the device of ``fabric``."""
+    """Wrap a loader so that its batches lie on the device of ``fabric``."""
     return cast(DataLoader[Batch], fabric.setup_dataloaders(loader, use_distributed_sampler=False))
 
 
 def spread(frames: Subset[Batch]) -> Subset[Batch]:
-    """Return the same frames in an order whose beginning is spread over all of them."""
+    """Shuffle the frames, with a fixed seed, so that the first few cover the whole set."""
     order = np.random.default_rng(0).permutation(len(frames))
     return Subset(frames.dataset, [frames.indices[number] for number in order])
 
 
 class EpochSampler(Sampler[list[int]]):
-    """Sampler of whole batches of pair indices, which can start at any batch of an epoch."""
+    """Sampler of whole batches of pair indices that can start at any batch of an epoch."""
 
     def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
-        """Raises ConfigError if a device would get no whole batch."""
+        """Prepare the sampler. Raises ConfigError if a device would get no whole batch."""
         if count < batch * replicas:
             raise ConfigError(
                 f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
@@ -74,7 +74,7 @@ class EpochSampler(Sampler[list[int]]):
         self._skip = 0
 
     def set_epoch(self, epoch: int, skip: int) -> None:
-        """Make the next iteration yield the batches of this epoch without the first ``skip``."""
+        """Set the epoch of the next iteration, and the number of first batches to skip."""
         self._shuffled.set_epoch(epoch)
         self._skip = skip
 
@@ -107,7 +107,7 @@ class StoredBatches:
         self.validation, self.fingerprint = validation, fingerprint
 
     def prepare(self, fabric: Fabric) -> int:
-        """Set up loading for one device, once; return the number of batches per epoch.
+        """Set up loading for one device; return the number of batches per epoch.
 
         Raises ConfigError if a device would get less than one batch.
         """
@@ -128,14 +128,14 @@ class StoredBatches:
         return len(self._sampler)
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
-        """Yield the batches of an epoch without the first ``skip``."""
+        """Yield the batches of an epoch except the first ``skip``."""
         self._train.set_epoch(epoch)
         self._sampler.set_epoch(epoch, skip)
         yield from self._loader
 
 
 class SimulatedBatches:
-    """Batches rendered on demand, as `StoredBatches`. Each epoch continues the same stream."""
+    """Batches of pairs rendered on demand; each epoch continues the same stream."""
 
     def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
         """Render the validation frames.
@@ -169,12 +169,12 @@ class SimulatedBatches:
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
 
     def prepare(self, fabric: Fabric) -> int:
-        """See `StoredBatches`."""
+        """Set up loading as in `StoredBatches`."""
         self._fabric = fabric
         return self._recipe.data.epoch_steps
 
     def batches(self, epoch: int, skip: int) -> Iterator[Batch]:
-        """See `StoredBatches`. Workers stay alive from epoch to epoch."""
+        """Yield batches as `StoredBatches`; worker processes live from epoch to epoch."""
         steps = self._recipe.data.epoch_steps
         first, end = epoch * steps + skip, (epoch + 1) * steps
         if self._running is None or self._running[0] != first:
@@ -199,7 +199,7 @@ BatchSource = StoredBatches | SimulatedBatches
 
 
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
-    """Open and join the splits train and val of data sets on disk.
+    """Open the splits train and val of the data sets on disk and join them.
 
     Raises:
         DatasetError: for a data set that is missing, damaged, or unfit for the recipe.
@@ -238,7 +238,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
 
 
 def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
-    """Make the batches of a recipe's table [simulate].
+    """Create the batches that the table [simulate] of a recipe describes.
 
     Its settings change those of `randomised`, or the defaults of glsim if it names a sensor.
 
@@ -259,7 +259,7 @@ def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatche
 
 
 def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]:
-    """Select the recipe's number of frames, evenly spaced so that all subjects are included."""
+    """Select the recipe's number of validation frames, evenly spaced to include all subjects."""
     count = min(data.validation_frames or len(validation), len(validation))
     indices = np.linspace(0, len(validation) - 1, count).round().astype(int)
     return Subset(validation, indices.tolist())

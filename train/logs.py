@@ -26,14 +26,14 @@ _GAP_PX: Final = 4
 
 
 class RunLogs:
-    """metrics.csv and TensorBoard's events in a folder.
+    """Writer of metrics.csv and TensorBoard events in a run folder.
 
     A resumed run drops the rows after its checkpoint and logs them again. Each row rewrites
     metrics.csv, so that the file is whole at any moment.
     """
 
     def __init__(self, folder: Path, steps: int) -> None:
-        """steps: steps done at the checkpoint."""
+        """Open the logs; ``steps`` is the number of steps done at the checkpoint."""
         self._file = folder / METRICS_FILE
         logged: list[dict[str, str]] = []
         if self._file.is_file():
@@ -47,7 +47,7 @@ class RunLogs:
         )
 
     def write(self, figures: Mapping[str, float], steps: int) -> None:
-        """Write a row of figures to disk."""
+        """Write a row of metrics to disk."""
         self._rows.append({name: str(value) for name, value in figures.items()})
         self._rows[-1]["step"] = str(steps)
         self._save()
@@ -72,7 +72,7 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -> None:
-    """Write a picture with a row per frame: noisy, denoised and clean surface, and the error.
+    """Write a picture with a row per frame: noisy, denoised and clean surface, and error map.
 
     Args:
         path: the PNG file.

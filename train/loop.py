@@ -1,4 +1,4 @@
-"""The training loop: steps, validation, early stopping, checkpoints; resumed bit for bit."""
+"""Training loop: steps, validation, early stopping and checkpoints; resumes bit for bit."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def fit(
 
 
 class TrainingRun:
-    """One call of ``fit``: devices, state, data and run folder."""
+    """One call of ``fit``, with its devices, state, data and run folder."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class TrainingRun:
     def train(
         self, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
     ) -> dict[str, Any]:
-        """Make steps until the end; return the content of run.json."""
+        """Run steps until the training ends; return the content of run.json."""
         logs = None
         if self.fabric.is_global_zero:
             write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
@@ -189,7 +189,7 @@ class TrainingRun:
         return self.save("finished" if ended_by else "interrupted", ended_by)
 
     def step(self, noisy_mm: Tensor, clean_mm: Tensor) -> float:
-        """Make one step of the optimiser; return the loss before it."""
+        """Run one optimiser step; return the loss before the step."""
         if self._since is None:
             self._since = time.monotonic()
         progress, settings = self.progress, self.recipe.optimiser
@@ -228,7 +228,7 @@ class TrainingRun:
         return loss
 
     def validation_is_due(self) -> bool:
-        """Whether the step just made ends with a validation."""
+        """Whether a validation follows the last step."""
         every, progress = self.recipe.training.validate_every, self.progress
         if self.recipe.training.validate_unit == "steps":
             return not progress.steps % every
@@ -270,7 +270,7 @@ class TrainingRun:
             self._draw_samples()
 
     def _validation_batches(self) -> Iterator[Batch]:
-        """Yield the batches of a validation: always the same.
+        """Yield the batches for a validation, the same at each validation.
 
         With a limit in minutes they are as many as the first validation can do in a share of it.
         """
@@ -285,7 +285,7 @@ class TrainingRun:
                 return
 
     def ended_by(self) -> str | None:
-        """Name the limit that has ended the training, if any: patience, steps, epochs, minutes."""
+        """Name the limit that ended the training (patience, steps, epochs, minutes), if any."""
         limits, progress = self.recipe.training, self.progress
         if limits.patience is not None and progress.stale >= limits.patience:
             return "patience"
@@ -321,7 +321,7 @@ class TrainingRun:
         return report
 
     def status(self, loss: float, validated: bool) -> StepStatus:
-        """Describe the training after a step with this loss."""
+        """Return the status of the training after a step with this loss."""
         return StepStatus(
             epoch=self.progress.epoch,
             steps=self.progress.steps,
@@ -333,18 +333,18 @@ class TrainingRun:
         )
 
     def _fraction_done(self) -> float:
-        """Fraction of the whole training; 0 if only patience limits it."""
+        """Fraction of the training that is done; 0 if only patience limits it."""
         minutes = self.recipe.training.max_minutes
         of_steps = self.progress.steps / self.total_steps if self.total_steps else 0.0
         return max(of_steps, self._seconds() / (minutes * 60) if minutes else 0.0)
 
     def _seconds(self) -> float:
-        """Training time over all resumes."""
+        """Training time summed over all resumes, s."""
         running = 0.0 if self._since is None else time.monotonic() - self._since
         return float(self.progress.seconds + running)
 
     def _header(self) -> dict[str, Any]:
-        """Content that best.pt and last.pt share."""
+        """Entries that best.pt and last.pt have in common."""
         return {
             "recipe": self.recipe.model_dump(mode="json"),
             "data": self.source.fingerprint,
@@ -354,7 +354,7 @@ class TrainingRun:
         }
 
     def _save_best(self) -> None:
-        """Write best.pt, with sigma calibrated on the validation frames if it is predicted."""
+        """Write best.pt; calibrate sigma on the validation frames first, if it is predicted."""
         network = self.state.evaluated
         if isinstance(network, MaskAware) and network.uncertainty:
             with suppress(ConfigError):  # early in training no pixel may have predicted depth
@@ -368,7 +368,7 @@ class TrainingRun:
             network.sigma_scale.fill_(1.0)  # training continues uncalibrated
 
     def _draw_samples(self) -> None:
-        """Write a picture of some validation frames, evenly spaced."""
+        """Write a picture of evenly spaced validation frames."""
         progress, frames = self.progress, self.source.validation
         indices = [len(frames) * n // _SAMPLES for n in range(min(_SAMPLES, len(frames)))]
         pairs = [frames[n] for n in indices]
@@ -380,7 +380,7 @@ class TrainingRun:
         write_samples(path, list(zip(noisy_mm[:, :1], denoised_mm, clean_mm, strict=True)))
 
     def _fail(self, noisy_mm: Tensor, clean_mm: Tensor, reason: str) -> NoReturn:
-        """Write nan_batch.pt; raise TrainError."""
+        """Write the failing batch to nan_batch.pt and raise TrainError."""
         progress, path = self.progress, self.folder / NAN_BATCH_FILE
         batch = {"noisy_mm": noisy_mm.cpu(), "clean_mm": clean_mm.cpu()}
         checkpoint.write(path, batch | {"epoch": progress.epoch, "steps": progress.steps})
@@ -399,7 +399,7 @@ class TrainingRun:
 def validation_figures(
     model: Callable[[Tensor], Prediction], batches: Iterable[tuple[Tensor, Tensor]], loss: Loss
 ) -> dict[str, float]:
-    """Compute the validation metrics of a network; lower is better, NaN is undefined.
+    """Compute the validation metrics of a network (lower is better); NaN for undefined metrics.
 
     Args:
         model: the network, in evaluation mode.

@@ -1,4 +1,4 @@
-"""Training losses. A loss is the table [loss] of a recipe, and a callable.
+"""Training losses; a loss is configured by the table [loss] of a recipe, and is a callable.
 
 Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
 with 0 = no depth. Only the network sees further inputs (``glsim.denoise.inputs``). Results are
@@ -37,7 +37,7 @@ class Loss(BaseModel):
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Return the total, a scalar, and its parts."""
+        """Compute the loss of a prediction: the total, a scalar, and its named parts."""
         raise NotImplementedError
 
     def training_loss(
@@ -47,7 +47,7 @@ class Loss(BaseModel):
         clean_mm: Tensor,
         generator: Generator,
     ) -> tuple[Tensor, LossParts]:
-        """Run the network on a batch and return its loss; losses that change the input override it.
+        """Run the network on a batch and return its loss; a subclass may change the input.
 
         Args:
             model: the network.
@@ -70,7 +70,7 @@ def to_float32(prediction: Prediction) -> Prediction:
 
 
 def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
-    """Weighted mean over pixels; 0 if all weights are 0."""
+    """Compute the weighted mean over pixels; 0 if all weights are 0."""
     return (values * weights).sum() / weights.sum().clamp_min(1)
 
 
@@ -113,14 +113,14 @@ _NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
 
 
 class AllPixels(Loss):
-    """Mean squared error over all pixels, mm2, as in the paper: 0 is a depth like any other."""
+    """Mean squared error over all pixels, mm2, as in the paper; missing depth counts as depth 0."""
 
     kind: Literal["all_pixels"] = "all_pixels"
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Return the total, which is the only part. A predicted validity multiplies the depth."""
+        """Compute the loss, a single part; a predicted validity multiplies the depth."""
         depth_mm = prediction.depth_mm
         if prediction.valid_logit is not None:
             depth_mm = depth_mm * prediction.valid_logit.sigmoid()
@@ -129,7 +129,7 @@ class AllPixels(Loss):
 
 
 class Masked(Loss):
-    """Error of depth where clean has depth and the input has depth nearby; of validity everywhere.
+    """Loss of depth where clean has depth and the input has depth nearby, and of validity.
 
     The weights were chosen by experiment with `small_unet` on procedural faces under kinect-v2: the
     slope term smooths the surface, and rims, whose errors are unpredictable, have less weight.
@@ -166,7 +166,7 @@ class Masked(Loss):
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Return total and parts: depth, and valid, choice, slope and sigma where they apply.
+        """Compute the total and its parts: depth; valid, choice, slope, sigma where they apply.
 
         Among several candidates only the target surface's depth counts; sigma, always in mm, is
         that of the chosen one. A pixel without a candidate near the truth shall have no depth.
@@ -207,7 +207,7 @@ class Masked(Loss):
         return total, parts
 
     def _slope_loss(self, error_mm: Tensor, inside: Tensor) -> Tensor:
-        """Mean loss of the error's steps along columns plus that along rows, a scalar."""
+        """Sum the mean losses of vertical and horizontal differences of the error, a scalar."""
         terms = []
         for axis in (-2, -1):
             size = inside.shape[axis] - 1
@@ -218,7 +218,7 @@ class Masked(Loss):
 
 
 def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
-    """Root mean square of each frame's noise on measured interior pixels: (B, 1, 1, 1) mm.
+    """Compute the RMS noise of each frame on measured interior pixels: (B, 1, 1, 1) mm.
 
     Errors of another surface count as 25 mm.
     """
@@ -230,7 +230,7 @@ def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
 
 
 def target_surface(errors_mm: Tensor) -> Tensor:
-    """Index of each pixel's target among candidates: (B, K, H, W) errors to (B, 1, H, W).
+    """Choose each pixel's target among K depth candidates: (B, K, H, W) errors to (B, 1, H, W).
 
     Another than the first must be nearer to the truth by `_SWITCH_MM`: candidates on one surface
     have one target.
@@ -241,7 +241,7 @@ def target_surface(errors_mm: Tensor) -> Tensor:
 
 
 def _laplace_nll(error_mm: Tensor, log_sigma: Tensor) -> Tensor:
-    """Negative log of a Laplace density with standard deviation sigma: scale sigma / sqrt 2."""
+    """Compute the negative log-likelihood of a Laplace density with standard deviation sigma."""
     return 2**0.5 * error_mm.abs() * torch.exp(-log_sigma) + log_sigma + 0.5 * math.log(2)
 
 
@@ -250,7 +250,7 @@ def _smooth_l1(values: Tensor, beta: float) -> Tensor:
 
 
 class Recorrupted(Loss):
-    """Recorrupted-to-recorrupted, for Gaussian noise of a known size on the measured pixels.
+    """Recorrupted-to-recorrupted loss, for Gaussian noise of known size on measured pixels.
 
     Pang, Zheng, Quan, Ji, CVPR 2021, in the form of Monroy, Bacca, Tachella, "Generalized
     Recorrupted-to-Recorrupted", CVPR 2025. With more noise w ~ N(0, sigma), the input y + tau w
@@ -271,13 +271,13 @@ class Recorrupted(Loss):
 
     @property
     def tau(self) -> float:
-        """Share of the added noise that goes to the input."""
+        """Factor of the added noise in the input; its factor in the target is -1 / tau."""
         return math.sqrt(self.alpha / (1 - self.alpha))
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Return the distance from the measured depth, which validation reports.
+        """Compute the distance from the measured depth, which validation reports.
 
         Lower is not better: the identity has 0. clean_mm is ignored.
         """
@@ -291,7 +291,7 @@ class Recorrupted(Loss):
         clean_mm: Tensor,
         generator: Generator,
     ) -> tuple[Tensor, LossParts]:
-        """Return the error against the recorrupted target. clean_mm is ignored."""
+        """Compute the loss against the recorrupted target; clean_mm is ignored."""
         added_mm = self.added_noise_mm(noisy_mm, generator)
         prediction = to_float32(model(noisy_mm + self.tau * added_mm))
         # Squared, as the method demands, up to four standard deviations of the target's noise.
@@ -302,13 +302,13 @@ class Recorrupted(Loss):
         return total * (reach_mm / self.beta_mm) ** 2, {"recorrupted": total}
 
     def added_noise_mm(self, noisy_mm: Tensor, generator: Generator) -> Tensor:
-        """Draw Gaussian noise on the measured pixels, 0 elsewhere; shaped like the depth."""
+        """Draw Gaussian noise on the measured pixels, 0 elsewhere, in the depth's shape."""
         noise = torch.randn(noisy_mm.shape, generator=generator).to(noisy_mm.device)
         return torch.where(noisy_mm > 0, self.sigma_mm * noise, 0.0)
 
 
 def _depth_loss(prediction: Prediction, target_mm: Tensor, mask: Tensor, beta_mm: float) -> Tensor:
-    """Smooth L1 in units of beta, averaged over the pixels of the mask."""
+    """Compute the smooth L1 loss in units of beta, averaged over the pixels of the mask."""
     error = (prediction.depth_mm - target_mm) / beta_mm
     per_pixel = functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
     return weighted_mean(per_pixel, mask.float())

@@ -1,4 +1,4 @@
-"""Export the network of a checkpoint as an ONNX file, which runs without PyTorch; read it back."""
+"""Export of a checkpoint's network to ONNX, which runs without PyTorch, and its reading."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _OPSET: Final = 17
 
 
 def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
-    """Write the network of a checkpoint to an ONNX file, if OpenCV gives PyTorch's results.
+    """Write a checkpoint's network to an ONNX file, after a check of OpenCV against PyTorch.
 
     The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
     outputs of ``glsim.train.models.base``, of the same shape. Further inputs are named as
@@ -64,7 +64,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
 def onnx_bytes(
     model: DepthModel, checkpoint: Path, record: NetworkRecord = DEFAULT_RECORD
 ) -> bytes:
-    """Return the ONNX file of a model, unchecked; error messages name ``checkpoint``.
+    """Export a model to the bytes of an ONNX file, unchecked; errors name ``checkpoint``.
 
     Uses PyTorch's TorchScript exporter: the newer one is forty times slower for `MaskAware`.
     """
@@ -102,12 +102,12 @@ def onnx_bytes(
 
 
 def _asinh(graph: Any, x: Any) -> Any:
-    """Write torch.asinh as the ONNX operator, which the exporter lacks."""
+    """Translate torch.asinh to the ONNX operator Asinh, which the exporter does not know."""
     return graph.op("Asinh", x)
 
 
 def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.float32]:
-    """Return the inputs of a frame, (C, height, width); its neighbours have other noise."""
+    """Create test inputs of a frame, (C, height, width), whose neighbours have other noise."""
     frames = [_test_frame(height, width, seed) for seed in range(1 + inputs.before + inputs.after)]
     infrared = np.where(frames[0] > 0, 2e9 / np.maximum(frames[0], 1) ** 2, 0)
     return stack_inputs(
@@ -116,7 +116,7 @@ def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.fl
 
 
 def _test_frame(height: int, width: int, seed: int) -> NDArray[np.float32]:
-    """Return (height, width) float32 mm: a noisy surface, a step in depth, and holes."""
+    """Create a test frame, (height, width) float32 mm: noisy surface, depth step and holes."""
     rng = np.random.default_rng(seed)
     rows, columns = np.mgrid[:height, :width]
     depth_mm = 900 + 0.4 * columns + rng.normal(0, 1.6, rows.shape)
@@ -126,7 +126,7 @@ def _test_frame(height: int, width: int, seed: int) -> NDArray[np.float32]:
 
 
 def _compare(network: TorchNetwork, data: bytes, checkpoint: Path) -> dict[str, float]:
-    """Return the largest difference of each output between OpenCV and PyTorch, for two sizes."""
+    """Compute the largest difference of each output between OpenCV and PyTorch, for two sizes."""
     try:
         content = read_content(data)
     except ValueError as error:
@@ -153,7 +153,7 @@ def _compare(network: TorchNetwork, data: bytes, checkpoint: Path) -> dict[str, 
 
 
 def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
-    """Read the weights of a file of ``glsim export``, by their names in PyTorch.
+    """Read the weights from an ONNX file of ``glsim export``, by their names in PyTorch.
 
     The file does not name its weights. A network of ``spec`` is therefore filled with random
     numbers and exported: the tensor that holds the numbers of a weight shows its place in the file.
@@ -203,7 +203,7 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
 
 
 def _tensors(data: bytes) -> list[Tensor]:
-    """Return the constant float tensors of an ONNX graph, in the order of the file."""
+    """Read the constant float tensors of an ONNX graph, in the order of the file."""
     import onnx
 
     tensors = onnx.load_from_string(data).graph.initializer

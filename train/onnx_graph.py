@@ -1,4 +1,4 @@
-"""Shrink an exported ONNX graph, and speed up its loading, without changing its results.
+"""Compaction of an exported ONNX graph, which then loads faster and gives equal results.
 
 PyTorch's exporter computes the sides of every padding and the ends of every slice in the graph, and
 names no shape. onnxruntime derives them when it loads the graph, as formulas that grow from slice
@@ -32,7 +32,7 @@ _Shapes = dict[str, tuple[int, ...]]
 
 
 def compacted(data: bytes, entries: Mapping[str, str] | None = None) -> bytes:
-    """Return the ONNX file with short names, shapes, and each constant stored once.
+    """Compact an ONNX file: short names, known shapes, and each constant stored once.
 
     PyTorch's exporter stores the numbers of each Slice and Unsqueeze as nodes of their own, and
     writes the path of the module into each name.
@@ -51,7 +51,7 @@ def compacted(data: bytes, entries: Mapping[str, str] | None = None) -> bytes:
 
 
 def _store_constants(graph: onnx.GraphProto) -> None:
-    """Turn the nodes of constants into tensors of the graph, in place."""
+    """Replace Constant nodes by initializer tensors of the graph, in place."""
     nodes = []
     for node in graph.node:
         if node.op_type != "Constant":
@@ -65,7 +65,7 @@ def _store_constants(graph: onnx.GraphProto) -> None:
 
 
 def _shorten(graph: onnx.GraphProto) -> None:
-    """Keep equal tensors once, and give short names, in place."""
+    """Merge equal tensors and give all tensors short names, in place."""
     public = {value.name for value in (*graph.input, *graph.output)}
     names: dict[str, str] = {}
     first: dict[tuple[int, tuple[int, ...], bytes], str] = {}
@@ -96,14 +96,14 @@ def _shorten(graph: onnx.GraphProto) -> None:
 
 
 class _Known(NamedTuple):
-    """What is known of a graph for one size of the frame: values of tensors, shapes of tensors."""
+    """Known values and shapes of a graph's tensors for one frame size."""
 
     values: _Values
     shapes: _Shapes
 
 
 def with_shapes(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Return the same network without computations of sizes, and with the shapes of its tensors."""
+    """Return the network with the shapes of its tensors and without computations of sizes."""
     known = [_evaluate(model, rows, columns) for rows, columns in _SIZES]
     graph = model.graph
     constants = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
@@ -145,7 +145,7 @@ def with_shapes(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def _evaluate(model: onnx.ModelProto, rows: int, columns: int) -> _Known:
-    """Return the values and shapes that follow from the size of the frame alone."""
+    """Compute all values and shapes that depend on the frame size alone."""
     sized = onnx.ModelProto()
     sized.CopyFrom(model)
     for value in sized.graph.input:
@@ -169,7 +169,7 @@ def _evaluate(model: onnx.ModelProto, rows: int, columns: int) -> _Known:
 def _compute(
     node: onnx.NodeProto, values: _Values, shapes: _Shapes, model: onnx.ModelProto
 ) -> bool:
-    """Add a node's outputs to the values, if its inputs are known; return whether they are."""
+    """Compute a node's outputs and add them to the values; return False if an input is unknown."""
     inputs = [name for name in node.input if name]
     if node.op_type == "Shape" and inputs[0] in shapes and not node.attribute:
         values[node.output[0]] = np.array(shapes[inputs[0]], np.int64)
@@ -194,7 +194,7 @@ def _compute(
 
 
 def _inferred(model: onnx.ModelProto) -> _Shapes:
-    """Return the shapes that ONNX infers, as far as every side is a number."""
+    """Infer tensor shapes with ONNX; keep shapes whose sides are all numbers."""
     graph = onnx.shape_inference.infer_shapes(model, data_prop=True).graph
     shapes: _Shapes = {}
     for value in (*graph.value_info, *graph.input, *graph.output):
@@ -205,7 +205,7 @@ def _inferred(model: onnx.ModelProto) -> _Shapes:
 
 
 def _fix_ends(node: onnx.NodeProto, known: list[_Known], constants: _Values) -> None:
-    """Count the ends of a Slice from the end of their axes, if that is the same for all sizes."""
+    """Count the ends of a Slice from the axis end, if that gives equal numbers for all sizes."""
     data, _, ends, axes = node.input[:4]
     if axes not in constants or any(data not in k.shapes or ends not in k.values for k in known):
         return
@@ -221,7 +221,7 @@ def _fix_ends(node: onnx.NodeProto, known: list[_Known], constants: _Values) -> 
 
 
 def _form(name: str, known: list[_Known]) -> list[int | str] | None:
-    """Return a shape in which height and width have names; None if the shape is not known."""
+    """Return a shape in which height and width are symbols; None if the shape is unknown."""
     if any(name not in k.shapes for k in known):
         return None
     form = [_side(axis) for axis in zip(*(k.shapes[name] for k in known), strict=True)]
@@ -229,7 +229,7 @@ def _form(name: str, known: list[_Known]) -> list[int | str] | None:
 
 
 def _side(lengths: tuple[int, ...]) -> int | str | None:
-    """Return a length, or the name of one that is rows or columns plus or through a number."""
+    """Return a length, or a symbol such as rows_plus_2 for a length that depends on the frame."""
     if len(set(lengths)) == 1:
         return lengths[0]
     for word, frame in zip(("rows", "columns"), zip(*_SIZES, strict=True), strict=True):

@@ -1,4 +1,4 @@
-"""Recipes: network, loss, optimiser and limits of a training, as a TOML file of differences.
+"""Recipes of a training (network, loss, optimiser, limits), as TOML files of differences.
 
     extends = "paper"                  a shipped recipe, or a file beside this one
     title = "DnCNN D7"
@@ -51,7 +51,7 @@ class OptimiserSettings(TomlTable):
 
 
 class ScheduleSettings(TomlTable):
-    """Learning-rate schedule: a function of the steps and of the fraction of the training done.
+    """Learning-rate schedule, a function of the steps and of the finished fraction of training.
 
     The whole training is its limit in steps, epochs or minutes, whichever comes first.
     """
@@ -65,7 +65,7 @@ class ScheduleSettings(TomlTable):
     step_to: float = Field(0.2, ge=0, le=1, description="factor on lr after the step")
 
     def factor(self, steps: int, done: float) -> float:
-        """Return the factor on lr after ``steps`` steps, at a fraction ``done`` of the training."""
+        """Compute the factor on lr after ``steps`` steps, at fraction ``done`` of the training."""
         warmup = min(1.0, max((steps + 1) / (self.warmup_steps + 1), done / _WARMUP_SHARE))
         if self.kind == "cosine":
             return warmup * (self.final + (1 - self.final) * (1 + cos(pi * min(done, 1.0))) / 2)
@@ -111,7 +111,7 @@ class TrainingSettings(TomlTable):
 
 
 class DataSettings(TomlTable):
-    """Selection and augmentation of pairs. ``glsim generate`` decides what a data set holds."""
+    """Selection and augmentation of pairs; the content is decided by ``glsim generate``."""
 
     crop: int = Field(
         128, ge=0, le=8192, description="side of the square frames, px; 0: whole frames"
@@ -150,7 +150,7 @@ class DataSettings(TomlTable):
 
 
 class Recipe(TomlTable):
-    """Every setting of a training, except the data."""
+    """Every setting of a training except its data."""
 
     title: str = Field(description="one line")
     description: str = Field(
@@ -172,7 +172,7 @@ class Recipe(TomlTable):
     )
 
     def difference(self, other: Recipe) -> str | None:
-        """Name the first setting that would change the training; None if there is none."""
+        """Name the first setting that would change the training; None for equal trainings."""
         ours, theirs = (_flattened(recipe.model_dump(mode="json")) for recipe in (self, other))
         for name in sorted(ours.keys() | theirs.keys()):
             if name not in _RESUMABLE and ours.get(name) != theirs.get(name):
@@ -191,7 +191,7 @@ _RESUMABLE: Final = {
 
 
 def recipe_names() -> list[str]:
-    """Names of the shipped recipes, without ``paper``, the shared base of the paper's rows."""
+    """Return the names of shipped recipes, without ``paper``, the base of the paper's recipes."""
     return sorted(file.stem for file in RECIPE_FOLDER.glob("*.toml") if file.stem != "paper")
 
 
@@ -200,7 +200,7 @@ def load_recipe(
     assignments: Iterable[str] = (),
     overrides: Mapping[str, Any] | None = None,
 ) -> Recipe:
-    """Load a recipe by its name or the path of its TOML file.
+    """Load a recipe by its name or by the path of its TOML file.
 
     The tables [model] and [loss] are checked when they are built.
 
@@ -221,7 +221,7 @@ def load_recipe(
 
 
 def merge_kinds(tree: dict[str, Any], over: Mapping[str, Any]) -> None:
-    """Merge ``over`` into nested dicts, in place; a table of another kind replaces the old one."""
+    """Merge ``over`` into nested dicts, in place; a table with another kind is replaced."""
     for key, value in over.items():
         below = tree.get(key)
         if not isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Preparation of a run before its first step: devices, folder, checkpoint to resume from."""
+"""Preparation of a run before its first step: devices, folder and checkpoint to resume."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its messages 
 
 
 def computes_bfloat16() -> bool:
-    """Return whether the GPU, or without one the processor, has instructions on bfloat16.
+    """Return whether the GPU (or else the CPU) has bfloat16 instructions.
 
     Elsewhere PyTorch converts to float32 and back: two steps of ``face`` took 26.4 CPU s in
     bf16-mixed and 9.7 in 32-true on a processor with AVX2 alone (measured, PyTorch 2.13).
@@ -48,7 +48,7 @@ def computes_bfloat16() -> bool:
 
 
 def with_precision(recipe: Recipe, begun: Path | None) -> Recipe:
-    """Return the recipe with a precision in the place of "auto".
+    """Return the recipe with a definite precision in place of "auto".
 
     Args:
         recipe: the training.
@@ -66,7 +66,7 @@ def with_precision(recipe: Recipe, begun: Path | None) -> Recipe:
 
 
 def arithmetic(fabric: Fabric) -> dict[str, Any]:
-    """Return what decides the last bits of a training besides its recipe and data.
+    """Return the facts besides recipe and data that decide how a training is rounded.
 
     PyTorch divides a sum among its threads, so their number decides how it is rounded.
     """
@@ -80,7 +80,7 @@ def arithmetic(fabric: Fabric) -> dict[str, Any]:
 
 
 def continue_arithmetic(begun: Mapping[str, Any], fabric: Fabric, where: object) -> None:
-    """Compute with as many threads as the training began with; warn of all else that differs."""
+    """Restore the number of threads of a resumed training; warn of other differences."""
     torch.set_num_threads(int(begun["threads"]))
     now = arithmetic(fabric)
     if others := [f"{n} {begun.get(n)}, not {now[n]}" for n in now if begun.get(n) != now[n]]:
@@ -93,7 +93,7 @@ def continue_arithmetic(begun: Mapping[str, Any], fabric: Fabric, where: object)
 
 
 def make_fabric(settings: TrainingSettings) -> Fabric:
-    """Make the Fabric of devices and precision. Raises ConfigError if this machine lacks them."""
+    """Create the Fabric of devices and precision. Raises ConfigError if the machine lacks them."""
     on_gpu = torch.cuda.is_available()
     if settings.precision == "auto":
         raise ValueError("auto is no precision: see with_precision")
@@ -115,7 +115,7 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
 
 
 def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[str, Any]]:
-    """Read initial weights: a checkpoint, an ONNX file, or a shipped network by name.
+    """Read initial weights from a checkpoint, an ONNX file, or a shipped network by name.
 
     Args:
         start: ``training.start`` of a recipe.
@@ -147,7 +147,7 @@ def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[st
 
 @contextmanager
 def locked_run(folder: Path) -> Iterator[None]:
-    """Create a run's folder and hold its lock. Raises TrainError if another training holds it."""
+    """Create a run's folder and hold its lock. Raises TrainError if it is locked already."""
     with wrap_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     busy = TrainError(

@@ -1,4 +1,4 @@
-"""The state of a training between two steps; saved to and restored from a checkpoint."""
+"""State of a training between two steps, which a checkpoint saves and restores."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _Tensors = list[Tensor] | tuple[Tensor, ...]
 
 
 class WeightsOf(NamedTuple):
-    """Weights of a network by name, and the file that they are from."""
+    """Weights of a network by name, and the name of their file."""
 
     file: str
     values: Mapping[str, Tensor]
@@ -59,7 +59,7 @@ class TrainingProgress:
 
 
 class TrainingState:
-    """Network, its weight average, optimiser, loss and progress, built from a recipe and its seed.
+    """Network, weight average, optimiser, loss and progress, built from a recipe and its seed.
 
     Attributes:
         network: the network, without the wrappers of devices and compilation.
@@ -106,11 +106,11 @@ class TrainingState:
 
     @property
     def evaluated(self) -> DepthModel:
-        """The network that is validated and kept: the average if there is one."""
+        """Network to validate and save: the weight average if there is one."""
         return self.network if self.average is None else cast(DepthModel, self.average.module)
 
     def set_up(self) -> tuple[nn.Module, Optimizer]:
-        """Move model and optimiser to their device and precision. Call it after ``restore``."""
+        """Move model and optimiser to their device and precision; call it after ``restore``."""
         module: nn.Module = self.network
         if self._compile:
             module = cast(nn.Module, torch.compile(module))
@@ -120,7 +120,7 @@ class TrainingState:
         return model, optimiser
 
     def dump(self) -> dict[str, Any]:
-        """Everything that a resumed training needs besides recipe and data."""
+        """State that a resumed training needs besides recipe and data."""
         return {
             "model": self.network.state_dict(),
             "average": None if self.average is None else self.average.state_dict(),
@@ -131,7 +131,7 @@ class TrainingState:
         }
 
     def restore(self, content: dict[str, Any]) -> None:
-        """Load the result of ``dump``. Raises TrainError if it belongs to another network."""
+        """Load a state from ``dump``. Raises TrainError if it belongs to another network."""
         try:
             self.network.load_state_dict(content["model"])
             if self.average is not None:
@@ -148,7 +148,7 @@ class TrainingState:
 
 
 def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | None:
-    """Make an exponential average of the weights; buffers are copied. None without a decay."""
+    """Create an exponential average of the weights (buffers are copied); None without a decay."""
     if decay is None:
         return None
 
@@ -165,7 +165,7 @@ NOT_COPIED = ("sigma_scale",)
 
 
 def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) -> None:
-    """Copy weights, by name and shape, into a network with further inputs.
+    """Copy weights, by name and shape, into a network that has additional inputs.
 
     The weights of further input channels become 0, so that both networks give the same depth.
 

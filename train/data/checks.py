@@ -26,17 +26,17 @@ Target = Literal["clean", "expected"]
 
 
 def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[str, ...]:
-    """Return the layers of a pair: the network's depth, its target, and infrared if it sees it."""
+    """Return the layer names of a pair: noisy depth, target, and infrared if a network uses it."""
     return ("noisy", target, "infrared") if inputs.infrared else ("noisy", target)
 
 
 def entries_of(**choices: str) -> dict[str, str]:
-    """Return entries of a fingerprint without defaults, so that older trainings can be resumed."""
+    """Return the non-default entries of a fingerprint; older trainings can so be resumed."""
     return {name: value for name, value in choices.items() if value not in ("clean", "depth")}
 
 
 def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
-    """Return a pair under the protocol paper: the nearest point of its target at 1 mm.
+    """Shift a pair to the depth protocol "paper", where the target's nearest point is at 1 mm.
 
     Args:
         images: (C + 1, H, W), the stack of inputs and the target. All depths are moved alike, so
@@ -55,7 +55,7 @@ def checked_split(
     cut: Cut,
     layers: Sequence[str] = ("noisy", "clean"),
 ) -> Frames:
-    """Return a split after checking that it can be trained on. Images are not decoded.
+    """Open a split and check that it is fit for training, without decoding images.
 
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits,
     frames differ in size or do not fit ``crop``. Raises ConfigError for a crop below 1.
@@ -98,7 +98,7 @@ def checked_split(
 
 
 def fingerprint(dataset: Path) -> dict[str, Any]:
-    """Identify a data set in a checkpoint: equal for equal data, whatever their folder.
+    """Return the identity of a data set for checkpoints: equal for equal data in any folder.
 
     The manifest holds every image's CRC32, so the manifest's CRC32 covers all pixels. Raises
     DatasetError if the folder is no data set of glsim.

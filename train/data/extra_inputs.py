@@ -1,4 +1,4 @@
-"""Infrared and neighbours in time beside the depth of stored and simulated pairs."""
+"""Inputs besides depth: infrared and neighbours in time, for stored and simulated pairs."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ _WITH_GAPS: Final = 0.25
 
 
 class Moment(NamedTuple):
-    """A frame's place in time: frames of one sequence have the same words."""
+    """Position of a frame in time: the words that name its sequence, and its frame number."""
 
     sequence: tuple[str, ...]
     frame: int
 
 
 class Neighbours:
-    """The neighbours in time of each of some frames, by their positions in a list.
+    """Table of the neighbours in time of each frame, as positions in a list of frames.
 
     A neighbour is of the same sequence and at most ``inputs.before`` frames earlier or
     ``inputs.after`` later by its number: frames may be missing.
     """
 
     def __init__(self, moments: Sequence[Moment], inputs: NetworkInputs) -> None:
-        """Take the moments of all frames; those of a sequence are consecutive, in order of time."""
+        """Index the moments of all frames; frames of a sequence must be adjacent, in time order."""
         self._inputs = inputs
         words = dict.fromkeys(moment.sequence for moment in moments)
         numbers = {sequence: number for number, sequence in enumerate(words)}
@@ -42,7 +42,7 @@ class Neighbours:
         self._frame = np.array([moment.frame for moment in moments], np.int64)
 
     def of(self, number: int) -> tuple[list[int], list[int]]:
-        """Return the positions of earlier and of later neighbours, the nearest first."""
+        """Return the positions of the earlier and of the later neighbours, nearest first."""
         return self._towards(number, -1, self._inputs.before), self._towards(
             number, +1, self._inputs.after
         )
@@ -64,7 +64,7 @@ class Neighbours:
 def vary_inputs(
     stack: NDArray[np.float32], inputs: NetworkInputs, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Return the stack of a frame, (C, H, W), with inputs changed as cameras and sequences differ.
+    """Augment the inputs of a frame, (C, H, W): random infrared gain and number of neighbours.
 
     Infrared gets a random gain or is left out. Of the neighbours that exist on each side, a random
     number remains, the nearest ones or others, so that a network works with any number.

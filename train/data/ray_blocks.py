@@ -1,4 +1,4 @@
-"""Blocks of pairs that the nodes of a cluster render while this process trains."""
+"""Blocks of pairs that the nodes of a Ray cluster render during the training."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from glsim.train.data.stream import LANES, BatchPlace, BatchStream
 
 
 class MadeBlock(NamedTuple):
-    """The pairs of a block, (pairs, C + 1, H, W) float32, and the machine that made them."""
+    """The pairs of a block, (pairs, C + 1, H, W) float32, and the machine that rendered them."""
 
     pairs: NDArray[np.float32]
     machine: Machine
 
 
 class RayBlocks:
-    """The blocks of some lanes, rendered on a cluster in the order of their use.
+    """Blocks of pairs of some lanes, rendered on a cluster in the order of their use.
 
     Nodes run at most LANES blocks, or two a core, ahead of the training; finished blocks wait in
     Ray's object store. Blocks are used in order of number, not of arrival, so the batches
@@ -60,7 +60,7 @@ class RayBlocks:
         self._machine: Machine | None = None
 
     def pairs(self, place: BatchPlace) -> NDArray[np.float32]:
-        """Return the pairs of a batch's block, (pairs, C + 1, H, W) float32; waits for them."""
+        """Wait for a batch's block and return its pairs, (pairs, C + 1, H, W) float32."""
         block = (place.lane, place.block)
         self._pairs.pop((place.lane, place.block - 1), None)
         if block not in self._pairs:
@@ -72,7 +72,7 @@ class RayBlocks:
         return self._pairs[block]
 
     def _submit(self) -> None:
-        """Keep the nodes busy, but not further ahead than the class says."""
+        """Submit blocks to the nodes until the limit of unused blocks is reached."""
         while len(self._ahead) < max(LANES, TASKS_PER_CORE * cluster_cores(self._ray)):
             self._submit_next()
 
@@ -93,14 +93,14 @@ class RayBlocks:
         return made.pairs
 
     def close(self) -> None:
-        """Cancel what is not used, and leave the cluster."""
+        """Cancel unfinished blocks and disconnect from the cluster."""
         cancel_tasks(self._ray, self._ahead.values())
         self._ahead.clear()
         self._stack.close()
 
 
 class _Renderer:
-    """The simulator of a process of the cluster, which is kept from block to block."""
+    """The simulator of a worker process of the cluster, which is reused from block to block."""
 
     def __init__(self, token: str, stream: BatchStream) -> None:
         self.token, self._stream = token, stream
@@ -121,7 +121,7 @@ _renderer: _Renderer | None = None
 def render_block_on_node(
     token: str, reference: list[Any], lane: int, block: int
 ) -> MadeBlock | WorkerFailure:
-    """Render a block: the task of the cluster. Errors are returned, for Ray wraps raised ones."""
+    """Render a block on a node; return errors as values, because Ray wraps raised errors."""
     global _renderer
     try:
         if _renderer is None or _renderer.token != token:

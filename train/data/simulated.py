@@ -1,4 +1,4 @@
-"""Pairs rendered while the network trains, as an endless PyTorch data set of batches."""
+"""Pairs rendered during the training, as an endless PyTorch data set of batches."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _PREFETCH = 8
 def randomised(
     assignments: Iterable[str] = (), overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Load the training distribution for a denoiser of a Kinect V2: the preset randomised.
+    """Load the settings to train a denoiser of a Kinect V2: the preset with random parameters.
 
     assignments and overrides: changes, as in ``glsim.load_settings``. The stages are those of
     kinect-v2: another sensor needs its own settings. Raises ConfigError.
@@ -74,7 +74,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         protocol: DepthProtocol | None = None,
         ray: str | None = None,
     ) -> None:
-        """Prepare the stream of batches.
+        """Open the face sources and plan the stream of batches.
 
         A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
         while iterating also MeshError (a whole block of bad faces, or one if settings.strict)
@@ -115,13 +115,13 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         self._start, self._length, self._ray = start, length, ray
 
     def __len__(self) -> int:
-        """Batches per iteration. Raises TypeError, as DataLoader expects, if it is endless."""
+        """Number of batches per iteration. Raises TypeError (for DataLoader) if endless."""
         if self._length is None:
             raise TypeError("SimulatedPairs without a length never ends")
         return self._length
 
     def fingerprint(self) -> dict[str, Any]:
-        """Identify the data in a checkpoint: equal for equal sequences of batches."""
+        """Return the identity of the data for checkpoints: equal for equal sequences of batches."""
         settings = self.stream.settings
         text = settings.model_dump_json(exclude={"source": {"__all__": {"root"}}})
         return {
@@ -136,7 +136,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         } | ({"inputs": list(inputs)} if (inputs := self.stream.inputs) != DEPTH_ALONE else {})
 
     def loader(self, workers: int = 1) -> DataLoader[tuple[Tensor, Tensor]]:
-        """Make a DataLoader of batches in order. Raises ConfigError.
+        """Create a DataLoader that yields the batches in order. Raises ConfigError.
 
         Args:
             workers: processes that render; 0: this one. With ``ray`` none is started here. A script
@@ -156,7 +156,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         )
 
     def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield the batches; in a worker of a DataLoader, the batches of its lanes."""
+        """Yield the batches; a worker process of a DataLoader yields the batches of its lanes."""
         info = get_worker_info()
         worker, workers = (0, 1) if info is None else (info.id, info.num_workers)
         _check_workers(workers)
@@ -187,7 +187,7 @@ def _check_workers(workers: int) -> None:
 
 
 class _BlockRenderer:
-    """Renders the blocks of some lanes, a little ahead of their use.
+    """Renderer of the blocks of some lanes, which works a little ahead of their use.
 
     Args:
         lanes: numbers and first blocks of the lanes, in the order of their use.
@@ -216,7 +216,7 @@ class _BlockRenderer:
                     yield task
 
     def pairs(self, place: BatchPlace) -> Sequence[NDArray[np.float32]]:
-        """Return the pairs of a batch's block; also render its share of the next blocks.
+        """Return the pairs of a batch's block, and render some frames of later blocks.
 
         That is batch / reuse frames.
         """
@@ -231,7 +231,7 @@ class _BlockRenderer:
         return self._pairs[block]
 
     def _render_frame(self) -> None:
-        """Render the next frame; the last one of a block completes its pairs."""
+        """Render the next frame; after the last frame of a block, store the block's pairs."""
         result = next(self._frames)
         block = self._planned.popleft()
         rendered = self._rendered.setdefault(block, [])

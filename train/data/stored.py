@@ -1,4 +1,4 @@
-"""Pairs of a data set on disk, PNG tree or shards, as a map-style PyTorch data set."""
+"""Pairs of a data set on disk (PNG tree or shards) as a map-style PyTorch data set."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Batch = tuple[Tensor, Tensor]
 
 
 class PairDataset(Dataset[Batch]):
-    """A map-style data set: ``pairs[n]`` is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
+    """A map-style data set whose item n is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
 
     C = 1 for depth alone, else noisy_mm is the stack of all inputs (``glsim.denoise.inputs``).
     The clean frame is the target of the recipe: the clean depth or the expected one.
@@ -47,19 +47,19 @@ class PairDataset(Dataset[Batch]):
         raise NotImplementedError
 
     def __getitems__(self, indices: list[int]) -> list[Batch]:
-        """Return the pairs of a batch; those in object storage are asked for at the same time."""
+        """Return the pairs of a batch; images in object storage are read in parallel."""
         if not self.is_remote:
             return [self[index] for index in indices]
         with ThreadPoolExecutor(len(indices)) as pool:
             return list(pool.map(self.__getitem__, indices))
 
     def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of the random draws; call it before iterating a loader."""
+        """Set the epoch of the random augmentation; call it before iterating over a loader."""
         self._epoch.fill_(epoch)
 
 
 class JoinedPairs(ConcatDataset[Batch], PairDataset):
-    """Pairs of several data sets, one data set after the other."""
+    """The pairs of several data sets, concatenated."""
 
     def __init__(self, parts: Sequence[PairDataset]) -> None:
         super().__init__(parts)
@@ -67,7 +67,7 @@ class JoinedPairs(ConcatDataset[Batch], PairDataset):
         self.is_remote = any(part.is_remote for part in parts)
 
     def set_epoch(self, epoch: int) -> None:
-        """See ``PairDataset``."""
+        """Set the epoch in every data set."""
         for part in self._parts:
             part.set_epoch(epoch)
 
@@ -78,7 +78,7 @@ CACHE_MB = 1024.0
 
 @dataclass(frozen=True)
 class Augmentation:
-    """Random changes to a pair, limited to what the sensor could have measured.
+    """Random changes of a pair, limited to scenes that the sensor could have measured.
 
     Offsets, rotation, scaling and added noise are wrong for depth, whose noise depends on distance
     and pose: change the settings of the simulator instead. To shift, crop larger frames
@@ -101,7 +101,7 @@ class Augmentation:
 
 
 class StoredPairs(PairDataset):
-    """``pairs[n]`` is (noisy_mm, target_mm), each (1, H, W) float32 millimetres, 0 = no return.
+    """Pairs of a split, each (noisy_mm, target_mm): (1, H, W) float32 mm, 0 = no return.
 
     With further ``inputs``, noisy_mm is the stack of all, (C, H, W): see ``glsim.denoise.inputs``.
     The same (seed, epoch, n) gives the same pair in any process and order.
@@ -121,7 +121,7 @@ class StoredPairs(PairDataset):
         target: Target = "clean",
         protocol: DepthProtocol | None = None,
     ) -> None:
-        """Open the split. Raises as ``glsim.train.data.checks.checked_split``.
+        """Open the split. Raises the errors of ``glsim.train.data.checks.checked_split``.
 
         Args:
             crop: side of the square frames, px; default: whole frames, all of one size.
@@ -165,7 +165,7 @@ class StoredPairs(PairDataset):
         return {**self.__dict__, "_cache": None}
 
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
-        """Return one pair. Raises DatasetError with the file's name for an unreadable image."""
+        """Return a pair. Raises DatasetError with the name of an unreadable image file."""
         number = range(len(self))[index]
         images = self._images(number)
         rng = pcg_rng("augment", self._seed, int(self._epoch.item()), number)
@@ -188,7 +188,7 @@ class StoredPairs(PairDataset):
     def _added_mm(
         self, target: NDArray[np.float32], rng: np.random.Generator
     ) -> NDArray[np.float32]:
-        """Draw the bumps and the slope, (H, W) millimetres."""
+        """Draw random bumps and a random slope to add to the depth, (H, W) mm."""
         augmentation = self._augmentation
         added_mm = np.zeros(target.shape, np.float32)
         if augmentation.relief_mm:
@@ -211,7 +211,7 @@ class StoredPairs(PairDataset):
         return images[:, top : top + side, left : left + side]
 
     def _images(self, number: int) -> NDArray[np.float32]:
-        """Read a frame, (C + 1, H, W): the stack of its inputs, and the target."""
+        """Read a frame as (C + 1, H, W): the stack of its inputs, then the target."""
         noisy_mm, target_mm, *infrared = self._layers_of(number)
         sides: list[list[NDArray[np.float32]]] = [[], []]
         if self._neighbours is not None:
@@ -227,7 +227,7 @@ class StoredPairs(PairDataset):
         return np.concatenate([stack, target_mm[None]])
 
     def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
-        """Read the layers of a frame, (H, W) each: noisy and target in mm, and infrared if used.
+        """Read the layers of a frame, (H, W) each: noisy and target in mm, infrared if used.
 
         From the cache if possible.
 
@@ -248,7 +248,7 @@ class StoredPairs(PairDataset):
         return [*pair_mm, *units[2:].astype(np.float32)]
 
     def _units(self, frame: DepthFrame, layer: str) -> NDArray[np.uint16]:
-        """Return a layer as its file holds it, (H, W), which takes half the memory of floats."""
+        """Convert a layer to the uint16 units of its file, (H, W), to halve the cache's memory."""
         if layer == INFRARED:
             return frame.layer("infrared").astype(np.uint16)
         depth_mm = frame.layer(f"{layer}_mm")
@@ -299,7 +299,7 @@ def draw_surface_bumps(
 def draw_slope(
     shape: tuple[int, int], largest_mm_per_px: float, nearest_mm: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Draw (H, W) float32 millimetres to add to depth: a plane through 0 in the middle.
+    """Draw (H, W) float32 millimetres to add to depth: a random plane, 0 at the image centre.
 
     Training frames show mostly people and walls: a network that has seen few floors bends them.
 
@@ -321,7 +321,7 @@ def draw_slope(
 def _smooth_noise(
     shape: tuple[int, int], sigma_px: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Gaussian noise, blurred and scaled to variance 1."""
+    """Draw blurred Gaussian noise with variance 1, (H, W) float32."""
     white = rng.standard_normal(shape, dtype=np.float32)
     smooth = np.asarray(cv2.GaussianBlur(white, (0, 0), sigma_px), np.float32)
     return smooth / max(float(smooth.std()), 1e-6)

@@ -1,4 +1,4 @@
-"""Plan of the pairs that a training renders, their order, and how frames become pairs; no torch.
+"""Plan of the pairs that a training renders: people, order, and conversion to images; no torch.
 
 The order must not depend on the number of workers, and each worker must reuse the pairs that it
 rendered itself. So the sequence of batches is dealt to a fixed number of lanes, batch j to lane
@@ -46,7 +46,7 @@ FRAMES_PER_VISIT: Final = 4
 
 
 class BatchPlace(NamedTuple):
-    """Position of a batch: lane, block of the lane, and numbers of its pairs in the block."""
+    """Position of a batch: lane, number of the block in its lane, and pairs of the block."""
 
     lane: int
     block: int
@@ -55,7 +55,7 @@ class BatchPlace(NamedTuple):
 
 @dataclass(frozen=True)
 class BatchStream:
-    """The plan of an endless sequence of batches.
+    """Plan of an endless sequence of batches.
 
     With inputs in time the frames of a person are consecutive ones of a sequence, of one device.
 
@@ -85,7 +85,7 @@ class BatchStream:
         return self.batch * BATCHES_PER_BLOCK
 
     def place(self, batch: int) -> BatchPlace:
-        """Return the position of the batch of this number."""
+        """Return the position of batch number n."""
         turn, lane = divmod(batch, LANES)
         block, within = divmod(turn, BATCHES_PER_BLOCK * self.reuse)
         use, part = divmod(within, BATCHES_PER_BLOCK)
@@ -123,7 +123,7 @@ class BatchStream:
         block: int,
         rng: np.random.Generator,
     ) -> list[Task]:
-        """Draw some frames of one person, with seeds for noise and pose of this visit alone."""
+        """Draw frames of a person for one block, with new seeds for noise and pose."""
         settings, name = self.settings, self.sources[source].name
         keys = self.sources[source].frames(subject, settings.source[source].frames_per_subject)
         chosen: Sequence[int]
@@ -153,13 +153,13 @@ class BatchStream:
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """The layers of a frame that are needed."""
+        """Names of the frame layers that a pair needs."""
         return pair_layers(self.target, self.inputs)
 
     def images(
         self, results: Sequence[Frame | Skipped], lane: int, block: int
     ) -> list[NDArray[np.float32]]:
-        """Return the images of each frame of a block, (C + 1, H, W): its inputs, and the target.
+        """Convert the frames of a block to images, (C + 1, H, W) each: inputs, then the target.
 
         Raises MeshError if no frame could be rendered.
         """
@@ -181,7 +181,7 @@ class BatchStream:
 
 
 def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
-    """Replace each skipped frame by the next good one. Raises MeshError if none is good."""
+    """Replace each skipped frame by the next rendered frame. Raises MeshError if there is none."""
     good = [number for number, result in enumerate(results) if isinstance(result, Frame)]
     bad = [result for result in results if isinstance(result, Skipped)]
     if not good:
@@ -199,7 +199,7 @@ def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
 
 
 def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
-    """Noisy depth and target, (2, H, W) millimetres, rounded as in files."""
+    """Return noisy depth and target of a frame, (2, H, W) mm, rounded as in files."""
     both = np.stack([frame.image(layer) for layer in layers])
     return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)
 
@@ -207,7 +207,7 @@ def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
 def split_people(
     settings: Settings, sources: Sequence[FaceSource], split: str
 ) -> tuple[tuple[str, ...], ...]:
-    """List the people of a split for each source, with the assignment of ``glsim generate``.
+    """List the people of a split for each source; the split is equal to ``glsim generate``'s.
 
     Raises ConfigError for an unknown or empty split, and for the paper's, which needs the frames.
     """

@@ -1,1 +1,1 @@
-"""Networks: one file per architecture, each written from its paper."""
+"""Network architectures, one per file, each written from its paper."""

@@ -1,4 +1,4 @@
-"""Base class of all backbones, with the helpers that several share."""
+"""Base class of all backbones, and helpers that several backbones use."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Backbone(nn.Module):
         self.residual = residual
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Run the network. valid: (B, 1, H, W), 1 = measured; image networks ignore it."""
+        """Run the network; valid: (B, 1, H, W), 1 = measured, which image networks ignore."""
         raise NotImplementedError
 
 
 def pad_to_multiple(x: Tensor, multiple: int) -> Tensor:
-    """Repeat the right and lower edge of (B, C, H, W) until H and W are multiples of a number.
+    """Replicate the right and lower edge of (B, C, H, W) until H and W are multiples of a number.
 
     The upper left corner stays, so a crop at a multiple meets the same grid.
     """
@@ -56,7 +56,7 @@ def pad_to_multiple(x: Tensor, multiple: int) -> Tensor:
 
 
 def init_he(layer: nn.Conv2d) -> None:
-    """Draw the weights of a convolution after He et al., ICCV 2015; set its bias to 0."""
+    """Draw the weights of a convolution after He et al., ICCV 2015, and set its bias to 0."""
     nn.init.kaiming_normal_(layer.weight, mode="fan_in")
     if layer.bias is not None:
         nn.init.zeros_(layer.bias)

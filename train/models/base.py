@@ -1,4 +1,4 @@
-"""Input and output of every denoising network: millimetres in, a ``Prediction`` out."""
+"""Base classes of the denoising networks, from millimetres to a ``Prediction``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from glsim.train.models.backbone import Backbone
 
 
 class Prediction(NamedTuple):
-    """Output of a network for a batch of depth maps, float32.
+    """Output of a network for a batch of depth maps, in float32.
 
     Attributes:
         depth_mm: (B, 1, H, W) millimetres along the axis, defined where the pixel is valid.
@@ -32,7 +32,7 @@ class Prediction(NamedTuple):
     choice_logits: Tensor | None = None
 
     def hard_mm(self) -> Tensor:
-        """Return the depth, with 0 where the pixel is predicted invalid."""
+        """Return the depth, mm, with 0 at pixels that are predicted invalid."""
         if self.valid_logit is None:
             return self.depth_mm
         return torch.where(self.valid_logit > 0, self.depth_mm, torch.zeros_like(self.depth_mm))
@@ -42,7 +42,7 @@ _Module = TypeVar("_Module", bound=nn.Module)
 
 
 def channels_last(module: _Module) -> _Module:
-    """Store the weights of a network as (N, H, W, C), the faster order for convolutions."""
+    """Store the weights of a network as (N, H, W, C), which makes convolutions faster."""
     return module.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]  # torch's overloads lack it
 
 
@@ -60,12 +60,12 @@ class DepthModel(nn.Module):
     unlikely: float = UNLIKELY
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
-        """Denoise."""
+        """Denoise a batch, (B, C, H, W) float32."""
         raise NotImplementedError
 
 
 class PaperInput(DepthModel):
-    """Millimetres in, millimetres out, as in the rows of the paper's tables.
+    """A denoiser that feeds millimetres to its backbone unscaled, as in the paper's tables.
 
     noisy_mm: (B, 1, H, W) float32. The prediction has no ``valid_logit``: the network must express
     "no return" as a depth of 0, and so places pixels in mid-air at silhouettes. bfloat16 rounds
@@ -78,11 +78,11 @@ class PaperInput(DepthModel):
 
     @staticmethod
     def backbone_settings() -> dict[str, Any]:
-        """Arguments that the backbone must be built with."""
+        """Arguments with which the backbone must be built."""
         return {"in_channels": 1, "out_channels": 1}
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
-        """Denoise."""
+        """Denoise (B, 1, H, W) millimetres."""
         return Prediction(self.backbone(noisy_mm, (noisy_mm > 0).to(noisy_mm.dtype)).float())
 
 
@@ -91,7 +91,7 @@ OUTPUTS: Final = ("depth_mm", "probability", "sigma_mm", "choice", "risk_mm")
 
 
 def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
-    """Return name -> (B, 1, H, W); names of OUTPUTS, without those that the network lacks.
+    """Return the outputs of a network by name, (B, 1, H, W) each, in the order of OUTPUTS.
 
     depth_mm: depth on the chosen surface. probability: of depth. sigma_mm: standard deviation of
     the depth. choice: probability of the chosen surface. risk_mm: expected distance of the true
@@ -111,7 +111,7 @@ def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
 
 
 class NamedOutputs(nn.Module):
-    """A network whose result is the tuple of its outputs, in the order of OUTPUTS.
+    """A wrapped network that returns its outputs as a tuple, in the order of OUTPUTS.
 
     Its arguments are the inputs of the model by name, (B, images, H, W) each, in their order.
     """
@@ -121,6 +121,6 @@ class NamedOutputs(nn.Module):
         self.model = model
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """Denoise (B, 1, H, W) millimetres."""
+        """Denoise the named inputs, (B, images, H, W) each."""
         stack = inputs[0] if len(inputs) == 1 else torch.cat(inputs, dim=1)
         return tuple(named_outputs(self.model(stack)).values())

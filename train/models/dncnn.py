@@ -1,4 +1,4 @@
-"""DnCNN: a plain stack of 3x3 convolutions that predicts a correction of the image.
+"""DnCNN, a plain stack of 3x3 convolutions that predicts a correction of the image.
 
 K. Zhang, W. Zuo, Y. Chen, D. Meng, L. Zhang, "Beyond a Gaussian Denoiser: Residual Learning of
 Deep CNN for Image Denoising", IEEE TIP 26(7), 2017, in the variant without batch normalisation
@@ -14,7 +14,7 @@ from glsim.train.models.backbone import Backbone, Depth, Width, init_zero
 
 
 class DnCNN(Backbone):
-    """``depth`` convolutions of ``width`` channels, ReLU between them, biases, no normalisation.
+    """DnCNN with ``depth`` 3x3 convolutions of ``width`` channels, ReLU, biases, no normalisation.
 
     (B, in_channels, H, W) to (B, out_channels, H, W). Parameters at 1 -> 1 and width 64: depth 7
     185,857; depth 20 665,921; depth 64 2,290,753. A pixel sees ``depth`` pixels to each side.
@@ -39,7 +39,7 @@ class DnCNN(Backbone):
         self.layers = nn.ModuleList(layers)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Denoise."""
+        """Run the network on (B, in_channels, H, W)."""
         features = x
         for layer in self.layers[:-1]:
             features = torch.relu(layer(features))

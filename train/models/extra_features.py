@@ -1,4 +1,4 @@
-"""Input features of infrared and of neighbours in time; as local as those of `features`."""
+"""Input features of infrared and of neighbours in time, as local as the depth `features`."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ _INFRARED, _EACH_NEIGHBOUR, _ALL_NEIGHBOURS = 2, 2, 2
 
 
 def extra_channels(inputs: NetworkInputs) -> int:
-    """Number of channels of the features of a network's inputs besides depth."""
+    """Count the feature channels of a network's inputs besides depth."""
     neighbours = inputs.before + inputs.after
     in_time = neighbours * _EACH_NEIGHBOUR + _ALL_NEIGHBOURS if neighbours else 0
     return in_time + _INFRARED * inputs.infrared
 
 
 def infrared_features(infrared: Tensor, surface_log: Tensor) -> Tensor:
-    """Compute the features of infrared images; 0 where there are no counts.
+    """Compute the features of infrared images; 0 at pixels without counts.
 
     Args:
         infrared: (B, 1, H, W) counts.
@@ -62,7 +62,7 @@ def infrared_features(infrared: Tensor, surface_log: Tensor) -> Tensor:
 
 
 def log_counts(infrared: Tensor) -> Tensor:
-    """Return log(1 + counts), 0 for anything that is not above 0."""
+    """Compute log(1 + counts); 0 for counts that are 0, negative or NaN."""
     return torch.log(1.0 + torch.where(infrared > 0, infrared, 0.0))
 
 
@@ -128,7 +128,7 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
 
 
 def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tensor]:
-    """Return differences of neighbours to a frame, mm, and a mask (0 or 1) of the same surface."""
+    """Subtract a frame from its neighbours, mm; also return a mask (0 or 1) of equal surfaces."""
     difference = neighbours_mm - depth_mm
     is_near = (neighbours_mm > 0) & (depth_mm > 0) & (difference.abs() < _SURFACE_MM)
     return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)
@@ -148,7 +148,7 @@ _PRIOR: Final = 0.02
 
 
 def predicted_change(difference_mm: Tensor, near: Tensor, frames_mm: Tensor) -> Tensor:
-    """Predict by how much motion changes depth from a frame to its neighbours, (B, N, H, W) mm.
+    """Predict the depth change by motion from a frame to its neighbours, (B, N, H, W) mm.
 
     Where a surface moves by (u, v) px in the image and w mm in depth, its depth at a pixel changes
     by w + u Gx + v Gy, with the gradient G of depth: the range flow constraint (Spies, Jaehne and
@@ -191,7 +191,7 @@ def predicted_change(difference_mm: Tensor, near: Tensor, frames_mm: Tensor) -> 
 
 
 def _gradients(depth_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the gradients of depth along rows and columns, mm per pixel, and their known mask."""
+    """Compute the depth gradients along rows and columns, mm per px, and a mask of known ones."""
     measured = (depth_mm > 0).to(depth_mm.dtype)
     depth_mm = torch.where(depth_mm > 0, depth_mm, 0.0)
     smooth_mm, reached = weighted_mean(depth_mm, measured, _SMOOTH_RADIUS, _SMOOTH_SIGMA)

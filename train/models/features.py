@@ -1,4 +1,4 @@
-"""Input features of the mask-aware networks: depth differences, smoothed depth, noise, validity.
+"""Input features of mask-aware networks: depth differences, smoothed depth, noise, validity.
 
 Each feature depends only on a neighbourhood of its pixel: a crop has the features of its frame.
 """
@@ -58,7 +58,7 @@ _BAND_MM, _AROUND_MM = 2.0, 20.0
 
 
 class Features(NamedTuple):
-    """Features of a batch of frames, float32, all of the frames' size.
+    """Features of a batch of frames, float32, at the frames' size.
 
     Attributes:
         fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
@@ -84,7 +84,7 @@ class Features(NamedTuple):
 
 
 def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) -> Features:
-    """Compute what a network sees of depth maps: filtered depth, noise, validity.
+    """Compute the network's inputs from depth maps: filtered depth, noise and validity.
 
     Args:
         noisy_mm: (B, 1, H, W) millimetres; a pixel not above 0, or not a number, is a hole.
@@ -133,7 +133,7 @@ def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) ->
 
 
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
-    """Return the depth of the nearest and the farthest surface within 6 px, (B, 2, H, W) mm.
+    """Find the depth of the nearest and of the farthest surface within 6 px, (B, 2, H, W) mm.
 
     Each is the mean of the samples within 50 mm of the extreme one; ``fill_mm`` without samples.
     """
@@ -152,7 +152,7 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
 
 
 def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: Tensor) -> Tensor:
-    """Average known values over each pixel's surface, (B, 1, H, W); 0 without any.
+    """Average known values over each pixel's own surface, (B, 1, H, W); 0 without known values.
 
     The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
     """
@@ -163,7 +163,7 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
 
 
 def _taps(image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _TAPS) -> Tensor:
-    """Return the samples of a grid around each pixel of (B, 1, H, W), one in each channel.
+    """Sample a grid around each pixel of (B, 1, H, W), with one sample per output channel.
 
     Pixels beyond the image are ``outside``.
     """
@@ -182,7 +182,7 @@ def _taps(image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _
 def _extreme(
     smaller_or_larger: Callable[[Tensor, Tensor], Tensor], image: Tensor, outside: float
 ) -> Tensor:
-    """Return the minimum or maximum of the samples of `_taps`, separably by rows and columns."""
+    """Compute the minimum or maximum over the grid of `_taps`, by rows, then by columns."""
     reach = _TAPS * _TAP_STEP
     for axis in (-2, -1):
         border = (0, 0, reach, reach) if axis == -2 else (reach, reach)
@@ -194,7 +194,7 @@ def _extreme(
 
 
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
-    """Fill holes by rounds of normalised convolution; holes out of reach become 0."""
+    """Fill holes by rounds of normalised convolution; holes that stay out of reach become 0."""
     for _ in range(_FILL_ROUNDS):
         grown_mm, reached = weighted_mean(depth_mm, known, _FILL_RADIUS, _FILL_SIGMA)
         depth_mm = torch.where(known > 0, depth_mm, grown_mm)
@@ -203,7 +203,7 @@ def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
 
 
 def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor, Tensor]:
-    """Estimate the local noise, mm, and the mask (0 or 1) of known values, (B, 1, H, W) each.
+    """Estimate the local noise, mm, and a mask (0 or 1) of known values, (B, 1, H, W) each.
 
     The estimate is the mean absolute difference between a pixel and the mean of its four neighbours
     at ``step_px``, over pixels whose neighbours are measured and within 50 mm.
@@ -221,12 +221,12 @@ def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor,
 
 
 def local_mean(values: Tensor, known: Tensor) -> Tensor:
-    """Return the Gaussian mean of known values with a sigma of 12 px; 0 without any."""
+    """Compute the Gaussian mean of known values, sigma 12 px; 0 without known values."""
     return shrunk_mean(values, known, _AROUND_RADIUS, _AROUND_SIGMA)
 
 
 def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
-    """Average 5x5 measured depths with Tukey's weights around ``near_mm``: one mean-shift step."""
+    """Average 5x5 measured depths with Tukey's weights around ``near_mm`` (a mean-shift step)."""
     samples = _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1)
     ratio = ((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)
     weight = tukey(ratio)
@@ -235,20 +235,20 @@ def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
 
 
 def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
-    """Return the share (0 to 1) of 3x3 samples, 6 px apart, on the surface of ``near_mm``."""
+    """Compute the share (0 to 1) of 3x3 samples, 6 px apart, on the surface of ``near_mm``."""
     samples = _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, _SUPPORT_STEP, 1)
     return tukey(((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)).mean(1, keepdim=True)
 
 
 def tukey(ratio: Tensor) -> Tensor:
-    """Return Tukey's biweight of a ratio in [-1, 1]: 1 at 0, and 0 at both ends."""
+    """Compute Tukey's biweight of a ratio in [-1, 1]: 1 at 0, and 0 at -1 and 1."""
     return (1.0 - ratio.square()).square()
 
 
 def _guided(
     depth_mm: Tensor, valid: Tensor, fill_mm: Tensor, base_mm: Tensor, radius: int
 ) -> Tensor:
-    """Smooth depth by a self-guided filter that ignores holes.
+    """Smooth depth by a self-guided filter without influence of holes.
 
     He, Sun and Tang, "Guided Image Filtering", TPAMI 2013, on depth relative to ``base_mm``: with a
     smooth surface as the base, slopes do not count as variance.
@@ -279,7 +279,7 @@ def _curved(depth_mm: Tensor, even: Tensor, otherwise_mm: Tensor, sigma: float) 
 
 
 def _box_means(images: list[Tensor], radius: int) -> tuple[Tensor, ...]:
-    """Average each image over squares of half side ``radius``, a power of 2; 0 outside.
+    """Average each image over squares of half side ``radius``, a power of 2; pixels outside are 0.
 
     Sums of 2, 4, 8 ... pixels in turn are much faster than average pooling.
     """

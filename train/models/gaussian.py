@@ -1,4 +1,4 @@
-"""Compute Gaussian means of images in which some pixels are unknown, for features of networks."""
+"""Gaussian means of images with unknown pixels, for the features of networks."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def weighted_mean(
 def _weighted_sums(
     values: Tensor, known: Tensor, radius: int, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """Return Gaussian-weighted sums of the known values and of their mask; the weights sum to 1."""
+    """Compute Gaussian-weighted sums of the known values and of their mask; weights sum to 1."""
     total, weight = blurred(torch.cat([values * known, known]), radius, sigma).chunk(2)
     return total, weight
 
 
 def shrunk_mean(values: Tensor, known: Tensor, radius: int, sigma: float) -> Tensor:
-    """Compute `weighted_mean` with 2 % zeros added, so that it shrinks where few are known."""
+    """Compute `weighted_mean` with 2 % zeros added, which shrinks means of few known pixels."""
     total, weight = _weighted_sums(values, known, radius, sigma)
     return total / (weight + _LEAST_SHARE)
 

@@ -1,4 +1,4 @@
-"""Networks with the mask of measured pixels as an input and a mask as an output.
+"""Denoising network with the mask of measured pixels as an input and as an output.
 
 The paper's networks read "no return" as a depth of 0 mm, which rewards flying pixels. Here
 validity is a separate input and output, and the network corrects relative depth with holes filled
@@ -66,7 +66,7 @@ _LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
 
 
 class MaskAware(DepthModel):
-    """A network from the features of depth to corrected depth, validity and uncertainty.
+    """A denoiser that computes corrected depth, validity and uncertainty from depth features.
 
     Input: (B, C, H, W) float32. The first channel is depth; ``infrared``, ``before`` and ``after``
     add channels (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0
@@ -126,7 +126,7 @@ class MaskAware(DepthModel):
         keep_clean: bool = True,  # noqa: ARG004 (all parameters of the class are given)
         unlikely: float = UNLIKELY,  # noqa: ARG004
     ) -> dict[str, Any]:
-        """Arguments that the backbone must be built with."""
+        """Arguments with which the backbone must be built."""
         extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
             "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,
@@ -136,7 +136,7 @@ class MaskAware(DepthModel):
         }
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
-        """Denoise."""
+        """Denoise a batch, (B, C, H, W) float32."""
         with torch.autocast(noisy_mm.device.type, enabled=False):
             stack = noisy_mm.float()
             named = self.inputs.named(stack)
@@ -181,7 +181,7 @@ class MaskAware(DepthModel):
     def _with_likeliest_surface(
         self, own: Prediction, around_mm: Tensor, out: Tensor
     ) -> Prediction:
-        """Replace the depth by the likeliest of three surfaces: the pixel's own, front, back."""
+        """Replace each depth by the most probable of three surfaces: own, front, back."""
         candidates_mm = torch.cat([own.depth_mm, around_mm + _CORRECTION_MM * out[:, :2]], dim=1)
         logits = torch.cat([torch.zeros_like(own.depth_mm), out[:, 2:] - _PRIOR_CHOICE], dim=1)
         # argmax over three channels would add a tenth to the time of the whole network.
@@ -207,7 +207,7 @@ _MEDIAN_NORMAL: Final = 0.6744898
 
 @torch.no_grad()
 def calibrate(model: MaskAware, pairs: Iterable[tuple[Tensor, Tensor]]) -> float:
-    """Set ``model.sigma_scale`` from validation pairs (noisy_mm, clean_mm), (B, 1, H, W) each.
+    """Fit ``model.sigma_scale`` to validation pairs (noisy_mm, clean_mm), (B, 1, H, W) each.
 
     Temperature scaling (Guo et al., "On Calibration of Modern Neural Networks", ICML 2017) for
     regression (Levi et al., "Evaluating and Calibrating Uncertainty Prediction in Regression

@@ -1,4 +1,4 @@
-"""Models by name: what the ``[model]`` table of a recipe builds."""
+"""Registry of models by name, as the table ``[model]`` of a recipe uses them."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def build_model(spec: Mapping[str, Any]) -> DepthModel:
 
 
 def inputs_of(spec: Mapping[str, Any]) -> NetworkInputs:
-    """Return what the network of a table sees besides depth. Raises ConfigError."""
+    """Return the inputs besides depth of the network of a table. Raises ConfigError."""
     with torch.device("meta"):
         return build_model(spec).inputs
 
 
 def parameter_count(model: nn.Module) -> int:
-    """Number of trainable values."""
+    """Count the trainable values of a network."""
     return sum(p.numel() for p in model.parameters() if p.requires_grad)
 
 
@@ -84,7 +84,7 @@ def _kind(spec: Mapping[str, Any], kinds: Mapping[str, type], where: str) -> Any
 def _parameters(
     kind: type, spec: Mapping[str, Any], settings: Mapping[str, Any], where: str
 ) -> dict[str, Any]:
-    """Read parameters from a table; check them against the annotations of the class."""
+    """Read parameters from a table, and check them against the annotations of the class."""
     hints = get_type_hints(kind.__init__, include_extras=True)  # type: ignore[misc]
     known = set(inspect.signature(kind).parameters) - {"backbone"}
     values = {}

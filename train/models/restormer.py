@@ -1,4 +1,4 @@
-"""Restormer: a U-shaped transformer whose attention is between channels, not between pixels.
+"""Restormer, a U-shaped transformer with attention between channels, not between pixels.
 
 S. W. Zamir, A. Arora, S. Khan, M. Hayat, F. S. Khan, M.-H. Yang, "Restormer: Efficient Transformer
 for High-Resolution Image Restoration", CVPR 2022. Written from the paper (sections 3, 3.1, 3.2 and
@@ -21,7 +21,7 @@ Levels = tuple[Blocks, Blocks, Blocks, Blocks]
 
 
 class Restormer(Backbone):
-    """Four levels of transformer blocks, ``blocks`` and ``heads`` from the finest to the coarsest.
+    """Restormer with four levels; ``blocks`` and ``heads`` are listed from fine to coarse levels.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 8 does not divide are padded
     inside. Attention compares channels over the whole image, so the result for a crop differs from
@@ -76,7 +76,7 @@ class Restormer(Backbone):
             init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Denoise."""
+        """Run the network on (B, in_channels, H, W)."""
         features = self.encoder[0](self.first(pad_to_multiple(x, 8)))
         skips = []
         for down, encoder in zip(self.down, self.encoder[1:], strict=True):
@@ -89,7 +89,7 @@ class Restormer(Backbone):
 
 
 class TransformerBlock(nn.Module):
-    """Attention, then a gated feed-forward network, each on normalised input and with a skip."""
+    """Attention followed by a gated feed-forward network, each with input norm and skip."""
 
     def __init__(self, channels: int, heads: int, expansion: float) -> None:
         super().__init__()
@@ -106,7 +106,7 @@ class TransformerBlock(nn.Module):
 
 
 class BiasFreeNorm(nn.Module):
-    """Divide each pixel's channels by their standard deviation; no additive constant.
+    """Layer norm that divides each pixel's channels by their standard deviation, without bias.
 
     Bias-free as in Mohan et al., "Robust and Interpretable Blind Image Denoising via Bias-Free
     Convolutional Neural Networks", ICLR 2020: no mean is subtracted, no offset added.
@@ -123,7 +123,7 @@ class BiasFreeNorm(nn.Module):
 
 
 class TransposedAttention(nn.Module):
-    """Multi-Dconv head transposed attention (MDTA): a channels x channels map for each head."""
+    """Multi-Dconv head transposed attention (MDTA): per head, attention between channels."""
 
     def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
@@ -147,7 +147,7 @@ class TransposedAttention(nn.Module):
 
 
 class GatedFeedForward(nn.Module):
-    """Gated-Dconv feed-forward network (GDFN): GELU of half the channels multiplies the others."""
+    """Gated-Dconv feed-forward network (GDFN): GELU of one half gates the other half."""
 
     def __init__(self, channels: int, expansion: float) -> None:
         super().__init__()

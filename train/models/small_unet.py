@@ -1,4 +1,4 @@
-"""A small U-Net for the CPU: wide view, few full-size convolutions, no normalisation layers."""
+"""A small U-Net for the CPU: large receptive field, few full-size convolutions, no norm layers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
 
 
 class SmallUNet(Backbone):
-    """``blocks`` residual blocks per scale on the way down and up; skips are added.
+    """U-Net with ``blocks`` residual blocks per scale and direction; skips are added.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
     padded inside. Scale s has (1 + growth * s) * ``width`` channels, fewer than twice those of the
@@ -69,7 +69,7 @@ class SmallUNet(Backbone):
             init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Denoise."""
+        """Run the network on (B, in_channels, H, W)."""
         features = self.encoder[0](self.first(pad_to_multiple(x, 2 ** len(self.widen))))
         skips = []
         for widen, encoder in zip(self.widen, self.encoder[1:], strict=True):
@@ -85,7 +85,7 @@ class SmallUNet(Backbone):
 
 
 class ResidualBlock(nn.Module):
-    """x + conv(act(conv(act(x)))) with 3x3 convolutions."""
+    """Residual block x + conv(act(conv(act(x)))) with 3x3 convolutions."""
 
     def __init__(self, channels: int, activation: str, gain: float) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""U-Net of the size of the paper's row.
+"""U-Net of the size in the paper's table.
 
 O. Ronneberger, P. Fischer, T. Brox, "U-Net: Convolutional Networks for Biomedical Image
 Segmentation", MICCAI 2015, with padded convolutions, nearest-neighbour upsampling followed by a
@@ -14,7 +14,7 @@ from glsim.train.models.backbone import Backbone, Scales, Width, init_zero, pad_
 
 
 class UNet(Backbone):
-    """Two 3x3 convolutions per scale, width doubled at each; skips are concatenated.
+    """U-Net with two 3x3 convolutions per scale and doubled width; skips are concatenated.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
     padded inside. Parameters at 1 -> 1: 8,562,881; with scales = 3 and no batch normalisation
@@ -48,7 +48,7 @@ class UNet(Backbone):
             init_zero(self.last)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Denoise."""
+        """Run the network on (B, in_channels, H, W)."""
         features = self.down[0](pad_to_multiple(x, 2 ** (len(self.down) - 1)))
         skips = []
         for down in self.down[1:]:

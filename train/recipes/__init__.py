@@ -1,1 +1,1 @@
-"""Shipped recipes of ``glsim train``; each file holds only what differs from its base."""
+"""Shipped recipes of ``glsim train``; each file holds only the differences from its base."""
