@@ -1,1 +1,1 @@
-"""Hold simulated frames against theory and real recordings: measure, check, compare and fit."""
+"""Comparison of simulated frames with theory and real recordings: measure, check, compare, fit."""

@@ -1,4 +1,4 @@
-"""Compare two sets of depth frames, real or simulated, measure by measure.
+"""Comparison of two sets of depth frames, real or simulated, by measures and a classifier.
 
 ``comparison`` measures both sets, ``patches`` and ``classifier`` tell them apart, ``replay``
 renders the second set of the first.

@@ -1,4 +1,4 @@
-"""Tell two sets of patches apart on fixed features: logistic regression, boosted trees, their AUC.
+"""Classifier of two sets of patches on fixed features: logistic regression and trees, with AUC.
 
 Trees see what a line cannot: spreads, and features that only together are unlike. AUC is the
 probability that a patch of the second set scores higher than one of the first; 0.5 means
@@ -32,7 +32,7 @@ _TOLD = 3
 
 @dataclass(frozen=True)
 class TellingFeature:
-    """A feature that tells the sets apart.
+    """A feature whose values differ between the sets.
 
     Attributes:
         feature: its name.
@@ -73,7 +73,7 @@ def tell_apart(
     first_views: Sequence[int] | None = None,
     second_views: Sequence[int] | None = None,
 ) -> Verdict:
-    """Classify the patches of two sets. Same patches, same verdict.
+    """Train a classifier to distinguish the patches of two sets; equal patches, equal verdict.
 
     Args:
         first, second: patches of one kind.
@@ -94,7 +94,7 @@ def tell_apart(
 
 
 def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> tuple[float, float]:
-    """Return the mean AUC over the folds of the logistic regression and of the trees."""
+    """Compute the mean AUC over the folds, for the logistic regression and for the trees."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.linear_model import LogisticRegression
     from sklearn.metrics import roc_auc_score
@@ -130,7 +130,7 @@ def _telling(name: str, values: Array, label: Array) -> TellingFeature:
 
 
 def _folds(patches: Patches, views: Sequence[int] | None) -> NDArray[np.int64]:
-    """Number the folds by runs of views: neighbours in time share a scene.
+    """Assign a fold number to each patch by runs of views: frames near in time share a scene.
 
     A static recording repeats its fixed noise in every frame, so that a fold of frames would hold
     what the others taught. With fewer than five views each is cut into five bands of columns.
@@ -146,7 +146,7 @@ def _folds(patches: Patches, views: Sequence[int] | None) -> NDArray[np.int64]:
 
 
 def _matched(first: Array, second: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Choose equally many of both sets in each eighth of the pooled values."""
+    """Choose equal numbers of patches from both sets in each eighth of the pooled values."""
     chosen: tuple[list[NDArray[np.int64]], ...] = ([np.zeros(0, np.int64)], [np.zeros(0, np.int64)])
     if first.size and second.size:
         pooled = np.concatenate([first, second])

@@ -1,4 +1,4 @@
-"""Measure two sets of frames and tell them apart: everything that ``glsim compare`` shows."""
+"""Comparison of two sets of frames, with all that ``glsim compare`` shows."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from glsim.core.files.markdown import markdown_table
 
 @dataclass(frozen=True)
 class Measurements:
-    """All measures of one set; size is (width, height), px, light is None without infrared."""
+    """All measures of one set; size: (width, height), px; light: None without infrared."""
 
     title: str
     frames: int
@@ -48,7 +48,7 @@ class Measurements:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table, compared by second / first, or else by second - first."""
+    """A table row that compares a measure of both sets by ratio or difference (second to first)."""
 
     group: str
     name: str
@@ -59,7 +59,7 @@ class Row:
 
     @property
     def change(self) -> float:
-        """The ratio or the difference; NaN if either is unknown."""
+        """The ratio or the difference; NaN if either value is unknown."""
         if self.as_ratio:
             return ratio(self.second, self.first)
         return self.second - self.first
@@ -67,7 +67,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two measured sets, and the verdict of the classifier on each kind of patches."""
+    """Measures of two sets, and the classifier's verdict on each kind of patches."""
 
     first: Measurements
     second: Measurements
@@ -75,7 +75,7 @@ class Comparison:
 
     @property
     def rows(self) -> list[Row]:
-        """The lines of the table that at least one set has."""
+        """Lines of the table with a value in at least one set."""
         first, second = _lines(self.first), _lines(self.second)
         rows = [
             Row(*key[:3], first.get(key, math.nan), value, key[3]) for key, value in second.items()
@@ -83,7 +83,7 @@ class Comparison:
         return [r for r in rows if math.isfinite(r.first) or math.isfinite(r.second)]
 
     def as_markdown(self) -> str:
-        """Return the table of measures, and that of the classifier if there is one."""
+        """Return the table of measures, and the classifier's table if there is one."""
         a, b = self.first, self.second
         head = ["measure", "unit", f"first: {a.title}", f"second: {b.title}", "second / first"]
         lines = [
@@ -125,7 +125,7 @@ class Comparison:
         return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
-        """Return everything as JSON values; None where a measure is not known."""
+        """Return all measures and verdicts as JSON values; None for unknown measures."""
         tree: dict[str, Any] = {
             "first": asdict(self.first),
             "second": asdict(self.second),
@@ -140,7 +140,7 @@ _Lines = dict[tuple[str, str, str, bool], float]
 
 
 def _lines(m: Measurements) -> _Lines:
-    """Return all measures of a set, in the same order for every set."""
+    """Return all measures of a set as lines of the table, in a fixed order."""
     lines: _Lines = {}
 
     def add(group: str, name: str, unit: str, value: float, as_ratio: bool = True) -> None:
@@ -228,7 +228,7 @@ def _change(row: Row) -> str:
 def compare_sets(
     first: Frames, second: Frames, progress: Callable[[str], None] | None = None
 ) -> Comparison:
-    """Measure both sets and classify their patches; ``progress`` is called with each step's name.
+    """Measure both sets and classify their patches; report each step's name to ``progress``.
 
     Without scikit-learn there are no verdicts of the classifier.
     """

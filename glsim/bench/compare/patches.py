@@ -1,4 +1,4 @@
-"""Small patches of depth and fixed features of each, for the classifier.
+"""Small depth patches and their fixed features, for the classifier.
 
 Planes and curved surfaces are 16 x 16 px, complete and without steps; their features are of the
 residual from a quadric, so that shape and pose do not count. Silhouettes are 13 rows x 24 px around
@@ -63,7 +63,7 @@ EDGE_FEATURES = (
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Patches of one kind.
+    """Patches of one kind, with their features.
 
     Attributes:
         names: of the F features.
@@ -82,7 +82,7 @@ class Patches:
 
 
 def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
-    """Cut planes and curved surfaces out of the frames, on a grid of half a patch."""
+    """Cut plane and curved surface patches from the frames, at every half patch."""
     found: dict[str, list[_Found]] = {"planes": [], "curved": []}
     plane, quadric = _projections()
     for number, frame in enumerate(frames):
@@ -107,7 +107,7 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
 
 
 def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Patches]:
-    """Cut silhouettes out of the frames, of the lit side and of the shadow side."""
+    """Cut silhouette patches from the frames, on the lit side and on the shadow side."""
     found: dict[str, list[_Found]] = {KINDS[2]: [], KINDS[3]: []}
     shadow = 1 if shadow_side == "right" else 0
     for number, frame in enumerate(frames):
@@ -150,7 +150,7 @@ def _thinned(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @lru_cache(maxsize=1)
 def _projections() -> tuple[Array, Array]:
-    """Return (256, 256) projections onto planes and onto quadrics of a patch."""
+    """Compute (256, 256) projections of a patch onto planes and onto quadrics."""
     half = (SIDE_PX - 1) / 2
     y, x = np.mgrid[:SIDE_PX, :SIDE_PX] - half
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6)
@@ -159,7 +159,7 @@ def _projections() -> tuple[Array, Array]:
 
 
 def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:
-    """Return (N, 16, 16) complete smooth patches on a grid of 8 px, and their first columns."""
+    """Cut (N, 16, 16) smooth patches without holes on a grid of 8 px; return their columns too."""
     step, (height, width) = SIDE_PX // 2, frame.measured_mm.shape
     smooth = np.isfinite(surfaces(frame).rough_mm) & lit(frame)
     cells, columns = [], []
@@ -174,7 +174,7 @@ def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _surface_features(e: Array) -> Array:
-    """Return the (N, F) features of (N, 16, 16) residuals."""
+    """Compute the (N, F) features of (N, 16, 16) residuals."""
     rms = np.sqrt(np.maximum((e**2).mean(axis=(1, 2)), 1e-9))
     products, squares = np.moveaxis(lagged_sums(e, LAGS), -1, 0)
     sign = np.where(np.arange(SIDE_PX) % 2, 1.0, -1.0)[:, None]
@@ -191,7 +191,7 @@ def _surface_features(e: Array) -> Array:
 
 
 def _edge_patch(depth_mm: NDArray[np.float32], row: int, column: int, side: int) -> Array | None:
-    """Cut 13 x 24 px with the last foreground pixel in column 7; None beyond the border."""
+    """Cut 13 x 24 px with the last foreground pixel in column 7; None at the image border."""
     top = row - _ROWS // 2
     left = column - _FRONT_PX + 1 if side == 1 else column - _BACK_PX
     height, width = depth_mm.shape
@@ -203,7 +203,7 @@ def _edge_patch(depth_mm: NDArray[np.float32], row: int, column: int, side: int)
 
 
 def _edge_features(patch: Array, front_mm: float, back_mm: float) -> Array | None:
-    """Return the features; None if fewer than 7 rows have a foreground and a background."""
+    """Compute the features; None if fewer than 7 rows have a foreground and a background."""
     known = np.isfinite(patch)
     z = np.nan_to_num(patch)
     step = 0.25 * (back_mm - front_mm)
@@ -236,7 +236,7 @@ def _edge_features(patch: Array, front_mm: float, back_mm: float) -> Array | Non
 
 
 def _rough(patch: Array, used: NDArray[np.bool_]) -> float:
-    """Return the log of the mean absolute second difference along rows, mm; 0 without pixels."""
+    """Compute the log of the mean absolute second difference along rows, mm; 0 without pixels."""
     z = np.where(used, patch, np.nan)
     bend = np.abs(z[:, :-2] - 2 * z[:, 1:-1] + z[:, 2:])
     bend = bend[np.isfinite(bend)]

@@ -1,4 +1,4 @@
-"""Replay real frames: render their own surfaces through a sensor, so that the scenes agree.
+"""Replay of real frames: their own surfaces are rendered through a sensor, for equal scenes.
 
 Real and simulated frames of different scenes differ by the scenes. A replay takes the surfaces,
 silhouettes and reflectivity from each real frame (``surfaces``), renders them once through the
@@ -102,7 +102,7 @@ def replay(real: Frames, sensor: str, *, seed: int = 0, assignments: Sequence[st
 
 
 def _render(virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame) -> DepthFrame:
-    """Render the counterpart of a frame, with its step of depth; no depth without a mesh."""
+    """Render the mesh of a frame with the frame's depth step; without a mesh, no depth."""
     if mesh is None:
         return frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)})
     shot = virtual.capture(mesh, 1, None, scene=f"replay {frame.name}")[0]
@@ -112,7 +112,7 @@ def _render(virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame) -> Dep
 
 
 def _mirror(frame: DepthFrame) -> DepthFrame:
-    """Return the frame with left and right exchanged; its camera stays."""
+    """Exchange left and right of the frame's images; its camera stays."""
     turned = {
         name: np.ascontiguousarray(frame.layer(name)[:, ::-1])
         for name in ("noisy_mm", "infrared")
@@ -124,7 +124,7 @@ def _mirror(frame: DepthFrame) -> DepthFrame:
 def _albedo(
     virtual: VirtualCamera, surfaces: ReplaySurfaces, infrared: NDArray[np.float32]
 ) -> Array:
-    """Return (H, W) the reflectivity with which the sensor's infrared is the real one."""
+    """Compute the (H, W) albedo for which the simulated infrared equals the real infrared."""
     even = mesh_of(surfaces, virtual.rig.intrinsics, np.full(infrared.shape, _EVEN_ALBEDO))
     lit = virtual.capture(even, 1, None, scene="light")[0].infrared
     assert lit is not None
@@ -144,7 +144,7 @@ def _albedo(
 
 
 def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
-    """Choose the smoothing of surfaces by how far the noise of planes is alike."""
+    """Choose the smoothing of surfaces, px, from the correlation length of noise on planes."""
     noise = measure_disparity_noise([to_disparity(frame.measured_mm) for frame in frames])
     alike = 0.5 * (np.array(noise.rows) + np.array(noise.columns))
     if not np.isfinite(alike).all():
@@ -154,7 +154,7 @@ def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
 
 
 def _is_mirrored(real: Frames, rig: SensorRig) -> bool:
-    """Say whether the frames' shadows are on the other side than the sensor's."""
+    """Return whether the frames' shadows lie on the opposite side to the sensor's shadows."""
     measured = measure_silhouettes(real)
     widths = measured.left.width_mean_px, measured.right.width_mean_px
     hidden = [*rig.imagers_m[1:], *(emitter.position_m for emitter in rig.emitters)]

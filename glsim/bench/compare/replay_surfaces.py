@@ -1,4 +1,4 @@
-"""The surfaces of one real frame without its noise, as a replay renders them.
+"""Surfaces of one real frame, smoothed to remove its noise, which a replay renders.
 
 A frame is cut into surfaces where neighbouring depths jump (tiny ones are flying pixels). Each is
 smoothed by local planes in 1/z, down to the relief that is rougher than the camera's noise. A gap
@@ -57,7 +57,7 @@ _RELIEF_RIM_PX = 2
 
 @dataclass(frozen=True, eq=False)
 class ReplaySurfaces:
-    """Surfaces of one frame.
+    """Smoothed surfaces of one frame, also behind the rims of nearer surfaces.
 
     Attributes:
         front_mm: (H, W) smoothed depth of what the camera sees, mm; NaN where nothing is known.
@@ -82,7 +82,7 @@ def find_surfaces(
     widest_hole_px: int,
     noise_mm2: Array | None = None,
 ) -> ReplaySurfaces:
-    """Find the surfaces of a depth map.
+    """Find the surfaces of a depth map and smooth them.
 
     Args:
         depth_mm: (H, W) mm, NaN where there is no depth.
@@ -107,7 +107,7 @@ def find_surfaces(
 
 
 def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh:
-    """Join the pixels of all surfaces into one mesh, in the camera frame, mm.
+    """Join the pixels of all surfaces into one mesh in the camera frame, mm.
 
     Raises MeshError if there is no surface.
 
@@ -136,7 +136,7 @@ def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh
 
 
 def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.int32]]:
-    """Return the used pixels (flat indices) and the triangles between them, facing the camera."""
+    """Return the used pixels (flat indices) and their triangles, which face the camera."""
     corners = grid_triangles(depth.shape)
     z = depth.ravel()[corners]
     low, high = z.min(axis=1), z.max(axis=1)
@@ -153,7 +153,7 @@ def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.i
 
 
 def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[Labels, Array]:
-    """Number the surfaces of a depth map and smooth each.
+    """Number the surfaces of a depth map and smooth each surface.
 
     Returns:
         (H, W) number of the surface, -1 = none, and (H, W) smoothed depth, mm, NaN there.
@@ -165,7 +165,7 @@ def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[La
 
 
 def _connected(depth_mm: NDArray[np.float32]) -> Labels:
-    """Number the connected surfaces; -1 where there is no depth or a surface is tiny."""
+    """Number the connected surfaces; -1 for pixels without depth and for tiny surfaces."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -186,7 +186,7 @@ def _connected(depth_mm: NDArray[np.float32]) -> Labels:
 
 
 def _limit_mm(depth_mm: Array, differences: Array, at: Array) -> Array:
-    """Return the largest difference of neighbours on one surface, for each depth."""
+    """Compute the largest depth difference of neighbours on one surface, for each depth, mm."""
     near = np.isfinite(differences)
     place = np.digitize(at[near], _BINS_MM)
     medians = np.full(len(_BINS_MM) + 1, np.nan)
@@ -204,7 +204,7 @@ def _limit_mm(depth_mm: Array, differences: Array, at: Array) -> Array:
 
 
 def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Array:
-    """Smooth by planes in 1 / z within slabs of depth, so that surfaces that touch do not mix."""
+    """Smooth by planes in 1 / z within depth slabs, so that touching surfaces do not mix."""
     if not known.any():
         return np.full(depth_mm.shape, np.nan)
     level = np.where(known, np.log(np.where(known, depth_mm, 1.0)) / _SLAB, -10.0)
@@ -231,7 +231,7 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
 
 
 def _local_planes(values: Array, mask: Array, sigma_px: float) -> tuple[Array, Array]:
-    """Return a Gaussian-weighted plane at every pixel, and the share of its window in the mask."""
+    """Fit a Gaussian-weighted plane at every pixel; also return the masked share of its window."""
     y, x = np.mgrid[: values.shape[0], : values.shape[1]].astype(np.float64)
     known = mask > 0
     offset = float(values[known].mean())
@@ -258,7 +258,7 @@ def _blur(image: Array, sigma_px: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
-    """Variance of what smoothing takes from the smoothest surfaces: that of the camera's noise.
+    """Variance of the camera's noise, from smoothing residuals of the smoothest surfaces.
 
     Attributes:
         at: (N,) infrared, counts, or depth, mm, in the middle of each class.
@@ -271,7 +271,7 @@ class NoiseFloor:
     variance_mm2: Array
 
     def variance(self, frame: DepthFrame) -> Array:
-        """Return the (H, W) variance of a frame's noise, mm^2; infinite if nothing was measured."""
+        """Compute the (H, W) noise variance of a frame, mm^2; infinite without measurements."""
         if self.at.size == 0:
             return np.full(frame.measured_mm.shape, np.inf)
         driver = np.maximum(_driver(frame), _CLASSES[0])
@@ -279,7 +279,7 @@ class NoiseFloor:
 
 
 def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseFloor:
-    """Measure the noise of the smoothest surfaces over infrared, or over depth without infrared.
+    """Measure the noise of the smoothest surfaces over infrared (or over depth without infrared).
 
     Args:
         frames: all with infrared, or all without.
@@ -310,7 +310,7 @@ def keep_relief(
     variance_mm2: Array,
     sigma_px: float,
 ) -> Array:
-    """Give smoothed depth the relief back that is rougher than noise: cloth, hair, print.
+    """Restore in smoothed depth the relief that exceeds the noise: cloth, hair, print.
 
     The noise is that of the real frames, so that a sensor with too little of it gains nothing.
 
@@ -332,20 +332,20 @@ def keep_relief(
 
 
 def _driver(frame: DepthFrame) -> Array:
-    """Return what the noise of a frame depends on: (H, W) infrared, or depth without infrared."""
+    """Return the quantity that noise depends on: (H, W) infrared, or depth without infrared."""
     source = frame.measured_mm if frame.infrared is None else frame.infrared
     return np.nan_to_num(source.astype(np.float64))
 
 
 def _far_from_rims(label: Labels) -> Mask:
-    """Return the (H, W) pixels around which all are of one surface."""
+    """Mark the (H, W) pixels whose window lies on one surface."""
     window = np.ones((2 * _RELIEF_RIM_PX + 1, 2 * _RELIEF_RIM_PX + 1), np.uint8)
     image = label.astype(np.float32)  # a frame has fewer surfaces than 2^24
     return np.asarray((cv2.erode(image, window) == cv2.dilate(image, window)) & (label >= 0))
 
 
 def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array:
-    """Return the (H, W) variance within a Gaussian window, of known pixels."""
+    """Compute the (H, W) variance of known pixels within a Gaussian window."""
     weight = np.maximum(_blur(known.astype(np.float64), sigma_px), 1e-6)
     filled: Array = np.where(known, difference_mm, 0.0).astype(np.float64)
     mean = _blur(filled, sigma_px) / weight
@@ -356,7 +356,7 @@ def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array
 
 
 def _fill_rows(z: Array, label: Labels, light_from: Labels, widest_hole_px: int) -> None:
-    """Give the gaps of each row to the surfaces at their ends, in place (all (H, W))."""
+    """Fill the gaps of each row with the surfaces at their ends, in place (all (H, W))."""
     for own in zip(z, label, light_from, strict=True):
         known = np.flatnonzero(np.isfinite(own[0]))
         ends = np.concatenate([[-1], known, [len(own[0])]])
@@ -367,7 +367,7 @@ def _fill_rows(z: Array, label: Labels, light_from: Labels, widest_hole_px: int)
 def _fill_gap(
     z: Array, label: Labels, light_from: Labels, a: int, b: int, widest_hole_px: int
 ) -> None:
-    """Fill the pixels between a and b of a row; -1 and its length stand for the borders."""
+    """Fill the pixels between columns a and b of a row; -1 and the width mean the image border."""
     width = len(z)
     if a < 0 or b >= width:  # the band at the border: the surface goes on
         chosen, end = (slice(0, b), b) if a < 0 else (slice(a + 1, width), a)
@@ -392,7 +392,7 @@ def _fill_gap(
 
 
 def _behind_rows(front: Array, index: Labels) -> tuple[Array, Labels]:
-    """Continue far surfaces behind the rims of near ones: depth, mm, and pixel of the light."""
+    """Extend far surfaces behind the rims of near surfaces: depth, mm, and source pixel."""
     out, place = np.full(front.shape, np.nan), np.zeros(front.shape, np.int64)
     width = front.shape[1]
     with np.errstate(invalid="ignore"):

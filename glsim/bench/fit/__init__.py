@@ -1,1 +1,1 @@
-"""Measure the noise of a camera on a recording and write a sensor file (``glsim fit``)."""
+"""Measurement of a camera's noise on a recording, to write a sensor file (``glsim fit``)."""

@@ -1,4 +1,4 @@
-"""Fit the wiggling of a camera: the error of depth that is periodic in distance.
+"""Fit of a camera's wiggling: a depth error that is periodic in distance.
 
 A plane is known up to three numbers; what bends it with the periods of the harmonics is wiggling.
 The recording must show undistorted planes that cover 0.65 m of distance together, along the rays:
@@ -49,7 +49,7 @@ _TRIALS = 200
 
 @dataclass(frozen=True, eq=False)
 class Wiggling:
-    """Harmonics of the correlation, as libfreenect2's fusion shows them in depth.
+    """Harmonics of the correlation, as they appear in depth after libfreenect2's fusion.
 
     A harmonic of size h and phase p moves depth by -110.5 mm h sin(c - p), with c = 3 (second) or 6
     (fifth) times the phase of the light.
@@ -68,7 +68,7 @@ class Wiggling:
     sizes: dict[int, Array]
 
     def known(self, harmonic: int) -> bool:
-        """Whether the harmonic is significant: at least four standard errors."""
+        """Whether the harmonic is significant: at least four standard errors in size."""
         return self.amplitude[harmonic] >= 4.0 * self.error[harmonic]
 
     def waves(self) -> tuple[Wave, ...]:
@@ -148,7 +148,7 @@ def fit_wiggling(
 
 
 def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array]:
-    """Fit the waves to what is left of planes.
+    """Fit the waves to the residuals of planes.
 
     Args:
         planes: design of the plane, (N, 3): 1, x/z and y/z of its pixels; depth, mm; half the way
@@ -190,7 +190,7 @@ def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array
 
 
 def _planes(design: Array, depth_mm: Array) -> list[NDArray[np.intp]]:
-    """Find up to _MOST_PLANES planes, the largest first: the numbers of the pixels of each."""
+    """Find up to _MOST_PLANES planes, largest first; return the pixel indices of each plane."""
     rest = np.arange(len(depth_mm))
     found: list[NDArray[np.intp]] = []
     while len(found) < _MOST_PLANES and len(rest) >= _LEAST_PIXELS:
@@ -203,7 +203,7 @@ def _planes(design: Array, depth_mm: Array) -> list[NDArray[np.intp]]:
 
 
 def _covered_mm(distances: list[Array]) -> float:
-    """Return the length of distance that the planes cover together, mm, overlaps counted once."""
+    """Compute the range of distances that the planes cover together, mm, without overlaps."""
     steps = np.arange(0.0, 20_000.0, _STEP_MM)
     covered = np.zeros(len(steps), np.bool_)
     for own in distances:
@@ -213,7 +213,7 @@ def _covered_mm(distances: list[Array]) -> float:
 
 
 def _largest_plane(design: Array, depth_mm: Array) -> NDArray[np.bool_]:
-    """Find the pixels of the plane that holds most of them, by random triples and two refits."""
+    """Find the pixels of the largest plane by random triples of points and two refits."""
     rng = np.random.default_rng(0)  # the same file gives the same fit
     some = rng.permutation(len(depth_mm))[:4000]
     best: Array = np.zeros(3)

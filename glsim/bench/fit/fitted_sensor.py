@@ -1,4 +1,4 @@
-"""The sensor that a fit writes: a shipped sensor with fitted values, as a TOML file."""
+"""The sensor that a fit writes: a shipped sensor with fitted values, in a TOML file."""
 
 from __future__ import annotations
 

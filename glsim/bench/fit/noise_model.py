@@ -1,4 +1,4 @@
-"""Fit the noise model of a time-of-flight camera to a recording: amplitude and floor."""
+"""Fit of a time-of-flight camera's noise model to a recording: amplitude and noise floor."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _PAIRS = 12
 
 
 class TapNoise(NamedTuple):
-    """Noise of a tap: variance without light, LSB^2, and its growth per LSB of light, LSB."""
+    """Noise of a tap: variance in the dark, LSB^2, and its growth per LSB of light, LSB."""
 
     read_variance: float = TAP_READ_LSB2
     shot_variance: float = TAP_SHOT_LSB
@@ -55,7 +55,7 @@ class TapNoise(NamedTuple):
 
 @dataclass(frozen=True)
 class LightProfile:
-    """Light over the image, by the tangent t of the angle to the axis; the default is even.
+    """Light over the image by the tangent t of the angle to the axis; uniform by default.
 
     (tail + (1 - tail) exp(min(flat_to - t, 0) / fall_off)) cos^vignetting.
     """
@@ -66,7 +66,7 @@ class LightProfile:
     vignetting: float = 0.0
 
     def share(self, tangent: Array) -> Array:
-        """Return the light relative to that on the axis, at tangents of any shape."""
+        """Compute the light relative to the axis at tangents of any shape."""
         fall = np.exp(np.minimum(self.flat_to - tangent, 0.0) / self.fall_off)
         cosine = 1.0 / np.sqrt(1.0 + tangent**2)
         return np.asarray((self.tail + (1.0 - self.tail) * fall) * cosine**self.vignetting)
@@ -74,7 +74,7 @@ class LightProfile:
 
 @dataclass(frozen=True)
 class InfraredLaw:
-    """Light and noise over infrared counts.
+    """Law of light and noise as functions of infrared counts.
 
     Attributes:
         gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
@@ -102,7 +102,7 @@ class InfraredLaw:
 def fit_infrared(
     statistics: RecordingStatistics, frames: Frames, albedo: float, taps: TapNoise
 ) -> InfraredLaw:
-    """Fit gain and noise law to a recording with infrared.
+    """Fit the gain and the noise law to a recording with infrared.
 
     Args:
         statistics: of the frames.
@@ -149,7 +149,7 @@ def fit_infrared(
 
 
 def _some_pairs(frames: Frames) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
-    """Choose up to _PAIRS pairs of successive frames, evenly; return frames and their numbers."""
+    """Choose up to _PAIRS evenly spaced pairs of successive frames; return frames and pairs."""
     count = len(frames)
     starts = np.unique(np.linspace(0, count - 2, min(_PAIRS, count // 2)).astype(int))
     chosen = [frames[k] for start in starts for k in (start, start + 1)]
@@ -157,7 +157,7 @@ def _some_pairs(frames: Frames) -> tuple[list[DepthFrame], list[tuple[int, int]]
 
 
 def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
-    """Fit y = a + b x by weighted least squares, robustly: a, b and the standard error of b."""
+    """Fit y = a + b x by robust weighted least squares; return a, b and the standard error of b."""
     design = np.column_stack([np.ones_like(x), x])
     robust = np.ones_like(x)
     for _ in range(5):
@@ -238,7 +238,7 @@ def fit_noise_model(
 def _search(
     light: Array, squared: Array, variance: Array, weight: Array, taps: TapNoise
 ) -> tuple[float, float, float]:
-    """Return the amplitude of least misfit, its standard error as a share, and its floor, mm."""
+    """Find the amplitude with the least misfit, its relative standard error, and its floor, mm."""
     misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
         white = (
@@ -259,7 +259,7 @@ def _search(
 
 
 def _rays(image: Intrinsics) -> Array:
-    """Return the (H, W, 3) rays of the pixels with z = 1."""
+    """Compute the (H, W, 3) rays of the pixels, scaled to z = 1."""
     flat = image.rays().astype(np.float64)
     return np.concatenate([flat, np.ones((*flat.shape[:2], 1))], axis=-1)
 
@@ -267,7 +267,7 @@ def _rays(image: Intrinsics) -> Array:
 def facing_light(
     mean_mm: Array, image: Intrinsics, profile: LightProfile, emitter_m: tuple[float, float, float]
 ) -> Array:
-    """Compute the (H, W) light of each pixel relative to a facing wall at 1 m.
+    """Compute the (H, W) light of each pixel relative to a frontal wall at 1 m.
 
     NaN where neighbours are missing, and on slanted surfaces, where noise has other causes too.
     """
@@ -289,7 +289,7 @@ def facing_light(
 def _classes(
     light: Array, squared: Array, variance: Array, frames: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Average classes of equal light; each (N,): light, squared cosine, variance, weight."""
+    """Average pixels in classes of equal light: (N,) light, squared cosine, variance, weight."""
     edges = np.geomspace(light.min() * 0.999, light.max() * 1.001, _CLASSES + 1)
     which = np.digitize(light, edges) - 1
     rows = []

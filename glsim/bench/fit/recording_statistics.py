@@ -1,4 +1,4 @@
-"""Measure the noise of a camera on a recording of a static scene, for the fit of a sensor."""
+"""Noise statistics of a camera on a recording of a static scene, for the fit of a sensor."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LEAST_WINDOW = 0.2
 
 @dataclass(frozen=True, eq=False)
 class DevicePattern:
-    """The fixed pattern of one device; a part that the recording does not show is 0.
+    """The fixed pattern of one device; parts that the recording does not show are 0.
 
     Attributes:
         alternation_mm: half the even-odd difference of rows in the upper half of the image; the
@@ -54,19 +54,19 @@ class DevicePattern:
 
     @property
     def known_share(self) -> float:
-        """Share of the pixels that the map knows."""
+        """Share of the pixels with a known value in the map."""
         return float(np.isfinite(self.map_mm).mean())
 
     @property
     def total_mm(self) -> float:
-        """Standard deviation of all parts together."""
+        """Standard deviation of all parts of the pattern together, mm."""
         parts = (self.alternation_mm, self.row_step_mm / 2.0, self.row_mm, self.column_mm,
                  self.pixel_mm)  # fmt: skip
         return float(np.linalg.norm(parts))
 
 
 def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -> DevicePattern:
-    """Measure the parts of the pattern as ``glsim compare`` does, and the map.
+    """Measure the parts of the fixed pattern as in ``glsim compare``, and its map.
 
     Args:
         halves: means of the even and of the odd frames; only what both share is pattern.
@@ -90,13 +90,13 @@ def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -
 
 
 def _mean(values: Array) -> float:
-    """Average the finite values; 0 without any."""
+    """Average the finite values; 0 if there are none."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else 0.0
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
-    """Return (H, W) depth minus the best plane of each window of MAP_WINDOW_PX, mm.
+    """Compute the (H, W) depth minus the best plane in windows of MAP_WINDOW_PX, mm.
 
     NaN where less than a fifth of the window is usable, and beyond LARGEST_MM, which no pattern
     reaches.
@@ -148,7 +148,7 @@ _LEAST_FLAT_PX = 2000
 
 @dataclass(frozen=True, eq=False)
 class RecordingStatistics:
-    """Noise of one recording.
+    """Noise statistics of one recording.
 
     Attributes:
         frames: number of frames.
@@ -177,7 +177,7 @@ class RecordingStatistics:
 
 
 def measure_recording(frames: Frames) -> RecordingStatistics:
-    """Measure a static recording. Raises DatasetError if no part of the scene is smooth enough."""
+    """Measure a static recording. Raises DatasetError if no surface is smooth enough."""
     count, mean, variance = moments([frame.measured_mm for frame in frames])
     steady = count >= max(2.0, _LEAST_VALID * len(frames))
     smooth = _smooth_mask(np.where(steady, mean, np.nan))
@@ -211,7 +211,7 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
 
 
 def _smooth_mask(mean: Array) -> Mask:
-    """Find pixels whose 9 x 9 neighbourhood is complete and, except for noise, linear in depth."""
+    """Find pixels whose 9 x 9 window has no holes and is linear in depth, except for noise."""
     bends = [second_difference(mean, axis, _LAG_PX) for axis in (0, 1)]
     known = np.isfinite(bends[0]) & np.isfinite(bends[1])
     if not known.any():
@@ -225,7 +225,7 @@ def _smooth_mask(mean: Array) -> Mask:
 
 
 def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) -> Mask:
-    """Find pixels around which the surface is flat and evenly bright: no cloth, seams, print."""
+    """Find pixels on flat, evenly bright surfaces, without cloth, seams and print."""
     even = cv2.blur(np.where(steady, mean, 0.0), (5, 5))
     bends = [np.abs(second_difference(np.asarray(even), axis, 2 * _LAG_PX)) for axis in (0, 1)]
     flat = (bends[0] < _MOST_BEND_MM) & (bends[1] < _MOST_BEND_MM)
@@ -238,7 +238,7 @@ def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) 
 
 
 def _correlation(frames: Frames, smooth: Mask) -> tuple[float, ...]:
-    """Correlate the differences of successive frames, which hold temporal noise only."""
+    """Correlate the differences of successive frames, which contain temporal noise only."""
     sums = []
     for before, after in pairwise(frames):
         noise = np.where(smooth, after.measured_mm.astype(np.float64) - before.measured_mm, np.nan)
@@ -255,7 +255,7 @@ def second_difference(image: Array, axis: int, lag: int) -> Array:
 
 
 def _edges(frames: Frames, mean: Array, steady: Mask) -> tuple[int, float, float]:
-    """Count the pixels beside depth edges, and the shares of them without depth and flying."""
+    """Count the pixels beside depth edges; return their shares without depth and flying."""
     kernel = np.ones((5, 5), np.uint8)
     low = cv2.erode(np.where(steady, mean, 1e6), kernel, borderValue=1e6)
     high = cv2.dilate(np.where(steady, mean, 0.0), kernel, borderValue=0.0)

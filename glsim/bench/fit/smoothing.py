@@ -1,4 +1,4 @@
-"""The filter that a camera's correlated noise shows, and a time-of-flight chain that has it.
+"""Fit of the smoothing filter that explains a camera's correlated noise, for time of flight.
 
 The Kinect V2's decoder averages phasors over 3 x 3 pixels: beyond two pixels its noise is white.
 Noise that reaches farther needs the chain's other filter, ``tof_smooth``, a Gaussian over 7 x 7.
@@ -31,7 +31,7 @@ NARROW, WIDE = "tof_bilateral", "tof_smooth"
 
 @dataclass(frozen=True)
 class Smoothing:
-    """A Gaussian filter over 7 x 7 pixels, and noise after it.
+    """A Gaussian filter over 7 x 7 pixels, followed by white noise.
 
     Attributes:
         width_px: standard deviation of the Gaussian.
@@ -45,7 +45,7 @@ class Smoothing:
 
 
 def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
-    """Return the filter that makes the noise as correlated as it is.
+    """Find the filter that explains the measured correlation of the noise.
 
     Args:
         correlation: of the noise in time at LAGS.
@@ -68,7 +68,7 @@ def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
 
 
 def _misfit(own: Array, target: Array) -> tuple[float, float]:
-    """Return the share of filtered noise beside white noise that fits best, and the rms left."""
+    """Fit the share of filtered noise (the rest is white); return it and the rms residual."""
     share = float(np.clip((own @ target) / (own @ own), 0.0, 1.0))
     return share, float(np.sqrt(((share * own - target) ** 2).mean()))
 
@@ -76,7 +76,7 @@ def _misfit(own: Array, target: Array) -> tuple[float, float]:
 def smoothed_values(
     values: Mapping[str, float], smoothing: Smoothing, base: TapNoise, sigma_mm: float
 ) -> dict[str, float]:
-    """Return fitted values for a chain with the wide filter.
+    """Adapt fitted values to a chain with the wide filter.
 
     The noise of taps grows as the filter's gain does, so that as much is left behind it. White
     noise behind the filter is the floor: it gets the share that the correlation leaves.
@@ -102,7 +102,7 @@ def _kernel(width_px: float) -> Array:
 
 
 def _correlation(width_px: float) -> Array:
-    """Return the correlation at LAGS of white noise behind the filter."""
+    """Compute the correlation at LAGS of white noise after the filter."""
     kernel = _kernel(width_px)
     size = len(kernel)
     products = [

@@ -1,4 +1,4 @@
-"""Fit a sensor that matches images to a recording, by trying it on planes at the same distances.
+"""Fit of an image-matching sensor to a recording, by simulating planes at equal distances.
 
 What a parameter does to disparity is known only by running the matcher: the base sensor with the
 recording's focal length, baseline and unit captures tilted planes at the distances of the recording
@@ -57,7 +57,7 @@ _GROUPS = 3
 
 @dataclass(frozen=True)
 class StereoStatistics:
-    """Noise of one recording.
+    """Disparity noise and planes of one recording.
 
     Attributes:
         frames: number of frames that were measured.
@@ -86,7 +86,7 @@ class StereoStatistics:
 
 
 def find_lattice(frames: Frames) -> Lattice | None:
-    """Return the lattice of the depths of frames; None if they are on none."""
+    """Find the lattice of the frames' depths; None if the depths lie on no lattice."""
     step = frames[0].step_mm
     if step <= 0:
         return None
@@ -97,7 +97,7 @@ def find_lattice(frames: Frames) -> Lattice | None:
 def measure_stereo(
     frames: Frames, lattice: Lattice | None, steps: float, focal_baseline_px_mm: float
 ) -> StereoStatistics:
-    """Measure a static recording.
+    """Measure the disparity noise of a static recording.
 
     Args:
         frames: of one view.
@@ -137,7 +137,7 @@ def measure_stereo(
 
 
 def _planes(disparity: Array) -> tuple[Array, Array]:
-    """Return level, (N,) px, and slope along rows and columns, (N, 2) px per px, of tiles."""
+    """Measure tiles: disparity, (N,) px, and slopes along rows and columns, (N, 2) px per px."""
     tiles = find_tiles(disparity)
     half = TILE_PX // 2
     slopes = []
@@ -150,7 +150,7 @@ def _planes(disparity: Array) -> tuple[Array, Array]:
 
 
 def _check_still(frames: Frames, disparity: list[Array]) -> None:
-    """Raise DatasetError if two frames that follow each other show different views."""
+    """Raise DatasetError if two successive frames show different views."""
     if len(disparity) < 2:
         raise DatasetError(
             f"{frames.title}: has one frame only; noise is measured between frames: record at "
@@ -188,7 +188,7 @@ _SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
 
 
 def stereo_base(recording: Recording, base: str | None) -> str | None:
-    """Return the sensor that a fit extends; None for a camera that measures times of flight.
+    """Return the sensor that a fit extends; None for a time-of-flight camera.
 
     Args:
         recording: whose depths say what made it.
@@ -213,7 +213,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
 
 
 def _matches_images(name: str) -> bool:
-    """Return whether a sensor has two views that it matches. Raises ConfigError if unknown."""
+    """Return whether a sensor matches two images. Raises ConfigError for an unknown sensor."""
     return any(stage.spec.name == MATCHER for stage in load_sensor(name).stages)
 
 
@@ -223,7 +223,7 @@ def _matcher_value(sensor: Sensor, name: str) -> float:
 
 
 def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> FittedSensor:
-    """Fit a sensor that matches images to a static recording.
+    """Fit an image-matching sensor to a static recording.
 
     Args:
         recording: at least two frames of one view.
@@ -263,7 +263,7 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
 
 
 class _Fit:
-    """The values found so far; captures planes with them and measures them as the recording was."""
+    """State of a fit: the values found so far, and their test on simulated planes."""
 
     def __init__(
         self,
@@ -282,7 +282,7 @@ class _Fit:
         self._folder, self._context, self._count = folder, context, 0
 
     def text(self, values: Mapping[str, float], comments: Sequence[str]) -> str:
-        """Write the sensor file: what it extends, the rig, and the fitted parameters."""
+        """Write the text of the sensor file: base sensor, rig and fitted parameters."""
         image, rig = self.image, self.sensor.rig
         scale = self.baseline_m / rig.baseline_m
         places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
@@ -311,7 +311,7 @@ class _Fit:
         return sensor_toml(comments, head, table, list(stages.values()))
 
     def noise(self, name: str = "", value: float = 0.0) -> DisparityNoise:
-        """Return the noise of planes, px, with the values so far and another one."""
+        """Simulate planes with the values so far, and parameter ``name`` changed; measure noise."""
         file = self._folder / f"trial_{self._count}.toml"
         self._count += 1
         values = self.values | ({name: value} if name else {})
@@ -333,7 +333,7 @@ class _Fit:
         return measure_disparity_noise(disparity, pairs)
 
     def support(self) -> None:
-        """Choose the region whose noise in time is correlated as the recording's.
+        """Choose the matching window that gives the recording's correlation of temporal noise.
 
         From the base's region on, larger and smaller ones are tried as long as they fit better.
         """
@@ -355,7 +355,7 @@ class _Fit:
         self.values[_SUPPORT] = best
 
     def speckle(self, name: str) -> None:
-        """Find the speckle at which the noise in time is the recording's.
+        """Find the speckle strength that gives the temporal noise of the recording.
 
         Variances of noise grow with the square of the speckle: false position in squares. Where so
         few tiles are full of depth that the noise is not known, it is too large.
@@ -396,7 +396,7 @@ class _Fit:
         self.values[name] = round(found, 4)
 
     def static(self) -> None:
-        """Add as much of the device's own error as the pattern's static share leaves open."""
+        """Choose the device's own error that adds the static noise missing from the simulation."""
         own, target = self.noise(_DEVICE, 0.0).static, self.statistics.noise.static
         missing = target**2 - own**2
         if missing <= 0:
@@ -418,7 +418,7 @@ def _rounded(value: float) -> float:
 def _result_lines(
     statistics: StereoStatistics, own: DisparityNoise, image: Intrinsics, baseline_m: float
 ) -> dict[str, str]:
-    """Describe the results, of the recording and of the fitted sensor: name -> text."""
+    """Describe the results for the recording and for the fitted sensor: name -> text."""
     real, lattice = statistics.noise, statistics.lattice
     by = "the base sensor's: the depths are on no lattice that says it"
     if lattice is not None:

@@ -1,4 +1,4 @@
-"""Fit a time-of-flight sensor to a static recording: noise, fixed pattern, wiggling, filter."""
+"""Fit of a time-of-flight sensor to a static recording: noise, pattern, wiggling, filter."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _UNKNOWN = "not determined by this recording (add far or dark walls): the base s
 def fit_time_of_flight(
     recording: Recording, base: str | None, albedo: float, focal_px: float | None, map_name: str
 ) -> FittedSensor:
-    """Fit a sensor to a static recording.
+    """Fit a time-of-flight sensor to a static recording.
 
     Args:
         recording: at least two frames of one view.
@@ -115,7 +115,7 @@ def fit_time_of_flight(
 
 
 def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
-    """Return the typical values of parameters in the first stage that declares any of them."""
+    """Return typical values of the parameters from the first stage that declares any of them."""
     adapter = TypeAdapter[Any](NumberSetting)
     for stage in tree["stage"]:
         declared = find_stage(stage["use"]).parameters
@@ -126,7 +126,7 @@ def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
 
 
 def _knows_pattern(statistics: RecordingStatistics) -> bool:
-    """Return whether the map holds more pattern than temporal noise."""
+    """Return whether the recording shows the pattern: a known map and enough frames."""
     return statistics.pattern.known_share > 0 and statistics.frames >= LEAST_PATTERN_FRAMES
 
 
@@ -137,7 +137,7 @@ def _fitted_values(
     taps: TapNoise,
     wiggling: Wiggling | None,
 ) -> dict[str, float]:
-    """Collect the parameters that the recording determines; infrared wins over distances."""
+    """Collect the parameters that the recording determines; infrared is preferred to distances."""
     pattern = statistics.pattern
     values = {
         "sigma_mm": model.floor_mm,
@@ -160,7 +160,7 @@ def _fitted_values(
 
 
 def _harmonics(wiggling: Wiggling) -> dict[str, float]:
-    """Collect sizes of the known harmonics, and phases where one serves all frequencies."""
+    """Collect the sizes of significant harmonics, and phases if equal at all frequencies."""
     values: dict[str, float] = {}
     phases: dict[str, float] = {}
     known = [harmonic for harmonic in wiggling.amplitude if wiggling.known(harmonic)]
@@ -184,7 +184,7 @@ def fitted_toml(
     pattern_map: str = "",
     waves: Sequence[Wave] = (),
 ) -> str:
-    """Write the sensor file: rig and stages of the base with fitted values and intrinsics.
+    """Write the sensor file: the base's rig and stages with fitted values and intrinsics.
 
     Args:
         base: name of the base sensor.
@@ -250,7 +250,7 @@ def _result_lines(
 
 
 def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> dict[str, str]:
-    """Describe light and noise: from infrared if there is any, else from the distances."""
+    """Describe light and noise, from infrared if there is any, otherwise from the distances."""
     white, over = "amplitude of a white wall at 1 m", "noise over infrared"
     if law is None or not math.isfinite(law.gain):
         amplitude = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"

@@ -1,4 +1,4 @@
-"""Measure depth frames, real or simulated: noise, pattern, light, edges, lost pixels.
+"""Measures of depth frames, real or simulated: noise, pattern, light, edges, lost pixels.
 
 ``frame`` holds frames in memory, ``static`` says which of them show one view. ``depth_noise``,
 ``pattern``, ``light``, ``silhouettes``, ``validity`` and ``boards`` measure one fact of such frames

@@ -1,4 +1,4 @@
-"""Chessboards in frames: their corners, the pixels of the board, and the plane through them."""
+"""Chessboards in frames: inner corners, pixels of the board, and the plane through them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEAST_PIXELS = 200
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """The board in one frame.
+    """The pixels of a chessboard in one frame.
 
     A time-of-flight camera measures dark print some mm too far, so that only the paper is plane.
 
@@ -46,7 +46,7 @@ class Board:
 
 
 def find_corners(infrared: NDArray[np.float32], pattern: tuple[int, int] = PATTERN) -> Array | None:
-    """Find the inner corners of a board in an infrared image, (N, 2) px; None if there is none."""
+    """Find the inner corners of a board in an infrared image, (N, 2) px; None without a board."""
     lit = infrared[(infrared > 0) & (infrared < SATURATED)]
     if lit.size == 0:
         return None
@@ -61,7 +61,7 @@ def find_corners(infrared: NDArray[np.float32], pattern: tuple[int, int] = PATTE
 def find_board(
     frame: DepthFrame, corners_px: Array, pattern: tuple[int, int] = PATTERN
 ) -> Board | None:
-    """Find the pixels of a board with depth; None if the plane has too few of them."""
+    """Find the pixels of a board with depth; None if too few of them lie on the plane."""
     centre = corners_px.mean(axis=0)
     grow = 1.0 + 2.0 * _MARGIN_SQUARES / (max(pattern) - 1)
     hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
@@ -80,7 +80,7 @@ def find_board(
 
 
 def plane_residual(depth_mm: NDArray[np.floating], rays: NDArray[np.floating], part: Mask) -> Array:
-    """Fit a plane robustly: 1 / z is linear in the rays, and weights z^2 make residuals mm.
+    """Fit a robust plane in 1 / z, with weights z^2; return the residual depth, mm.
 
     Args:
         depth_mm: (H, W) depth, finite in ``part``.
@@ -114,7 +114,7 @@ def _limit(residual: Array) -> float:
 
 
 def _bright(frame: DepthFrame, inside: Mask) -> Mask:
-    """Return the paper: brighter than Otsu's threshold, print and its edges left out."""
+    """Mark the white paper: pixels above Otsu's threshold, away from print and its edges."""
     if frame.infrared is None:
         return np.ones_like(inside)
     seen = inside & lit(frame)

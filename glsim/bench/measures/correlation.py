@@ -1,4 +1,4 @@
-"""Correlation of noise between the pixels of an image."""
+"""Correlation of noise between pixels of an image."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LAGS = ((0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0), (1, 1))
 def lagged_sums(
     images: Array, lags: Sequence[tuple[int, int]] = LAGS, *, both_axes: bool = False
 ) -> Array:
-    """Sum products of pixels at each lag, and squares of the same pixels.
+    """Sum the products of pixels at each lag, and the squares of the same pixels.
 
     Args:
         images: (..., H, W) noise of mean 0; NaN marks unknown pixels.
@@ -48,7 +48,7 @@ def _shifted(images: Array, down: int, right: int) -> tuple[Array, Array]:
 
 
 def correlation_of(sums: Iterable[Array]) -> tuple[float, ...]:
-    """Return the correlation at each lag, of the (..., L, 2) sums of several images together.
+    """Compute the correlation at each lag from the (..., L, 2) sums of several images.
 
     NaN for a lag without pixels, and for all LAGS without images.
     """
@@ -58,7 +58,7 @@ def correlation_of(sums: Iterable[Array]) -> tuple[float, ...]:
 
 
 def without_local_mean(noise: Array, size: int = 31) -> Array:
-    """Subtract the mean of the known pixels in size x size, so that slow drift does not count."""
+    """Subtract the mean of known pixels in a size x size window, to remove slow drift."""
     known = np.isfinite(noise)
     total, count = (
         cv2.boxFilter(

@@ -1,4 +1,4 @@
-"""Depth errors of a data set: noisy against clean, lost and added pixels, reasons."""
+"""Depth errors of a data set, noisy against clean: lost and added pixels, and reasons."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAPER_BASELINE_MSE = 1410.8397
 
 
 def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
-    """Return a Markdown table of frames without clean maps."""
+    """Return a Markdown table of measures of frames without clean maps."""
     count = pixels = known = 0
     nearest, farthest = [], []
     for frame in frames:
@@ -41,7 +41,7 @@ def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
 
 
 def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
-    """Return a Markdown table of the errors of noisy depth, over pairs of clean and noisy maps."""
+    """Return a Markdown table of depth errors over pairs of clean and noisy maps."""
     # Pixels in total, with both depths, with clean depth only, with noisy depth only; sums of the
     # error and of its square over both, and of the square over all pixels, holes as depth 0.
     sums = np.zeros(7)

@@ -1,4 +1,4 @@
-"""Noise by distance and radius, and its correlation between pixels: over time and in one frame.
+"""Depth noise by distance and radius, and its correlation, over time and in single frames.
 
 Over time: the difference of two frames of one view is temporal noise only; half its variance is
 that of one frame. In one frame: the residual of a quadric in 7 x 7 pixels holds temporal noise and
@@ -33,7 +33,7 @@ LEAST_PIXELS = 400
 
 @dataclass(frozen=True)
 class Cell:
-    """A value of the pixels between two distances, m, and two radii, px."""
+    """A value for pixels in a range of distances, m, and a range of radii, px."""
 
     distance_m: tuple[float, float]
     radius_px: tuple[float, float]
@@ -46,7 +46,7 @@ Sample = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
 
 
 def root_cells(samples: Sequence[Sample]) -> tuple[Cell, ...]:
-    """Return the root of the mean value in each cell with LEAST_PIXELS."""
+    """Compute the root of the mean value in each cell that has LEAST_PIXELS."""
     if not samples:
         return ()
     depth, radius, value = (
@@ -90,7 +90,7 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
 
 
 def without_outliers(noise: Array, surface_mm: NDArray[np.floating]) -> Array:
-    """Return (H, W) noise with NaN for outliers (edges, people) among pixels of like distance."""
+    """Replace outliers (edges, people) by NaN, compared with pixels of similar distance: (H, W)."""
     noise = noise.copy()
     both = np.isfinite(noise)
     size = np.abs(np.nan_to_num(noise)).astype(np.float32)
@@ -106,7 +106,7 @@ def without_outliers(noise: Array, surface_mm: NDArray[np.floating]) -> Array:
 
 
 def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
-    """Return (H, W) second - first without drift, mm; NaN where depth is missing or has moved.
+    """Subtract two frames of a still scene without drift: (H, W) mm; NaN: no depth, or moved.
 
     ``pair_noise`` keeps smooth surfaces alone; this keeps all pixels whose 3 x 3 neighbours have
     depth without a step in both frames. Its variance is the sum of the variances of both frames.
@@ -133,7 +133,7 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
 
 @dataclass(frozen=True)
 class TemporalNoise:
-    """Temporal noise of a set.
+    """Temporal noise of a set of frames.
 
     Attributes:
         pairs: number of static pairs.
@@ -150,7 +150,7 @@ class TemporalNoise:
 def measure_temporal(
     frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
 ) -> TemporalNoise:
-    """Measure the temporal noise of static pairs, given by the numbers of their frames."""
+    """Measure the temporal noise of static pairs, given by their frame numbers."""
     samples: list[Sample] = []
     sums: list[Array] = []
     for first, second in pairs:
@@ -168,7 +168,7 @@ _STRIDE = 3
 
 @dataclass(frozen=True)
 class SpatialNoise:
-    """Residuals of all smooth surfaces.
+    """Residuals of all smooth surfaces about local quadrics.
 
     Attributes:
         cells: rms, mm, rounding subtracted.

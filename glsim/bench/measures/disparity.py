@@ -1,4 +1,4 @@
-"""Noise of disparity: what a stereo or structured-light camera measures before it says a depth.
+"""Noise of disparity, which a stereo or structured-light camera measures before depth.
 
 Disparity is focal length times baseline over depth, px; where the product is not known, 1 / depth
 stands for it, in 1/m. A plane is linear in both. Tiles of 40 x 40 px with depth in 97 % of the
@@ -34,7 +34,7 @@ LEAST_TILES = 5
 
 @dataclass(frozen=True)
 class DisparityNoise:
-    """Noise of disparity, px, or 1/m where no focal length and baseline are known.
+    """Noise of disparity, px, or 1/m if focal length and baseline are unknown.
 
     Attributes:
         tiles: number of tiles, all frames together.
@@ -64,7 +64,7 @@ class DisparityNoise:
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """Square parts of one image in which nearly every pixel has depth, and their noise.
+    """Square image tiles in which nearly every pixel has depth, and their noise.
 
     Attributes:
         top: (N,) row of the first pixel.
@@ -83,7 +83,7 @@ class Tiles:
 
 
 def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
-    """Convert depth, mm, to disparity, px, or to its inverse, 1/m.
+    """Convert depth, mm, to disparity, px, or to inverse depth, 1/m.
 
     Args:
         depth_mm: any shape, 0 or NaN = no depth.
@@ -98,7 +98,7 @@ def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | No
 
 
 def find_tiles(disparity: Array, side_px: int = TILE_PX) -> Tiles:
-    """Cut an image into squares, keep those with disparity, and fit a robust plane to each.
+    """Cut an image into square tiles with disparity, and fit a robust plane to each tile.
 
     Args:
         disparity: (H, W), NaN = none.
@@ -122,7 +122,7 @@ def find_tiles(disparity: Array, side_px: int = TILE_PX) -> Tiles:
 
 
 def _plane_residual(values: Array, side_px: int) -> Array:
-    """Subtract its robust plane from each of (N, S * S) tiles; outliers and holes become NaN."""
+    """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN."""
     y, x = np.mgrid[:side_px, :side_px] - (side_px - 1) / 2
     design = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
     known = np.isfinite(values)
@@ -155,7 +155,7 @@ def measure_disparity_noise(
     pairs: Sequence[tuple[int, int]] = (),
     side_px: int = TILE_PX,
 ) -> DisparityNoise:
-    """Measure the noise of frames.
+    """Measure the disparity noise of frames.
 
     Args:
         disparity: (H, W) of each frame, NaN = none.
@@ -188,7 +188,7 @@ def measure_disparity_noise(
 
 
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns.
+    """Compute the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns.
 
     Args:
         tiles: their noise; NaN = unknown.
@@ -211,7 +211,7 @@ def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tup
 
 
 def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tuple[Array, Array]:
-    """Return the noise of each tile in time, and (N, S, S) differences over sqrt 2, mean 0."""
+    """Measure each tile's temporal noise; also return (N, S, S) differences / sqrt 2, mean 0."""
     difference = (second - first) / np.sqrt(2.0)
     parts = []
     for top, left in zip(tiles.top, tiles.left, strict=True):
@@ -231,7 +231,7 @@ def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tupl
 
 
 def _shared_variance(first: Tiles, second: Tiles) -> Array:
-    """Return the covariance of the residuals of tiles that two frames share."""
+    """Compute the covariance of residuals between two frames, for tiles in both frames."""
     places = {place: n for n, place in enumerate(zip(second.top, second.left, strict=True))}
     shared = []
     for number, place in enumerate(zip(first.top, first.left, strict=True)):

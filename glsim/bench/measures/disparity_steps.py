@@ -1,4 +1,4 @@
-"""Steps between two surfaces in disparity: gaps without depth, pixels between, the image's border.
+"""Disparity steps between two surfaces: gaps without depth, depths in between, border band.
 
 A camera pair cannot match what one of its imagers does not see: beside a foreground a stripe of the
 background as wide as the difference of the two disparities has no depth, and so has a band at one
@@ -41,7 +41,7 @@ _BORDER_PX = 6
 
 
 class Steps(NamedTuple):
-    """The steps of an image along its rows; (N,) arrays with an entry per row and side.
+    """Disparity steps along the rows of an image; (N,) arrays with an entry per row and side.
 
     Attributes:
         right: whether the gap is to the right of the foreground, else to its left.
@@ -62,7 +62,7 @@ class Steps(NamedTuple):
 
 
 def find_steps(disparity: Array) -> Steps:
-    """Find the steps of an image along its rows that the rows above and below have as well.
+    """Find disparity steps along the rows that continue in the rows above and below.
 
     Args:
         disparity: (H, W) px, NaN = none. Transpose it for the steps along columns: left is then
@@ -101,7 +101,7 @@ def find_steps(disparity: Array) -> Steps:
 
 
 def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
-    """Measure the gaps on one side of foregrounds, without those that hold other surfaces.
+    """Measure the gaps on one side of foregrounds, except gaps that contain other surfaces.
 
     Args:
         found: the steps of each frame.
@@ -121,7 +121,7 @@ def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
 
 
 def between_share(found: Sequence[Steps]) -> float:
-    """Return the share of the pixels within 3 px of a step that lie between the surfaces."""
+    """Compute the share of pixels within 3 px of a step whose depth is between the surfaces."""
     if sum(s.step.size for s in found) < LEAST_STEPS:
         return float("nan")
     return float(sum(s.between.sum() for s in found) / sum(s.near.sum() for s in found))

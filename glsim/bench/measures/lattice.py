@@ -1,4 +1,4 @@
-"""Find the lattice of a stereo camera's depths: all are round(K / (n + offset)) for a whole n.
+"""Search for the lattice of a stereo camera's depths, round(K / (n + offset)) for integers n.
 
 A stereo matcher delivers disparity in steps (1/32 px in a RealSense D400, 1/8 px in a Kinect V1),
 so that K = focal length times baseline times the steps a pixel, in units of the depth files. The
@@ -40,7 +40,7 @@ _CHUNK = 1 << 16
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice of depth values.
+    """The discrete depths that a stereo camera can deliver: round(K / (n + offset)), file units.
 
     Attributes:
         constant: K, in units of the depth files.
@@ -57,12 +57,12 @@ class Lattice:
 
     @property
     def accepted(self) -> bool:
-        """Whether the depths are on this lattice, and enough of them say so."""
+        """Whether the depths lie on this lattice, with enough informative depths."""
         return self.share >= LEAST_ON_LATTICE and self.telling >= LEAST_TELLING
 
 
 def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0) -> Array:
-    """Return the sorted different values of depth files, in units of the files.
+    """Return the sorted distinct values of depth files, in file units.
 
     Args:
         frames: (H, W) depths each, mm, 0 or NaN = no depth.
@@ -77,7 +77,7 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
 
 
 def on_lattice(values: Array, constant: float, offset: float = 0.0) -> NDArray[np.bool_]:
-    """Tell which depths are round(K / (n + offset)) for a whole n of at least 1.
+    """Tell which depths equal round(K / (n + offset)) for an integer n of at least 1.
 
     Args:
         values: depths, units of the files.
@@ -94,7 +94,7 @@ def on_lattice(values: Array, constant: float, offset: float = 0.0) -> NDArray[n
 
 
 def lattice_share(values: Array, constant: float, offset: float = 0.0) -> float:
-    """Return the share of the telling values on a lattice; NaN if none would tell."""
+    """Compute the share of informative values that lie on a lattice; NaN without any."""
     telling = constant / values**2 < _TELLING
     if not telling.any():
         return float("nan")
@@ -102,7 +102,7 @@ def lattice_share(values: Array, constant: float, offset: float = 0.0) -> float:
 
 
 def estimate_lattice(values: Array) -> Lattice | None:
-    """Find the lattice of a recording without a label.
+    """Estimate the lattice of a recording from its depths alone.
 
     The constant of the largest likelihood wins: multiples of K fit as well, but would fit by chance
     more often.
@@ -131,7 +131,7 @@ def _hits(lattice: Lattice) -> float:
 
 
 def _searched(values: Array, offset: float) -> float:
-    """Search the likeliest constant K; tries differ by a third of a step at the largest depth."""
+    """Search the most likely constant K, in steps of a third of a level at the largest depth."""
     far = np.sort(values)[::-1]
     some = far[np.unique(np.linspace(0, far.size - 1, _SEARCHED).astype(int))]
     step = 1.0 / (3.0 * float(far[0]))
@@ -147,7 +147,7 @@ def _searched(values: Array, offset: float) -> float:
 
 
 def _likelihood(values: Array, constants: Array, offset: float) -> Array:
-    """Return, per constant, the log of how much likelier its lattice makes the depths, (K,)."""
+    """Compute, for K constants, the log likelihood ratio of the depths against chance, (K,)."""
     total = np.zeros(len(constants))
     for value in values:
         chance = np.minimum(constants / value**2, 1.0)
@@ -161,7 +161,7 @@ def _likelihood(values: Array, constants: Array, offset: float) -> Array:
 
 
 def _refined(values: Array, constant: float, offset: float) -> Lattice:
-    """Return the lattice in the middle of the constants near by that fit the most values."""
+    """Refine a constant: the middle of the nearby constants that fit the most values."""
     telling = values[constant / values**2 < _TELLING]
     if telling.size == 0:
         return Lattice(constant, offset, 0.0, 0)

@@ -1,4 +1,4 @@
-"""Infrared: noise over infrared, and the light that surfaces return over distance and radius.
+"""Infrared: noise as a function of infrared, and returned light by distance and radius.
 
 Noise law of a phase measurement: sigma^2 = a^2 + (b / IR)^2, with a in mm and b in mm counts
 (Mutto et al. 2012). IR r^2 / cos, in counts m^2, is the infrared of a surface at 1 m that faces the
@@ -55,7 +55,7 @@ class NoiseLaw:
 
 @dataclass(frozen=True)
 class Light:
-    """Light of a set, and the noise that depends on it.
+    """Light of a set of frames, and its noise as a function of infrared.
 
     Attributes:
         temporal: noise law of static pairs.
@@ -88,7 +88,7 @@ NO_LIGHT = Light(
 
 
 def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> Light | None:
-    """Measure light and noise over light; None if no frame has infrared."""
+    """Measure light and its noise law; None if no frame has infrared."""
     with_light = [frame for frame in frames if frame.infrared is not None]
     if not with_light:
         return None
@@ -133,7 +133,7 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
 
 
 def light_at_one_metre(frame: DepthFrame) -> Array:
-    """Return (H, W) IR r^2 / cos, counts m^2; NaN off smooth surfaces and for saturated pixels."""
+    """Compute IR r^2 / cos, (H, W) counts m^2; NaN off smooth surfaces and for saturation."""
     if frame.infrared is None:
         return np.full(frame.measured_mm.shape, np.nan)
     s = surfaces(frame)
@@ -147,7 +147,7 @@ def light_at_one_metre(frame: DepthFrame) -> Array:
 
 
 def measure_noise_law(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> NoiseLaw:
-    """Fit the noise law to static pairs; NaN with fewer than three classes of infrared."""
+    """Fit the noise law to static pairs; NaN for fewer than three classes of infrared."""
     parts = []
     for first, second in pairs:
         a, b = frames[first], frames[second]
@@ -165,7 +165,7 @@ def _brightest(values: Array) -> float:
 
 
 def _fit_law(parts: Sequence[tuple[Array, Array]]) -> NoiseLaw:
-    """Fit both terms, 0 or more, to (infrared, squares) by the relative error of each class."""
+    """Fit both terms, >= 0, to (infrared, squared noise) by the relative error of each class."""
     infrared, squares = (
         np.concatenate([np.zeros(0), *(part[k][np.isfinite(part[1])] for part in parts)])
         for k in (0, 1)
@@ -188,7 +188,7 @@ def _fit_law(parts: Sequence[tuple[Array, Array]]) -> NoiseLaw:
 
 
 def _not_negative(design: Array, target: Array) -> tuple[float, float]:
-    """Solve least squares for two coefficients of 0 or more."""
+    """Solve a least-squares problem for two coefficients >= 0."""
     both = np.linalg.lstsq(design, target, rcond=None)[0]
     if (both >= 0).all():
         return float(both[0]), float(both[1])

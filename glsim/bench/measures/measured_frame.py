@@ -1,4 +1,4 @@
-"""What measures take of a depth frame: surfaces, light and radii, each computed once."""
+"""Quantities of a depth frame that measures use: surfaces, light, radii; each computed once."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _FOCAL_PX = 365.0
 #: Each takes 3.5 MB for a Kinect V2; all of a set of 200 frames would take most of a gigabyte.
 @lru_cache(maxsize=64)
 def surfaces(frame: DepthFrame) -> Surfaces:
-    """Fit quadrics in 7 x 7 pixels around every pixel."""
+    """Fit quadrics in 7 x 7 windows around every pixel."""
     return fit_surfaces(frame.measured_mm, frame.rays, 7)
 
 
 def surface_mm(frame: DepthFrame) -> Array:
-    """Return the (H, W) depth of the fitted quadric at its centre pixel, mm.
+    """Compute the (H, W) depth of the fitted quadric at its centre pixel, mm.
 
     Bins by it do not select noise of one sign at their bounds, as bins by noisy depth do.
     """
@@ -39,7 +39,7 @@ def surface_mm(frame: DepthFrame) -> Array:
 
 
 def radius_px(frame: DepthFrame) -> Array:
-    """Return the (H, W) distance from the principal point in pixels of a Kinect V2, like angles."""
+    """Compute the (H, W) distance from the principal point, rescaled to pixels of a Kinect V2."""
     return _radius_px(frame.intrinsics)
 
 
@@ -50,14 +50,14 @@ def _radius_px(camera: Intrinsics) -> Array:
 
 
 def lit(frame: DepthFrame) -> NDArray[np.bool_]:
-    """Return the (H, W) pixels whose infrared is neither 0 nor saturated; all without infrared."""
+    """Mark the (H, W) pixels whose infrared is neither 0 nor saturated; all without infrared."""
     if frame.infrared is None:
         return np.ones(frame.noisy_mm.shape, np.bool_)
     return (frame.infrared > 0) & (frame.infrared < SATURATED)
 
 
 def mean_frame(frames: Frames) -> DepthFrame:
-    """Return the mean of frames of one view over time; no depth where no frame has any."""
+    """Average frames of one view over time; no depth where no frame has depth."""
     lights = [frame.infrared for frame in frames if frame.infrared is not None]
     count, mean, _ = moments([frame.measured_mm for frame in frames])
     layers = {"noisy_mm": np.where(count > 0, mean, 0).astype(np.float32)}
@@ -74,7 +74,7 @@ def frames_of(
     camera: Intrinsics | None = None,
     step_mm: float = 1.0,
 ) -> Frames:
-    """Make a set of frames of arrays.
+    """Create a set of frames from depth arrays.
 
     Args:
         title: name of the set.

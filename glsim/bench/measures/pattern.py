@@ -1,4 +1,4 @@
-"""Fixed pattern: the error that every frame repeats, by rows, columns and single pixels.
+"""Fixed pattern: the depth error that is equal in every frame, by rows, columns and pixels.
 
 The residual of a quadric in 11 x 11 pixels is averaged per pixel over the even and over the odd
 frames. The covariance of the two averages is the pattern's variance, free of temporal noise. Rows
@@ -43,7 +43,7 @@ _CLIP_MM = 5.0
 
 @dataclass(frozen=True)
 class FixedPattern:
-    """Fixed pattern of a set, NaN with too few pixels on smooth surfaces.
+    """Fixed pattern of a set of frames; NaN for too few pixels on smooth surfaces.
 
     Attributes:
         frames: number of frames.
@@ -68,7 +68,7 @@ class FixedPattern:
 
 
 def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
-    """Measure the fixed pattern on two frames or more of surfaces within 1.6 m.
+    """Measure the fixed pattern on surfaces within 1.6 m, in two or more frames.
 
     Temporal noise hides the pattern on farther surfaces.
     """
@@ -120,19 +120,19 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
 
 
 def _line_means(sums: Array, counts: Array, axis: int) -> Array:
-    """Average each half (2, H, W) along rows (axis 2) or columns (axis 1); NaN where rare."""
+    """Average both halves (2, H, W) along rows (axis 2) or columns (axis 1); NaN for few pixels."""
     count = counts.sum(axis=axis)
     enough = (count >= _LEAST_PIXELS).all(axis=0)
     return np.where(enough, sums.sum(axis=axis) / np.maximum(count, 1), np.nan)
 
 
 def _centred(lines: Array) -> Array:
-    """Subtract the running mean of 31 lines, which is slow change."""
+    """Subtract the running mean over 31 lines, which removes slow changes."""
     return np.stack([line - _running_mean(line, 31) for line in lines])
 
 
 def _smoothed_alternation(rows: Array) -> Array:
-    """Return (H,) the local half step between odd and even rows: a mean over 41 rows."""
+    """Compute half the local step between odd and even rows, a mean over 41 rows: (H,)."""
     return _running_mean(rows * _alternating_sign(rows.size), 41, least=20)
 
 
@@ -141,7 +141,7 @@ def _alternating_sign(rows: int) -> Array:
 
 
 def _running_mean(line: Array, size: int, least: int = 1) -> Array:
-    """Average the known values of a window around each; NaN with fewer than ``least``."""
+    """Average the known values in a window around each value; NaN for fewer than ``least``."""
     known, kernel = np.isfinite(line), np.ones(size)
     total = np.convolve(np.where(known, line, 0.0), kernel, "same")
     count = np.convolve(known.astype(float), kernel, "same")
@@ -149,7 +149,7 @@ def _running_mean(line: Array, size: int, least: int = 1) -> Array:
 
 
 def _alternation(rows: Array) -> list[float]:
-    """Return half the mean difference of even and odd rows, in BANDS bands from top to bottom."""
+    """Compute half the mean difference of even and odd rows in BANDS bands, top to bottom."""
     bands = np.array_split(rows * _alternating_sign(rows.size), BANDS)
     return [float(np.nanmean(b)) if np.isfinite(b).sum() >= 10 else float("nan") for b in bands]
 

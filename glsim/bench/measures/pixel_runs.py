@@ -1,4 +1,4 @@
-"""Runs of pixels of one surface along the rows of an image, and the steps between them."""
+"""Runs of same-surface pixels along image rows, and the steps between them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Mask = NDArray[np.bool_]
 
 
 def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Numbers:
-    """Find the pairs of runs that follow each other in a row.
+    """Find the pairs of successive runs in each row.
 
     Args:
         joined: (H, W - 1) whether a pixel and the next one of its row are of one surface.
@@ -30,7 +30,7 @@ def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Numbers:
 
 
 def goes_on(right: Mask, row: Numbers, column: Numbers, most_px: int) -> Mask:
-    """Tell which steps have one of their side, at most so many columns away, above and below.
+    """Tell which steps continue, within ``most_px`` columns, in the rows above and below.
 
     Args:
         right: (N,) whether the farther surface is on the right.

@@ -1,4 +1,4 @@
-"""Fit a quadric around every pixel: residual, slope, roughness. Depths in mm, NaN = no depth."""
+"""Quadric fit around every pixel: residual, slope, roughness (depth in mm, NaN = no depth)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LEAST_COSINE = float(np.cos(np.radians(70.0)))
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Least-squares quadrics in square windows, (H, W) float32; NaN where a window has no fit.
+    """Least-squares quadrics in square windows, (H, W) float32; NaN for windows without a fit.
 
     Attributes:
         residual_mm: depth of the centre minus the quadric there.
@@ -40,18 +40,18 @@ class Surfaces:
 
     @property
     def smooth(self) -> Mask:
-        """Windows that are complete, without a step, and not seen at a grazing angle."""
+        """Mask of windows without holes and steps that are not seen at a grazing angle."""
         return np.isfinite(self.rough_mm) & (self.cosine > _LEAST_COSINE)
 
 
 def step_limit_mm(depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest difference of neighbours on one surface, mm, at depths in mm."""
+    """Compute the largest depth difference of neighbours on one surface, mm, from depth, mm."""
     return np.asarray(_STEP_MM + _STEP_MM_PER_M * depth_mm / 1000.0)
 
 
 @lru_cache(maxsize=4)
 def _basis(size: int) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
-    """Return orthonormal kernels of 1, x, y, x^2, xy, y^2 and their values at the centre."""
+    """Compute orthonormal kernels of 1, x, y, x^2, xy, y^2, and their values at the centre."""
     half = size // 2
     y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6)
@@ -112,7 +112,7 @@ def _masked(values: NDArray[np.float64], mask: Mask) -> Array:
 def _cosine(
     z: NDArray[np.float64], slope_x: NDArray[np.float64], slope_y: NDArray[np.float64], rays: Array
 ) -> NDArray[np.float64]:
-    """Compute the cosine between ray and normal of z(u, v) with slopes in mm a pixel."""
+    """Compute the cosine between ray and normal of z(u, v), from slopes in mm per pixel."""
     step_x = np.abs(np.gradient(rays[..., 0].astype(np.float64), axis=1))
     step_y = np.abs(np.gradient(rays[..., 1].astype(np.float64), axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Silhouettes along rows: the gap between a foreground and the background, on either side.
+"""Silhouettes along rows: the gaps between foreground and background on both sides.
 
 A run is five or more pixels of a row with depth, each near its neighbour. Where the ends of two
 successive runs differ by more than 100 mm, the nearer run is the foreground and the pixels between
@@ -45,7 +45,7 @@ _FIT_STEPS, _LEAST_RESIDUAL = 30, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The silhouettes of one frame; (N,) arrays with an entry per row and side.
+    """Silhouettes of one frame; (N,) arrays with an entry per row and side.
 
     Attributes:
         side: 0 for a gap to the left of the foreground, 1 to the right.
@@ -75,7 +75,7 @@ class Edges:
 
 @dataclass(frozen=True)
 class Side:
-    """The gaps on one side, of edges with S within HEAD_SHIFTS.
+    """Gaps on one side of silhouettes with a shift S within HEAD_SHIFTS.
 
     Attributes:
         edges: their number.
@@ -101,7 +101,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Silhouettes:
-    """Both sides; ``shadow_side`` is the one with the wider gaps, "left" or "right"."""
+    """Gaps on both sides; ``shadow_side`` is the side with wider gaps, "left" or "right"."""
 
     left: Side
     right: Side
@@ -109,7 +109,7 @@ class Silhouettes:
 
 
 def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
-    """Measure the gaps on both sides; NaN on a side with fewer than 50 edges."""
+    """Measure the gaps on both sides; NaN for a side with fewer than 50 edges."""
     found = [find_edges(frame) for frame in frames]
     left, right = (_side(found, number) for number in (0, 1))
     wider = "left" if np.nan_to_num(left.width_mean_px) > np.nan_to_num(right.width_mean_px) else ""
@@ -117,7 +117,7 @@ def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
 
 
 def find_edges(frame: DepthFrame) -> Edges:
-    """Find the silhouettes of a frame along its rows; they go on in the row above or below."""
+    """Find the silhouettes along a frame's rows that continue in the row above or below."""
     z = frame.measured_mm
     known = np.isfinite(z)
     joined = known[:, 1:] & known[:, :-1]
@@ -177,7 +177,7 @@ def _side(found: Sequence[Edges], number: int) -> Side:
 
 
 def _median_of_counts(counts: Array) -> float:
-    """Return the median of integers, each spread evenly over +-0.5."""
+    """Compute the median of integers, as if each were spread evenly over +-0.5."""
     middle = float(np.median(counts))
     below, same = float((counts < middle).mean()), float((counts == middle).mean())
     return middle - 0.5 + (0.5 - below) / same if same > 0 else middle

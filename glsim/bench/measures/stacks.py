@@ -1,4 +1,4 @@
-"""Measure stacks of frames of one static scene: (T, H, W) float64 mm, NaN = no depth.
+"""Measures of stacks of frames of one static scene: (T, H, W) float64 mm, NaN = no depth.
 
 A residual is frames minus true depth.
 """
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 
 
 def with_nan(depth_mm: NDArray[np.generic]) -> Array:
-    """Convert depths to float64 and mark missing depth (0) by NaN."""
+    """Convert depths to float64 and replace missing depth (0) by NaN."""
     depth = np.array(depth_mm, np.float64)
     depth[depth <= 0] = np.nan
     return depth
 
 
 def without_plane(frames: Array) -> Array:
-    """Subtract from each frame its own least-squares plane over its valid pixels."""
+    """Subtract from each frame the least-squares plane of its valid pixels."""
     height, width = frames.shape[-2:]
     rows, columns = np.mgrid[:height, :width]
     design = np.stack([np.ones(rows.size), rows.ravel(), columns.ravel()], axis=1)
@@ -43,14 +43,14 @@ def without_plane(frames: Array) -> Array:
 
 
 def sigma_spatial(residual: Array) -> float:
-    """Compute sigma_S: standard deviation of a frame about its best plane, rms over the frames."""
+    """Compute sigma_S: standard deviation of a frame about its best plane, rms over frames."""
     flat = without_plane(residual)
     valid = np.isfinite(flat)
     return float(np.sqrt((flat[valid] ** 2).mean())) if valid.any() else float("nan")
 
 
 def temporal_part(frames: Array) -> Array:
-    """Subtract the mean of each pixel over time; scaled so that the variance is unbiased.
+    """Subtract each pixel's mean over time; scale the result to an unbiased variance.
 
     Pixels with fewer than two valid frames become NaN.
     """
@@ -62,7 +62,7 @@ def temporal_part(frames: Array) -> Array:
 
 
 def moments(frames: Sequence[NDArray[np.floating]] | Array) -> tuple[Array, Array, Array]:
-    """Return (H, W) numbers of valid frames, their mean and their unbiased variance over time.
+    """Compute (H, W) numbers of valid frames, means and unbiased variances over time.
 
     Mean and variance are 0 without valid frames.
     """
@@ -94,7 +94,7 @@ def sigma_temporal_map(frames: Array) -> Array:
 
 
 def sigma_temporal(frames: Array) -> float:
-    """Compute sigma_T: standard deviation of a pixel over time, mean over the pixels."""
+    """Compute sigma_T: standard deviation of a pixel over time, averaged over the pixels."""
     return mean_of(sigma_temporal_map(frames))
 
 
@@ -110,12 +110,12 @@ def valid_share(depth_mm: NDArray[np.floating]) -> float:
 
 
 def ratio(first: float, second: float) -> float:
-    """Divide first by second; NaN if second is 0 or one of them is not finite."""
+    """Divide first by second; NaN if second is 0 or either value is not finite."""
     return first / second if second != 0 and np.isfinite([first, second]).all() else float("nan")
 
 
 def fixed_pattern(frames: Array) -> tuple[Array, float]:
-    """Return the (H, W) mean of each pixel minus the best plane, and its standard deviation.
+    """Compute the (H, W) mean of each pixel minus the best plane, and its standard deviation.
 
     The variance that temporal noise leaves in a mean of T frames is subtracted.
     """
@@ -135,7 +135,7 @@ def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
 
 
 def temporal_autocorrelation(frames: Array) -> float:
-    """Compute the correlation of a pixel with itself one frame later, fixed pattern removed.
+    """Compute the correlation of a pixel with its value one frame later, without fixed pattern.
 
     Subtracting the mean of T frames makes white noise look anticorrelated by 1 / (T - 1); this
     bias is added back.
@@ -155,7 +155,7 @@ def skew_kurtosis(samples: Array) -> tuple[float, float]:
 
 
 def edge_positions(frames: Array, near_mm: float, far_mm: float) -> Array:
-    """Find the (T, H) column at which the foreground on the left ends, as its number of pixels.
+    """Find the column where the left foreground ends, as its number of pixels: (T, H).
 
     A pixel is foreground if it has depth and is nearer than halfway to the background.
     """
@@ -164,14 +164,14 @@ def edge_positions(frames: Array, near_mm: float, far_mm: float) -> Array:
 
 
 def edge_jitter(positions: Array) -> float:
-    """Compute the standard deviation of edge positions (T, H) about the best straight line, px."""
+    """Compute the standard deviation of (T, H) edge positions about the best line, px."""
     rows = np.arange(positions.shape[1])
     line = np.polynomial.Polynomial.fit(rows, positions.mean(axis=0), 1)
     return float((positions - line(rows)).std())
 
 
 def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, float, float]:
-    """Count pixels per row between two surfaces, outside both, and without depth.
+    """Count pixels per row: between the two surfaces, outside both, and without depth.
 
     Pixels between and outside are more than 20 mm from both surfaces.
     """
@@ -211,7 +211,7 @@ def without_trend(z_mm: Array, error_mm: Array) -> Array:
 
 
 def crossing(x: Array, share: Array, level: float) -> float:
-    """Interpolate the x from which rising shares stay at or above ``level``; NaN if none."""
+    """Interpolate the x above which rising shares stay at or above ``level``; NaN if never."""
     below = np.flatnonzero(share < level)
     if len(below) == 0 or below[-1] + 1 >= len(x):
         return float("nan")
@@ -233,19 +233,19 @@ def normals(depth_mm: Array, rays: NDArray[np.floating]) -> Array:
 
 
 def angular_error_deg(first: Array, second: Array) -> float:
-    """Compute the mean angle between two fields of unit normals where both exist, degrees."""
+    """Compute the mean angle between two unit normal fields where both exist, degrees."""
     cosine = np.clip((first * second).sum(axis=-1), -1.0, 1.0)
     return mean_of(np.degrees(np.arccos(cosine)))
 
 
 def eroded(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
-    """Erode a mask by ``steps`` pixels (8 neighbours); outside the image counts as not set."""
+    """Erode a mask by ``steps`` pixels (8 neighbours); pixels outside the image count as unset."""
     kernel = np.ones((2 * steps + 1,) * 2, np.uint8)
     return np.asarray(cv2.erode(mask.astype(np.uint8), kernel, borderValue=0) > 0)
 
 
 def steps_mm(depth_mm: Array) -> Array:
-    """Compute the (H, W) largest difference of a pixel to its 8 neighbours, NaN ones ignored."""
+    """Compute the (H, W) largest difference of a pixel to its 8 neighbours, mm, ignoring NaN."""
     kernel = np.ones((3, 3), np.uint8)
     high = cv2.dilate(np.nan_to_num(depth_mm, nan=-np.inf), kernel, borderValue=-np.inf)
     low = cv2.erode(np.nan_to_num(depth_mm, nan=np.inf), kernel, borderValue=np.inf)

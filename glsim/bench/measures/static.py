@@ -1,4 +1,4 @@
-"""Which frames show one static view: between them depth changes by noise alone."""
+"""Search for frames that show one static view, between which only noise changes depth."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _ALL_PAIRS_BELOW = 80
 
 
 def static_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
-    """Find static pairs: (first, second) numbers of frames, each frame with the next static one."""
+    """Find static pairs (first, second) of frame numbers: each frame with its next static frame."""
     thin = [_thinned(frame.measured_mm) for frame in frames]
     pairs = []
     for first in range(len(frames)):
@@ -41,7 +41,7 @@ def static_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
 
 
 def view_numbers(frames: Sequence[DepthFrame]) -> list[int]:
-    """Number the views of frames: frames of one static view have one number."""
+    """Assign a view number to each frame; frames of one static view have equal numbers."""
     views = list(range(len(frames)))
     for first, second in static_pairs(frames):
         views[second] = views[first]
@@ -49,12 +49,12 @@ def view_numbers(frames: Sequence[DepthFrame]) -> list[int]:
 
 
 def view_change(first: DepthFrame, second: DepthFrame) -> str:
-    """Return what shows that the view changed between two frames; "" for a static pair."""
+    """Return the evidence that the view changed between two frames; "" for a static pair."""
     return _change(*_thinned(first.measured_mm), _thinned(second.measured_mm)[0])
 
 
 def _thinned(depth_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
-    """Return the pixels to compare, and _APART_PX in these pixels."""
+    """Subsample large depth maps for the comparison; return the pixels and _APART_PX in them."""
     step = _EVERY_PX if depth_mm.size > _THINNED_FROM else 1
     return depth_mm[::step, ::step], _APART_PX // step
 

@@ -1,4 +1,4 @@
-"""Pixels without depth: their share over the radius, and how many change between frames."""
+"""Pixels without depth: their share by radius, and their changes between frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)
 
 
 def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, float], ...]:
-    """Return (inner px, outer px, share without depth) of each ring; NaN outside the image."""
+    """Compute (inner px, outer px, share without depth) for each ring; NaN outside the image."""
     missing = np.zeros(len(RINGS_PX) - 1)
     pixels = np.zeros(len(RINGS_PX) - 1)
     for frame in frames:
@@ -33,7 +33,7 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
 
 
 def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
-    """Return the share of holes to the right of the left border's band, of all images together.
+    """Compute the share of holes to the right of the left border band, over all images.
 
     The band of a stereo camera is as wide as the disparity there: what a room holds decides it, not
     the matcher. It is what stands before the first pixel with depth of each row; a row without any
@@ -52,7 +52,7 @@ def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
 
 
 def flip_share(images: Sequence[NDArray[np.floating]], pairs: Sequence[tuple[int, int]]) -> float:
-    """Return the share of pixels that have depth (not NaN) in one frame of a pair only.
+    """Compute the share of pixels with depth (not NaN) in exactly one frame of a pair.
 
     Args:
         images: (H, W) depth or disparity of each frame.

@@ -1,4 +1,4 @@
-"""Validate sensors against published measurements: ``validate_sensor("kinect-v2")``."""
+"""Validation of sensors against published measurements: ``validate_sensor("kinect-v2")``."""
 
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.run import run_checks, validate_sensor

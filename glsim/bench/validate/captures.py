@@ -1,4 +1,4 @@
-"""Captures of scenes that several checks share; each is simulated once."""
+"""Captures of scenes that several checks share, each simulated once."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ _ABLATIONS: dict[str, tuple[tuple[str, ...], Changes]] = {
 
 
 class Captures:
-    """A virtual camera and a cache of captures."""
+    """A virtual camera with a cache of its captures."""
 
     def __init__(self, camera: VirtualCamera) -> None:
         self.camera = camera
         self._cache: dict[str, Any] = {}
 
     def ablation(self, name: str) -> Changes | None:
-        """Return a change to the sensor's stages, see _ABLATIONS; None if it has no such part."""
+        """Return the stage changes of an entry of _ABLATIONS; None if no stage is affected."""
         names = {stage.spec.name: stage.name for stage in self.camera.sensor.stages}
         needed, changes = _ABLATIONS[name]
         if not any(stage in names for stage in needed):
@@ -63,7 +63,7 @@ class Captures:
 
     @property
     def scene_frames(self) -> int:
-        """Number of frames of scenes in which every row or pixel is a sample."""
+        """Number of frames to capture of scenes in which every row or pixel is a sample."""
         return max(4, self.camera.frames // 2)
 
     @property
@@ -92,36 +92,36 @@ class Captures:
         ).centre(64, 8)
 
     def valid_percent(self, z_mm: float, albedo: float = 1.0) -> float:
-        """Return the share of pixels of a small wall that have depth, percent."""
+        """Measure the share of pixels with depth on a small wall, percent."""
         capture = self.camera.capture(scenes.wall(z_mm, albedo), 8, 24, scene=f"range {z_mm}")
         return 100.0 * measure.valid_share(capture.measured_mm)
 
     def levels_on_ramp(self) -> int:
-        """Count the depths in whole mm on a ramp of 10 cm at 3 m; 101 if none is missing."""
+        """Count the distinct depths, in whole mm, on a ramp of 10 cm at 3 m; 101 if complete."""
         # 12 cm over 88 px, of which 10 cm are counted.
         ramp = scenes.depth_ramp(3000.0, 44 * 3000.0 / self.camera.rig.intrinsics.fx, 60.0)
         whole = self.camera.capture(ramp, crop=96, scene="ramp").whole_mm
         return len(set(whole[(whole >= 2950) & (whole <= 3050)].tolist()))
 
     def spatial_sigma_mm(self, z_mm: float, albedo: float = 1.0) -> float:
-        """Spatial sigma of a wall, mm."""
+        """Measure the spatial sigma of a wall, mm."""
         return measure.sigma_spatial(self.wall(z_mm, albedo).residual_mm)
 
     def temporal_sigma_mm(
         self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None
     ) -> float:
-        """Temporal sigma of a wall, mm, before rounding to whole mm, as it may be below 1 mm."""
+        """Measure the temporal sigma of a wall, mm, before rounding, as it may be below 1 mm."""
         return measure.sigma_temporal(self.wall(z_mm, albedo, changes).measured_mm)
 
     def mean_error_mm(
         self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None
     ) -> float:
-        """Mean of measured minus true depth on a wall, mm."""
+        """Measure the mean of measured minus true depth on a wall, mm."""
         capture = self.wall(z_mm, albedo, changes)
         return measure.mean_of(capture.measured_mm - capture.truth_mm)
 
     def cached(self, name: str, make: Callable[[], _T]) -> _T:
-        """Return the result of ``make``, which is called once for each name."""
+        """Return the result of ``make``, which is called only once per name."""
         if name not in self._cache:
             self._cache[name] = make()
         value: _T = self._cache[name]

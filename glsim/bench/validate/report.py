@@ -1,4 +1,4 @@
-"""Checks with their bands, measurements and results, and the report as JSON and Markdown."""
+"""Checks with bands, measurements and results, and the report as JSON and Markdown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 @dataclass(frozen=True)
 class Band:
-    """The interval in which one measured number must lie.
+    """Interval in which a measured number must lie.
 
     Attributes:
         key: name of the number in the measurement.
@@ -34,12 +34,12 @@ class Band:
     unit: str = ""
 
     def holds(self, value: float) -> bool:
-        """Return whether a value lies inside; NaN does not."""
+        """Return whether a value lies inside the band; False for NaN."""
         return self.low <= value <= self.high
 
     @property
     def text(self) -> str:
-        """The band as text, such as: 1.3 to 2.1 mm."""
+        """The band as text, such as "1.3 to 2.1 mm"."""
         if self.low == self.high:
             number = f"{self.low:.4g}"
         elif math.isinf(self.high):
@@ -53,7 +53,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Check:
-    """One line of a validation sheet.
+    """A line of a validation sheet: a checked quantity and its bands.
 
     Attributes:
         number: of the check.
@@ -95,7 +95,7 @@ CheckFunction = Callable[[Any], dict[str, Measurement]]
 
 
 def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], CheckFunction]:
-    """Declare a function that measures checks.
+    """Register a function that measures checks of a sheet.
 
     Args:
         sheet: the sensor whose validation sheet has the checks.
@@ -119,19 +119,19 @@ class CheckResult:
 
     @property
     def bands(self) -> list[Band]:
-        """The bands that apply to this sensor."""
+        """Bands that apply to this sensor."""
         if self.measured.why_not:
             return []
         return [b for b in self.check.bands if self.measured.values.get(b.key, 0) is not None]
 
     def value(self, band: Band) -> float:
-        """Return the number for a band; NaN if it could not be measured."""
+        """Return the measured number for a band; NaN if it could not be measured."""
         value = self.measured.values.get(band.key)
         return math.nan if value is None else float(value)
 
     @property
     def state(self) -> str:
-        """One of STATES: a check passes if every number that applies lies in its band."""
+        """State from STATES; a check passes if all numbers that apply lie in their bands."""
         if self.measured.why_not:
             return "n/a"
         if all(band.holds(self.value(band)) for band in self.bands):
@@ -140,7 +140,7 @@ class CheckResult:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """The texts of COLUMNS; a number outside its band is marked with !."""
+        """Texts of the cells in COLUMNS; "!" marks a number outside its band."""
         measured = []
         for band in self.bands:
             value = self.value(band)
@@ -160,7 +160,7 @@ class CheckResult:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Convert to values for JSON; a number that is not finite is null."""
+        """Convert the result to JSON values; a number that is not finite becomes null."""
         numbers = [
             {
                 "key": band.key,
@@ -194,13 +194,13 @@ class ValidationReport:
 
     @property
     def summary(self) -> str:
-        """One line with the counts of all states."""
+        """Line of text with the count of each state."""
         counts = {state: sum(r.state == state for r in self.results) for state in STATES}
         text = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
         return f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s)"
 
     def as_json(self) -> dict[str, Any]:
-        """Convert to values for a JSON file."""
+        """Convert the report to values for a JSON file."""
         names = ("sensor", "title", "sheet", "seed", "frames", "passed")
         facts = {name: getattr(self, name) for name in names}
         return {**facts, "checks": [result.as_json() for result in self.results]}

@@ -1,4 +1,4 @@
-"""Run the validation sheet of a sensor."""
+"""Runner of a sensor's validation sheet."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SHEETS = Path(__file__).parent / "sheets"
 
 @dataclass(frozen=True)
 class ValidationSheet:
-    """Checks and the functions that measure them.
+    """Checks of a sheet, and the functions that measure them.
 
     Args:
         title: device or authors of the checks.
@@ -43,7 +43,7 @@ class ValidationSheet:
 
 @cache
 def sheets() -> dict[str, ValidationSheet]:
-    """Return the sheets by name of the sensor: the checks of glsim and of other packages."""
+    """Return the sheets by sensor name: checks of glsim and of other packages."""
     functions = shipped_objects("bench/validate/checks", _is_check)
     functions += [load_plugin("checks", name, _is_check) for name in plugin_names("checks")]
     names = [file.stem for file in sorted(_SHEETS.glob("*.toml"))]
@@ -54,7 +54,7 @@ def sheets() -> dict[str, ValidationSheet]:
 
 
 def _sheet(name: str, functions: tuple[Any, ...]) -> ValidationSheet:
-    """Join the checks of a file with those that the functions of a plug-in declare."""
+    """Join the checks of a sheet file and the checks that plug-in functions declare."""
     file = _SHEETS / f"{name}.toml"
     tree: dict[str, Any] = read_toml(file) if file.is_file() else {"title": name, "check": []}
     checks = [_check(table) for table in tree["check"]]
@@ -75,7 +75,7 @@ def _is_check(value: Any) -> bool:
 
 
 def sheet_of(sensor: Sensor) -> ValidationSheet:
-    """Return the sheet of a sensor: its own, or that of the cameras that measure as it does."""
+    """Return the sheet of a sensor, or else the sheet for its measuring principle."""
     name = sensor.name
     if name not in sheets():
         alike = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
@@ -86,7 +86,7 @@ def sheet_of(sensor: Sensor) -> ValidationSheet:
 def validate_sensor(
     sensor: str, *, seed: int = 0, frames: int = 64, backend: str | None = None
 ) -> ValidationReport:
-    """Run all checks of a sensor: a shipped name or a .toml file.
+    """Run all checks of a sensor, given by a shipped name or a .toml file.
 
     A sensor without a sheet of its own is checked as a D435 if it has two imagers, as
     kinect-v1-pattern if it has one, and otherwise as a Kinect V2.
@@ -104,7 +104,7 @@ def validate_sensor(
 
 
 def run_checks(captures: Captures) -> ValidationReport:
-    """Run the sheet of the sensor of these captures. Raises ConfigError for a check left out."""
+    """Run the sheet of the captures' sensor. Raises ConfigError for a check without measurement."""
     started = time.perf_counter()
     camera = captures.camera
     sheet = sheet_of(camera.sensor)

@@ -21,14 +21,14 @@ EDGE_SLANT = 0.09
 
 
 def quad(corners_mm: ArrayLike, albedo: float = 1.0) -> Mesh:
-    """Build a quad from (4, 3) corners: bottom left, bottom right, top right, top left in view."""
+    """Build a quad from (4, 3) corners, seen as: bottom left, bottom right, top right, top left."""
     corners = np.asarray(corners_mm, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     return Mesh(corners, faces, np.full(4, albedo, np.float32))
 
 
 def merge_meshes(*meshes: Mesh) -> Mesh:
-    """Merge meshes with albedos into one."""
+    """Merge meshes with albedos into one mesh."""
     starts = np.cumsum([0] + [len(m.vertices_mm) for m in meshes[:-1]])
     return Mesh(
         np.concatenate([m.vertices_mm for m in meshes]),
@@ -43,7 +43,7 @@ def rectangle(
     z_mm: float | tuple[float, float],
     albedo: float = 1.0,
 ) -> Mesh:
-    """Build an upright rectangle at z, or whose left and right side are at two z."""
+    """Build an upright rectangle at depth z, or with two depths for its left and right side."""
     (left, right), (top, bottom) = x_mm, y_mm
     first, second = z_mm if isinstance(z_mm, tuple) else (z_mm, z_mm)
     below = [(left, bottom, first), (right, bottom, second)]
@@ -51,13 +51,13 @@ def rectangle(
 
 
 def wall(z_mm: float, albedo: float = 1.0) -> Mesh:
-    """Build a wall that faces the camera and fills its view."""
+    """Build a frontal wall that fills the camera's view."""
     side = 1.2 * z_mm
     return rectangle((-side, side), (-side, side), z_mm, albedo)
 
 
 def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 300.0) -> Mesh:
-    """Build a strip through the axis at z, turned about the x axis: its top is nearer.
+    """Build a strip on the axis at z, turned about the x axis so that its top is nearer.
 
     An emitter to the side of the camera lights it at the angle at which the camera sees it.
     """
@@ -89,7 +89,7 @@ def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
 
 
 def depth_edge(near_mm: float, far_mm: float | None, albedo: float = 1.0) -> Mesh:
-    """Build a foreground on the left of the axis with a slanted edge, before a wall or nothing.
+    """Build a foreground left of the axis with a slanted edge, before a wall or before nothing.
 
     The emitter is on the right, so the foreground hides its own shadow: the edge is fully lit.
     """
@@ -102,7 +102,7 @@ def depth_edge(near_mm: float, far_mm: float | None, albedo: float = 1.0) -> Mes
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
-    """Build a square on the axis before a wall."""
+    """Build a square on the axis in front of a wall."""
     square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
     return merge_meshes(square, wall(far_mm, albedo))
 
@@ -120,7 +120,7 @@ def faces(count: int, z_mm: float, seed: int) -> list[Mesh]:
 
 
 def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
-    """Build the corner of a room in two real frames of a D435, in plain shapes.
+    """Build a simple model of the room corner in two real frames of a D435.
 
     Distances are read off the frames: a wall at 1.75 m, a board that recedes on the right from 0.35
     to 1.6 m, a bag in the corner, a dark backpack, a box on the floor, and a frame on the board.
@@ -144,7 +144,7 @@ def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
 
 
 def mug_before_walls() -> Mesh:
-    """Build the scene of the real frame of an Azure Kinect, in plain shapes: a mug before walls.
+    """Build a simple model of an Azure Kinect's real frame: a mug before walls.
 
     Distances are read off the frame: a mug at 0.26 m, its handle at 0.3 m, a wall that recedes on
     the left, 0.38 m beside the camera, and one behind at 1.55 m.
@@ -159,7 +159,7 @@ def mug_before_walls() -> Mesh:
 def _cylinder(
     axis_mm: tuple[float, float], radius_mm: float, rows_mm: tuple[float, float], albedo: float
 ) -> Mesh:
-    """Build the mantle of an upright cylinder: (x, z) of its axis, (top, bottom) y."""
+    """Build the side surface of an upright cylinder from (x, z) of its axis and (top, bottom) y."""
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     x = axis_mm[0] + radius_mm * np.sin(turn)
     z = axis_mm[1] - radius_mm * np.cos(turn)

@@ -31,7 +31,7 @@ Changes = Mapping[str, Mapping[str, float]]
 
 
 class VirtualCamera:
-    """Captures frames of meshes with one sensor in one GL context."""
+    """Virtual camera that captures frames of meshes with one sensor in one GL context."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class VirtualCamera:
         rig: Mapping[str, Any] | None = None,
         assignments: Sequence[str] = (),
     ) -> None:
-        """Load the sensor. Raises ConfigError.
+        """Load the sensor and prepare the camera. Raises ConfigError.
 
         Args:
             frames: default number of a capture.
@@ -58,7 +58,7 @@ class VirtualCamera:
 
     @property
     def rig(self) -> SensorRig:
-        """The sensor's geometry."""
+        """Geometry of the sensor: its imagers and emitters."""
         return self.sensor.rig
 
     def capture(
@@ -73,7 +73,7 @@ class VirtualCamera:
         seed: int | None = None,
         extra: Sequence[str] = (),
     ) -> Frames:
-        """Capture frames of a mesh: with clean depth, infrared, and depth before rounding.
+        """Capture frames of a mesh, with clean depth, infrared and depth before rounding.
 
         Args:
             mesh: in the camera frame, mm.
@@ -120,14 +120,14 @@ class VirtualCamera:
 
 
 class _Scene(OneMesh):
-    """A mesh that can be replaced; the name of the scene decides the noise."""
+    """A source of a replaceable mesh, whose scene name decides the noise."""
 
     def show(self, other: _Scene) -> None:
         self._mesh, self._subject = other._mesh, other._subject
 
 
 def _measured(frame: Frame) -> DepthFrame:
-    """Return a simulated frame before rounding, of the delivered image."""
+    """Convert a simulated frame to a depth frame of the whole image, before rounding."""
     shape = (frame.intrinsics.height, frame.intrinsics.width)
 
     def pasted(layer: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,1 +1,1 @@
-"""The checks of sensors: every function decorated with ``validation_check`` in these files."""
+"""Checks of sensors: every function decorated with ``validation_check`` in these files."""

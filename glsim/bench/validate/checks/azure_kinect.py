@@ -1,4 +1,4 @@
-"""The sheet of the Azure Kinect: rows measured on its one real frame, and by Microsoft.
+"""Checks of the Azure Kinect, against its only real frame and Microsoft's published values.
 
 The frame is pyk4a's test recording, NFOV unbinned (docs/time_of_flight.md). tests/bench holds
 the bands against that frame with the same code.
@@ -49,14 +49,14 @@ _RAMP_MM = 1000.0
 
 
 def noise_law_mm(counts: float) -> float:
-    """Return the plane residual of the real frame over infrared, mm (measured, within 12 %)."""
+    """Compute the real frame's plane residual at an infrared value, mm (fit within 12 %)."""
     return float(np.hypot(0.42, 84 / counts**0.75))
 
 
 def plane_tiles(
     depth_mm: NDArray[np.floating], infrared: NDArray[np.floating], side_px: int = SIDE_PX
 ) -> tuple[Array, Array, Array]:
-    """Fit planes to the half overlapping tiles of a frame that are full of depth and hold no edge.
+    """Fit planes to half-overlapping tiles of a frame that have no holes and no edges.
 
     Args:
         depth_mm: (H, W) depth, mm; 0 or NaN where there is none.
@@ -84,7 +84,7 @@ def plane_tiles(
 
 
 def dim_correlation(infrared: Array, residual_mm: Array) -> dict[str, float]:
-    """Return the correlation of the dim ones of ``plane_tiles`` along rows and columns."""
+    """Compute the correlation of the residuals of dim ``plane_tiles`` along rows and columns."""
     images = residual_mm[(infrared >= DIM[0]) & (infrared < DIM[1])]
     lags = {f"rows {n}": (0, n) for n in range(1, 5)}
     lags |= {f"columns {n}": (n, 0) for n in range(1, 5)}
@@ -93,7 +93,7 @@ def dim_correlation(infrared: Array, residual_mm: Array) -> dict[str, float]:
 
 
 def noise_by_infrared(infrared: Array, rms_mm: Array) -> dict[str, float]:
-    """Return the median noise of tiles over that of the real frame, in bins of infrared."""
+    """Compute median tile noise / noise of the real frame, in bins of infrared."""
     found = {}
     for low, high in pairwise(COUNTS):
         inside = (infrared >= low) & (infrared < high)
@@ -103,13 +103,13 @@ def noise_by_infrared(infrared: Array, rms_mm: Array) -> dict[str, float]:
 
 
 def _frame(capture: Frames) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return depth, mm, and infrared of the first frame."""
+    """Return depth, mm, and infrared, counts, of the first frame."""
     return np.nan_to_num(capture.whole_mm[0]), capture.stack("infrared")[0]
 
 
 @validation_check(_SHEET)
 def noise(captures: Captures) -> dict[str, Measurement]:
-    """Measure walls of many distances and albedos."""
+    """Measure checks 1 and 2: noise and its correlation on walls of many distances and albedos."""
     camera = captures.camera
     shots = [
         _frame(camera.capture(scenes.wall(z, a), 1, 160, scene=f"{z} {a}"))
@@ -132,7 +132,7 @@ def noise(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check(_SHEET)
 def rims(captures: Captures) -> dict[str, Measurement]:
-    """Measure a bar's shadow, and the rims of a mug before walls."""
+    """Measure checks 3 to 8: the shadow of a bar, and the rims of a mug before walls."""
     camera = captures.camera
     bar = scenes.rectangle((-10, 10), (-300, 300), 297.0, 0.3)
     scene = scenes.merge_meshes(bar, scenes.wall(1520.0, 0.8))
@@ -206,7 +206,7 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
 
 @validation_check(_SHEET)
 def limits(captures: Captures) -> dict[str, Measurement]:
-    """Measure walls, one whose albedo grows, and one nearer than the range."""
+    """Measure brightness, range, error and noise limits on walls, near walls and albedo ramps."""
     wall = captures.wall(1500.0, 0.8)
     bright = captures.camera.capture(scenes.wall(200.0, 0.8), 1, scene="bright").centre()
     ramp = scenes.albedo_ramp(330.0, 100.0, 0.5, 1.4)
@@ -243,12 +243,12 @@ def limits(captures: Captures) -> dict[str, Measurement]:
 
 
 def _share(captures: Captures, z_mm: float, albedo: float) -> float:
-    """Return the share of pixels with depth in the middle of a wall."""
+    """Measure the share of pixels with depth in the middle of a wall."""
     return float(np.isfinite(captures.wall(z_mm, albedo).whole_mm).mean())
 
 
 def _half_valid(infrared: np.ndarray, valid: np.ndarray) -> float:
-    """Return the infrared, counts, below which fewer than half of the pixels have depth."""
+    """Find the infrared, counts, above which at least half of the pixels have depth."""
     edges = np.arange(20, 140, 4)
     bins = np.digitize(infrared.ravel(), edges)
     shares = [valid.ravel()[bins == k].mean() for k in range(1, len(edges))]

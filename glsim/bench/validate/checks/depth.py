@@ -26,7 +26,7 @@ _SKIN, _DARK = 0.6, 0.4
 
 @validation_check("kinect-v2")
 def quantisation(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 22 and anti-check A1: rounding to mm, levels of depth on a ramp."""
+    """Measure check 22 and anti-check A1: rounding to mm, and depth levels on a ramp."""
     levels = captures.levels_on_ramp()
     wall = captures.wall(900)
     fine = wall.measured_mm[np.isfinite(wall.measured_mm)]
@@ -87,7 +87,7 @@ def validity(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def ranges(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 25 on walls on both sides of both range gates.
+    """Measure check 25: validity of walls just inside and outside both range limits.
 
     The walls are at least 30 mm away from the gates, so that noise has no effect. They are so dark
     that none saturates: paper of real frames is lost beyond 63,000 counts, a wall of albedo 0.6 at
@@ -99,7 +99,7 @@ def ranges(captures: Captures) -> dict[str, Measurement]:
 
 
 def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
-    """Measure the mean error of skin-like walls, 0.6 to 3 m every 20 mm: distances, errors, mm."""
+    """Measure the mean error of skin-like walls every 20 mm, 0.6 to 3 m: distances, errors, mm."""
     distances = np.arange(600.0, 3001.0, 20.0)
     errors = []
     for z in distances:
@@ -145,7 +145,7 @@ def wiggle(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def unwrapping(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 28 on walls over the whole range, each so dark that its amplitude is 15."""
+    """Measure check 28: gross errors on walls over the whole range, dimmed to amplitude 15."""
     gross = total = 0
     for z in (520, 750, 1000, 1250, 1500, 1750, 2000, 2500, 3000, 3500, 4000, 4450):
         near = captures.wall(900, _SKIN).stack("infrared").mean() / _SKIN
@@ -164,7 +164,7 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def offsets(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 29: the mean error of eight devices (seeds), its change over frames, skin.
+    """Measure check 29: mean error of eight devices (seeds), its change in time, bias of skin.
 
     The bias of skin is relative to the same wall without the option for skin.
     """

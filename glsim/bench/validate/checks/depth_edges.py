@@ -35,7 +35,7 @@ def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = No
 
 @validation_check("kinect-v2")
 def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 15 to 18: edge jitter, mixed and invalid pixels with and without filters."""
+    """Measure checks 15 to 18: edge jitter, mixed and invalid pixels, with and without filters."""
     filtered = capture_edge(captures, 1500)
     on = measure.mixed_per_row(filtered.measured_mm, NEAR_MM, 1500)
     small = measure.mixed_per_row(capture_edge(captures, 950).measured_mm, NEAR_MM, 950)
@@ -56,7 +56,7 @@ def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def silhouette(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 19 on a square without background.
+    """Measure check 19: growth and stray pixels of a square without background.
 
     Growth per side is computed from the widths of its rows and columns.
     """
@@ -104,7 +104,7 @@ def _measure_silhouette(captures: Captures, changes: Changes | None) -> dict[str
 def shadow_profile(
     captures: Captures, far_mm: float, horizontal: bool = True
 ) -> tuple[Array, Array, Frames]:
-    """Measure the light on the wall behind a square of +-20 px at 0.9 m, along a line.
+    """Measure the light along a line on the wall behind a square of +-20 px at 0.9 m.
 
     Returns (N,) distances from the axis, px; (N,) light, the infrared relative to the same wall
     without the square, 0 to 1, NaN on the square; and the capture.
@@ -131,7 +131,7 @@ def shadow_profile(
 
 
 def horizontal_shadow(captures: Captures, far_mm: float) -> tuple[Array, Array, Frames]:
-    """Return the horizontal ``shadow_profile``, measured once."""
+    """Return the horizontal ``shadow_profile``, which is measured once."""
     return captures.cached(f"shadow {far_mm}", lambda: shadow_profile(captures, far_mm))
 
 
@@ -158,7 +158,7 @@ def _shadow_width(place: Array, profile: Array, side: int) -> float:
 
 @validation_check("kinect-v2")
 def shadows(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 20 and 21: widths of shadows, levels of light in the penumbra."""
+    """Measure checks 20 and 21: widths of shadows, and light levels in the penumbra."""
     widths: dict[str, float] = {}
     others: list[float] = []
     for far in (1100, 1500, 2000):
@@ -172,7 +172,7 @@ def shadows(captures: Captures) -> dict[str, Measurement]:
 
 
 def shadow_px(baseline_m: float, focal_px: float, occluder_m: float, background_m: float) -> float:
-    """Width of the shadow that an occluder casts on a background, pixels."""
+    """Compute the width of the shadow that an occluder casts on a background, px."""
     return baseline_m * focal_px * (1.0 / occluder_m - 1.0 / background_m)
 
 
@@ -187,7 +187,7 @@ def _expected_widths(captures: Captures) -> str:
 
 
 def _penumbra(captures: Captures) -> Measurement:
-    """Measure check 21: levels of light on the shadowed side of a square before a wall at 2 m."""
+    """Measure check 21: light levels on the shadow side of a square before a wall at 2 m."""
     place, profile, capture = horizontal_shadow(captures, 2000)
     side = (place < 0) & np.isfinite(profile)
     inner = np.flatnonzero(side & (profile > 0.15) & (profile < 0.85))

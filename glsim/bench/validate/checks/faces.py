@@ -15,7 +15,7 @@ _FRAMES_EACH = 4
 
 
 def portraits(captures: Captures) -> list[Frames]:
-    """Capture a few frames of each of a few people at 0.9 m without background, skin albedo."""
+    """Capture a few frames of a few people at 0.9 m, without background, with skin albedo."""
     return [
         captures.camera.capture(mesh, _FRAMES_EACH, 160, scene=f"face {number}")
         for number, mesh in enumerate(scenes.faces(_PEOPLE, 900, captures.camera.seed))
@@ -24,7 +24,7 @@ def portraits(captures: Captures) -> list[Frames]:
 
 @validation_check("kinect-v2")
 def isolated_faces(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 24 and 30, and anti-check A3: no sharp shadow on a face."""
+    """Measure checks 24 and 30, and anti-check A3: masks, normals and shadows of faces."""
     invalid = inside = kept = surface = grown = rim = 0
     angles, holes = [], []
     for capture in portraits(captures):

@@ -36,7 +36,7 @@ _KDE = np.array(
 def _measure_wall(
     captures: Captures, albedo: float, raw: Changes, filtered: Changes
 ) -> tuple[float, Array, Array, float, float]:
-    """Measure one wall: amplitude, (3,) raw and filtered phase sigma, rad, and depth sigma, mm."""
+    """Measure a wall: amplitude, (3,) raw and filtered phase sigma, rad, and depth sigma, mm."""
 
     def capture_wall(changes: Changes) -> Frames:
         return captures.camera.capture(
@@ -67,7 +67,7 @@ def _phase_sigma(phasors: Array) -> Array:
 
 
 def _phasors(capture: Frames, layers: tuple[str, ...]) -> Array:
-    """Return (3, T, H, W) complex phasors at 80, 16 and 120 MHz."""
+    """Compute the complex phasors at 80, 16 and 120 MHz: (3, T, H, W)."""
     a, b = (capture.stack(name).astype(np.float64) for name in layers)
     parts = np.stack([a[..., 0], a[..., 2], b[..., 0]]), np.stack([a[..., 1], a[..., 3], b[..., 1]])
     return np.asarray(parts[0] + 1j * parts[1])
@@ -75,7 +75,7 @@ def _phasors(capture: Frames, layers: tuple[str, ...]) -> Array:
 
 @validation_check("kinect-v2")
 def phase_noise(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 9 to 11: phase noise, its fusion into depth noise, gain of the filter."""
+    """Measure checks 9 to 11: phase noise, the depth noise it causes, gain of the filter."""
     white, off = captures.ablation("white"), captures.ablation("no_filters")
     if white is None or off is None:
         return {n: Measurement(why_not=INTERNAL) for n in ("9", "10", "11")}
@@ -107,7 +107,7 @@ def phase_noise(captures: Captures) -> dict[str, Measurement]:
 
 
 def kde_phase_sigma_rad(amplitude: ArrayLike) -> Array:
-    """Return the (3, ...) noise of filtered phases, rad, at most pi / 2.
+    """Compute the (3, ...) noise of filtered phases, rad, limited to pi / 2.
 
     amplitude: libfreenect2's infrared units. The fit holds from 18 to 104: below phases wrap, above
     the polynomial of 16 MHz turns back.

@@ -28,7 +28,7 @@ _ON = {"enabled": 1.0}
 
 @validation_check("kinect-v1")
 def v1_noise(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 1 to 3 of kinect-v1: noise over distance, edge jitter."""
+    """Measure checks 1 to 3 of kinect-v1: noise over distance, and edge jitter."""
     sigma = {z: captures.spatial_sigma_mm(z) for z in V1_DISTANCES_MM}
     edge = capture_edge(captures, 1500)
     jitter = measure.edge_jitter(measure.edge_positions(edge.whole_mm, NEAR_MM, 1500))
@@ -43,7 +43,7 @@ def v1_noise(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v1")
 def v1_steps(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 4, 5 and 9 of kinect-v1: levels of depth due to disparity in 1/8 px."""
+    """Measure checks 4, 5 and 9 of kinect-v1: depth levels that disparity in 1/8 px causes."""
     on_grid, steps = [], {}
     for z in V1_DISTANCES_MM:
         depth = captures.wall(z).whole_mm
@@ -61,7 +61,7 @@ def v1_steps(captures: Captures) -> dict[str, Measurement]:
 
 
 def _mean_level_step(captures: Captures, z_mm: float) -> float:
-    """Return the mean gap of neighbouring depth levels on a ramp, mm, at depths within 6 % of z."""
+    """Measure the mean gap of depth levels on a ramp, mm, at depths within 6 % of z."""
     half_x = 40 * z_mm / captures.camera.rig.intrinsics.fx
     capture = captures.camera.capture(
         scenes.depth_ramp(z_mm, half_x, 0.09 * z_mm), 16, scene=f"ramp {z_mm}"
@@ -73,7 +73,7 @@ def _mean_level_step(captures: Captures, z_mm: float) -> float:
 
 @validation_check("kinect-v1")
 def v1_range(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 7 and 8 of kinect-v1: range, field of view."""
+    """Measure checks 7 and 8 of kinect-v1: range and field of view."""
     image = captures.camera.rig.intrinsics
     across = 2 * np.degrees(np.arctan(image.width / 2 / image.fx))
     down = 2 * np.degrees(np.arctan(image.height / 2 / image.fy))
@@ -119,7 +119,7 @@ def paper_noise(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2-paper")
 def paper_window(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 6 and 7 of kinect-v2-paper without noise: correlation window, dots."""
+    """Measure checks 6 and 7 of kinect-v2-paper: correlation window and dots, without noise."""
     pixel_mm = 900 / captures.camera.rig.intrinsics.fx
     quiet: Changes = {"perlin": OFF}
     widths = np.arange(2.0, 13.0)
@@ -151,7 +151,7 @@ def paper_window(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2-paper")
 def paper_geometry(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 8 to 10 of kinect-v2-paper: shadow, range, baseline."""
+    """Measure checks 8 to 10 of kinect-v2-paper: shadow, range and baseline."""
     return {
         "8": _measure_shadow(captures, {"perlin": OFF, "dot_spread": OFF}),
         "9": _measure_range(captures, (300, 470, 8000), (530, 2000, 5000)),
@@ -160,7 +160,7 @@ def paper_geometry(captures: Captures) -> dict[str, Measurement]:
 
 
 def _reach(grown: np.ndarray, clean: np.ndarray) -> float:
-    """Return the largest distance from a grown pixel to the nearest clean one, px."""
+    """Compute the largest distance from a grown pixel to the nearest clean pixel, px."""
     distance = cv2.distanceTransform((~clean).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return float(distance[grown & ~clean].max(initial=0.0))
 
@@ -168,13 +168,13 @@ def _reach(grown: np.ndarray, clean: np.ndarray) -> float:
 def _measure_range(
     captures: Captures, outside: tuple[float, ...], inside: tuple[float, ...]
 ) -> Measurement:
-    """Measure the share of valid pixels on walls outside and inside the range, distances in mm."""
+    """Measure the share of valid pixels on walls outside and inside the range; distances: mm."""
     low = min(map(captures.valid_percent, inside))
     return Measurement({"outside": max(map(captures.valid_percent, outside)), "inside": low})
 
 
 def _measure_shadow(captures: Captures, changes: Changes) -> Measurement:
-    """Measure the holes around a square at 0.9 m, px; ``changes`` turn other causes off."""
+    """Measure the holes around a square at 0.9 m, px; ``changes`` disable other causes of holes."""
     half = HALF_PX * NEAR_MM / captures.camera.rig.intrinsics.fx
     widths: dict[str, float] = {}
     others: list[float] = []

@@ -1,4 +1,4 @@
-"""The sheets of cameras that triangulate: D4xx stereo, TrueDepth, and the Kinect V1 by its dots.
+"""Checks of triangulating cameras: D4xx stereo, TrueDepth, and the Kinect V1 by its dots.
 
 Rows are those of real frames (docs/explanation/stereo.md): noise of planes in disparity, what of it
 stays, its correlation, the lattice of depths, the gaps beside a foreground, holes, and pixels that
@@ -36,7 +36,7 @@ _ALBEDO = 0.6
 
 
 def _plane(captures: Captures, z_mm: float) -> tuple[DisparityNoise, NDArray[np.float64]]:
-    """Capture a tilted plane; return the noise of its disparity, px, and its depths, mm."""
+    """Capture a tilted plane; return its disparity noise, px, and its depths, mm."""
     camera = captures.camera
     mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
     shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm}")
@@ -48,7 +48,7 @@ def _plane(captures: Captures, z_mm: float) -> tuple[DisparityNoise, NDArray[np.
 def _noise_rows(
     captures: Captures, distances_m: Sequence[float], scale: float
 ) -> tuple[dict[str, dict[str, float | None]], NDArray[np.float64]]:
-    """Measure planes; return rows of noise times ``scale`` by measure, and the last depths."""
+    """Measure planes; return the noise of each measure, times ``scale``, and the last depths."""
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
     found = []
     for distance in distances_m:
@@ -65,7 +65,7 @@ def _noise_rows(
 
 
 def lattice_share(depth_mm: NDArray[np.floating], constant_mm: float, unit_mm: float) -> float:
-    """Return the share of depths that are round(constant / n) units for a whole n.
+    """Compute the share of depths that equal round(constant / n) units for an integer n.
 
     Args:
         depth_mm: any shape, 0 = none.
@@ -79,7 +79,7 @@ def lattice_share(depth_mm: NDArray[np.floating], constant_mm: float, unit_mm: f
 def _step_rows(
     captures: Captures, near_mm: float, far_mm: float, half_mm: float, *, upright: bool
 ) -> Mapping[str, float]:
-    """Capture a square before a wall; return its gaps, the pixels between, and the left band."""
+    """Capture a square before a wall; measure gaps, depths in between and left border band."""
     camera = captures.camera
     mesh = scenes.occluder(near_mm, far_mm, half_mm, _ALBEDO)
     shot = camera.capture(mesh, 2, None, scene=f"step {near_mm} {far_mm}")
@@ -96,7 +96,7 @@ def _step_rows(
 
 
 def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, float]:
-    """Capture a static scene; return its holes beside the left band, and flips, percent."""
+    """Capture a static scene; measure its holes beside the left band, and its flips, percent."""
     shot = captures.camera.capture(mesh, _FRAMES, None, scene=scene)
     frames = list(shot.whole_mm)
     flips = flip_share(frames, [(k, k + 1) for k in range(_FRAMES - 1)])
@@ -105,7 +105,7 @@ def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, floa
 
 @validation_check("realsense-d435")
 def stereo(captures: Captures) -> dict[str, Measurement]:
-    """Measure planes and a step with a stereo camera."""
+    """Measure planes and a depth step with a stereo camera."""
     rows, depth = _noise_rows(captures, (0.5, 0.9, 1.7), 1.0)
     step = _step_rows(captures, 700, 1500, 150, upright=False)
     values = {s.name: s.settings for s in captures.camera.sensor.stages}["match_stereo"]
@@ -131,7 +131,7 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("truedepth")
 def truedepth(captures: Captures) -> dict[str, Measurement]:
-    """Measure planes and a step with a TrueDepth camera."""
+    """Measure planes and a depth step with a TrueDepth camera."""
     rows, _ = _noise_rows(captures, (0.2, 0.35, 1.2), 1000 / captures.focal_baseline_px_mm)
     step = _step_rows(captures, 300, 600, 60, upright=True)
     board = _validity_rows(captures, scenes.wall(200, _ALBEDO), "board")
@@ -149,7 +149,7 @@ def truedepth(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v1-pattern")
 def kinect_v1(captures: Captures) -> dict[str, Measurement]:
-    """Measure planes and a step with a Kinect V1 that matches its dots."""
+    """Measure planes and a depth step with a Kinect V1 that matches its dots."""
     rows, depth = _noise_rows(captures, (0.7, 1.2), 1.0)
     step = _step_rows(captures, 700, 1500, 150, upright=False)
     along = {k: v for k, v in rows["correlation"].items() if k.startswith("rows")}

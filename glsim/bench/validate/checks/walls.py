@@ -17,7 +17,7 @@ _LAGS = ((0, 1), (0, 2), (0, 3), (1, 1), (2, 2))
 
 @validation_check("kinect-v2")
 def noise_level(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 1 to 5: sigma of frontal walls of albedo 1."""
+    """Measure checks 1 to 5: noise sigma of frontal walls of albedo 1."""
     spatial = {z: captures.spatial_sigma_mm(z) for z in (700, 900, 1200, 1500, 2000, 3000, 4000)}
     temporal = measure.sigma_temporal(captures.wall(900).whole_mm)
     near = [spatial[z] for z in (700, 900, 1200)]
@@ -44,7 +44,7 @@ def noise_level(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def tilt(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 6 on walls turned about the x axis."""
+    """Measure check 6: noise on walls turned about the x axis."""
     flat = measure.sigma_spatial(captures.wall(900).centre(64, 8).residual_mm)
     ratios = {
         f"{angle} deg": measure.ratio(
@@ -63,7 +63,7 @@ def tilt(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def albedo(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 7: the white part of the noise on dark and bright walls."""
+    """Measure check 7: the white part of the noise on dark and on bright walls."""
     white = captures.ablation("white")
     if white is None:
         return {"7": Measurement(why_not=INTERNAL)}
@@ -78,7 +78,7 @@ def albedo(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def amplitude(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 8: infrared of walls over distance, albedo and tilt, mean over frames."""
+    """Measure check 8: mean infrared of walls by distance, albedo and tilt."""
 
     def level(z: float, reflects: float = 1.0, angle: float = 0.0) -> float:
         mesh = scenes.wall(z, reflects) if angle == 0 else scenes.tilted(z, angle, reflects)
@@ -118,7 +118,7 @@ def correlations(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def radial(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 14 on one wall: at the centre, at the radius of a face's rim, in a corner."""
+    """Measure check 14: noise on a wall at the centre, at a face's rim radius and in a corner."""
     z, image = 1500.0, captures.camera.rig.intrinsics
 
     def sigma(x: float, y: float) -> float:
@@ -145,7 +145,7 @@ def radial(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def pattern(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 27 on many frames of one wall; both halves must show the same pattern."""
+    """Measure check 27: fixed pattern of a wall, which must repeat in both halves of the frames."""
     capture = captures.camera.capture(
         scenes.wall(900), _PATTERN_FRAMES, 40, scene="pattern"
     ).centre(32)
@@ -167,7 +167,7 @@ def pattern(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def near_walls(captures: Captures) -> dict[str, Measurement]:
-    """Measure anti-checks A2, the exponent of noise over distance, and A4, frontal skin."""
+    """Measure anti-checks A2 (exponent of noise over distance) and A4 (noise of frontal skin)."""
     z = np.array([700.0, 900.0, 1200.0, 1500.0])
     sigma = [captures.spatial_sigma_mm(float(at)) for at in z]
     slope = np.polyfit(np.log(z), np.log(sigma), 1)[0] if min(sigma) > 0 else np.nan
