@@ -1,4 +1,4 @@
-"""The ``glsim`` command line. Each command has its own file, which is imported when it runs."""
+"""The ``glsim`` command line: each command has its own file, which is imported when it runs."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _COMMANDS = {
 
 
 class _Commands(TyperGroup):
-    """The commands; the list of them is printed without importing any."""
+    """Group of all commands, whose names are listed without importing any command."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """Return the options; --show-completion is not listed in the help."""
+        """Return the options of the group; --show-completion is hidden in the help."""
         params: list[Any] = super().get_params(ctx)
         for param in params:
             param.hidden = param.name == "show_completion"
@@ -105,5 +105,5 @@ def _glsim(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command line (default: that of the process); returns the exit status 0, 1 or 2."""
+    """Run a command line (default: the process's arguments); return the exit status 0, 1 or 2."""
     return run_command_line(app, arguments)

@@ -1,4 +1,4 @@
-"""Options that several commands share, messages, and the exit status of errors."""
+"""Options that several commands share, messages, and exit status of errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def make_console(
     *, stderr: bool = False, width: int | None = None, soft_wrap: bool = False
 ) -> Console:
-    """Return a console that prints text as it is: paths and names may hold [brackets] and :colons:.
+    """Create a console that prints text unchanged: paths may contain [brackets] and :colons:.
 
     Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead.
 
@@ -56,7 +56,7 @@ console = make_console(stderr=True)
 
 @dataclass
 class MessageOptions:
-    """Which messages a command prints, as its options say."""
+    """The amount of messages that a command prints, as set by its options."""
 
     quiet: bool = False
     verbose: bool = False
@@ -92,7 +92,7 @@ def _set_messages(
 
 
 def _documented(parameter: inspect.Parameter, help: str) -> inspect.Parameter:
-    """Return a parameter of a command with its help; one without a default is an argument."""
+    """Add help text to a parameter of a command; a parameter without default is an argument."""
     annotation, info = parameter.annotation, None
     if get_origin(annotation) is Annotated:
         annotation, info = get_args(annotation)
@@ -105,7 +105,7 @@ def _documented(parameter: inspect.Parameter, help: str) -> inspect.Parameter:
 
 
 def with_messages(command: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Give a command the help in its docstring's Args, and --quiet, --verbose and --debug."""
+    """Add help texts from a command's docstring to it, and --quiet, --verbose and --debug."""
     own = inspect.signature(command, eval_str=True)
     shared = inspect.signature(_set_messages, eval_str=True).parameters
 
@@ -129,7 +129,7 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
 
 
 def epilog(examples: str) -> str:
-    """Return the end of a command's help: a heading, then each line as a paragraph."""
+    """Format the end of a command's help: a heading, then each line as a paragraph."""
     return "\n\n".join(["[bold]Examples[/bold]", *examples.strip().splitlines()])
 
 
@@ -187,7 +187,7 @@ _INTERRUPTED = 130
 
 
 def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -> int:
-    """Run a command line of ``glsim``; returns the exit status.
+    """Run a command line of ``glsim``; return the exit status.
 
     The status is 0 after success, 1 after a failure or an interruption, 2 for wrong usage. This is
     the only place that turns errors of glsim into a line on stderr.
@@ -225,7 +225,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
 
 
 def _print_any_character() -> None:
-    """Let a terminal of ASCII print ? for what it lacks, where an error would end the command."""
+    """Print ? for characters that the terminal cannot encode, instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
@@ -233,7 +233,7 @@ def _print_any_character() -> None:
 
 @contextmanager
 def _on_sigterm(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Handle SIGTERM within the block; only the main thread can."""
+    """Handle SIGTERM within the block, in the main thread only."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -252,12 +252,12 @@ def _report_error(error: Exception, status: int) -> int:
 
 
 def _with_urls(text: str) -> str:
-    """Return a message with URLs as they were given: pathlib makes s3:/bucket of s3://bucket."""
+    """Restore URLs in a message, because pathlib turns s3://bucket into s3:/bucket."""
     return re.sub(r"\b(s3a?|gs|gcs|az|abfss?):/(?=[^/\s])", r"\1://", text)
 
 
 def _error_text(error: Exception) -> str:
-    """Describe an error in one line; only unexpected ones are called a bug."""
+    """Describe an error in one line; only unexpected errors are called a bug."""
     if isinstance(error, GlsimError):
         return str(error)
     if isinstance(error, MemoryError):
@@ -270,7 +270,7 @@ def _error_text(error: Exception) -> str:
 
 
 def overrides(**values: Any) -> dict[str, Any]:
-    """Nest the options that were given: output__crop=128 becomes {"output": {"crop": 128}}."""
+    """Nest the options of a command: output__crop=128 becomes {"output": {"crop": 128}}."""
     tree: dict[str, Any] = {}
     for name, value in values.items():
         if value is None:
@@ -284,7 +284,7 @@ def overrides(**values: Any) -> dict[str, Any]:
 
 
 def print_message(text: str) -> None:
-    """Print a message on stderr, unless --quiet; without line breaks, however long."""
+    """Print a message on stderr unless --quiet, without line breaks at any length."""
     if not options.quiet:
         console.print(_with_urls(text), soft_wrap=True)
 
@@ -339,7 +339,7 @@ def print_json(content: object) -> None:
 
 
 def check_outputs(*files: Path | None) -> None:
-    """Raise DatasetError for a file that cannot be written; None and ``STDOUT`` are skipped."""
+    """Raise DatasetError for an output file that cannot be written; skip None and ``STDOUT``."""
     from glsim.core.files.atomic import check_can_write
 
     for file in files:
@@ -348,7 +348,7 @@ def check_outputs(*files: Path | None) -> None:
 
 
 def write_json(content: object, file: Path) -> list[Path]:
-    """Write a JSON value to the file of JsonFileOption; returns it, or nothing for stdout.
+    """Write a JSON value to a file or stdout; return the written files.
 
     Raises DatasetError if writing fails.
     """
@@ -368,5 +368,5 @@ def _json(content: object) -> str:
 
 
 def print_table(table: Table) -> None:
-    """Print a table to stdout; 200 columns wide when piped, so that grep finds whole words."""
+    """Print a table to stdout; piped tables have 200 columns, so that grep finds whole words."""
     make_console(width=200).print(table)

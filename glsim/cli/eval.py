@@ -72,7 +72,7 @@ _NEEDED = {"matplotlib": "Matplotlib", "jinja2": "Jinja2"}
 
 
 def figures_wanted(asked: bool) -> bool:
-    """Return whether to draw figures: as asked, unless a library is missing, which is said."""
+    """Return whether to draw figures; print a message if a needed library is missing."""
     if not asked:
         return False
     missing = [name for package, name in _NEEDED.items() if find_spec(package) is None]
@@ -158,7 +158,7 @@ def score_and_write(
     workers: str,
     tune: Callable[[ScoringJob, Path, int], ScoringJob] | None = None,
 ) -> None:
-    """Score with a progress bar and print the names of the written files.
+    """Score with a progress bar, and print the names of the written files.
 
     Args:
         job: what is scored.
@@ -185,7 +185,7 @@ def score_and_write(
 
 
 def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
-    """Tune the classical filters on the validation split and add them to the job."""
+    """Tune the classical filters on the validation split, and add them to the job."""
     from glsim.denoise import GRIDS
     from glsim.eval.scoring.grid_search import tune_filters
 

@@ -103,7 +103,7 @@ def evaluate_real(
 
 
 def _pattern(text: str) -> tuple[int, int]:
-    """Parse the corners of a board. Raises ConfigError."""
+    """Parse the option for a board's inner corners. Raises ConfigError."""
     numbers = text.split("x")
     if len(numbers) != 2 or not all(n.isdigit() and int(n) >= 3 for n in numbers):
         raise ConfigError(f"--board {text}: give its inner corners, such as 5x7, at least 3x3")
@@ -111,7 +111,7 @@ def _pattern(text: str) -> tuple[int, int]:
 
 
 def _print_summary(scores: RealScores) -> None:
-    """Print the tables' last columns and the edges on stdout."""
+    """Print a table of the main measures of each method to stdout."""
     from rich.table import Table
 
     from glsim.eval.report.score_tables import format_number

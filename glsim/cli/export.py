@@ -1,4 +1,4 @@
-"""``glsim export``: frames in other programs' formats; networks as ONNX or safetensors."""
+"""``glsim export``: write frames in other programs' formats, or networks as ONNX or safetensors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def export(
     hf: Annotated[str | None, typer.Option(metavar="OWNER/NAME")] = None,
     public: Annotated[bool, typer.Option("--public")] = False,
 ) -> None:
-    """Export a data set's frames to other programs, or a trained network.
+    """Export a data set's frames for other programs, or export a trained network.
 
     Depth is in metres. Principal points are converted: the files give the first pixel's centre the
     coordinates (0, 0), as OpenCV, Open3D and ROS do. Networks become ONNX files, which run without

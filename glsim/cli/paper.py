@@ -60,7 +60,7 @@ def reproduce(
     biwi: RootOption = None,
     workers: WorkersOption = "auto",
 ) -> None:
-    """Generate the data, train the networks, and write the paper's tables 1 to 3 beside ours.
+    """Reproduce the paper: generate data, train networks, write tables 1 to 3 with our values.
 
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, report.html, the
     paper's figures in paper_figures/, and paper_values.html, each printed value beside ours.
@@ -98,7 +98,7 @@ def tables(
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
 ) -> None:
-    """Write the paper's tables beside ours, and all that ``glsim eval`` writes.
+    """Write the paper's tables with our values added, and all files of ``glsim eval``.
 
     Nothing is trained: tables 2 and 3 contain the networks in --runs and list the rows that are
     missing there.
@@ -121,7 +121,7 @@ def figures(folder: FolderArgument) -> None:
 
 
 def values(folder: FolderArgument) -> None:
-    """Write paper_values.html: each value that the paper prints beside ours in four cases."""
+    """Write paper_values.html, which compares each printed value with ours in four cases."""
     from glsim.eval.paper.ours_beside_printed import write_values
 
     if not folder.is_dir():

@@ -1,4 +1,4 @@
-"""Progress bars on stderr, for commands that generate or score frames, and a run's summary."""
+"""Progress bars on stderr for commands that generate or score frames, and a final summary."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def rate_text(per_second: float) -> str:
-    """Return a rate in whole numbers, or with two digits below 10: "12/s", "0.28/s"."""
+    """Format a rate in whole numbers, or with two digits below 10: "12/s", "0.28/s"."""
     return f"{per_second:.0f}/s" if per_second >= 9.95 else f"{per_second:.2g}/s"
 
 
 @contextmanager
 def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
-    """Yield a function that moves a bar with a note and the time left; None if --quiet.
+    """Yield a function that updates a bar with a note and the time left; yield None if --quiet.
 
     The bar appears with the first call: an error before the first frame has no idle bar.
     """
@@ -56,7 +56,7 @@ def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
 
 @contextmanager
 def generation_progress() -> Iterator[Callable[[GenerateProgress], None] | None]:
-    """Show a bar with frames per second, skipped frames and time left; None if --quiet."""
+    """Yield the update of a bar with frame rate, skipped frames, time left; None if --quiet."""
     note = "{task.fields[rate]}  skipped {task.fields[number]}  left"
     with _bar("", note) as move:
         started = time.monotonic()
@@ -71,7 +71,7 @@ def generation_progress() -> Iterator[Callable[[GenerateProgress], None] | None]
 
 @contextmanager
 def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] | None]:
-    """Show a bar with the number of bad frames and the time left; None if --quiet."""
+    """Yield the update of a bar with bad frames and time left; yield None if --quiet."""
     with _bar(title, "bad {task.fields[number]}  left") as move:
 
         def update(state: ScoringProgress) -> None:
@@ -82,7 +82,7 @@ def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] |
 
 
 def print_summary(summary: GenerateSummary, out: Path | str) -> None:
-    """Print a summary of a run. Raises DatasetError if it has no frame."""
+    """Print a summary of a generation. Raises DatasetError if there are no frames."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
     print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
@@ -102,7 +102,7 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
 
 
 def study_displays() -> Displays:
-    """Return the bars and signals of a study's steps."""
+    """Return the progress bars and signal handling for the steps of a study."""
     from glsim.cli.train import stopping, training_progress
     from glsim.eval.studies.runner import Displays
 

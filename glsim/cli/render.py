@@ -1,4 +1,4 @@
-"""``glsim render``: render one mesh to a pair of clean and noisy depth maps."""
+"""``glsim render``: render a mesh to a pair of clean and noisy depth maps."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def render(
     config: ConfigOption = None,
     backend: BackendOption = None,
 ) -> None:
-    """Render one mesh to a clean and a noisy depth map (16-bit PNG, millimetres).
+    """Render a mesh to a clean and a noisy depth map (16-bit PNG, millimetres).
 
     Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png.
 

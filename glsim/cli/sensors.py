@@ -1,4 +1,4 @@
-"""``glsim sensors``: list the sensors, or print the file of one."""
+"""``glsim sensors``: list the sensors, or print a sensor file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sensors(
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the sensors, shipped and of installed packages, with their noise stages.
+    """List the shipped sensors and sensors of installed packages, with their noise stages.
 
     Stages in brackets are switched off.
 
@@ -72,7 +72,7 @@ def _switched_off(sensor: Sensor) -> set[str]:
 
 
 def _described(sensor: Sensor) -> dict[str, Any]:
-    """Return what the table shows, as JSON values with units in their names."""
+    """Return the content of the table as JSON values with units in their names."""
     image, off = sensor.rig.intrinsics, _switched_off(sensor)
     return {
         "name": sensor.name,
@@ -87,7 +87,7 @@ def _described(sensor: Sensor) -> dict[str, Any]:
 
 
 def _copy(source: Path, out: Path | None) -> None:
-    """Print a sensor's file, or write it to a new one. Raises ConfigError, DatasetError."""
+    """Print a sensor's file, or copy it to a new file. Raises ConfigError, DatasetError."""
     from glsim.settings.toml_tables import read_toml
 
     read_toml(source)  # refuses what is no readable TOML file

@@ -64,7 +64,7 @@ def train(
     seed: SeedOption = None,
     list_recipes: Annotated[bool, typer.Option("--list")] = False,
 ) -> None:
-    """Train a denoiser; write best.pt, last.pt, metrics.csv, TensorBoard events, sample images.
+    """Train a denoiser; write checkpoints, metrics.csv, TensorBoard events and sample images.
 
     Args:
         recipe: A shipped recipe, or a .toml file.
@@ -126,7 +126,7 @@ def train(
 
 @contextmanager
 def stopping() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether Ctrl-C or SIGTERM came; a second one ends at once."""
+    """Yield a function that tells if Ctrl-C or SIGTERM came; a second signal interrupts at once."""
     signals: list[int] = []
 
     def record(number: int, _frame: FrameType | None) -> None:
@@ -144,7 +144,7 @@ def stopping() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | None]:
-    """Print a line per validation and a bar, or where there is no terminal a line now and then.
+    """Show a progress bar and a line per validation, or only lines without a terminal.
 
     None if --quiet.
     """

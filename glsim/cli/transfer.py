@@ -33,7 +33,7 @@ def transfer(
     ict_root: Path | None = None,
     workers: WorkersOption = "auto",
 ) -> None:
-    """Score filters and networks under many sensors; train networks without one of them.
+    """Score filters and networks on many sensors; train networks without a chosen sensor.
 
     Writes transfer.md and transfer.csv: interior error, normals, flips and flying pixels of the
     noisy input, the best tuned filter and the network, for each sensor, source of faces and scene.

@@ -40,7 +40,7 @@ def tune(
     port: Annotated[int, typer.Option(min=0, max=65535, rich_help_panel=MORE)] = 8137,
     no_browser: Annotated[bool, typer.Option("--no-browser", rich_help_panel=MORE)] = False,
 ) -> None:
-    """Change a sensor's noise in a browser and see the frame, its figures and its code at once.
+    """Change a sensor's noise in a browser and see frame, figures and code change at once.
 
     Needs the extra tune. Only browsers that were opened with the printed address see the page,
     which listens on this machine alone unless --host is given. A page that is opened again has its

@@ -1,4 +1,4 @@
-"""``glsim validate``: compare a sensor with published measurements."""
+"""``glsim validate``: check a sensor's noise against published measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``glsim verify``: check a data set, and say how to repair it."""
+"""``glsim verify``: check a data set, and print the command that repairs it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def verify(
     repair: Annotated[bool, typer.Option("--repair")] = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Check a data set: header, counts, checksums, splits, files without a record.
+    """Check a data set's header, counts, checksums and splits; find files without a record.
 
     Prints one line a problem. The exit status is 1 if there is any. Nothing is changed.
 
@@ -68,7 +68,7 @@ def verify(
 
 
 def repair_command(dataset: Path) -> str:
-    """Return the command that made a data set; run again, it repairs what is damaged.
+    """Return the command that made a data set; it repairs damaged files when run again.
 
     Raises DatasetError if neither dataset.json nor the plan in .glsim can be read.
     """
@@ -85,7 +85,7 @@ def repair_command(dataset: Path) -> str:
 
 
 def _command(dataset: Path, header: Mapping[str, Any]) -> str:
-    """Return ``glsim generate`` with every setting that is not the default, or ``glsim import``.
+    """Return ``glsim generate`` with all non-default settings, or ``glsim import``.
 
     Raises GlsimError if the settings are not those of this version.
     """

@@ -1,4 +1,4 @@
-"""Who may open the page, and what outlives the command.
+"""Access control of the page, and the settings that are kept after the command ends.
 
 As Jupyter does: the page listens on loopback, the printed address holds a token, which a browser
 exchanges for a cookie, and requests of other origins are refused. One file that the user alone can
@@ -41,7 +41,7 @@ _LARGEST, _MOST_KEPT = 1 << 22, 20
 
 @dataclass
 class PageAddress:
-    """A listening socket, and the token of its page.
+    """A listening socket and the access token of its page.
 
     A browser can connect at once: its request waits in the socket until the server is up.
     """
@@ -52,17 +52,17 @@ class PageAddress:
 
     @property
     def port(self) -> int:
-        """The port, which is another one than asked for if that was in use."""
+        """The port in use, which differs from the requested port if that was taken."""
         return int(self.listening.getsockname()[1])
 
     @property
     def url(self) -> str:
-        """The address of the page, with the token."""
+        """URL of the page, with the token."""
         shown = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{shown}:{self.port}/?token={self.token}"
 
     def open_browser(self) -> None:
-        """Open the page in the user's browser, through a file that the user alone can read.
+        """Open the page in the user's browser, through a file that only the user can read.
 
         Everybody on the machine can read the arguments of a process.
         """
@@ -72,7 +72,7 @@ class PageAddress:
 
 
 def listen(host: str, port: int) -> PageAddress:
-    """Listen on a host of this machine; on a free port if ``port`` is in use.
+    """Listen on a host of this machine; use a free port if ``port`` is taken.
 
     Raises ConfigError for a host that cannot be used.
     """
@@ -90,15 +90,15 @@ def listen(host: str, port: int) -> PageAddress:
 
 
 class AccessCheck:
-    """An ASGI middleware that refuses all but browsers with the token or the cookie."""
+    """ASGI middleware that refuses browsers without the token or the cookie."""
 
     def __init__(self, app: ASGIApp, address: PageAddress, secret: str) -> None:
-        """Guard an application; ``secret`` is the value of the cookie."""
+        """Wrap an application; ``secret`` is the value of the cookie."""
         self._app, self._address, self._secret = app, address, secret
         self._cookie = f"glsim_tune_{address.port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or answer it with 403."""
+        """Pass a request to the application, or answer it (403 if it is refused)."""
         answer = self._answer(scope) if scope["type"] in ("http", "websocket") else None
         if answer is None:
             await self._app(scope, receive, _unframed(send))
@@ -108,7 +108,7 @@ class AccessCheck:
             await answer(scope, receive, send)
 
     def _answer(self, scope: Scope) -> Response | None:
-        """Return the answer to a request that does not reach the page, else None."""
+        """Return a refusal or a redirection; None for a request that may reach the page."""
         request = HTTPConnection(scope)
         if self._is_own(request):
             if _equal(request.cookies.get(self._cookie, ""), self._secret):
@@ -123,7 +123,7 @@ class AccessCheck:
         return PlainTextResponse("glsim tune: open the address that the command printed\n", 403)
 
     def _is_own(self, request: HTTPConnection) -> bool:
-        """Whether a request names this host, and comes from no page of another origin.
+        """Whether a request names this host, and does not come from a page of another origin.
 
         A foreign name may lead to 127.0.0.1.
         """
@@ -142,7 +142,7 @@ def _equal(given: str, wanted: str) -> bool:
 
 
 def _unframed(send: Send) -> Send:
-    """Return a ``send`` that forbids other pages to frame the answer."""
+    """Wrap ``send`` to forbid other pages to show the answer in a frame."""
 
     async def send_with_header(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -154,7 +154,7 @@ def _unframed(send: Send) -> Send:
 
 
 def brought_by(tuning: Tuning, own_sensor: str) -> list[str]:
-    """List what a link brings that the command did not name; it is opened after a click alone.
+    """List the code and files in a link that the command did not name, for the user's consent.
 
     Args:
         own_sensor: the sensor that the command names.
@@ -176,7 +176,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _write_private(path: Path, text: str) -> bool:
-    """Write a file of mode 0600; return False where the cache folder cannot be written."""
+    """Write a file of mode 0600; return False if the cache folder is not writable."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, name = tempfile.mkstemp(dir=path.parent)
@@ -201,7 +201,7 @@ def _write_state(state: dict[str, Any]) -> None:
 
 
 def cookie_secret() -> str:
-    """Return the value of the cookie, the same for every start, so that a bookmark works."""
+    """Return the value of the cookie, equal at every start, so that bookmarks work."""
     state = _read_state()
     if not isinstance(state.get("secret"), str):
         state["secret"] = secrets.token_urlsafe(24)
@@ -214,7 +214,7 @@ def _start_key(start: Tuning, command: str) -> str:
 
 
 def keep_tuning(start: Tuning, command: str, tuning: Tuning) -> None:
-    """Keep the last tuning of a command: of its own tuning, words and folder."""
+    """Save the last tuning of a command, identified by its start tuning, words and folder."""
     state, key = _read_state(), _start_key(start, command)
     kept = state.get("tunings", {})
     others = [(k, v) for k, v in kept.items() if k != key] if isinstance(kept, dict) else []
@@ -222,7 +222,7 @@ def keep_tuning(start: Tuning, command: str, tuning: Tuning) -> None:
 
 
 def kept_tuning(start: Tuning, command: str) -> Tuning | None:
-    """Return what ``keep_tuning`` kept last for a command, else None."""
+    """Return the tuning that ``keep_tuning`` saved last for a command; None if there is none."""
     try:
         return tuning_of_link(str(_read_state()["tunings"][_start_key(start, command)]))
     except (KeyError, TypeError, ConfigError):

@@ -1,4 +1,4 @@
-"""Sliders from declarations: range, step, scale, and the values that they start from."""
+"""Slider definitions from declared parameters: range, step, scale and start values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SPAN = 5.0
 
 @dataclass(frozen=True)
 class Control:
-    """One value that can be moved.
+    """A value that the user can change with a slider.
 
     Attributes:
         name: as in ``--set name=value``.
@@ -48,7 +48,7 @@ class Control:
 
     @property
     def step(self) -> float:
-        """The slider's step: its own, or a round number."""
+        """Step of the slider: the declared step, or a round number."""
         if self.own_step:
             return self.own_step
         if self.kind == "int":
@@ -61,13 +61,13 @@ class Control:
         return float(f"{next(m for m in (1, 2, 5, 10) if m * power >= exact * 0.999) * power:.6g}")
 
     def position(self, value: float) -> float:
-        """Convert a value to a place of the slider."""
+        """Convert a value to a position of the slider."""
         if not self.log_scale:
             return value
         return math.log10(max(value, self.least))
 
     def value(self, position: float) -> float:
-        """Convert a place of the slider to a value."""
+        """Convert a position of the slider to a value."""
         exact = 10.0**position if self.log_scale else position
         return float(f"{min(max(exact, self.low), self.high):.5g}")
 
@@ -102,7 +102,7 @@ def parameter_control(name: str, parameter: Parameter, start: Distribution) -> C
 
 
 def _shown(parameter: Parameter, start: Distribution) -> tuple[float, float]:
-    """Choose the ends of a slider within a declared range that is far wider than its values."""
+    """Choose the ends of a slider, narrower than a declared range that is far too wide."""
     size = max(abs(parameter.default), *(abs(v) for v in start.bounds()))
     if size == 0 or parameter.type == "bool" or parameter.log_scale:
         return parameter.low, parameter.high
@@ -137,7 +137,7 @@ def pose_controls(settings: Settings) -> list[Control]:
 
 
 def wall_control(settings: Settings) -> Control:
-    """Return the control of the wall behind the face, which is off if there is none."""
+    """Return the control of the wall behind the face; it is off if there is no wall."""
     start = settings.scene.wall_mm or Distribution(constant=1500.0)
     return Control(
         "scene.wall_mm", "wall_mm", "float", 100.0, 12000.0, 1000.0, 4500.0, "mm",

@@ -1,4 +1,4 @@
-"""The code of the selected stage: it compiles while one types."""
+"""Code editor of the selected stage, which compiles while the user types."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
 class CodeEditor:
-    """Editor, its title and the driver's messages."""
+    """Code editor with a title and the messages of the OpenGL driver."""
 
     def __init__(self, page: TuneTab) -> None:
         self._page = page
@@ -43,7 +43,7 @@ class CodeEditor:
             self._editor.set_theme("vscodeDark")
 
     def refresh(self, picture: Picture) -> None:
-        """Show the code of the selected stage, unless it is being typed."""
+        """Show the code of the selected stage, unless the user is typing."""
         stages = {stage.name: stage for stage in picture.sensor.stages}
         before = self._stage.name if self._stage else ""
         wanted = next((n for n in (self._page.selected, before, *stages) if n in stages), None)
@@ -64,7 +64,7 @@ class CodeEditor:
         self._stage = stage
 
     def mark(self, message: str) -> None:
-        """Mark the lines that a message of the driver names; an empty one clears the marks."""
+        """Mark the lines that a driver message names; an empty message clears the marks."""
         name = Path(self._stage.spec.file).name if self._stage else ""
         last = self._text.count("\n") + 1
         lines = {n: text for n, text in marked_lines(message, name).items() if 1 <= n <= last}
@@ -78,7 +78,7 @@ class CodeEditor:
         self._status.text = "the last good code runs" if message else ""
 
     def problem(self, message: str) -> None:
-        """Show a message that is not about the code; an empty one clears it."""
+        """Show a message that does not concern the code; an empty message clears it."""
         if not self._wrong:
             self._say(message)
 
@@ -104,7 +104,7 @@ class CodeEditor:
             await self._page.set_code(name, None)
 
     async def new_stage(self) -> None:
-        """Ask for the name and the place of a new stage, and add it."""
+        """Ask the user for name and place of a new stage, and add it."""
         picture = self._page.picture
         if picture is None:
             return

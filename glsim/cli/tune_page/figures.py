@@ -1,4 +1,4 @@
-"""Figures of the shown frame, and of a recording beside it as ``glsim compare`` measures both."""
+"""Figures of the shown frame and of a recording, measured as in ``glsim compare``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BINS, _LAGS = 40, 8
 
 
 def frame_figures(frame: Frame) -> dict[str, Any]:
-    """Return the figures of a frame as JSON values; None with too few pixels.
+    """Compute the figures of a frame as JSON values; None for too few pixels.
 
     Errors are noisy minus clean, mm, of pixels with both; sigma is their standard deviation about
     the mean of a bin on the face.
@@ -64,7 +64,7 @@ def frame_figures(frame: Frame) -> dict[str, Any]:
 
 
 def _silhouettes(frame: Frame) -> dict[str, Any]:
-    """Return the gaps beside the silhouettes as ``glsim compare`` measures them, px."""
+    """Measure the gaps beside silhouettes as in ``glsim compare``, px."""
     edges = find_edges(frames_of("frame", [frame.noisy], camera=frame.intrinsics)[0])
     sides = {}
     for number, side in enumerate(("left", "right")):
@@ -75,12 +75,12 @@ def _silhouettes(frame: Frame) -> dict[str, Any]:
 
 
 def recording_figures(folder: Path) -> dict[str, Any]:
-    """Measure a recording. Raises ConfigError or DatasetError if it cannot be read."""
+    """Measure a recording. Raises ConfigError or DatasetError if it is not readable."""
     return _compared(read_frames(folder, most=_RECORDED))
 
 
 def tuned_figures(frame: Frame) -> dict[str, Any]:
-    """Measure a tuned frame as ``recording_figures`` measures a recording."""
+    """Measure a tuned frame in the same way as ``recording_figures``."""
     noisy_mm = frame.noisy * frame.depth_unit_mm
     camera, unit_mm = frame.intrinsics, frame.depth_unit_mm
     return _compared(frames_of("tuned", [noisy_mm], [frame.infrared], camera, unit_mm))
@@ -113,7 +113,7 @@ def _number(value: float) -> float | None:
 
 
 def _by(at: Array, error: Array, width: float) -> list[list[float]]:
-    """Return [middle of the bin, standard deviation of the error, pixels] of each full bin."""
+    """Return [middle of the bin, standard deviation of the error, pixels] for each full bin."""
     if not at.size:
         return []
     bins = np.floor(at / width).astype(int)
@@ -134,7 +134,7 @@ def _by(at: Array, error: Array, width: float) -> list[list[float]]:
 
 
 def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
-    """Count errors in bins over four robust deviations, outliers in the last bins.
+    """Count errors in bins within four robust deviations; outliers go to the last bins.
 
     Bins are whole units of depth: others would leave every third bin empty.
     """
@@ -152,7 +152,7 @@ def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
 
 
 def _autocorrelation(error: Array, mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Correlate errors with those 0 to 8 pixels to the right, and below."""
+    """Correlate errors with errors 0 to 8 pixels to the right, and 0 to 8 pixels below."""
     if mask.sum() < _LEAST:
         return {"row": [], "column": []}
     noise = np.where(mask, error - error[mask].mean(), np.nan).astype(np.float64)
@@ -164,7 +164,7 @@ def _autocorrelation(error: Array, mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def _reasons(frame: Frame) -> list[list[Any]]:
-    """Return [name, help, pixels, share of the surface] of each reason on a surface."""
+    """Count pixels on a surface by reason: [name, help, pixels, share of the surface]."""
     surface = frame.clean_m > 0
     whole = max(int(surface.sum()), 1)
     counts = np.bincount(frame.reason_codes[surface], minlength=len(Reason))

@@ -1,4 +1,4 @@
-"""The page of one tab: its elements, when they show what, and how it is served."""
+"""Web page of one tab: its elements, their updates, and the server."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _HEAD = """
 
 
 class TunePage(TuneTab):
-    """The page of one open tab."""
+    """Web page of one open tab."""
 
     def __init__(self, session: TuneSession, client: Client, link: str) -> None:
         """Build the elements of a new tab.
@@ -79,7 +79,7 @@ class TunePage(TuneTab):
         ui.timer(1.0, self._watch)
 
     def _open(self, link: str) -> str:
-        """Open a link or the last settings; return a message. Undo leads to the command's own."""
+        """Open a link or the last settings; return a message (undo restores the command's own)."""
         start, said = self.session.start, ""
         try:
             wanted = tuning_of_link(link) if link else kept_tuning(start, self.session.command)
@@ -97,7 +97,7 @@ class TunePage(TuneTab):
         return said
 
     async def begin(self) -> None:
-        """Draw the first picture; called when the browser is connected."""
+        """Draw the first picture, after the browser has connected."""
         reasons = [[r.name.lower(), r.help] for r in Reason]
         self.call("build", "tune-view", "tune-figures", reasons, self.client.id)
         await self.refresh()
@@ -110,7 +110,7 @@ class TunePage(TuneTab):
             await self._follow()
 
     async def _ask(self, wanted: Tuning) -> None:
-        """Ask whether to open a link that brings files or code."""
+        """Ask the user whether to open a link that contains files or code."""
         with self.client, ui.dialog().props("persistent") as dialog, ui.card():
             ui.label("These settings bring code or files, which would run or be read as yours:")
             for name in brought_by(wanted, self.session.start.sensor):
@@ -124,11 +124,11 @@ class TunePage(TuneTab):
             self.change(wanted)
 
     def close(self) -> None:
-        """Draw nothing more; called when the browser has gone."""
+        """Stop drawing, after the browser has disconnected."""
         self.closed, self.playing = True, False
 
     async def _watch(self) -> None:
-        """Reload the sensor's own files when an editor outside has changed them."""
+        """Reload the sensor's own files after another program has changed them."""
         if self.picture is None:
             return
         times = _times(self.picture.sensor)
@@ -147,12 +147,12 @@ class TunePage(TuneTab):
             self.top.refresh()
 
     def show_problem(self, message: str, *, of_code: bool = False) -> None:
-        """Show a message above the code; an empty one clears it."""
+        """Show a message above the code; an empty message clears it."""
         with self.client:
             (self.editor.mark if of_code else self.editor.problem)(message)
 
     async def _follow(self) -> None:
-        """Show the newest picture's settings and figures, once the browser has painted it."""
+        """Show settings and figures of the newest picture, after the browser has painted it."""
         if self._following:
             return
         self._following = True
@@ -179,7 +179,7 @@ class TunePage(TuneTab):
 
 
 def _times(sensor: Sensor) -> dict[Path, float]:
-    """Return when the sensor's file and those of its stages were changed last."""
+    """Return the modification time of the sensor's file and of its stages' files."""
     specs = [stage.spec for stage in sensor.stages]
     sources = [spec.source for spec in specs if spec.source is not None]
     files = {sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}
@@ -227,7 +227,7 @@ def serve(session: TuneSession, address: PageAddress) -> None:
 
 
 def _answer(packet: bytes | None) -> Response:
-    """Answer with a picture's packet, or with 204 for none."""
+    """Answer a request with a picture's packet, or with status 204 if there is none."""
     if packet is None:
         return Response(status_code=204)
     return Response(packet, media_type="application/octet-stream")

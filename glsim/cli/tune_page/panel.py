@@ -1,4 +1,4 @@
-"""The left of the page: pose and stages with their switches; one of them shows its sliders."""
+"""Left column of the page: pose and stages with their switches, and sliders of one section."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _THROTTLE = 0.04
 
 
 def words(value: Any, unit: str = "") -> str:
-    """Write a value for people: 1.5 mm, 1 to 3 mm; None is off."""
+    """Format a value for the user, such as "1.5 mm" or "1 to 3 mm"; None becomes "off"."""
     if value is None:
         return "off"
     end = f" {unit}" if unit else ""
@@ -42,18 +42,18 @@ def words(value: Any, unit: str = "") -> str:
 
 
 def own_value(control: Control) -> Any:
-    """Return the start value of a control, before any change; None if it starts switched off."""
+    """Return the start value of a control, before any change; None if it is off at the start."""
     return None if control.off else plain_value(control.start)
 
 
 def _range_of(value: Any) -> str | None:
-    """Return the kind of a distribution that has two ends."""
+    """Return "uniform" or "loguniform" for a distribution with two ends; None for others."""
     kinds = [k for k in ("uniform", "loguniform") if isinstance(value, Mapping) and k in value]
     return kinds[0] if kinds else None
 
 
 class ControlRow:
-    """One control: label, box, slider, and a menu to reset it or to draw it from a range."""
+    """Row of a control: label, number box, slider, and a menu for reset or a random range."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class ControlRow:
         change: Callable[[str, Any], None],
         settle: Callable[[], None],
     ) -> None:
-        """Build the row.
+        """Build the elements of the row.
 
         Args:
             value: a number, a table of a distribution, or None (off).
@@ -76,7 +76,7 @@ class ControlRow:
             self._fill()
 
     def set(self, value: Any) -> None:
-        """Show another value, which came from elsewhere (undo, reset, a file)."""
+        """Show a value that was changed elsewhere (undo, reset, a file)."""
         if value != self.value:
             self.value = value
             self._root.clear()
@@ -174,7 +174,7 @@ class ControlRow:
         self._move(value)
 
     def _middle(self) -> float:
-        """Return the value as one number; where the slider of an absent value stands."""
+        """Return the value as one number, which is the start value for a control that is off."""
         if not isinstance(self.value, Mapping):
             return float(plain_value(self.control.start) if self.value is None else self.value)
         middle = 0.5 * sum(Distribution(**self.value).bounds())
@@ -188,10 +188,10 @@ class ControlRow:
 
 
 class StageList:
-    """The rows of the left, and the controls of the selected one."""
+    """Left column with a row for each stage, and the sliders of the selected stage."""
 
     def __init__(self, page: TuneTab, new_stage: Callable[[], Awaitable[None]]) -> None:
-        """Take what asks for a new stage."""
+        """Create an empty list; ``new_stage`` asks the user for a new stage."""
         self._page, self._new_stage = page, new_stage
         self._own: tuple[str, Sensor] | None = None
         self._plan: object = None
@@ -201,7 +201,7 @@ class StageList:
         self._root = ui.element("div")
 
     def refresh(self, picture: Picture) -> None:
-        """Show a picture's stages and values; elements that still fit are kept."""
+        """Show the stages and values of a picture; elements that still fit are kept."""
         page, sensor = self._page, picture.sensor
         names = [stage.name for stage in sensor.stages]
         if page.selected not in (*names, _POSE):
@@ -220,7 +220,7 @@ class StageList:
             self._dots[stage.name].set_visibility(changed or stage.name in page.history.now.code)
 
     def reload(self) -> None:
-        """Read the sensor's own values anew at the next picture."""
+        """Forget the sensor's own values, so that the next picture reads them again."""
         self._own = self._plan = None
 
     def _fill(self, picture: Picture) -> None:
@@ -241,7 +241,7 @@ class StageList:
             new.props("flat dense size=sm").style("margin: 8px")
 
     def _section(self, name: str, controls: list[Control], stage: Stage | None = None) -> None:
-        """Add the row of a stage or of the pose; with its controls if selected."""
+        """Add the row of a stage or of the pose, with its sliders if it is selected."""
         page = self._page
         with ui.element("div").classes("stage-row") as row:
             row.props["data-section" if stage is None else "data-stage"] = name
@@ -269,7 +269,7 @@ class StageList:
                 ui.label("no parameters").classes("unit")
 
     def _own_sensor(self, picture: Picture) -> Sensor:
-        """Return the sensor as its file says; the shown one while the file has a mistake."""
+        """Load the sensor from its file; use the shown sensor while the file has an error."""
         name = self._page.history.now.sensor
         if self._own is None or self._own[0] != name:
             try:
@@ -294,7 +294,7 @@ def _is_on(stage: Stage) -> bool:
 
 
 def _with_values_of(stage: Stage, sensor: Sensor) -> Stage:
-    """Return the stage with the sensor's own values, which the rows call "was"."""
+    """Return the stage with the sensor's original values, which rows show after "was"."""
     own = {s.name: s.settings for s in sensor.stages}.get(stage.name, {})
     settings = {k: own.get(k, constant(p.default)) for k, p in stage.spec.parameters.items()}
     return Stage(stage.name, stage.spec, settings)

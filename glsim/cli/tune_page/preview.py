@@ -1,4 +1,4 @@
-"""Draw the frame of a tuning, and pack it for the browser. OpenGL is bound to a thread.
+"""Drawing of a tuning's frame, and its packing for the browser; OpenGL is bound to a thread.
 
 A packet is a JSON head, then the raw bytes of the frame's layers:
 
@@ -46,7 +46,7 @@ _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A drawn tuning.
+    """A drawn frame of a tuning.
 
     Attributes:
         frames: number of frames in the plan.
@@ -61,12 +61,12 @@ class Picture:
 
 
 class Preview:
-    """Draws tunings on an OpenGL context of its own. Use it on one thread."""
+    """Renderer of tunings on an OpenGL context of its own, for use on one thread."""
 
     def __init__(
         self, base: Settings, open_sources: Callable[[Settings], Sequence[FaceSource]]
     ) -> None:
-        """Take the settings that tunings change, and what opens the faces of some settings."""
+        """Store the settings that tunings change, and the function that opens face sources."""
         self._base, self._open_sources = base, open_sources
         self._context: moderngl.Context | None = None
         self._plan: tuple[str, Mapping[str, Any]] | None = None
@@ -78,7 +78,7 @@ class Preview:
         self._last: Simulator | None = None
 
     def draw(self, tuning: Tuning) -> Picture:
-        """Draw a tuning's frame. Raises GlsimError: the preview goes on with what it has."""
+        """Draw a tuning's frame. Raises GlsimError, after which the preview still works."""
         coded = self._with_code(tuning)
         values = {name: value for name, value in tuning.values.items() if name not in _OF_PLAN}
         simulator = coded.with_values(values) if values else coded
@@ -91,7 +91,7 @@ class Preview:
         return Picture(tuning, frame, simulator.sensor, len(self._tasks), elapsed)
 
     def _with_code(self, tuning: Tuning) -> Simulator:
-        """Return the simulator of the tuning's sensor, plan and code."""
+        """Return the simulator for the tuning's sensor, plan and code."""
         of_plan = {n: tuning.values[n] for n in _OF_PLAN if n in tuning.values}
         if self._plain is None or self._plan != (tuning.sensor, of_plan):
             settings = with_assignments(self._base, {"sensor": tuning.sensor, **of_plan})
@@ -112,13 +112,13 @@ class Preview:
         return self._coded[1]
 
     def reload(self) -> None:
-        """Read the sensor's files and the stages' GLSL anew at the next frame."""
+        """Forget the sensor's files and GLSL, so that the next frame reads them again."""
         shipped_stage.cache_clear()
         self._plan = None
 
 
 def pack(frame: Frame, number: int) -> bytes:
-    """Return the packet of a frame; ``number`` stands in its head."""
+    """Pack a frame for the browser; the head of the packet contains ``number``."""
     camera, layers = frame.intrinsics, shown_layers(frame)
     tree = {
         "number": number,
@@ -136,7 +136,7 @@ def pack(frame: Frame, number: int) -> bytes:
 
 
 def shown_layers(frame: Frame) -> dict[str, NDArray[Any]]:
-    """Return the (h, w) layers that a frame has, within its window, by name."""
+    """Return name -> (h, w) layer of a frame, within its window."""
     stereo = frame.infrared_right_counts is not None
     names = (*LAYERS, INFRARED_RIGHT) if stereo else LAYERS
     layers = {name: frame.image(name)[frame.window.slices] for name in names}
@@ -150,7 +150,7 @@ def _padded(image: NDArray[Any]) -> bytes:
 
 
 def marked_lines(message: str, file: str) -> dict[int, str]:
-    """Return line -> what the driver says of it, of a ShaderError about a file."""
+    """Parse the driver's message about a file: line number -> text."""
     found = list(_PLACE.finditer(message))
     ends = [*(m.start() for m in found), len(message)][1:]
     lines: dict[int, str] = {}

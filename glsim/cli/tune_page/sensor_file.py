@@ -1,4 +1,4 @@
-"""Write a tuning as a sensor file: the original file with other values, its comments kept."""
+"""Writer of a tuning as a sensor file: the original file with new values and its comments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from glsim.settings.toml_tables import toml_value
 
 
 def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
-    """Write FILE.toml, and FILE_STAGE.glsl for each stage with changed code; returns their paths.
+    """Write FILE.toml, and FILE_STAGE.glsl for each stage with changed code; return the paths.
 
     Raises ConfigError for a name without .toml.
 
@@ -38,7 +38,7 @@ def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
 
 
 def checked_path(text: str) -> Path:
-    """Return the path of a file to write, from what somebody typed.
+    """Check the file name that the user typed, and return its path.
 
     Raises ConfigError for no name, a name of a folder, and a folder that does not exist: a mistyped
     one is not made.
@@ -54,12 +54,12 @@ def checked_path(text: str) -> Path:
 
 
 def code_file(file: Path, stage: str) -> Path:
-    """The file of a stage's changed code, beside the sensor file."""
+    """Return the file for a stage's changed code, in the folder of the sensor file."""
     return file.with_name(f"{file.stem}_{stage}.glsl")
 
 
 def other_values(tuning: Tuning) -> dict[str, Any]:
-    """Return the values that a sensor file does not hold: pose, scene, seed."""
+    """Return the values that a sensor file cannot hold: pose, scene, seed."""
     return {n: v for n, v in tuning.values.items() if not _in_sensor(n)}
 
 
@@ -68,7 +68,7 @@ def _in_sensor(name: str) -> bool:
 
 
 def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
-    """Return the TOML of a tuning; lines that have not changed stay as they are."""
+    """Return a tuning as TOML; unchanged lines stay as in the original file."""
     document = tomlkit.parse(sensor.file.read_text(encoding="utf-8"))
     given = document.get("rig")
     rig = given if isinstance(given, Table) else tomlkit.table()
@@ -100,7 +100,7 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
 def _add_missing(
     entries: Any, by_name: dict[str, Any], tuning: Tuning, sensor: Sensor, *, extends: bool
 ) -> None:
-    """Add a [[stage]] for each new stage, and each changed one of the file that it extends."""
+    """Add a table [[stage]] for each new stage, and for each changed stage of the base sensor."""
     if extends and (new := [name for name, code in tuning.code.items() if code.new]):
         raise ConfigError(
             f"the new stage {new[0]!r} cannot be saved: {sensor.name} extends another sensor's "
@@ -120,7 +120,7 @@ def _add_missing(
 
 
 def _anchor_paths(document: tomlkit.TOMLDocument, rig: Table, entries: Any, folder: Path) -> None:
-    """Make paths independent of the original's folder: the copy lies elsewhere."""
+    """Make paths absolute, because the copy lies in another folder than the original."""
     if str(document.get(EXTENDS, "")).endswith(".toml"):
         document[EXTENDS] = str((folder / str(document[EXTENDS])).resolve())
     for key in RIG_FILES:
@@ -139,7 +139,7 @@ def _name(entry: Mapping[str, Any]) -> str:
 
 
 def _plain(value: Any, sensor: Sensor, table: str, key: str) -> Any:
-    """Return a value for tomlkit; whole numbers and switches as such."""
+    """Convert a value for tomlkit; integers and switches keep their type."""
     if isinstance(value, Mapping | list | tuple):
         return tomlkit.parse(f"v = {toml_value(value)}")["v"]
     declared = {s.name: s.spec.parameters for s in sensor.stages}.get(table, {})

@@ -1,4 +1,4 @@
-"""What all tabs share: the faces, the last settings, and the threads that draw and measure."""
+"""State that all tabs share: the faces, the start settings, and threads to draw and measure."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MESH_FRAMES = 30
 
 @dataclass
 class TuneSession:
-    """One start of ``glsim tune``.
+    """A run of ``glsim tune``, with its threads.
 
     Attributes:
         base: the settings that a tab starts from.
@@ -59,12 +59,12 @@ class TuneSession:
         return await asyncio.get_running_loop().run_in_executor(self._gl, function, *arguments)
 
     async def measure(self, function: Callable[..., _T], *arguments: Any) -> _T:
-        """Run a function beside the GL thread."""
+        """Run a function on the measuring thread, in parallel to the GL thread."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(self._measuring, function, *arguments)
 
     async def read_recording(self) -> None:
-        """Measure the real recording, once."""
+        """Measure the real recording once."""
         if self.real is None or self.recorded is not None:
             return
         from glsim.cli.tune_page.figures import recording_figures  # takes 0.3 s
@@ -75,7 +75,7 @@ class TuneSession:
             log.warning("%s", error)
 
     def stop(self) -> None:
-        """End the threads; what is drawn or measured at the moment goes on until it is done."""
+        """Stop the threads; a running drawing or measurement is completed."""
         for executor in (self._gl, self._measuring):
             executor.shutdown(wait=False, cancel_futures=True)
 
@@ -87,7 +87,7 @@ def open_session(
     command_options: dict[str, Any],
     real: Path | None,
 ) -> TuneSession:
-    """Return the session of a command line.
+    """Create the session from the options of a command line.
 
     Raises MeshError if ``face`` cannot be read.
 
@@ -132,7 +132,7 @@ def _split(settings: Settings, assignments: Sequence[str]) -> tuple[Settings, di
 
 
 def plain_value(setting: Distribution) -> Any:
-    """Return a setting as ``--set`` has it: a number, or a table."""
+    """Convert a setting to the syntax of ``--set``: a number or a table."""
     if setting.constant is not None:
         return setting.constant
     table = setting.model_dump(exclude_none=True, exclude_defaults=True)

@@ -1,4 +1,4 @@
-"""One open tab without its elements: its history of tunings, and its drawing loop."""
+"""State of one open tab without its elements: history of tunings, and drawing loop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WAITING: Final = 2.0
 
 
 class TuneTab:
-    """The tunings and pictures of a tab; ``TunePage`` shows them.
+    """Tunings and pictures of a tab, which ``TunePage`` shows.
 
     Attributes:
         picture: the newest one.
@@ -53,11 +53,11 @@ class TuneTab:
         raise NotImplementedError
 
     def show_problem(self, message: str, *, of_code: bool = False) -> None:
-        """Show a message; an empty one clears it. of_code: the typed code does not compile."""
+        """Show a message (empty: clear it); of_code: whether the typed code does not compile."""
         raise NotImplementedError
 
     def call(self, name: str, *given: Any) -> None:
-        """Call a function of assets/tune.js."""
+        """Call a JavaScript function of assets/tune.js."""
         if not self.closed:
             listed = ", ".join(json.dumps(value) for value in (name, *given))
             self.client.run_javascript(f"tuneCall({listed})")
@@ -65,7 +65,7 @@ class TuneTab:
     # what changes
 
     def change(self, tuning: Tuning, what: str = "") -> None:
-        """Make a tuning the current one, and draw it soon.
+        """Make a tuning the current tuning, and draw it soon.
 
         Args:
             what: name of the change, for undo.
@@ -74,11 +74,11 @@ class TuneTab:
             background_tasks.create(self.refresh(), name="glsim tune")
 
     def set_value(self, name: str, value: Any) -> None:
-        """Change one value by its name of ``--set``; None takes it back."""
+        """Change one value, named as in ``--set``; None restores the sensor's value."""
         self.change(self.history.now.with_value(name, value), name)
 
     async def set_code(self, stage: str, code: StageCode | None) -> None:
-        """Change the GLSL of a stage; None takes it back.
+        """Change the GLSL of a stage; None restores the sensor's code.
 
         Code that does not compile is marked and changes nothing.
         """
@@ -94,7 +94,7 @@ class TuneTab:
         self.show_problem("", of_code=True)
 
     def toggle_play(self) -> None:
-        """Start or stop showing frame after frame."""
+        """Start or stop playing the frames in sequence."""
         self.playing = not self.playing
         self.show_settings()
         if self.playing:
@@ -106,7 +106,7 @@ class TuneTab:
         self.change(replace(now, frame=(now.frame + 1) % count), "frame")
 
     async def keep_other(self) -> None:
-        """Keep the shown settings as B."""
+        """Keep the shown settings as setting B, for comparison."""
         if self.picture is not None:
             self.other_packet = self.packet
             self.call("showOther", f"/tune/other/{self.client.id}?n={self._number}")
@@ -114,7 +114,7 @@ class TuneTab:
             await self.refresh()
 
     async def drop_other(self) -> None:
-        """Show the current settings alone."""
+        """Remove setting B and show the current settings alone."""
         self.other_packet = self.other_figures = None
         self.call("showOther", None)
         await self.refresh()
@@ -122,7 +122,7 @@ class TuneTab:
     # what is drawn
 
     async def refresh(self) -> None:
-        """Draw the current tuning; while one is drawn, only the newest request waits."""
+        """Draw the current tuning; requests during a drawing lead to one more drawing."""
         self._wanted = True
         if self._drawing:
             return
@@ -145,7 +145,7 @@ class TuneTab:
         self.picture = await self.session.on_gl(self.session.preview.draw, tuning)
 
     def _present(self) -> None:
-        """Hand the newest picture to the browser."""
+        """Give the newest picture to the browser."""
         if self.picture is None or self.closed:
             return
         self._number += 1
@@ -154,7 +154,7 @@ class TuneTab:
         self.show_problem("")
 
     async def packet_after(self, number: int) -> bytes | None:
-        """Wait up to 2 s for a picture later than ``number``; return its packet, None without one.
+        """Wait up to 2 s for a picture newer than ``number``; return its packet or None.
 
         The browser always has such a request open, which saves announcing a picture through the
         socket. It asks before it paints: while the page plays, the next frame is drawn meanwhile.
@@ -168,7 +168,7 @@ class TuneTab:
         return self.packet if self._number > number else None
 
     def _refused(self, tuning: Tuning, why: str) -> None:
-        """Show why a tuning cannot be drawn, and return to the one before it."""
+        """Show why a tuning cannot be drawn, and return to the tuning before it."""
         if self.closed:
             return
         self.playing = False
@@ -180,7 +180,7 @@ class TuneTab:
 
 
 def figures_of(picture: Picture) -> dict[str, Any]:
-    """Measure a picture; for the thread beside the GL thread."""
+    """Compute the figures of a picture, on the measuring thread."""
     from glsim.cli.tune_page.figures import frame_figures  # takes 0.2 s
 
     return {**frame_figures(picture.frame), "milliseconds": round(picture.milliseconds, 1)}

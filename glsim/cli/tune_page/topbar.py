@@ -1,4 +1,4 @@
-"""The top of the page: sensor, frame, undo, comparison, and the menu Save."""
+"""Top bar of the page: sensor, frame, undo, comparison, and the menu Save."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SCALES_MM = (2, 5, 10, 20, 50, 100)
 
 
 class TopBar:
-    """The elements of the top, and what they do."""
+    """Elements of the top bar with their actions."""
 
     def __init__(self, page: TuneTab) -> None:
         self._page = page
@@ -116,7 +116,7 @@ class TopBar:
         _copy(str(await ui.run_javascript(f"location.origin + '/?s={link}'")))
 
     def _ask_file(self) -> None:
-        """Ask for the name of a sensor file; a second click is needed to replace files."""
+        """Ask for the name of a sensor file; to replace files, the user must click twice."""
         now = self._page.history.now
         agreed: list[Path] = []
 
@@ -155,7 +155,7 @@ class TopBar:
         dialog.open()
 
     def _save(self, path: Path) -> str:
-        """Save the sensor; return what was written and the command of the same frame."""
+        """Save the sensor; return a message with the files and the command of the same frame."""
         page = self._page
         if page.picture is None:
             raise ConfigError("there is no picture yet: wait for the first one")
@@ -168,7 +168,7 @@ class TopBar:
 
 
 def _icon(icon: str, help: str, action: Any) -> ui.button:
-    """Add a button; ``help``: its name for screen readers, and keys in brackets."""
+    """Add an icon button; ``help``: its name for screen readers, with keys in brackets."""
     button = ui.button(icon=icon, on_click=action)
     button.props(f'flat dense aria-label="{help.partition(" (")[0]}"').tooltip(help)
     return button

@@ -1,4 +1,4 @@
-"""The changes to a sensor as one plain value, with an undo history.
+"""A tuning (the changes to a sensor as a plain value), and its undo history.
 
 Names and values are those of ``--set`` in all that the page writes: a command line, Python, a link,
 a sensor file.
@@ -30,7 +30,7 @@ _MAX_UNPACKED = 1 << 20
 
 @dataclass(frozen=True)
 class StageCode:
-    """GLSL that replaces a stage's, or a new stage.
+    """GLSL code that replaces a stage's code, or that adds a new stage.
 
     Attributes:
         before: the stage that a new one precedes.
@@ -43,7 +43,7 @@ class StageCode:
 
 @dataclass(frozen=True)
 class Tuning:
-    """One state of the page. Equal tunings give equal frames.
+    """A state of the page's settings; equal tunings give equal frames.
 
     Attributes:
         sensor: name or file.
@@ -58,12 +58,12 @@ class Tuning:
     frame: int = 0
 
     def with_value(self, name: str, value: Value) -> Tuning:
-        """Return the tuning with one other value; None takes it back to the sensor's."""
+        """Return the tuning with one value changed; None restores the sensor's value."""
         values = {k: v for k, v in self.values.items() if k != name}
         return replace(self, values=values if value is None else {**values, name: value})
 
     def with_code(self, stage: str, code: StageCode | None) -> Tuning:
-        """Return the tuning with other GLSL of a stage; None takes it back to the sensor's."""
+        """Return the tuning with a stage's GLSL changed; None restores the sensor's code."""
         kept = {k: v for k, v in self.code.items() if k != stage}
         if code is None and stage in self.code and self.code[stage].new:
             values = {k: v for k, v in self.values.items() if not k.startswith(f"{stage}.")}
@@ -71,13 +71,13 @@ class Tuning:
         return replace(self, code=kept if code is None else {**kept, stage: code})
 
     def link(self) -> str:
-        """Pack the tuning into text for an address."""
+        """Encode the tuning as text for a URL."""
         packed = zlib.compress(json.dumps(asdict(self), separators=(",", ":")).encode(), 9)
         return base64.urlsafe_b64encode(packed).decode().rstrip("=")
 
 
 def tuning_of_link(text: str) -> Tuning:
-    """Unpack ``Tuning.link``. Raises ConfigError for anything else."""
+    """Decode the text of ``Tuning.link``. Raises ConfigError for other text."""
     try:
         packed = base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
         raw = zlib.decompressobj().decompress(packed, _MAX_UNPACKED)
@@ -87,7 +87,7 @@ def tuning_of_link(text: str) -> Tuning:
 
 
 class History:
-    """The tunings of a page in order; one of them is the current one.
+    """Tunings of a page in order, with a current position for undo and redo.
 
     Until ``settle``, successive changes of one name are one step, so that a single undo reverts a
     dragged slider.
@@ -98,11 +98,11 @@ class History:
 
     @property
     def now(self) -> Tuning:
-        """The current tuning."""
+        """Current tuning."""
         return self._steps[self._at]
 
     def change(self, tuning: Tuning, what: str = "") -> bool:
-        """Make a tuning the current one; return True if it differs.
+        """Make a tuning the current tuning; return True if it differs.
 
         Args:
             what: name of the change.
@@ -118,11 +118,11 @@ class History:
         return True
 
     def settle(self) -> None:
-        """End the current step: the next change of the same name starts a new one."""
+        """End the current undo step, so that the next change of the same name starts a new step."""
         self._open = ""
 
     def refuse(self, tuning: Tuning) -> bool:
-        """Drop ``tuning`` if it is current and failed to draw; return True if dropped."""
+        """Remove ``tuning`` if it is current and failed to draw; return True if removed."""
         if tuning is not self.now or self._at == 0:
             return False
         self._steps = self._steps[: self._at]
@@ -151,7 +151,7 @@ class History:
 
 
 def set_options(tuning: Tuning) -> str:
-    """Write the ``--sensor`` and ``--set`` options of a command line that gives the same frames.
+    """Write the options ``--sensor`` and ``--set`` of a command that gives the same frames.
 
     Stages with changed code are left out: they need a saved sensor file.
     """
@@ -162,7 +162,7 @@ def set_options(tuning: Tuning) -> str:
 
 
 def python_code(tuning: Tuning) -> str:
-    """Write Python that makes the same frames."""
+    """Write Python code that generates the same frames."""
     lines = [
         "from glsim import Simulator, load_settings, make_tasks, open_context, open_sources",
         "",
