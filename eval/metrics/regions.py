@@ -24,7 +24,7 @@ def region_column(name: str, region: str) -> str:
 
 
 class Regions:
-    """The face regions of a frame. labels: (H, W) uint8; numbers: region name -> label."""
+    """Face regions of a frame: (H, W) uint8 labels, and the label of each region name."""
 
     def __init__(self, labels: NDArray[np.uint8], numbers: Mapping[str, int]) -> None:
         self.labels, self.numbers = labels, numbers

@@ -90,7 +90,7 @@ def paper_table(
     trained: Sequence[TrainedRun] = (),
     refused: Sequence[str] = (),
 ) -> Document:
-    """Return the page of one of the paper's tables.
+    """Return the page of a table of the paper, with printed values and our values.
 
     Args:
         which: 1, 2 or 3.

@@ -179,5 +179,5 @@ def data_note(dataset: Dataset) -> str:
 
 
 def source_name(kind: str) -> str:
-    """Return the name of a kind of face source in captions."""
+    """Return the name that captions use for a kind of face source."""
     return _NAMES.get(kind, kind)

@@ -62,7 +62,7 @@ class FrameTruth:
     """The pixels of one raw frame on which all methods are measured."""
 
     def __init__(self, recording: SplitRecording, number: int, pairs_only: bool = False) -> None:
-        """Find the pixels of frame ``number``; pairs_only: only the static pair's, for tuning."""
+        """Find the pixels of frame ``number``; with ``pairs_only``, of its static pair alone."""
         frame = self.frame = recording.frames[number]
         self._pairs_only = pairs_only
         self._units, self._unit_count = recording.units(number), recording.unit_count

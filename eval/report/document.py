@@ -1,4 +1,4 @@
-"""Documents of headings, paragraphs, tables and pictures: Markdown, and HTML by page.html.jinja.
+"""Documents of headings, paragraphs, tables and pictures, written as Markdown or HTML.
 
 The HTML file needs no network.
 """

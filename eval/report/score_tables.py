@@ -1,4 +1,4 @@
-"""Result tables: documents, Markdown, and CSV with all values."""
+"""Result tables as documents, Markdown and CSV, with all values."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
 
 
 def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> str:
-    """Return table.md: all documents of the result."""
+    """Return the text of table.md, which contains all documents of the result."""
     protocol = f"Protocol {evaluation.protocol}: {MEANING[evaluation.protocol]}."
     documents = [*result_documents(evaluation, table), *note_documents(evaluation, table)]
     head = Document(heading, [protocol]).markdown()

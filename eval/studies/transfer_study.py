@@ -68,7 +68,7 @@ class SensorFamily(Family):
 
 
 class FaceFamily(Family):
-    """A source of faces."""
+    """A source of faces in a study."""
 
     kind: Literal["procedural", "ict-facekit", "people"]
     root: Path | None = None
@@ -155,7 +155,7 @@ class TransferStudy(TomlTable):
         return self
 
     def cells(self) -> tuple[Cell, ...]:
-        """Return all cells."""
+        """Return all cells of the study."""
         return tuple(Cell(*cell) for cell in product(self.sensor, self.source, self.scene))
 
     def trainings(self, leave: Sequence[str], train_on: Sequence[str]) -> list[Training]:

@@ -101,7 +101,7 @@ def _glsim(
         ),
     ] = False,
 ) -> None:
-    """3D faces in, paired clean and noisy 16-bit depth frames out."""
+    """Generate pairs of clean and noisy 16-bit depth frames from 3D faces."""
 
 
 def main(arguments: list[str] | None = None) -> int:

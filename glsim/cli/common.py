@@ -105,7 +105,7 @@ def _documented(parameter: inspect.Parameter, help: str) -> inspect.Parameter:
 
 
 def with_messages(command: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Add help texts from a command's docstring to it, and --quiet, --verbose and --debug."""
+    """Add to a command the help texts of its docstring, and --quiet, --verbose and --debug."""
     own = inspect.signature(command, eval_str=True)
     shared = inspect.signature(_set_messages, eval_str=True).parameters
 

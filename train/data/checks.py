@@ -31,7 +31,7 @@ def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[st
 
 
 def entries_of(**choices: str) -> dict[str, str]:
-    """Return the non-default entries of a fingerprint; older trainings can so be resumed."""
+    """Return the non-default entries of a fingerprint, so that older trainings can be resumed."""
     return {name: value for name, value in choices.items() if value not in ("clean", "depth")}
 
 

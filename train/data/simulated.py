@@ -39,7 +39,7 @@ _PREFETCH = 8
 def randomised(
     assignments: Iterable[str] = (), overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Load the settings to train a denoiser of a Kinect V2: the preset with random parameters.
+    """Load the preset "randomised": settings to train a denoiser of a Kinect V2.
 
     assignments and overrides: changes, as in ``glsim.load_settings``. The stages are those of
     kinect-v2: another sensor needs its own settings. Raises ConfigError.

@@ -155,7 +155,7 @@ def _draw(
 
 
 def _ends(used: Any) -> tuple[int, int]:
-    """Return the first and the last index where ``used`` is true; of all if it is never true."""
+    """Return the first and last true index of ``used``, or of the whole axis if none is true."""
     places = np.flatnonzero(used if used.any() else ~used)
     return int(places[0]), int(places[-1])
 

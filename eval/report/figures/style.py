@@ -52,7 +52,7 @@ def method_style(number: int) -> dict[str, str]:
 
 
 def plain_log_axis(axis: Any) -> None:
-    """Label a logarithmic x or y axis of Matplotlib with plain numbers at 1, 2 and 5: 50, 100."""
+    """Label a logarithmic axis with plain numbers at 1, 2 and 5 of each decade: 50, 100."""
     ticker = matplotlib("ticker")
     axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))

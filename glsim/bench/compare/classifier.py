@@ -51,7 +51,7 @@ class TellingFeature:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The classifier's verdict on one kind of patches.
+    """Result of the classifier on one kind of patches.
 
     Attributes:
         auc: of the logistic regression, mean over five folds of views; NaN with too few patches.
@@ -73,7 +73,7 @@ def tell_apart(
     first_views: Sequence[int] | None = None,
     second_views: Sequence[int] | None = None,
 ) -> Verdict:
-    """Train a classifier to distinguish the patches of two sets; equal patches, equal verdict.
+    """Train a classifier to distinguish the patches of two sets; its verdict is reproducible.
 
     Args:
         first, second: patches of one kind.

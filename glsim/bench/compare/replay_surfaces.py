@@ -57,7 +57,7 @@ _RELIEF_RIM_PX = 2
 
 @dataclass(frozen=True, eq=False)
 class ReplaySurfaces:
-    """Smoothed surfaces of one frame, also behind the rims of nearer surfaces.
+    """Smoothed surfaces of one frame; far surfaces continue behind the rims of near surfaces.
 
     Attributes:
         front_mm: (H, W) smoothed depth of what the camera sees, mm; NaN where nothing is known.

@@ -66,7 +66,7 @@ class LightProfile:
     vignetting: float = 0.0
 
     def share(self, tangent: Array) -> Array:
-        """Compute the light relative to the axis at tangents of any shape."""
+        """Compute the light relative to the optical axis, for tangents of any shape."""
         fall = np.exp(np.minimum(self.flat_to - tangent, 0.0) / self.fall_off)
         cosine = 1.0 / np.sqrt(1.0 + tangent**2)
         return np.asarray((self.tail + (1.0 - self.tail) * fall) * cosine**self.vignetting)

@@ -76,7 +76,7 @@ def _misfit(own: Array, target: Array) -> tuple[float, float]:
 def smoothed_values(
     values: Mapping[str, float], smoothing: Smoothing, base: TapNoise, sigma_mm: float
 ) -> dict[str, float]:
-    """Adapt fitted values to a chain with the wide filter.
+    """Adapt fitted parameters to a processing chain with a wider smoothing filter.
 
     The noise of taps grows as the filter's gain does, so that as much is left behind it. White
     noise behind the filter is the floor: it gets the share that the correlation leaves.

@@ -213,7 +213,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
 
 
 def _matches_images(name: str) -> bool:
-    """Return whether a sensor matches two images. Raises ConfigError for an unknown sensor."""
+    """Return whether a sensor has an image-matching stage. Raises ConfigError if it is unknown."""
     return any(stage.spec.name == MATCHER for stage in load_sensor(name).stages)
 
 

@@ -21,7 +21,7 @@ EDGE_SLANT = 0.09
 
 
 def quad(corners_mm: ArrayLike, albedo: float = 1.0) -> Mesh:
-    """Build a quad from (4, 3) corners, seen as: bottom left, bottom right, top right, top left."""
+    """Build a quad from (4, 3) corners: bottom left, bottom right, top right, top left in view."""
     corners = np.asarray(corners_mm, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     return Mesh(corners, faces, np.full(4, albedo, np.float32))

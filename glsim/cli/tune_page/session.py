@@ -117,7 +117,7 @@ def open_session(
 
 
 def _split(settings: Settings, assignments: Sequence[str]) -> tuple[Settings, dict[str, Any]]:
-    """Split settings into fixed ones and values that the page shows as changed.
+    """Split settings into fixed settings and values that the page shows as changed.
 
     Changed values are those of the rig and the stages, and ``--set`` of the pose and the scene.
     """

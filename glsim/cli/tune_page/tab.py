@@ -53,7 +53,7 @@ class TuneTab:
         raise NotImplementedError
 
     def show_problem(self, message: str, *, of_code: bool = False) -> None:
-        """Show a message (empty: clear it); of_code: whether the typed code does not compile."""
+        """Show a message, or clear it if empty; of_code: the typed code does not compile."""
         raise NotImplementedError
 
     def call(self, name: str, *given: Any) -> None:

@@ -206,7 +206,7 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
 
 @validation_check(_SHEET)
 def limits(captures: Captures) -> dict[str, Measurement]:
-    """Measure brightness, range, error and noise limits on walls, near walls and albedo ramps."""
+    """Measure checks 9 to 14: infrared, range, error and noise on walls and albedo ramps."""
     wall = captures.wall(1500.0, 0.8)
     bright = captures.camera.capture(scenes.wall(200.0, 0.8), 1, scene="bright").centre()
     ramp = scenes.albedo_ramp(330.0, 100.0, 0.5, 1.4)
