@@ -1,19 +1,18 @@
 """Pages of the documentation that are written from the code: ``python -m scripts.reference``.
 
-They go to docs/generated/reference, which git ignores: settings, noise stages, sensors, the format
-of data sets, the command line and the public names of Python. ``docs/conf.py`` writes them before
-each build.
+Settings, recipes, noise stages, sensors, the format of data sets and the command line go to
+docs/reference and are committed; tests/test_docs.py compares them with the code. The public names
+of Python go to docs/generated/reference, which git ignores: Sphinx fills them from docstrings.
 """
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 from scripts.reference import commands, data_sets, python_names, sensors, settings, stages
 
 ROOT = Path(__file__).parents[2]
-FOLDER = ROOT / "docs" / "generated" / "reference"
+DOCS = ROOT / "docs"
 
 #: Page of the reference -> what writes it.
 CHAPTERS = {
@@ -22,18 +21,25 @@ CHAPTERS = {
     "sensors": sensors.pages,
     "data_sets": data_sets.pages,
     "commands": commands.pages,
-    "python": python_names.pages,
 }
 
 
-def write_pages(folder: Path = FOLDER) -> list[Path]:
-    """Write all pages into an emptied folder; returns their files."""
-    shutil.rmtree(folder, ignore_errors=True)
-    files = []
-    for pages in CHAPTERS.values():
-        for name, text in pages().items():
-            file = folder / f"{name}.md"
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-            files.append(file)
-    return files
+def committed_pages() -> dict[Path, str]:
+    """Return file of docs/reference -> Markdown, for all pages that are committed."""
+    folder = DOCS / "reference"
+    chapters = [pages() for pages in CHAPTERS.values()]
+    return {folder / f"{name}.md": text for pages in chapters for name, text in pages.items()}
+
+
+def write_pages() -> list[Path]:
+    """Write all pages and remove committed pages of what is gone; return the files."""
+    written = committed_pages()
+    for old in (DOCS / "reference").rglob("*.md"):
+        if old not in written and old.name != "index.md":
+            old.unlink()
+    for name, text in python_names.pages().items():
+        written[DOCS / "generated" / "reference" / f"{name}.md"] = text
+    for file, text in written.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    return [*written]

@@ -51,7 +51,7 @@ def _walk(group: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 
 def _anchor(name: str) -> str:
-    return "command-" + name.replace(" ", "-")
+    return "glsim-" + name.replace(" ", "-")
 
 
 def _first_line(command: Any) -> str:
@@ -61,7 +61,7 @@ def _first_line(command: Any) -> str:
 def _section(name: str, command: Any) -> str:
     arguments = [p for p in command.params if p.param_type_name == "argument"]
     usage = " ".join(_argument(p) for p in arguments)
-    parts = [f"({_anchor(name)})=\n## `glsim {name}`\n\n"]
+    parts = [f"## `glsim {name}`\n\n"]
     parts += [plain(part) + "\n\n" for part in str(command.help or "").strip().split("\n\n")]
     parts.append(block(f"glsim {name} [OPTIONS] {usage}".strip(), "text"))
     examples = re.sub(r"\[/?bold\](Examples)?", "", command.epilog or "").strip()
