@@ -1,4 +1,4 @@
-"""Run stages on arrays: Python stages after the shaders, or a whole chain by its NumPy twins.
+"""Run noise stages on NumPy arrays: Python stages after the shaders, or a whole chain by its twins.
 
 Filters over time read the depth of earlier frames of the same still scene. Any frame must be the
 same alone and in any order, so that the earlier ones are not those of its sequence. They are other
@@ -31,7 +31,7 @@ from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
 
 
 def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
-    """Return the distance around a pixel that all array stages in sequence read, pixels."""
+    """Return the distance, pixels, from which all array stages together read neighbours."""
     return sum(
         stage.spec.reach_px(values[stage.name])
         for stage in stages
@@ -63,7 +63,7 @@ def run_twins(
     frame: FrameContext,
     values: StageValues,
 ) -> None:
-    """Run the whole chain on ``layers``, in place, shaders by their NumPy twins.
+    """Run a whole chain on ``layers`` in place; the NumPy twins replace the shaders.
 
     Raises ConfigError for a shader without a twin.
     """
@@ -99,7 +99,7 @@ def _update(
 
 
 def _twin_of(stage: Stage) -> ArrayFunction | None:
-    """Return the NumPy twin of a shader stage; None for one of a user's file, which has none.
+    """Return the NumPy twin of a shipped shader stage; None for a shader file of the user.
 
     A user's file may have the name of a shipped stage.
     """
@@ -110,7 +110,7 @@ def _twin_of(stage: Stage) -> ArrayFunction | None:
 
 
 def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
-    """Return the shaders' layers that earlier frames are exposed from; none if no stage asks."""
+    """Return the names of the layers that earlier frames are exposed from; () if none is needed."""
     may_run = {s.name: float(s.settings[ENABLED].bounds()[1] > 0) for s in stages}
     asked = _asked_at(stages, {name: {ENABLED: on} for name, on in may_run.items()})
     exposure = None if asked is None else _exposure(stages[:asked])
@@ -120,7 +120,7 @@ def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
 def _earlier_depth(
     stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
 ) -> NDArray[np.float32]:
-    """Return the depth of earlier frames, (h, w, N) metres, oldest first. Raises ConfigError.
+    """Simulate the depth of earlier frames, (h, w, N) metres, oldest first. Raises ConfigError.
 
     Frame k before this one is exposed with a seed that is a function of (seed of this frame, k).
     """
@@ -143,7 +143,7 @@ def _earlier_depth(
 
 
 def _asked_at(stages: Sequence[Stage], values: StageValues) -> int | None:
-    """Return the number of the matcher whose earlier frames a later stage reads, if any."""
+    """Return the index of the matcher if a later stage reads its earlier frames, else None."""
     runs = [bool(values[stage.name][ENABLED]) for stage in stages]
     for number, stage in enumerate(stages):
         if stage.spec.name == MATCHER and runs[number]:
@@ -154,7 +154,7 @@ def _asked_at(stages: Sequence[Stage], values: StageValues) -> int | None:
 
 
 def _exposure(stages: Sequence[Stage]) -> Stage | None:
-    """Return the last stage that draws the infrared image."""
+    """Return the last shader stage that writes the infrared image; None if no stage does."""
     for stage in reversed(stages):
         source = stage.spec.source
         if source is not None and INFRARED in {layer.name for layer in source.writes}:

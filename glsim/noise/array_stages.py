@@ -1,4 +1,4 @@
-"""Shipped stages that no fragment shader can compute; they run on arrays, after the shaders."""
+"""Shipped stages that run on arrays after the shaders, since no fragment shader can do them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["despeckle", "fill_from_points"]
 
 
 def _largest_island_px(p: Mapping[str, float]) -> int:
-    """Return the largest extent of an island that ``despeckle`` removes, pixels."""
+    """Return the largest width or height, pixels, of an island that ``despeckle`` removes."""
     return int(p["min_area_px"]) - 1
 
 
@@ -62,7 +62,7 @@ _STEPS = 2.0**24
 
 
 def _reach_px(p: Mapping[str, float]) -> int:
-    """Return how far a pixel's depth may come from, pixels."""
+    """Return the largest distance, pixels, from which a pixel can take its depth."""
     coarsest = 2 ** int(p["doublings"])
     return int(np.ceil(_REACH_SIGMAS * p["sigma_px"] + 2) * coarsest + p["spacing_px"])
 
@@ -114,7 +114,7 @@ def fill_from_points(
 def _points(
     nearness: Image, view: FrameContext, spacing_px: int, mean_px: int
 ) -> tuple[NDArray[np.bool_], Image]:
-    """Return where points are, one per cell at a place of the device's own, and their values.
+    """Place one point per cell, fixed by the device; return where points are and their 1/z.
 
     A point's value is the mean over the window around it, of the pixels that have a depth.
     """
@@ -148,7 +148,7 @@ def _points(
 def _spread(
     total: Image, weights: Image, window: Rect, sigma_px: float, doublings: int
 ) -> tuple[Image, Image]:
-    """Return sums over the points around each pixel; finer scales win where they have a point.
+    """Sum over the points around each pixel; coarse scales count only where finer ones have none.
 
     A coarser scale has pixels of twice the size, so that the same kernel reaches twice as far. They
     lie on one grid of the frame for all windows.
@@ -174,7 +174,7 @@ def _spread(
 
 
 def _halved(image: Image) -> Image:
-    """Return the sums over squares of two by two pixels."""
+    """Sum an image over squares of 2x2 pixels."""
     rows, columns = (-(-side // 2) for side in image.shape)
     even = np.zeros((2 * rows, 2 * columns))
     even[: image.shape[0], : image.shape[1]] = image
@@ -185,7 +185,7 @@ def _halved(image: Image) -> Image:
 def _reasons(
     view: FrameContext, layers: Layers, depth_m: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the reasons of depth that was measured, or taken from another surface."""
+    """Return reason codes: VALID, or MOVED and GROWN where the depth is of another surface."""
     clean, reason = layers["clean"], layers["reason"].copy()
     found, surface = depth_m > 0, layers["clean"] > 0
     reason[found] = float(Reason.VALID)

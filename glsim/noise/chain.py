@@ -76,7 +76,7 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
 
 
 def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
-    """Return whether a stage uses disparity; one whose amplitude in px is 0 does not."""
+    """Return whether a stage uses disparity; a stage whose amplitude in px is 0 does not."""
     if "u_focal_baseline_px_m" not in source.bound or stage.settings[ENABLED].bounds()[1] == 0:
         return False
     amplitudes = [stage.settings[n] for n in ("sigma_px", "amplitude_px") if n in stage.settings]
@@ -84,7 +84,7 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 
 
 class StageLayers:
-    """Own the targets that the stages of a frame draw.
+    """The textures that the stages of a frame draw into.
 
     Without ``kept`` each goes back to its pool once no later stage can read it. With it they stay
     for the next run over the same rendering, which draws only stages whose inputs differ. A kept
@@ -100,7 +100,7 @@ class StageLayers:
 
     @contextmanager
     def run(self, rendered: Rendered, frame: FrameContext) -> Iterator[None]:
-        """Own what is drawn in the block, over ``rendered`` for ``frame``."""
+        """Own the textures that the block draws over ``rendered``, and give them back after it."""
         if self._over is None or self._over[0] is not rendered or self._over[1] != frame:
             self.clear()
             self._over = rendered, frame
@@ -115,7 +115,7 @@ class StageLayers:
     def draw(
         self, name: str, draw: Callable[[], dict[str, Target]], *inputs: object
     ) -> dict[str, Target]:
-        """Return the layers that the stage ``name`` draws, or drew from the same inputs.
+        """Return the layers of the stage ``name``; draw them again only if its inputs changed.
 
         Args:
             inputs: all that they depend on, besides the rendering and the frame. Mappings count by
@@ -130,7 +130,7 @@ class StageLayers:
         return known[1]
 
     def replaced(self, targets: Iterable[Target]) -> None:
-        """Give back the targets of layers that a stage has drawn anew, unless they are kept."""
+        """Give back the textures that a stage has replaced by new ones, unless all are kept."""
         gone = () if self._kept else tuple(targets)
         for _, drawn in self._stages.values():
             for layer in [layer for layer, target in drawn.items() if target in gone]:
@@ -139,11 +139,11 @@ class StageLayers:
             self._give_back()
 
     def clear(self) -> None:
-        """Give all targets back. Call it before the rendering they were drawn over ends."""
+        """Give all textures back; to be called before the rendering ends."""
         self._drop(None)
 
     def _drop(self, names: Sequence[str] | None) -> None:
-        """Give back the targets of some stages; None: of all, and forget the rendering."""
+        """Give back the textures of the stages ``names``; with None of all stages."""
         # In reverse: the next frame then takes them in the same order.
         for name in reversed(tuple(self._stages) if names is None else names):
             self._unused += reversed(self._stages.pop(name)[1].values())
@@ -163,7 +163,7 @@ def _same(one: object, two: object) -> bool:
 
 
 class ShaderChain:
-    """The shader stages of a sensor, linked for one context.
+    """The shader stages of a sensor, linked for one OpenGL context.
 
     Stages whose layers are neither read back nor read by another stage are left out.
 
@@ -233,7 +233,7 @@ class ShaderChain:
         light: Mapping[str, Target] | None = None,
         truth: Mapping[str, Target] | None = None,
     ) -> None:
-        """Draw all stages over the rendered layers and queue the readback of the result.
+        """Draw all stages over the rendered layers, and request the copy of the result to memory.
 
         Args:
             owner: of the targets that the stages draw; default: they are given back at the end.
@@ -252,14 +252,14 @@ class ShaderChain:
 
     @property
     def has_light(self) -> bool:
-        """Whether stages write LIGHT_LAYERS."""
+        """Whether any stage writes the layers LIGHT_LAYERS."""
         return self._light_stages > 0
 
     @contextmanager
     def light(
         self, rendered: Rendered, frame: FrameContext, values: StageValues
     ) -> Iterator[dict[str, Target]]:
-        """Yield LIGHT_LAYERS of a sub-frame, after the stages that write them."""
+        """Draw a sub-frame up to the last stage that writes light; yield its LIGHT_LAYERS."""
         owner = StageLayers()
         with owner.run(rendered, frame):
             layers = self._draw(rendered, frame, values, owner, self._light_stages)
@@ -267,7 +267,7 @@ class ShaderChain:
 
     @property
     def _light_stages(self) -> int:
-        """The number of the first stages, up to the last that writes light."""
+        """The number of stages up to and including the last that writes light."""
         writers = [
             number
             for number, step in enumerate(self._passes, 1)
@@ -284,7 +284,7 @@ class ShaderChain:
         stages: int | None = None,
         light: Mapping[str, Target] | None = None,
     ) -> dict[str, Target]:
-        """Return all layers after the last stage, or after the first ``stages``.
+        """Draw all stages, or only the first ``stages``; return all layers by name.
 
         Args:
             light: replaces the light of the stages that write it.
@@ -324,7 +324,7 @@ class ShaderChain:
         return layers
 
     def _empty_reason(self, pool: TargetPool, frame: FrameContext) -> dict[str, Target]:
-        """Return the layer ``reason`` before the first stage: 0, for no pixel is lost yet."""
+        """Return the layer ``reason`` before the first stage: all 0, since no pixel is lost yet."""
         target = pool.take(_REASON, frame.window)
         buffer = pool.framebuffer([target])
         buffer.use()

@@ -1,4 +1,4 @@
-"""The facts about a frame that noise stages read besides its layers."""
+"""The data of a frame, besides its layers, that noise stages read: seeds, sizes, emitters, lens."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _ORIGIN: Point = (0.0, 0.0, 0.0)
 
 
 def _two(points: Sequence[Point]) -> tuple[Point, Point]:
-    """Return the first two points; the last one again, or the origin, for each that is missing."""
+    """Return two points: the first two, the only point twice, or the origin twice."""
     first = points[0] if points else _ORIGIN
     return first, points[1] if len(points) > 1 else first
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameContext:
-    """The facts about a frame that noise stages read besides its layers.
+    """The data of a frame that noise stages read besides its layers: seeds, sizes, emitters, lens.
 
     Args:
         window: the part of the frame that the layers hold.
@@ -82,7 +82,7 @@ class FrameContext:
         subject_m: float = 1.0,
         supersample: int | None = None,
     ) -> FrameContext:
-        """Describe a frame of ``rig``.
+        """Make the context of a frame of ``rig``.
 
         Args:
             nearest_m: a lower bound of all depths in the scene.
@@ -113,7 +113,7 @@ class FrameContext:
         )
 
     def view(self, stage: str) -> FrameContext:
-        """Return the frame as a stage sees it, given by its name in the chain: its own seeds."""
+        """Return the context with the seeds of the stage of this name."""
         return replace(
             self,
             seed=stage_seed(self.seed, stage),

@@ -1,4 +1,4 @@
-"""The layers of a chain that have a fixed name, and values that stand for something in them."""
+"""Fixed names of layers in a chain, and special values of pixels in them."""
 
 from __future__ import annotations
 

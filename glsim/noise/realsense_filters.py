@@ -1,4 +1,4 @@
-"""The filters that librealsense offers after a depth camera, as stages on arrays.
+"""The depth filters that librealsense offers for its cameras, as noise stages on arrays.
 
 The rules are librealsense's, for disparities as floating-point numbers (src/proc/*.h and *.cpp,
 read as facts; the code is our own). Its recommended order is spatial_filter, temporal_filter,
@@ -45,7 +45,7 @@ _WHOLE_FRAME_PX = 65536
 
 
 def _spatial_reach_px(p: Mapping[str, float]) -> int:
-    """Return how far a pixel is carried by the passes of ``spatial_filter``, pixels."""
+    """Return the largest distance, pixels, over which ``spatial_filter`` spreads a value."""
     kept = 1.0 - p["alpha"]
     passed_px = 0 if kept <= 0 else int(np.ceil(np.log(_NO_SHARE) / np.log(kept)))
     return int(p["iterations"]) * passed_px + _FILLED_BELOW_PX[int(p["filling_mode"])]
@@ -127,7 +127,7 @@ def threshold_filter(
 
 
 def smooth_disparity(disparity: Image, alpha: float, delta: float, iterations: int) -> Image:
-    """Return disparities after the passes right, left, down and up, ``iterations`` times.
+    """Smooth disparities by passes to the right, left, down and up, ``iterations`` times.
 
     In a pass, a pixel becomes alpha times itself plus 1 - alpha times its filtered neighbour, if
     both had a disparity before the pass that differed by less than ``delta``.
@@ -152,7 +152,7 @@ def smooth_disparity(disparity: Image, alpha: float, delta: float, iterations: i
 
 
 def fill_rows(image: Image, below_px: int) -> Image:
-    """Return an image whose rows of holes are filled rightwards, then leftwards.
+    """Fill holes along the rows of an image, first rightwards, then leftwards.
 
     The first column stays as it is, as in librealsense. There a hole in the last column takes the
     first pixel of the next row, which is an error of its loop and is not done here.
@@ -168,7 +168,7 @@ def fill_rows(image: Image, below_px: int) -> Image:
 
 
 def _carried(image: Image, below_px: int) -> Image:
-    """Return an image whose holes have the last value on their left, if it is near enough."""
+    """Fill each hole with the last value on its left, if that is less than ``below_px`` away."""
     column = np.arange(image.shape[-1])
     last = np.maximum.accumulate(np.where(image > 0, column, -1), axis=-1)
     fills = (image <= 0) & (last >= 0) & (column - last < below_px)
@@ -177,7 +177,7 @@ def _carried(image: Image, below_px: int) -> Image:
 
 
 def smooth_in_time(disparity: Image, alpha: float, delta: float, persistence: int) -> Image:
-    """Return disparities averaged over time, pixel by pixel.
+    """Average disparities over time, each pixel for itself.
 
     A pixel becomes alpha times itself plus 1 - alpha times its last result, if the two differ by
     less than ``delta``; otherwise it starts anew. A hole takes the last result if enough of the
@@ -216,7 +216,7 @@ def filter_sequence(
     persistence: int = 3,
     unit_mm: float = 1.0,
 ) -> Image:
-    """Return the depth of a recording after librealsense's temporal filter.
+    """Filter the depth of a recording by librealsense's temporal filter.
 
     Args:
         depth_m: (T, H, W) float32, metres, in order of time; 0 = hole.
@@ -229,7 +229,7 @@ def filter_sequence(
 
 
 def fill_holes(depth: Image, mode: int) -> Image:
-    """Return depth with holes filled in place, so that a depth is dragged to the right and down.
+    """Fill holes from neighbours in reading order, so that depth spreads to the right and down.
 
     Modes 1 and 2 look at the pixels above, above left, left, below left and below, and leave the
     first and the last row and the first column. Mode 2 keeps a hole below a hole.
@@ -261,7 +261,7 @@ def fill_holes(depth: Image, mode: int) -> Image:
 
 
 def _steps(depth_m: Image, focal_baseline_px_m: float) -> Image:
-    """Return disparities in 1/32 px for depth in metres, and back; 0 stays 0."""
+    """Convert depth, metres, to disparity in 1/32 px, or disparity to depth; 0 stays 0."""
     if focal_baseline_px_m <= 0:
         raise ConfigError(
             "spatial_filter and temporal_filter work on disparity, but the rig has no baseline: "
@@ -275,7 +275,7 @@ def _steps(depth_m: Image, focal_baseline_px_m: float) -> Image:
 def _depth_m(
     steps: Image, steps_before: Image, before_m: Image, focal_baseline_px_m: float, unit_mm: float
 ) -> Image:
-    """Return depth in steps of ``unit_mm``; pixels whose disparity is unchanged keep theirs."""
+    """Convert disparities to depth in steps of ``unit_mm``; unchanged pixels keep their depth."""
     depth_m = _steps(steps, focal_baseline_px_m)  # the conversion is its own inverse
     if unit_mm > 0:
         unit_m = np.float32(0.001 * unit_mm)
@@ -285,7 +285,7 @@ def _depth_m(
 
 
 def _with_reasons(layers: Layers, depth_m: Image) -> dict[str, Image]:
-    """Return new depth and the reasons of pixels that it fills."""
+    """Return the layers depth and reason, with new reason codes for the pixels that were filled."""
     clean, reason = layers["clean"], layers["reason"]
     filled = (depth_m > 0) & (layers["depth"] <= 0)
     other = np.abs(depth_m - clean) > _OTHER_SURFACE_SHARE * clean

@@ -1,4 +1,4 @@
-"""Find noise stages by name: shipped ones, plug-ins', GLSL files and Python functions.
+"""Find noise stages by name: of glsim, of plug-ins, GLSL files, and Python functions.
 
 A sensor file that names a Python function decides what code runs on this machine. The code runs
 only to make frames, and a warning names it then (``describe_stage`` and ``is_code`` run nothing).
@@ -31,7 +31,7 @@ ARRAY_MODULES = (array_stages, realsense_filters, stereo_matching)
 
 @lru_cache(maxsize=1)
 def _shipped() -> dict[str, Path | ModuleType]:
-    """Return name -> GLSL file or module of the stages that come with glsim."""
+    """Return the stages of glsim: name -> GLSL file or Python module."""
     files = [f for folder in STAGE_FOLDERS for f in sorted((SHADER_ROOT / folder).glob("*.glsl"))]
     arrays = {name: module for module in ARRAY_MODULES for name in module.__all__}
     return {file.stem: file for file in files} | arrays
@@ -39,7 +39,7 @@ def _shipped() -> dict[str, Path | ModuleType]:
 
 @cache
 def shipped_stage(name: str) -> StageSpec | None:
-    """Return a stage that comes with glsim, else None. Reads text only; needs no GL."""
+    """Return a stage of glsim by its name, else None; only text is read, no OpenGL is needed."""
     place = _shipped().get(name)
     if isinstance(place, ModuleType):
         return _array_spec(name, getattr(place, name), place.__file__ or "")
@@ -47,17 +47,17 @@ def shipped_stage(name: str) -> StageSpec | None:
 
 
 def shipped_stages() -> dict[str, StageSpec]:
-    """Return all stages that come with glsim, by name."""
+    """Return name -> stage for all stages of glsim."""
     return {name: spec for name in _shipped() if (spec := shipped_stage(name)) is not None}
 
 
 def stage_names() -> list[str]:
-    """Return the names of the shipped stages and of those that other packages bring."""
+    """Return the names of the stages of glsim and of installed plug-ins."""
     return [*_shipped(), *plugin_names("stages", _shipped())]
 
 
 def find_stage(use: str, beside: Path | None = None) -> StageSpec:
-    """Return the stage that a sensor file names.
+    """Return the stage for the word ``use`` of a sensor file.
 
     Args:
         use: a shipped stage or a plug-in's, the path of a .glsl file, or "module:function".
@@ -81,12 +81,12 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
 
 
 def is_code(use: str) -> bool:
-    """Return whether a sensor file's ``use`` names a Python function; nothing is read or run."""
+    """Return whether the word ``use`` of a sensor file names a Python function; nothing is run."""
     return use not in _shipped() and ":" in use and not use.endswith(".glsl")
 
 
 def describe_stage(use: str) -> StageSpec:
-    """Return a stage as ``find_stage`` does, to list its parameters; a .py file is not run.
+    """Return a stage as ``find_stage`` does, to list its parameters, without running a .py file.
 
     The declaration is read from the text of the file. Raises ConfigError or ShaderError.
     """
@@ -95,7 +95,7 @@ def describe_stage(use: str) -> StageSpec:
 
 
 def shader_stage(file: Path, text: str | None = None) -> StageSpec:
-    """Return the stage of a GLSL file. Raises ShaderError with file and line.
+    """Make the stage of a GLSL file. Raises ShaderError with file and line.
 
     Args:
         file: its name without suffix is the stage's; includes are searched beside it.
@@ -164,7 +164,7 @@ _MAX_BYTES = 1 << 20
 
 
 def declared_stage(file: Path, name: str) -> StageSpec:
-    """Return a stage without its function: title and parameters, to list them.
+    """Read title and parameters of a Python stage from its file, without running it.
 
     Raises ConfigError if the file cannot be read or has no function ``name`` with a decorator
     ``@array_stage(...)`` whose parameters are written out as plain values.

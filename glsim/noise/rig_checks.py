@@ -1,4 +1,4 @@
-"""Checks of a sensor against its rig: its light (time of flight), its imagers and its matcher."""
+"""Checks that the stages of a sensor fit its rig: modulated light, emitters, imagers, matcher."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _GRID_MHZ = Fraction(1, 1000)
 
 
 def unambiguous_m(modulation_mhz: Sequence[float]) -> float:
-    """Return the distance after which all phases repeat together, metres."""
+    """Compute the distance, metres, after which the phases of all frequencies repeat together."""
     return SPEED_OF_LIGHT / 2e6 / float(gcd(*_whole(modulation_mhz)) * _GRID_MHZ)
 
 
@@ -32,7 +32,7 @@ def _whole(modulation_mhz: Sequence[float]) -> list[int]:
 
 
 def check_rig(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError for a chain that this rig's light, emitters or imagers cannot serve.
+    """Raise ConfigError if a stage needs light, emitters or imagers that the rig does not have.
 
     Args:
         where: the sensor file, for messages.

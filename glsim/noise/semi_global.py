@@ -1,4 +1,4 @@
-"""Match rectified images: OpenCV's semi-global matcher, and what a camera rejects and averages.
+"""Match rectified images by OpenCV's semi-global matcher; then reject and average as cameras do.
 
 Hirschmueller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 30(2), 2008.
 All is in whole numbers: the same bytes on every machine and for any number of threads.
@@ -31,7 +31,7 @@ _EVEN_COUNTS = 40
 
 
 def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
-    """Match rectified images whose second camera stands to the right of the first.
+    """Match two rectified images; the second camera stands to the right of the first.
 
     Args:
         left, right: (H, W) whole counts.
@@ -86,7 +86,7 @@ def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
 
 
 def _even_contrast(image: Counts, side_px: int, floor_counts: float) -> NDArray[np.uint8]:
-    """Return an image with its local mean at 128 and its local standard deviation at most 40."""
+    """Normalise an image to a local mean of 128 and a local standard deviation of at most 40."""
     mean, variance = _local_moments(image, side_px)
     even = 128 + _EVEN_COUNTS * (image - mean) / np.maximum(np.sqrt(variance), floor_counts)
     clipped: NDArray[np.uint8] = np.rint(even.clip(0, 255)).astype(np.uint8)
@@ -94,7 +94,7 @@ def _even_contrast(image: Counts, side_px: int, floor_counts: float) -> NDArray[
 
 
 def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return mean and variance of the window around each pixel, counts."""
+    """Compute the mean (counts) and the variance (counts^2) of the window around each pixel."""
     import cv2
 
     size, count = (side_px, side_px), side_px**2
@@ -106,13 +106,13 @@ def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], ND
 
 
 def _reject_flat(matched: Matched, image: Counts, window: int, least_counts: float) -> None:
-    """Reject, in place, pixels in whose window the image's standard deviation is too small."""
+    """Reject, in place, pixels whose window has too small a standard deviation, counts."""
     if least_counts > 0:
         matched[_local_moments(image, window)[1] < least_counts**2] = NO_MATCH
 
 
 def reject_unlit(found: Disparities, pattern: Counts, window: int) -> None:
-    """Reject, in place, matches with a part of the pattern that is the same all over the window.
+    """Reject, in place, pixels matched with a window of the pattern that is constant.
 
     Args:
         found: (H, W) in 1/256 px.
@@ -125,7 +125,7 @@ def reject_unlit(found: Disparities, pattern: Counts, window: int) -> None:
 
 
 def _reject_rims(matched: Matched, reach_px: int, step: int) -> None:
-    """Reject, in place, pixels within ``reach_px`` of one whose disparity is larger by ``step``."""
+    """Reject, in place, pixels near (``reach_px``) a disparity larger by more than ``step``."""
     import cv2
 
     if reach_px > 0:
@@ -136,7 +136,7 @@ def _reject_rims(matched: Matched, reach_px: int, step: int) -> None:
 def _support_mean(
     values: Disparities, along_px: int, across_px: int, step_px: float
 ) -> Disparities:
-    """Average disparities over neighbours that differ by less than a step, rows, then columns."""
+    """Average similar disparities (differing by less than a step) along rows, then columns."""
     step = int(step_px * STEPS_PER_PX)
     for axis, side_px in ((1, along_px), (0, across_px)):
         values = _mean_along(values, axis, side_px // 2, step)
@@ -144,7 +144,7 @@ def _support_mean(
 
 
 def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Disparities:
-    """Average along one axis over ``reach`` neighbours on both sides that differ by less."""
+    """Average along one axis the neighbours within ``reach`` that differ by less than ``step``."""
     known = values >= 0
     own = np.where(known, values, _FAR_OFF)  # differs by more than a step from every disparity
     # The mean is the own value and the mean of the neighbours' differences from it.
@@ -163,7 +163,7 @@ def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Dispar
 
 
 def _bytes(counts: Counts) -> NDArray[np.uint8]:
-    """Return an image of counts as 8 bits; brighter images lose their lowest bits."""
+    """Convert an image of counts to 8 bits; bright images lose their lowest bits."""
     largest = int(counts.max(initial=0.0))
     shift = max(largest.bit_length() - 8, 0)
     return (counts.astype(np.int32) >> shift).astype(np.uint8)
@@ -175,7 +175,7 @@ def _align(
     right: NDArray[np.uint8],
     window_px: tuple[int, int],
 ) -> Disparities:
-    """Move disparities to where the windows of two images differ least in squares.
+    """Refine disparities to the least sum of squared differences between the windows of two images.
 
     One step of Lucas and Kanade, "An Iterative Image Registration Technique" (1981), in whole
     numbers. A parabola through the costs of three disparities prefers whole pixels by up to 0.2 px;
@@ -215,7 +215,7 @@ def _align(
 def _interpolated(
     image: NDArray[np.uint8], first: Disparities, share: Disparities
 ) -> tuple[Disparities, Disparities]:
-    """Return counts, times 2 x 16^3, and their slope, times 2 x 16^2, between pixels of a row.
+    """Interpolate counts (times 2 x 16^3) and slope (times 2 x 16^2) between pixels of a row.
 
     By Catmull and Rom's cubic through the two pixels before and the two after.
 

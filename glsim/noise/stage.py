@@ -49,13 +49,13 @@ StageValues = Mapping[str, Mapping[str, float]]
 
 
 def own_pixel(_: Mapping[str, float]) -> int:
-    """Return the reach of a stage that reads no neighbours: 0 pixels."""
+    """Return 0 pixels, the reach of a stage that reads no neighbours."""
     return 0
 
 
 @dataclass(frozen=True)
 class StageSpec:
-    """A kind of stage: a GLSL ``source``, or a ``function`` on arrays; the other one is None.
+    """The declaration of a stage with either a GLSL ``source`` or a ``function`` on arrays.
 
     Args:
         title: one line for tables.
@@ -77,7 +77,7 @@ class StageSpec:
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a chain.
+    """A stage of a chain, with its declaration and its settings.
 
     Args:
         name: unique in the chain.
@@ -96,7 +96,7 @@ def array_stage(
     **parameters: tuple[str, float, float, float, str, str]
     | tuple[str, float, float, float, str, str, str],
 ) -> Callable[[ArrayFunction], ArrayFunction]:
-    """Declare a function as a stage; per parameter name=(type, default, low, high, unit, help).
+    """Declare a function as a stage; a parameter is name=(type, default, low, high, unit, help).
 
     A seventh word is for sliders, as in GLSL behind the semicolon: "0, 2000", "log", "step 2".
 
@@ -122,7 +122,7 @@ def array_stage(
 
 
 def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Parameter:
-    """Return the parameter of a stage on arrays.
+    """Make the declared parameter of a stage on arrays.
 
     Args:
         spec: type, default, low, high, unit, help, and perhaps what is for sliders.
@@ -141,7 +141,7 @@ def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Pa
 def make_stage(
     name: str, spec: StageSpec, settings: Mapping[str, Distribution], where: str
 ) -> Stage:
-    """Check settings against the declarations and add the defaults. Raises ConfigError.
+    """Make a stage: check its settings against its declaration, add defaults. Raises ConfigError.
 
     Args:
         where: the place of the settings, for error messages.
@@ -171,7 +171,7 @@ def make_stage(
 def draw_values(
     stages: Sequence[Stage], seeds: DrawKeys
 ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """Draw one frame's values of all stages. Raises ConfigError.
+    """Draw the parameter values of all stages for one frame. Raises ConfigError.
 
     Returns the values that are not constant, "stage.parameter" -> value, and all values,
     stage -> parameter -> value.

@@ -1,4 +1,4 @@
-"""Draw one shader stage on the GPU; bind the uniforms that glsim sets."""
+"""Draw one shader stage on the GPU, and set its uniforms."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BOUND: dict[str, Callable[[FrameContext], object]] = {
 
 
 class LinkedStages:
-    """The linked stages of one context, so that a chain with one other stage links one program.
+    """A cache of the linked stages of one context; chains that share a stage link it once.
 
     A stage is kept for as long as a chain has it.
     """
@@ -50,7 +50,7 @@ class LinkedStages:
         )
 
     def stage_pass(self, name: str, source: ShaderSource) -> StagePass:
-        """Return the linked stage of a chain's name and code. Raises ShaderError."""
+        """Return the linked stage for a name and a source; link it if new. Raises ShaderError."""
         key = (name, source.text, tuple(layer.name for layer in source.writes))
         found = self._passes.get(key)
         # The text holds all declarations but not the file that messages name.
@@ -61,7 +61,7 @@ class LinkedStages:
 
 
 class StagePass:
-    """One shader stage: draws the layers that it writes from those that it reads."""
+    """A linked shader stage, which draws the layers it writes from the layers it reads."""
 
     def __init__(self, context: moderngl.Context, name: str, source: ShaderSource) -> None:
         self.name, self.source = name, source
@@ -82,7 +82,7 @@ class StagePass:
         values: Mapping[str, float],
         within: Silhouette | None = None,
     ) -> dict[str, Target]:
-        """Draw the frame's window; return the written layers, by name. Raises ConfigError.
+        """Draw the frame's window; return name -> written layer. Raises ConfigError.
 
         The caller gives the targets back.
 
@@ -118,7 +118,7 @@ class StagePass:
         return {target.layer.name: target for target in targets}
 
     def _set(self, name: str, value: object) -> None:
-        """Set a uniform. Raises ConfigError if the shader declares it with another type."""
+        """Set a uniform. Raises ConfigError if its type in the shader cannot hold the value."""
         try:
             self._program[name] = value
         except (TypeError, struct.error):

@@ -1,4 +1,4 @@
-"""Match two infrared images, or an image and its projector's pattern, into depth.
+"""Match two infrared images, or one image and the projected pattern, to compute depth.
 
 The matcher is OpenCV's semi-global one (Hirschmueller, "Stereo Processing by Semiglobal Matching
 and Mutual Information", PAMI 30(2), 2008), in integers: the same bytes on every machine. Its
@@ -39,7 +39,7 @@ _DEVICE_DRAW = 2
 
 
 def _reach_px(p: Mapping[str, float]) -> int:
-    """Return how far windows reach around a pixel; the paths reach farther, ever more weakly."""
+    """Return the reach of the matching windows, pixels; the paths reach farther, but weakly."""
     windows = (int(p[name]) // 2 for name in ("window_px", "support_px", "refine_px"))
     return sum(windows) + 16
 
@@ -138,7 +138,7 @@ def match_stereo(
 
 
 class _Turn:
-    """Turns images so that the second view stands to the right of the first, and back."""
+    """The rotation or mirroring that puts the second view to the right of the first."""
 
     def __init__(self, second_view_m: tuple[float, float, float]) -> None:
         x, y, _ = second_view_m
@@ -154,7 +154,7 @@ class _Turn:
         return np.ascontiguousarray(turned.T if self.upright else turned)
 
     def first_px(self, view: FrameContext) -> int:
-        """Return how far the turned window's first column is from the image's first."""
+        """Return how many pixels the turned image has to the left of the turned window."""
         window = view.window
         first, size = window.left, window.width
         whole = view.width
@@ -165,7 +165,7 @@ class _Turn:
 
 @lru_cache(maxsize=4)
 def _device_error(device_seed: int, window: Rect, grain_px: float) -> NDArray[np.float32]:
-    """(h, w) float32 smooth field of a window: standard normal, the same in every frame."""
+    """Draw an (h, w) float32 smooth standard normal field, the same in every frame of a device."""
     import cv2
 
     reach = int(np.ceil(3 * grain_px))
@@ -194,7 +194,7 @@ _HIDDEN_SHARE = 0.02
 def match_reasons(
     view: FrameContext, layers: Layers, depth_m: NDArray[np.float32], p: Mapping[str, float]
 ) -> NDArray[np.float32]:
-    """Return the reason codes of matched depth.
+    """Return the reason codes of the pixels after matching.
 
     Args:
         layers: clean; for two imagers also right_clean. All of the window, metres.
@@ -219,7 +219,7 @@ def match_reasons(
 def is_other_surface(
     view: FrameContext, clean_m: NDArray[np.float32], depth_m: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """Return where a depth's disparity is not that of the clean surface.
+    """Return where measured and clean depth differ by more than 1 px of disparity.
 
     Args:
         clean_m, depth_m: (h, w) metres, 0 = none; where either is, the answer is no.
@@ -232,7 +232,7 @@ def is_other_surface(
 
 
 def _hidden(view: FrameContext, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return where the second imager sees another surface, or nothing of the scene."""
+    """Return where the second imager does not see the surface, hidden or outside its image."""
     right, clean = layers["right_clean"], layers["clean"]
     height, width = clean.shape
     axis_px = np.array(view.second_view_m[:2]) / np.hypot(*view.second_view_m[:2])
@@ -249,7 +249,7 @@ Image = NDArray[np.float32]
 
 
 def warp_to_camera(depth_m: Image, imager_m: Point, focal_px: float) -> Image:
-    """Return what of a depth map a camera at the origin sees, in pixels of the same grid.
+    """Project an imager's depth map to a camera at the origin, on the same pixel grid.
 
     Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each is
     drawn into the two pixels that it falls between, so that a slanted surface has no cracks.

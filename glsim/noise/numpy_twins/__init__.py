@@ -1,4 +1,4 @@
-"""NumPy twins of the shader stages: the oracles of their tests, and a path without GL.
+"""NumPy twins of the shader stages: references for their tests, and a simulator without OpenGL.
 
 A twin does the same float32 arithmetic in the same order, mostly with the shader's names. Results
 differ only as a driver's log, cos, acos, pow and division differ from NumPy's.
@@ -20,7 +20,7 @@ _MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera)
 
 
 def find_twin(stage: str) -> Twin | None:
-    """Return the twin of a shader stage, a function of its name (stem of its GLSL file)."""
+    """Return the NumPy twin of a shader stage, given the stem of its GLSL file, else None."""
     module = next((m for m in _MODULES if hasattr(m, stage)), None)
     if module is None:
         return None

@@ -1,4 +1,4 @@
-"""Twins of any_camera_edges, _noise and _losses, and of shaders/lib/lattice_noise.glsl."""
+"""NumPy twins of any_camera_edges, _noise and _losses, and of shaders/lib/lattice_noise.glsl."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
 
 
 def _seen(view: FrameContext, layers: Layers, dx: int, dy: int) -> tuple[Image, Image]:
-    """Clean depth, m, of the pixels at an offset, and their light if they faced the sensor."""
+    """Return clean depth, m, of each pixel's neighbour, and its light if it faced the camera."""
     there, albedo = (beside(view, layers[n], dx, dy, clamped=True) for n in ("clean", "albedo"))
     facing = np.array([0.0, 0.0, -1.0], np.float32)
     return there, skin_signal(there, albedo, facing, np.zeros(2, np.float32))
@@ -95,7 +95,7 @@ def _seen(view: FrameContext, layers: Layers, dx: int, dy: int) -> tuple[Image, 
 def _mixed(
     view: FrameContext, layers: Layers, own: Image, own_step: Image, p: Parameters
 ) -> tuple[Image, Image, Image]:
-    """Depth of the light that a pixel collects, share of other surfaces in it, and the light."""
+    """Mix depths under the point spread: depth, m, share of other surfaces, and collected light."""
     zeros: Image = np.zeros_like(own)
     total = alike = light = cosines = sines = zeros
     area = _ZERO
@@ -121,7 +121,7 @@ def _mixed(
 def _hazed(
     view: FrameContext, layers: Layers, z: Image, own: Image, light: Image, p: Parameters
 ) -> tuple[Image, Image]:
-    """Depth pulled towards the surroundings', and the least depth of these."""
+    """Pull depth towards the surroundings by stray light; return also the least depth around, m."""
     around, pull, least = np.zeros_like(z), np.zeros_like(z), layers["clean"]
     for n in range(8):
         angle, reach = 0.785398163 * n, float(p["haze_px"]) * (1.0 if n % 2 == 0 else 0.6)
@@ -135,7 +135,7 @@ def _hazed(
 
 
 def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -> Image:
-    """Infrared counts with noise."""
+    """Compute infrared counts with read noise and shot noise, 0 to 65535."""
     direction = _direction(layers["rays"])
     squared = (direction * direction).sum(axis=-1, dtype=np.float32)
     facing = np.maximum(-(layers["normal"][..., :3] * direction).sum(axis=-1), _ZERO)
@@ -149,12 +149,12 @@ def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -
 
 
 def _direction(rays: Image) -> Image:
-    """(h, w, 3) directions of the pixels, z = 1."""
+    """Return (h, w, 3) directions of the pixels, with z = 1."""
     return np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
 
 
 def skin_signal(depth: Image, albedo: Image, normal: Image, ray: Image) -> Image:
-    """Twin of shaders/lib/skin_signal.glsl.
+    """Compute the returned light, 1 for skin that faces the camera at 0.9 m; as skin_signal.glsl.
 
     Args:
         normal: (..., 3).
@@ -203,7 +203,7 @@ def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[
 
 
 def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
-    """What the device measures too much at a depth, mm."""
+    """Compute the systematic depth error at the depths ``z`` (m), mm; positive measures too far."""
     phase = uniform01(pcg_word(np.array([view.device_seed], np.uint32)))
     x, y = (n.astype(np.float32) + _HALF for n in pixels(view.window))
     beside_x = np.float32(2.0) * x / np.float32(view.width) - _ONE
@@ -246,7 +246,7 @@ def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict
 
 
 def _node(word: Words) -> Image:
-    """A node's number: the sum of four bytes, scaled to variance 1."""
+    """Convert a random word to a lattice node's number: the sum of four bytes, variance 1."""
     byte = np.uint32(255)
     parts = (word & byte, word >> np.uint32(8) & byte, word >> np.uint32(16) & byte)
     total = parts[0] + parts[1] + parts[2] + (word >> np.uint32(24))
@@ -255,7 +255,7 @@ def _node(word: Words) -> Image:
 
 
 def lattice_noise(window: Rect, spacing_px: tuple[np.float32, np.float32], seed: int) -> Image:
-    """Return an (h, w) field of variance 1.
+    """Return an (h, w) smooth random field of variance 1, interpolated between lattice nodes.
 
     Args:
         spacing_px: distances of the nodes along x and y.
@@ -285,6 +285,6 @@ def lattice_noise(window: Rect, spacing_px: tuple[np.float32, np.float32], seed:
 
 
 def normal_share(n: Image) -> Image:
-    """The share of a normal variable that lies below ``n``, within 0.0003."""
+    """Compute the cumulative normal distribution at ``n``, within 0.0003."""
     inner = np.float32(0.7978846) * (n + np.float32(0.044715) * n * n * n)
     return _HALF + _HALF * np.tanh(inner)

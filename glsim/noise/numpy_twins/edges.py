@@ -1,4 +1,4 @@
-"""Twins of the stages that read other pixels: at edges, and of structured light (lib/dots.glsl)."""
+"""NumPy twins of the stages that read neighbouring pixels: at edges, and of structured light."""
 
 from __future__ import annotations
 
@@ -86,17 +86,17 @@ def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def dot_place(x: Whole, y: Whole) -> Whole:
-    """The pixel of a cell that has the dot, 0 to 8 in reading order. Arguments broadcast."""
+    """Draw which of the 9 pixels of a 3x3 cell holds the projected dot, 0 to 8 in reading order."""
     return (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
 
 
 def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:
-    """Column and row, in the frame, of the pixel ``place`` of cell (x, y)."""
+    """Return column and row, in the frame, of pixel number ``place`` (0 to 8) of cell (x, y)."""
     return x * CELL_PX + place % CELL_PX, y * CELL_PX + place // CELL_PX
 
 
 def cells(window: Rect, around: int = 0) -> Rect:
-    """The cells that a window (pixels) touches, widened by ``around`` cells on each side."""
+    """Return the 3x3-pixel cells that a window touches, plus ``around`` cells on each side."""
     left, top, width, height = _CELLS.window(window)
     more = 2 * around
     return Rect(left - around, top - around, width + more, height + more)
@@ -160,7 +160,7 @@ def dot_spread(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def _weight(dx: NDArray[np.int64], dy: NDArray[np.int64]) -> Image:
-    """Weight of a dot's deviation by its offset from the centre, px: farther dots count less."""
+    """Return the weight of a dot in the match, less for dots farther from the window's centre."""
     x, y = np.float32(1.2) * dx.astype(np.float32), np.float32(1.2) * dy.astype(np.float32)
     squared = x * x + y * y
     return np.reciprocal(np.where(squared > 0, squared, np.float32(1.0)))

@@ -1,4 +1,4 @@
-"""Twins of shaders/lib: layers, depth, disparity, random, kernel and correlated_noise.glsl.
+"""NumPy twins of shaders/lib: layers, depth, disparity, random, kernel and correlated_noise.glsl.
 
 Random numbers are functions of (pixel, seed, draw), bit for bit those of the shaders.
 """
@@ -28,7 +28,7 @@ KERNEL_UNIT = np.float32(2.99791)
 
 
 def pixels(window: Rect) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Columns (1, w) and rows (h, 1) of the window's pixels, in the frame."""
+    """Return columns (1, w) and rows (h, 1) of a window's pixels, counted in the whole frame."""
     x = np.arange(window.left, window.left + window.width)
     y = np.arange(window.top, window.top + window.height)
     return x[None, :], y[:, None]
@@ -72,7 +72,7 @@ def mix(a: Image, b: Image, t: Image) -> Image:
 
 
 def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
-    """Reasons after pixels took their depth from others; ``lost``: where the new depth is 0."""
+    """Return the reason codes of pixels with new depth; code ``lost`` where the new depth is 0."""
     here, reason = layers["depth"], layers["reason"]
     new = np.where(layers["clean"] > 0, np.float32(Reason.MOVED), np.float32(Reason.GROWN))
     reason = np.where((depth_m <= 0) & (here > 0), np.float32(lost), reason)
@@ -80,19 +80,19 @@ def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
 
 
 def moved_by_mm(depth_m: Image, by_mm: Image) -> Image:
-    """Move depth (metres) along the axis by millimetres; 0 = no depth stays 0."""
+    """Add millimetres to depth (metres); 0, no depth, stays 0."""
     moved = np.maximum(depth_m + np.float32(0.001) * by_mm, _LEAST_M)
     return np.where(depth_m > 0, moved, np.float32(0.0))
 
 
 def disparity_px(depth_m: Image, focal_baseline_px_m: float) -> Image:
-    """Depth, m, to disparity, px, and back; undefined for pixels without depth."""
+    """Convert depth, m, to disparity, px, or disparity to depth; undefined where depth is 0."""
     known = np.where(depth_m > 0, depth_m, np.float32(1.0))
     return np.divide(np.float32(focal_baseline_px_m), known, dtype=np.float32)
 
 
 def displaced(depth_m: Image, by_mm: Image, by_px: Image, focal_baseline_px_m: float) -> Image:
-    """Move depth (metres) by millimetres and by pixels of disparity."""
+    """Add millimetres to depth (metres), and pixels to its disparity."""
     if by_px.any():
         shifted = disparity_px(depth_m, focal_baseline_px_m) + by_px
         moved = np.float32(focal_baseline_px_m) / np.maximum(shifted, np.float32(1e-3))
@@ -101,7 +101,7 @@ def displaced(depth_m: Image, by_mm: Image, by_px: Image, focal_baseline_px_m: f
 
 
 def without(layers: Layers, lost: NDArray[np.bool_], reason: Reason | Image) -> dict[str, Image]:
-    """Depth and reason after the pixels ``lost`` lose the depth that they have."""
+    """Return depth and reason after the pixels ``lost`` lost their depth."""
     depth = layers["depth"]
     lost = lost & (depth > 0)
     return {
@@ -113,14 +113,14 @@ def without(layers: Layers, lost: NDArray[np.bool_], reason: Reason | Image) -> 
 def random_bits(
     x: ArrayLike, y: ArrayLike, seed: int, draw: ArrayLike
 ) -> tuple[Words, Words, Words, Words]:
-    """Four random words for integers that broadcast; the result has at least one dimension."""
+    """Return four 32-bit random words per pixel, seed and draw; the arguments broadcast."""
     a, b, c, d = _scramble(_word(x), _word(y), _word(seed), _word(draw))
     sixteen = np.uint32(16)
     return _scramble(a ^ (a >> sixteen), b ^ (b >> sixteen), c ^ (c >> sixteen), d ^ (d >> sixteen))
 
 
 def _word(numbers: ArrayLike) -> Words:
-    """One step of a congruential generator modulo 2^32, from integers of any sign."""
+    """Map integers of any sign to 32-bit words by one step of a linear congruential generator."""
     # Always an array: NumPy warns when scalars overflow.
     word = np.atleast_1d(np.asarray(numbers, dtype=np.int64)).astype(np.uint32)
     stepped: Words = word * np.uint32(1664525) + np.uint32(1013904223)
@@ -135,7 +135,7 @@ def _scramble(a: Words, b: Words, c: Words, d: Words) -> tuple[Words, Words, Wor
 
 
 def pcg_word(word: Words) -> Words:
-    """One word of the generator PCG (RXS-M-XS 32)."""
+    """Return the next 32-bit word of the random generator PCG (RXS-M-XS 32)."""
     state = word * np.uint32(747796405) + np.uint32(2891336453)
     mixed: Words = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state) * np.uint32(
         277803737
@@ -144,21 +144,21 @@ def pcg_word(word: Words) -> Words:
 
 
 def uniform01(bits: Words) -> NDArray[np.float32]:
-    """Uniform numbers in the open interval (0, 1), with 23 bits."""
+    """Convert 32-bit words to uniform numbers in the open interval (0, 1), with 23 bits."""
     return ((bits >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(
         1.0 / 8388608.0
     )
 
 
 def normal_pair(first: Words, second: Words) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Two independent standard normal numbers from two random words (Box-Muller)."""
+    """Convert two random words to two independent standard normal numbers (Box-Muller)."""
     radius = np.sqrt(np.float32(-2.0) * np.log(uniform01(first)))
     angle = np.float32(6.28318530718) * uniform01(second)
     return radius * np.cos(angle), radius * np.sin(angle)
 
 
 def correlated_noise(window: Rect, seed: int) -> NDArray[np.float32]:
-    """(h, w) white noise after the decoder's 3x3 filter, scaled to variance 1."""
+    """Draw (h, w) noise of variance 1, smoothed by the 3x3 filter of the Kinect's decoder."""
     x, y = pixels(window)
     noise = np.zeros((window.height, window.width), np.float32)
     for dx, dy in square(1):

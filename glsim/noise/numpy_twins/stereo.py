@@ -1,4 +1,4 @@
-"""Twins of the stages of infrared images: dots, light and exposure of one or two imagers."""
+"""NumPy twins of the stages that draw infrared images: dots, light and exposure of the imagers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from glsim.noise.numpy_twins.layers import (
 
 
 def stereo_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Draw the light that two imagers get, with the dots of up to two projectors."""
+    """Draw the light that reaches two imagers, with the dots of up to two projectors."""
     left, right = (
         _imaged_light(view, layers, p, side, imager)
         for side, imager in zip(("left", "right"), view.imagers_m, strict=True)
@@ -31,14 +31,14 @@ def stereo_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str,
 
 
 def pattern_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Draw the light that one imager gets, and the pattern that it is matched with."""
+    """Draw the light that reaches one imager, and the projected pattern to match it with."""
     left = _imaged_light(view, layers, p, "left", view.imagers_m[0])
     pattern = _thrown(view, layers, layers["rays"], _key(view), p)
     return {"light_left": left, "light_right": np.maximum(pattern, np.float32(0))}
 
 
 def stereo_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Expose two infrared images."""
+    """Simulate two infrared images, counts, from the light that reaches the imagers."""
     noise, gain = _draws(view)
     left, right = (_blurred(view, layers[n], p) for n in ("light_left", "light_right"))
     return {
@@ -48,7 +48,7 @@ def stereo_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[s
 
 
 def pattern_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Expose one infrared image, and blur the pattern like it."""
+    """Simulate one infrared image, counts, and the equally blurred image of the pattern."""
     noise, gain = _draws(view)
     left = _blurred(view, layers["light_left"], p)
     level = p["reference_counts"] * _blurred(view, layers["light_right"], p)
@@ -63,7 +63,7 @@ def _key(view: FrameContext) -> Words:
 
 
 def dots(tangent: Image, key: Words, p: Parameters) -> Image:
-    """Return the brightness of the pattern for (..., 2) tangents of directions."""
+    """Return the brightness of the dot pattern in directions given by (..., 2) tangents."""
     half = np.float32(0.5)
     place = tangent / (np.float32(0.001) * p["dot_spacing_mrad"])
     first = np.floor(place - half).astype(np.int64)
@@ -90,7 +90,7 @@ _LEAST = np.float32(-80)
 
 
 def _thrown(view: FrameContext, layers: Layers, tangent: Image, key: Words, p: Parameters) -> Image:
-    """Return what a projector throws in (..., 2) directions; negative outside of its view."""
+    """Return the brightness of a projector in (..., 2) directions; negative outside its view."""
     if PROJECTOR_LAYER not in layers:
         return dots(tangent, key, p)
     image, half = layers[PROJECTOR_LAYER], np.float32(0.5)
@@ -158,7 +158,7 @@ def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
 
 
 def _draws(view: FrameContext) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
-    """Standard normal noise and gain, each of the first and the second image."""
+    """Draw standard normal noise and gain, (h, w) each, for the first and the second image."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     noise = normal_pair(first, second)
     first, second, _, _ = random_bits(*pixels(view.window), view.device_seed, 1)

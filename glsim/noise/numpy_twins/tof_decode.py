@@ -1,4 +1,4 @@
-"""Twins of the time-of-flight stages that decode light: taps, filters, unwrapping, tof_fast."""
+"""NumPy twins of time-of-flight stages that decode light: taps, filters, unwrapping, tof_fast."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ _HALF_ROOT_3 = np.float32(0.86602540378)
 
 
 def _parts(layers: Layers) -> tuple[Image, Image]:
-    """Real and imaginary parts of the phasors, (h, w, 3) each."""
+    """Return the real and the imaginary parts of the phasors, (h, w, 3) each."""
     a, b = layers["phasor_a"], layers["phasor_b"]
     real = np.stack([a[..., 0], a[..., 2], b[..., 0]], axis=-1)
     return real, np.stack([a[..., 1], a[..., 3], b[..., 1]], axis=-1)
 
 
 def _layers(real: Numbers, imaginary: Numbers, counts: Image, flags: Image) -> dict[str, Image]:
-    """The layers of phasors, of the infrared image, and of flags: 1 edge, 2 saturated."""
+    """Pack phasors, infrared counts and flags (1 edge, 2 saturated) into two (h, w, 4) layers."""
     both = np.stack([real, imaginary], axis=-1).reshape(*counts.shape, 6)
     b = np.concatenate([both[..., 4:], counts[..., None], flags[..., None]], axis=-1)
     return {"phasor_a": both[..., :4], "phasor_b": b}
@@ -74,7 +74,7 @@ def _layers(real: Numbers, imaginary: Numbers, counts: Image, flags: Image) -> d
 def _alike(
     view: FrameContext, p: Parameters, real: Image, imaginary: Image, reach: int, clamped: bool
 ) -> Iterator[tuple[int, int, Image, Image, Image, Numbers, Numbers]]:
-    """Yield the neighbours: dx, dy, real, imaginary, whether each counts, and phase distances.
+    """Yield for each neighbour: dx, dy, its phasor, whether it is bright enough, phase distances.
 
     The first distance is 0 for the same phase and 1 for the opposite one; the second is 0 at pixels
     that are too dark themselves.
@@ -94,7 +94,7 @@ def _alike(
 def _filtered(
     layers: Layers, kept: Mask, marked: Mask, real: Numbers, imaginary: Numbers
 ) -> dict[str, Image]:
-    """The layers after a filter of phasors, which leaves pixels that are ``kept`` as they are."""
+    """Return the phasor layers after a filter; pixels in ``kept`` stay as they were before it."""
     b, (own_real, own_imaginary), keep = layers["phasor_b"], _parts(layers), kept[..., None]
     return _layers(
         np.where(keep, own_real, real),
@@ -105,7 +105,7 @@ def _filtered(
 
 
 def companded(taps: Image) -> Image:
-    """Round taps to the values of the 11-bit code."""
+    """Round taps to the values that the Kinect's 11-bit code can represent."""
     size = np.minimum(np.abs(taps), LARGEST_TAP)
     exponent = np.frexp(size)[1] - 1
     step = np.ldexp(np.float32(1.0), np.maximum(exponent - 7, 0)).astype(np.float32)
@@ -146,7 +146,7 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _blurred(view: FrameContext, light: Image, p: Parameters) -> tuple[Image, NDArray[np.bool_]]:
-    """Light after the optics, and whether a pixel or one of its 8 neighbours has light.
+    """Blur light by the optics; return also whether a pixel or one of its 8 neighbours has light.
 
     0 outside the window, clamped at the frame.
     """
@@ -171,7 +171,7 @@ def _blurred(view: FrameContext, light: Image, p: Parameters) -> tuple[Image, ND
 
 
 def _turned(light: Image, c: Image, s: Image) -> Image:
-    """Turn the phasors of (h, w, 8) light by angles, given as cosines and sines per frequency."""
+    """Rotate the phasors of (h, w, 8) light by angles, given as cosine and sine per frequency."""
     turned = light.copy()
     real, imaginary = light[..., 0:6:2], light[..., 1:6:2]
     turned[..., 0:6:2] = real * c - imaginary * s
@@ -235,7 +235,7 @@ def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 def decoded(
     view: FrameContext, layers: Layers, p: Parameters, real: Image, imaginary: Image
 ) -> tuple[Image, Image, Image]:
-    """Depth (m), reason and sum of amplitudes from phasor parts (..., 3)."""
+    """Decode phasor parts (..., 3) to depth (m), reason code and sum of the three amplitudes."""
     amplitude = np.sqrt(real * real + imaginary * imaginary)
     f = frequencies(view)
     fast, slow, third = unwrapped_cycles(phases(real, imaginary), f)
@@ -291,7 +291,7 @@ def tof_floor(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: Image) -> Image:
-    """Variance of the noise that does not depend on the light, mm^2."""
+    """Compute the variance of the noise that does not depend on the light, mm^2."""
     normal, rays = layers["normal"], layers["rays"]
     facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
     aside = np.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
@@ -303,7 +303,7 @@ def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: I
 
 
 def _border(view: FrameContext) -> NDArray[np.bool_]:
-    """The border pixels of the frame, which the decoder does not filter."""
+    """Return a mask of the frame's outermost pixels, which the decoder does not filter."""
     x, y = pixels(view.window)
     border: NDArray[np.bool_] = (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
     return border
@@ -381,7 +381,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 def _filtered_fast(
     view: FrameContext, p: Parameters, mixed: Image, seen: Image
 ) -> tuple[Image, Image, NDArray[np.bool_]]:
-    """The bilateral filter, neighbours seeing one surface each: real, imaginary, marked."""
+    """Filter phasors by a 3x3 bilateral filter; return real part, imaginary part and edge mask."""
     real, imaginary = mixed[..., 0:6:2], mixed[..., 1:6:2]
     unit = _ONE / np.sqrt(np.maximum(real * real + imaginary * imaginary, _TINY))
     bright = mixed[..., 6:] >= p["min_amplitude"]

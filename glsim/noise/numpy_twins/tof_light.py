@@ -1,4 +1,4 @@
-"""Twins of tof_shadow, tof_light, tof_multipath, and of shaders/lib/tof.glsl and turns.glsl."""
+"""NumPy twins of tof_shadow, tof_light, tof_multipath, shaders/lib/tof.glsl and turns.glsl."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ _MOST_TURNS, _FARTHEST_PX = 64, 128
 
 
 def frequencies(view: FrameContext) -> NDArray[np.float32]:
-    """(3,) modulation frequencies, MHz."""
+    """Return the three modulation frequencies, float32 MHz."""
     return np.asarray(view.modulation_mhz, np.float32)
 
 
 def half_wave_m_mhz() -> np.float32:
-    """Half a wavelength times its frequency, m MHz."""
+    """Return half the speed of light, m MHz: divided by a frequency it is half a wavelength."""
     return np.float32(SPEED_OF_LIGHT / 2e6)
 
 
 def phases(real: Image, imaginary: Image) -> Image:
-    """Phases of phasors, cycles, 0 to 1."""
+    """Compute the phases of phasors, in cycles from 0 to 1."""
     turns = (np.arctan2(imaginary, real) / TWO_PI).astype(np.float32)
     within: Image = turns - np.floor(turns)
     return within
 
 
 def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
-    """Unwrapped cycles of the fast, slow and third frequency from (..., 3) phases in [0, 1]."""
+    """Unwrap (..., 3) phases in [0, 1] to cycles of the fast, the slow and the third frequency."""
     ratio, turns_of_third = f[0] / f[1], f[2] / f[1]
     fast = phase[..., 0] + np.floor(ratio * phase[..., 1] - phase[..., 0] + _HALF)
     best, best_turn = np.full_like(fast, 1e6), np.zeros_like(fast)
@@ -62,13 +62,13 @@ def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image
 
 
 def distance_of(fast: Image, slow: Image, third: Image, f: NDArray[np.float32]) -> Image:
-    """Half the path of light, m, from unwrapped cycles."""
+    """Compute half the length of the light's path, m, from unwrapped cycles."""
     distance: Image = (fast + slow + third) * half_wave_m_mhz() / f.sum()
     return distance
 
 
 def along_axis(view: FrameContext, rays: Image, distance_m: Image) -> Image:
-    """Depth, m, from half the path emitter, surface, camera."""
+    """Compute depth, m, from half the length of the path emitter, surface, camera."""
     emitter = np.asarray(view.emitter_m, np.float32)
     x, y = rays[..., 0], rays[..., 1]
     path = np.float32(2.0) * distance_m
@@ -147,7 +147,7 @@ def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def _contrast(view: FrameContext, p: Parameters, lit: Image) -> Image:
-    """(..., 7) contrast that is left of each part of ``phasors``; that of the amplitude is 1."""
+    """Compute the contrast, (..., 7), that indirect light leaves of each part of ``phasors``."""
     around = p["indirect"] * (np.float32(1.0) - lit)
     share = (around / np.maximum(lit + around, np.float32(1e-6)))[..., None]
     turn = TWO_PI * frequencies(view) / half_wave_m_mhz() * _MM * p["indirect_spread_mm"]
@@ -159,7 +159,7 @@ def _contrast(view: FrameContext, p: Parameters, lit: Image) -> Image:
 
 
 def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
-    """Light and shape of samples, from the pixel around with the most similar depth."""
+    """Return light and normal of each sample, copied from the neighbour of most similar depth."""
     apart = np.where(depths > 0, np.abs(depths - seen[:, 0]), np.float32(1e5))
     alike, some = apart.argmin(axis=0), apart.min(axis=0) < 1e5
     each = np.arange(len(alike))
@@ -172,7 +172,7 @@ def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Ima
 def surface_light(
     view: FrameContext, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> tuple[Image, Image]:
-    """Amplitude of surface elements, and half the path emitter, surface, camera, m."""
+    """Compute the amplitude of surface elements, and half the path emitter, surface, camera, m."""
     emitter = np.asarray(view.emitter_m, np.float32)
     x, y = ray[..., 0], ray[..., 1]
     stretch = np.sqrt(x * x + y * y + np.float32(1.0))
@@ -197,7 +197,7 @@ def surface_light(
 
 
 def device_harmonics(view: FrameContext, p: Parameters) -> tuple[Image, Image, Image, Image]:
-    """Four times (3,): real and imaginary part of the second harmonic per frequency; of the fifth.
+    """Draw real and imaginary parts of the device's second, then fifth harmonic, (3,) each.
 
     Sizes are the parameters'; phases are the device's own, drawn around the parameters'.
     """
@@ -215,7 +215,7 @@ def device_harmonics(view: FrameContext, p: Parameters) -> tuple[Image, Image, I
 
 
 def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
-    """(..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
+    """Compute (..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
     turns = distance_m[..., None] * frequencies(view) / half_wave_m_mhz()
     angle = TWO_PI * (turns - np.floor(turns))
     real_2, imaginary_2, real_5, imaginary_5 = device_harmonics(view, p)
@@ -231,7 +231,7 @@ def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Ima
 def phasors(
     view: FrameContext, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> Image:
-    """(..., 7) of surface elements: real and imaginary part per frequency, and amplitude."""
+    """Compute (..., 7) light of surface elements: real, imaginary per frequency, and amplitude."""
     amplitude, distance = surface_light(view, p, z, shape, ray, lit)
     real, imaginary = correlate(view, p, distance)
     both = np.stack([real, imaginary], axis=-1).reshape(*amplitude.shape, 6)
@@ -240,7 +240,7 @@ def phasors(
 
 
 def expected_depth(view: FrameContext, p: Parameters, layers: Layers) -> dict[str, Image]:
-    """The layer expected where it is wanted: depth of lit surfaces without noise and blur."""
+    """Return the layer "expected", depth without noise and blur, m; {} if it is not wanted."""
     if "expected" not in layers:
         return {}
     z, rays = layers["clean"], layers["rays"]

@@ -1,4 +1,4 @@
-"""Twins of the stages that read their own pixel alone, and of perlin, simplex and field.glsl."""
+"""NumPy twins of the stages that read no neighbours, and of perlin, simplex and field.glsl."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ Vector = tuple[Image, Image, Image]
 
 
 def angle_to_axis(normal: Image) -> Image:
-    """Angle between surface normal and optical axis, rad."""
+    """Compute the angle between surface normal and optical axis, rad."""
     return np.arccos(np.clip(-normal[..., 2], np.float32(0.0), np.float32(1.0)))
 
 
 def angle_ratio(angle: Image) -> Image:
-    """The ratio a / (pi/2 - a); axial and lateral noise grow with it."""
+    """Compute a / (pi/2 - a) of an angle; axial and lateral noise grow with this ratio."""
     ratio: Image = angle / np.maximum(_HALF_PI - angle, _FROM_POLE)
     return ratio
 
@@ -177,13 +177,13 @@ def range_gate(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, 
 
 
 def _hash(node: tuple[Words, Words, Words], seed: int) -> Words:
-    """Hash a lattice node. The seed wraps at 2^32, because each octave adds its number to it."""
+    """Hash a lattice node and a seed to a 32-bit word; the seed wraps at 2^32."""
     x, y, z = node
     return pcg_word(pcg_word(pcg_word(np.uint32(seed % 2**32) ^ pcg_word(z)) + y) + x)
 
 
 def _gradient(bits: Words, offset: Vector) -> Image:
-    """Dot product of the offset and a gradient, one of the 12 edge directions of a cube."""
+    """Compute the dot product of an offset and a random gradient, one of 12 edges of a cube."""
     h = bits >> np.uint32(28)
     x, y, z = offset
     a = np.where(h < 8, x, y)
@@ -192,19 +192,19 @@ def _gradient(bits: Words, offset: Vector) -> Image:
 
 
 def _fade(t: Image) -> Image:
-    """Quintic fade from 0 to 1 over a lattice cell, without slope or curvature at its ends."""
+    """Compute Perlin's quintic weight, 0 to 1 over a lattice cell, flat at both ends."""
     slope = t * (t * np.float32(6.0) - np.float32(15.0)) + np.float32(10.0)
     quintic: Image = t * t * t * slope
     return quintic
 
 
 def _words(whole: Image) -> Words:
-    """Integers of any sign, modulo 2^32."""
+    """Convert integers of any sign to 32-bit words, modulo 2^32."""
     return whole.astype(np.int64).astype(np.uint32)
 
 
 def perlin_at(at: Vector, seed: int) -> Image:
-    """Perlin noise on a cubic lattice, about -1 to 1.
+    """Compute Perlin noise on a cubic lattice, about -1 to 1.
 
     Args:
         at: float32, in lattice cells.
@@ -234,7 +234,7 @@ def _total(vector: Vector, factor: float) -> Image:
 
 
 def simplex_at(at: Vector, seed: int) -> Image:
-    """Simplex noise on a lattice of tetrahedra, about -1 to 1.
+    """Compute simplex noise on a lattice of tetrahedra, about -1 to 1.
 
     Args:
         at: float32, in lattice cells.
@@ -261,14 +261,14 @@ def simplex_at(at: Vector, seed: int) -> Image:
 
 
 def field_seed(view: FrameContext, drift_hz: np.float32) -> int:
-    """The seed of the field: one field per frame without drift, one per sequence with drift."""
+    """Return the seed of a noise field: the frame's without drift, the sequence's with drift."""
     return view.sequence_seed if drift_hz > 0 else view.seed
 
 
 def field_position(
     view: FrameContext, lattice_x_px: np.float32, lattice_y_px: np.float32, drift_hz: np.float32
 ) -> Vector:
-    """Position of each pixel of the window in the field, in lattice cells."""
+    """Return the position of each pixel of the window in the noise field, in lattice cells."""
     x, y = pixels(view.window)
     bits = random_bits(0, 0, field_seed(view, drift_hz), 0xF1E1D)
     start = [np.float32(3.0) * uniform01(word) for word in bits[:3]]
