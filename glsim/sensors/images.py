@@ -1,4 +1,4 @@
-"""Images that a sensor file names, the same in every frame: a fixed pattern, a projector's dots.
+"""Images in a sensor file that are the same in every frame: fixed pattern, projector's image.
 
     [rig]
     fixed_pattern_map = "x_fixed_pattern.npy"
@@ -40,7 +40,7 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True, eq=False)
 class SensorImage:
-    """An image of a sensor.
+    """An image that a sensor file names, with its values and its file.
 
     Args:
         values: (H, W) float32, read-only: errors, mm, NaN = unknown; or brightness, 0 to 1.
@@ -52,7 +52,7 @@ class SensorImage:
 
     @property
     def digest(self) -> str:
-        """First 16 hexadecimal digits of the SHA-256 of the values: equal images, equal digests."""
+        """The first 16 hexadecimal digits of the SHA-256 of the image's values."""
         return hashlib.sha256(self.values.tobytes()).hexdigest()[:16]
 
 
@@ -74,7 +74,7 @@ def _made(values: NDArray[np.floating], file: Path) -> SensorImage:
 
 
 def read_pattern_map(file: Path, shape: tuple[int, int]) -> SensorImage:
-    """Read a .npy map for images of shape (height, width).
+    """Read a map of a fixed pattern (.npy, float mm) for images of shape (height, width).
 
     Raises ConfigError for a missing or unreadable file, another shape, values that are no real
     numbers, infinite or larger than LARGEST_MM, and for a map that knows no pixel.
@@ -98,7 +98,7 @@ def read_pattern_map(file: Path, shape: tuple[int, int]) -> SensorImage:
 
 
 def check_shape(values: NDArray[np.floating], shape: tuple[int, int], where: str) -> None:
-    """Raise ConfigError if a map is not (height, width)."""
+    """Raise ConfigError if a map does not have the shape (height, width) of the image."""
     if values.shape != shape:
         size = "x".join(map(str, values.shape[::-1]))
         raise ConfigError(
@@ -109,7 +109,7 @@ def check_shape(values: NDArray[np.floating], shape: tuple[int, int], where: str
 def remove_fixed_pattern(
     depth_mm: NDArray[np.number], map_mm: NDArray[np.floating]
 ) -> NDArray[np.float32]:
-    """Subtract a device's fixed pattern: float32 mm, of the shape of ``depth_mm``.
+    """Subtract a device's fixed pattern from depth maps; return float32 mm of the same shape.
 
     For a crop give the same crop of the map.
 
@@ -130,7 +130,7 @@ def remove_fixed_pattern(
 def read_projector_image(
     file: Path, view_deg: tuple[float, float], focal_px: tuple[float, float]
 ) -> SensorImage:
-    """Read the image that a projector throws.
+    """Read the image that a projector projects, as float32 brightness from 0 to 1.
 
     Each pixel becomes the mean over what one pixel of the camera sees of the image, so that none of
     a fine pattern is lost. The mean is taken in whole numbers: the same on every machine.
@@ -169,11 +169,11 @@ def read_projector_image(
 
 
 def half_tan(view_deg: float) -> float:
-    """Return the tangent of half a field of view."""
+    """Compute the tangent of half a field of view."""
     return float(np.tan(np.radians(0.5 * view_deg)))
 
 
 def _seen_px(view_deg: float, side_px: int, focal_px: float) -> int:
-    """Return the pixels of an image that one pixel of the camera sees, odd."""
+    """Compute the width, in pixels of a projector's image, that a camera pixel sees; it is odd."""
     seen = side_px / (2.0 * half_tan(view_deg) * focal_px)
     return 2 * int(0.5 * min(seen, side_px)) + 1

@@ -31,7 +31,7 @@ def tap_phase_sigma_rad(
     read_lsb2: float = TAP_READ_LSB2,
     shot_lsb: float = TAP_SHOT_LSB,
 ) -> Array:
-    """Compute the phase noise of three taps with read and shot noise.
+    """Compute the phase noise, rad, that read noise and shot noise of the three taps cause.
 
     Args:
         amplitude: libfreenect2's infrared units, any shape.
@@ -55,7 +55,7 @@ def white_sigma_mm(
     read_lsb2: float = TAP_READ_LSB2,
     shot_lsb: float = TAP_SHOT_LSB,
 ) -> Array:
-    """Depth noise from the phases alone, mm, after a filter that divides it by ``gain``.
+    """Compute the depth noise, mm, due to phase noise alone, after a filter with ``gain``.
 
     See ``tap_phase_sigma_rad`` for the other arguments.
     """

@@ -1,4 +1,4 @@
-"""The rig of a sensor file: its TOML table, checked.
+"""The rig of a sensor file, read from its TOML table [rig] and checked.
 
 [rig]
 width = 512
@@ -79,7 +79,7 @@ class _ExposureTable(TomlTable, allow_inf_nan=False):
 
 
 class RigTable(TomlTable, allow_inf_nan=False):
-    """The table [rig] of a sensor file, checked."""
+    """The validated table [rig] of a sensor file."""
 
     width: int = Field(ge=8, le=8192)
     height: int = Field(ge=8, le=8192)
@@ -125,7 +125,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
         return self
 
     def rig(self) -> SensorRig:
-        """Return the rig that the table describes."""
+        """Return the rig described by the table."""
         return SensorRig(
             Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
             tuple(Emitter(e.position_m, e.spread_m, e.path_from_m, e.shares) for e in self.emitter),

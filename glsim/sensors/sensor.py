@@ -64,7 +64,7 @@ class _SensorFile(TomlTable):
 
 @dataclass(frozen=True)
 class StageChange:
-    """Another code for a stage of a sensor's file, or a stage that the file does not have.
+    """A change to a sensor's chain: new code for a stage of its file, or an additional stage.
 
     Args:
         name: of the stage in the chain.
@@ -81,7 +81,7 @@ class StageChange:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A rig with its chain of noise stages.
+    """A depth camera: its rig and its chain of noise stages.
 
     Args:
         file: the TOML file it was read from.
@@ -104,7 +104,7 @@ class Sensor:
 
     @property
     def images(self) -> dict[str, NDArray[np.float32]]:
-        """The images that stages read in every frame, by the name of the layer."""
+        """The images that stages read in every frame: name of the layer -> float32 array."""
         images = {}
         if self.pattern_map is not None:
             images[PATTERN_LAYER] = np.nan_to_num(self.pattern_map.values, nan=float(NO_PATTERN))
@@ -113,7 +113,7 @@ class Sensor:
         return images
 
     def describe(self) -> dict[str, Any]:
-        """The complete sensor as JSON values, for the header of a data set."""
+        """Describe the complete sensor as JSON values, for the header of a data set."""
         i, thrown = self.rig.intrinsics, self.projector_image
         return {
             "name": self.name,
@@ -156,13 +156,13 @@ class Sensor:
 
 
 def sensor_names() -> list[str]:
-    """Return the names of the shipped sensors and of those that other packages bring, sorted."""
+    """Return the names of the sensors of glsim and of installed plug-ins, sorted."""
     shipped = [file.stem for file in SENSOR_FOLDER.glob("*.toml")]
     return sorted([*shipped, *plugin_names("sensors", shipped)])
 
 
 def sensor_file(name: str) -> Path:
-    """Return the file of a sensor's name or path. Raises ConfigError for an unknown name."""
+    """Return the TOML file of a sensor, given its name or path. Raises ConfigError if unknown."""
     file = Path(name) if name.endswith(".toml") else SENSOR_FOLDER / f"{name}.toml"
     if name.endswith(".toml") or file.is_file():
         return file
@@ -176,7 +176,7 @@ def sensor_file(name: str) -> Path:
 
 
 def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Return the tables of a sensor file, as if it extended none. Raises ConfigError.
+    """Read the tables of a sensor file, merged with the file that it extends. Raises ConfigError.
 
     Args:
         file: the TOML file.
@@ -200,7 +200,7 @@ def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any
 
 
 def _anchor(tree: dict[str, Any], folder: Path) -> None:
-    """Make the paths in a file that is extended independent of the file that extends it."""
+    """Make relative paths of a sensor file absolute, in place, for files in other folders."""
     rig = tree.get("rig", {})
     for key in RIG_FILES if isinstance(rig, dict) else ():
         if isinstance(found := rig.get(key), str) and found:
@@ -212,7 +212,7 @@ def _anchor(tree: dict[str, Any], folder: Path) -> None:
 
 
 def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> None:
-    """Merge the parameters of ``own`` stages into those of the other file, in place."""
+    """Merge the stages ``own`` into the stages of the extended sensor file, in place."""
     stages = tree.get("stage", [])
     given = all(isinstance(table, list) and all(isinstance(s, dict) for s in table)
                 for table in (stages, own))  # fmt: skip
@@ -230,7 +230,7 @@ def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> No
 
 
 def _name(stage: dict[str, Any], file: Path) -> str:
-    """Return the name of a stage in the chain."""
+    """Return the name of a [[stage]] table in the chain: ``name``, else the name of its code."""
     use = stage.get("use")
     if not isinstance(use, str):
         raise ConfigError(f'{file}: say which stage with use = "..."')
@@ -239,13 +239,13 @@ def _name(stage: dict[str, Any], file: Path) -> str:
 
 
 def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor:
-    """Load the sensor that the settings name, with their overrides of its rig and stages."""
+    """Load the sensor named in the settings, with their changes to its rig and its stages."""
     place = partial(place_of, settings)
     return load_sensor(settings.sensor, settings.stage, settings.rig, place, changes)
 
 
 def sensor_code(settings: Settings) -> list[str]:
-    """Return the stages of the settings' sensor that are Python code; nothing of it is run.
+    """List the stages of the settings' sensor that are Python code, without running them.
 
     Raises ConfigError if the sensor's file cannot be read.
     """
@@ -263,7 +263,7 @@ def load_sensor(
     place: _Place = lambda *_: "the overrides",
     changes: Sequence[StageChange] = (),
 ) -> Sensor:
-    """Load a sensor by name, shipped or of another package, or a sensor file by path.
+    """Load a sensor, given the name of a shipped sensor or plug-in, or the path of a sensor file.
 
     Args:
         overrides: stage -> parameter -> setting.
@@ -331,7 +331,7 @@ def _insert(
     overrides: Mapping[str, Mapping[str, Distribution]],
     place: _Place,
 ) -> None:
-    """Insert a stage that the sensor's file does not have. Raises ConfigError."""
+    """Insert into the chain a stage that the sensor's file does not have. Raises ConfigError."""
     names = [stage.name for stage in stages]
     if change.before is not None and change.before not in names:
         raise ConfigError(
@@ -349,7 +349,7 @@ def _insert(
 def _image_file(
     name: str, key: str, layer: str, stages: Sequence[Stage], file: Path, adding: str
 ) -> Path | None:
-    """Return the image's file that the rig names, or None. Raises ConfigError if none reads it."""
+    """Return the path of an image of the rig, or None. Raises ConfigError if no stage reads it."""
     if not name:
         return None
     if not any(s.spec.source and layer in s.spec.source.reads for s in stages):
@@ -368,7 +368,7 @@ def _stage(
     place: _Place,
     changed: dict[str, StageChange],
 ) -> Stage:
-    """Make the stage of a [[stage]] table; take the change of that stage out of ``changed``."""
+    """Make the stage of a [[stage]] table, and remove its change, if any, from ``changed``."""
     settings = dict(entry)
     use = settings.pop("use", None)
     if not isinstance(use, str):

@@ -1,4 +1,4 @@
-"""Wiggling of one time-of-flight device: the error of its depth that repeats with distance.
+"""Wiggling of a time-of-flight device: its systematic depth error, periodic in distance.
 
 Harmonics of the correlation bend each phase; the decoder's depth is the mean over the phases. A
 sensor file says what the device's harmonics are, as ``glsim fit`` measures them:
@@ -32,7 +32,7 @@ _STEPS: Final = 3
 
 
 class Wave(BaseModel):
-    """One harmonic of the correlation at one modulation frequency: a [[rig.wiggling]] table."""
+    """A harmonic of the correlation at one modulation frequency: a [[rig.wiggling]] table."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -45,7 +45,7 @@ class Wave(BaseModel):
 def wiggling_mm(
     distance_m: NDArray[np.floating], waves: Sequence[Wave], modulation_mhz: Sequence[float]
 ) -> NDArray[np.float64]:
-    """Return how much too far the decoder finds distances, mm, of the same shape.
+    """Compute the wiggling error at each distance, mm; positive where the decoder measures too far.
 
     Args:
         distance_m: half the path emitter, surface, camera, metres.
@@ -72,7 +72,7 @@ def remove_wiggling(
     rays: FloatArray,
     emitter_m: tuple[float, float, float],
 ) -> NDArray[np.float32]:
-    """Subtract a device's wiggling: float32 mm, of the shape of ``depth_mm``.
+    """Subtract a device's wiggling from a depth map; return float32 mm of the same shape.
 
     Args:
         depth_mm: (H, W), 0 = no depth, and stays so.
