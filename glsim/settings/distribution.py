@@ -1,4 +1,4 @@
-"""A setting that is a number or a distribution of numbers.
+"""A number in the settings that is constant or drawn from a distribution.
 
     base_sigma_mm = 1.5                              always 1.5
     base_sigma_mm = { uniform = [1, 3] }             one draw per frame
@@ -32,7 +32,7 @@ _KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
 
 
 class Distribution(TomlTable):
-    """Exactly one of uniform, loguniform, normal, choice or constant; drawn once per ``per``."""
+    """A uniform, loguniform, normal, choice or constant distribution; drawn once per ``per``."""
 
     constant: float | None = None
     uniform: tuple[float, float] | None = None
@@ -67,11 +67,11 @@ class Distribution(TomlTable):
 
     @property
     def is_constant(self) -> bool:
-        """Whether every draw gives the same number."""
+        """Whether all draws give the same number."""
         return self.constant is not None
 
     def bounds(self) -> tuple[float, float]:
-        """The smallest and largest number that can be drawn; normal is cut at three deviations."""
+        """Return the smallest and largest draw; a normal draw is cut at 3 standard deviations."""
         if self.normal is not None:
             mean, sigma = self.normal
             return mean - 3 * sigma, mean + 3 * sigma
@@ -79,7 +79,7 @@ class Distribution(TomlTable):
 
     @property
     def typical(self) -> float:
-        """The median of uniform, loguniform and normal, the first number of choice."""
+        """The median of the distribution, or the first number of a choice."""
         if self.uniform is not None:
             return 0.5 * (self.uniform[0] + self.uniform[1])
         if self.loguniform is not None:
@@ -87,7 +87,7 @@ class Distribution(TomlTable):
         return self._numbers()[0]
 
     def draw(self, keys: DrawKeys, name: str) -> float:
-        """Draw the number of the setting ``name`` for the frame that ``keys`` identify."""
+        """Draw the number of the setting ``name`` with the seeds of a frame."""
         if self.constant is not None:
             return self.constant
         key = getattr(keys, self.per)
@@ -105,7 +105,7 @@ class Distribution(TomlTable):
 
 
 class DrawKeys(NamedTuple):
-    """64-bit seeds of a frame, of its sequence, of its subject and of its virtual device.
+    """The 64-bit seeds of a frame, of its sequence, its subject and its virtual device.
 
     device: None for the first device of a plan, which is the typical one.
     """
@@ -116,7 +116,7 @@ class DrawKeys(NamedTuple):
     device: int | None = None
 
     def held_in_sequence(self) -> DrawKeys:
-        """Return the keys with which nothing is drawn anew within a sequence."""
+        """Return keys that give all frames of a sequence the same draws."""
         return self._replace(frame=self.sequence)
 
 
@@ -134,5 +134,5 @@ NumberSetting = Annotated[Distribution, BeforeValidator(_from_number)]
 
 
 def constant(value: float) -> Distribution:
-    """The distribution that always gives ``value``."""
+    """Return the distribution that always gives ``value``."""
     return Distribution(constant=value)

@@ -98,7 +98,7 @@ def _uniform(low: float, high: float) -> Distribution:
 
 
 def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raise ValueError if a number, or one that a distribution may give, is outside its limits."""
+    """Raise ValueError if a setting, or a draw of its distribution, can be outside its limits."""
     for name, (least, most) in limits.items():
         setting = getattr(table, name)
         low, high = (least, most) if setting is None else setting.bounds()
@@ -108,7 +108,7 @@ def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -
 
 
 class PoseSettings(TomlTable):
-    """Pose of the head in front of the sensor. Angles are as the subject would describe them."""
+    """Pose of the head in front of the sensor; positive angles are to its own left, or up."""
 
     distance_mm: NumberSetting = Field(
         constant(900.0), description="sensor to centre of the face, along z"
@@ -134,7 +134,7 @@ class PoseSettings(TomlTable):
 
 
 class MotionSettings(TomlTable):
-    """Motion within the exposure of a frame, which other frames do not show."""
+    """Motion of the head during the exposure of a frame."""
 
     within_exposure: bool = Field(
         False,
@@ -163,7 +163,7 @@ SPEEDS = {
 
 
 class VariationSettings(TomlTable):
-    """Random changes of heads, so that networks do not learn the face model of the source."""
+    """Random changes of a head's shape and albedo, to vary the faces of one face model."""
 
     shape_mm: NumberSetting = Field(
         constant(0.0), description="standard deviation of a smooth warp of the head"
@@ -180,7 +180,7 @@ class VariationSettings(TomlTable):
 
 
 class AppearanceSettings(TomlTable):
-    """What people wear, drawn once per subject. A share of 0 switches a thing off."""
+    """Hair, beard, glasses and clothes of people, drawn per subject; a share of 0 means nobody."""
 
     wear: Literal["auto", "always", "never"] = Field(
         "auto", description="auto: people are dressed, procedural and ict-facekit heads are not"
@@ -195,7 +195,7 @@ class AppearanceSettings(TomlTable):
 
 
 class SceneSettings(TomlTable):
-    """The scene around the face: nothing, a plain wall, or a room."""
+    """The surroundings of the face: nothing, a plain wall, or a room."""
 
     wall_mm: NumberSetting | None = Field(
         None, description="distance of a wall behind; default: no wall"
@@ -238,7 +238,7 @@ def _words(value: object) -> object:
 
 
 class OutputSettings(TomlTable):
-    """Layers, format and size of the frames that are written."""
+    """Layers, file format and size of the frames that are written."""
 
     format: Literal["png", "webdataset"] = Field(
         "png", description="a tree of PNG files, or shards"
@@ -293,7 +293,7 @@ def _sources(value: object) -> object:
 
 
 class Settings(TomlTable):
-    """Everything that determines a data set. The same settings give the same bytes."""
+    """All settings of a data set; equal settings give equal bytes."""
 
     sensor: str = Field(DEFAULT_SENSOR, description="a shipped sensor, or the path of a .toml file")
     seed: int = Field(0, ge=0, lt=2**63, description="the same seed gives the same bytes")
@@ -325,7 +325,7 @@ class Settings(TomlTable):
     strict: bool = Field(False, description="stop at the first bad frame instead of recording it")
 
     def __eq__(self, other: object) -> bool:
-        """Compare the values; the places where a user wrote them do not count."""
+        """Compare the values of settings, but not the places where a user wrote them."""
         return isinstance(other, Settings) and self.__dict__ == other.__dict__
 
     @model_validator(mode="after")
@@ -350,7 +350,7 @@ class Settings(TomlTable):
 
 
 def place_of(settings: Settings, *path: str) -> str:
-    """Return where a setting, or one below it, was given, for messages: "--set TEXT" if it was."""
+    """Return where a user gave a setting, for messages: a --set option or the settings."""
     places = settings._places.items()
     found = (text for given, text in places if given[: len(path)] == path)
     return next(found, "settings (--set or --config)")
@@ -363,7 +363,7 @@ def load_settings(
     source: Mapping[str, Any] | None = None,
     preset: str | None = None,
 ) -> Settings:
-    """Load settings: a preset, a TOML file, ``a.b=value`` assignments, then nested ``overrides``.
+    """Load settings from a preset, a TOML file, assignments ``a.b=value`` and nested ``overrides``.
 
     A source that generates faces has 10 subjects and 30 frames of each by default.
 
@@ -396,7 +396,7 @@ def load_settings(
 
 
 def with_assignments(settings: Settings, values: Mapping[str, Any]) -> Settings:
-    """Return settings with other values, by the names of ``--set``: {"tof_floor.sigma_mm": 2}.
+    """Return settings with changed values, named as for ``--set``: {"tof_floor.sigma_mm": 2}.
 
     A value is a number, a distribution as in a file ({"uniform": [1, 3]}), or what a file has
     there. Raises ConfigError for a name or value that ``load_settings`` would refuse.
@@ -411,7 +411,7 @@ def with_assignments(settings: Settings, values: Mapping[str, Any]) -> Settings:
 
 
 def _settings_path(path: list[str]) -> list[str]:
-    """Put a stage's parameter below "stage"."""
+    """Add "stage" in front of the path of a stage's parameter."""
     return ["stage", *path] if len(path) == 2 and path[0] not in Settings.model_fields else path
 
 
@@ -420,7 +420,7 @@ _COUNTS = ("subjects", "frames_per_subject")
 
 
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    """Return the preset's settings with the ``given`` ones over them."""
+    """Merge the ``given`` settings into the settings of a preset."""
     preset_source, source = tree.get("source", {}), given.get("source", {})
     kinds = {s.get("kind") for s in (source if isinstance(source, list) else [source])}
     if kinds - {None, preset_source.get("kind")}:

@@ -1,4 +1,4 @@
-"""The settings [[source]]: a table per kind, which the source of that kind declares.
+"""The settings [[source]] of faces; each kind of source declares a table of its own.
 
 A source is a file in glsim/faces/sources, or an entry point "glsim.sources" of another package.
 """
@@ -35,7 +35,7 @@ _LAST: Final = ("weight", "count")
 
 
 class SourceSettings(TomlTable):
-    """A source of faces: a generator or a set of meshes on disk."""
+    """The settings of a source of faces, a generator or a folder of meshes."""
 
     #: Whether the source generates as many people and frames as are asked for.
     endless: ClassVar[bool] = False
@@ -50,13 +50,13 @@ class SourceSettings(TomlTable):
     count: int | None = Field(None, ge=1, description="number of images from this source")
 
     def room_problem(self) -> str:
-        """Return why people of this source cannot stand in a room, or ""."""
+        """Return the reason why people of this source cannot stand in a room, or ""."""
         return ""
 
     @model_validator(mode="before")
     @classmethod
     def _refuse_options_of_others(cls, table: Any) -> Any:
-        """Drop options of other kinds that are not set; refuse those that are, naming the kinds."""
+        """Drop unset options of other kinds of sources; refuse options that are set."""
         if not isinstance(table, Mapping):
             return table
         kept = dict(table)
@@ -86,18 +86,18 @@ class SourceSettings(TomlTable):
 
 
 def shipped_kinds() -> list[str]:
-    """Return the kinds of sources that come with glsim, sorted; nothing is imported."""
+    """Return the kinds of sources of glsim, sorted, without importing them."""
     return [name.replace("_", "-") for name in module_names(_FOLDER)]
 
 
 def source_kinds() -> list[str]:
-    """Return all kinds of sources, also those of other packages, sorted; nothing is imported."""
+    """Return the kinds of sources of glsim and of plug-ins, sorted, without importing them."""
     shipped = shipped_kinds()
     return sorted([*shipped, *plugin_names(_GROUP, shipped)])
 
 
 def source_table(kind: str) -> type[SourceSettings]:
-    """Import the settings table of a kind. Raises ConfigError for a broken plug-in."""
+    """Import the settings class of a kind of source. Raises ConfigError for a broken plug-in."""
     if kind in shipped_kinds():
         module = shipped_module(_FOLDER, kind.replace("-", "_"))
         own = (value for value in vars(module).values() if _is_table(value))
@@ -112,12 +112,12 @@ def _is_table(value: object) -> TypeGuard[type[SourceSettings]]:
 
 @cache
 def generates(kind: str) -> bool:
-    """Return whether sources of this kind generate faces; others read them from files."""
+    """Return whether this kind of source generates faces instead of reading them from files."""
     return kind in source_kinds() and source_table(kind).endless
 
 
 def parse_source(table: Mapping[str, Any]) -> SourceSettings:
-    """Validate a [[source]] table as its kind declares it. Raises pydantic's ValidationError."""
+    """Validate a [[source]] table by the class of its kind. Raises pydantic's ValidationError."""
     kind = table.get("kind", SourceSettings.model_fields["kind"].default)
     if kind not in shipped_kinds() and kind not in source_kinds():
         expected = ", ".join(map(repr, source_kinds()))

@@ -1,4 +1,4 @@
-"""TOML tables as nested dicts: reading, assignments, merging and validation by a pydantic model.
+"""TOML tables as nested dicts: read, assign, merge, and validate them by a pydantic model.
 
 Settings (``schema``), sensors, recipes and plans each have a model of their own.
 """
@@ -24,7 +24,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 class TomlTable(BaseModel):
-    """The base of models of TOML tables: values are frozen, unknown keys are errors."""
+    """The base class of pydantic models of TOML tables: frozen values, no unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -47,7 +47,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def split_assignment(text: str, example: str) -> tuple[list[str], Any]:
-    """Split ``"a.b=2.5"`` into (["a", "b"], 2.5). Values are TOML; a bare word is a string.
+    """Split ``"a.b=2.5"`` into (["a", "b"], 2.5); a value is TOML, or else a string.
 
     Raises ConfigError, which shows ``example``, if ``text`` is not "name=value".
     """
@@ -64,7 +64,7 @@ def split_assignment(text: str, example: str) -> tuple[list[str], Any]:
 
 
 def assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None:
-    """Set the value at ``path`` in nested dicts. Raises ConfigError with ``text`` if it cannot."""
+    """Set the value at ``path`` in nested dicts. Raises ConfigError if a part is not a table."""
     node: Any = tree
     for part in path[:-1]:
         if isinstance(node, dict):
@@ -75,7 +75,7 @@ def assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None
 
 
 def merge_tables(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
-    """Merge ``overrides`` into nested dicts, in place: tables merge, other values replace."""
+    """Merge ``overrides`` into nested dicts in place; dicts merge, other values replace."""
     for key, value in overrides.items():
         if isinstance(value, Mapping) and isinstance(tree.get(key), dict):
             merge_tables(tree[key], value)
@@ -89,7 +89,7 @@ def parse_table(
     where: str,
     places: Mapping[tuple[str, ...], str] | None = None,
 ) -> _Model:
-    """Build a ``model`` from nested dicts. Raises ConfigError: the first problem, in one line.
+    """Build a ``model`` from nested dicts. Raises ConfigError with the first problem, in one line.
 
     Args:
         where: the place of the settings, such as a file.
@@ -116,7 +116,7 @@ _TABLE = "is a table: set one of its entries"
 
 
 def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[str], str]:
-    """Return the path of the first wrong setting, and one line about it that begins with its name.
+    """Return the path of the first wrong setting, and a one-line message about it.
 
     A misspelt name comes before what it leaves missing.
     """
@@ -135,7 +135,7 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
 
 
 def _is_internal(part: str) -> bool:
-    """Whether a part of pydantic's path names a validator, not a setting."""
+    """Return whether a part of pydantic's error path names a validator, not a setting."""
     return part.startswith(("function-", "tuple[", "lax-or-strict", "is-instance", "literal["))
 
 
@@ -175,7 +175,7 @@ def _fields_at(model: type[BaseModel], path: list[str]) -> list[str]:
 
 
 def toml_value(value: Any) -> str:
-    """Write a value as TOML: a number, true, a string, an array or an inline table."""
+    """Write a number, bool, string, list or dict as a TOML value in one line."""
     if isinstance(value, Mapping):
         names = (name if name.isidentifier() else json.dumps(name) for name in value)
         pairs = zip(names, map(toml_value, value.values()), strict=True)

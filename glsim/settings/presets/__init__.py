@@ -1,4 +1,4 @@
-"""Presets: shipped settings for a whole data set, as TOML files beside this one.
+"""Presets: complete settings for common data sets, as TOML files beside this module.
 
 A file has the tables of a settings file, and ``title``, a line that ``--help`` prints.
 """
@@ -15,12 +15,12 @@ _FOLDER = Path(__file__).parent
 
 
 def preset_names() -> list[str]:
-    """Names of the shipped presets, sorted."""
+    """Return the names of the shipped presets, sorted."""
     return sorted(file.stem for file in _FOLDER.glob("*.toml"))
 
 
 def preset_title(name: str) -> str:
-    """What a preset is, in a line. Raises ConfigError for an unknown name."""
+    """Return the one-line description of a preset. Raises ConfigError for an unknown name."""
     return str(_read(name)["title"])
 
 
