@@ -1,4 +1,4 @@
-"""Denoisers of depth maps: classical filters, trained networks, and your own functions.
+"""Denoisers of depth maps: classical filters, trained networks, and functions of the user.
 
     from glsim.denoise import load_denoiser
     depth_mm, valid = load_denoiser("face")(noisy_mm)

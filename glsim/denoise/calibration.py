@@ -1,4 +1,4 @@
-"""Calibration: subtract a device's systematic errors, which denoisers leave.
+"""Calibration: subtract a device's systematic errors, which denoisers do not remove.
 
 These are the fixed pattern and the wiggling that ``glsim fit`` measured.
 """
@@ -23,10 +23,10 @@ _CROP_PX: Final = 0.02
 
 
 class DeviceCalibration:
-    """The measured systematic errors of one device; ``parts`` names what is subtracted."""
+    """The measured systematic errors of a device; ``parts`` lists the kinds of errors."""
 
     def __init__(self, file: Path | str) -> None:
-        """Load a sensor file with a map of the fixed pattern, measured wiggling, or both.
+        """Load a sensor file that holds a fixed pattern, measured wiggling, or both.
 
         Raises ConfigError if there is no such file, or if it holds neither.
         """
@@ -48,7 +48,7 @@ class DeviceCalibration:
         self.identity = f"{pattern} {self._waves!r} {self._rig!r}"
 
     def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
-        """Subtract the errors.
+        """Subtract the device's systematic errors from a depth map.
 
         Args:
             depth_mm: (H, W) a whole image of the device, or a crop; 0 marks invalid pixels.
@@ -75,7 +75,7 @@ class DeviceCalibration:
         return np.where(depth_mm > 0, np.maximum(result, np.float32(1.0)), 0).astype(np.float32)
 
     def _corner(self, shape: tuple[int, ...], crop: Intrinsics | None) -> tuple[int, int]:
-        """Return row and column of the device's image where a map begins. Raises ConfigError."""
+        """Return row and column of a map in the device's image. Raises ConfigError."""
         own = self._rig.intrinsics
         size, whole = f"{shape[1]}x{shape[0]}", f"{own.width}x{own.height}"
         if crop is None:

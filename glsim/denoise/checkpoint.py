@@ -1,4 +1,4 @@
-"""Checkpoints: plain dictionaries of tensors, numbers and strings, read without running any code.
+"""Checkpoint files: dictionaries of tensors, numbers and strings, read without running code.
 
     best.pt   recipe, model, data, progress and validation at the best validation
     last.pt   the same, and the state to resume from: optimiser, average, rng, scaler
@@ -37,12 +37,12 @@ _FOREIGN: Final = "is damaged or cut short, or is no checkpoint of glsim train"
 
 
 def save(path: Path, content: dict[str, Any]) -> None:
-    """Write a checkpoint. Raises TrainError if writing fails; the previous file then remains."""
+    """Write a checkpoint. Raises TrainError if writing fails; the file before it then stays."""
     write(path, {"format": FORMAT, "version": VERSION, **content})
 
 
 def write(path: Path, content: dict[str, Any]) -> None:
-    """Write any dictionary of tensors, numbers and strings atomically. Raises as ``save``."""
+    """Write a dictionary of tensors, numbers and strings atomically. Raises TrainError."""
     buffer = io.BytesIO()
     torch.save(content, buffer)
     try:
@@ -69,7 +69,7 @@ def export_safetensors(path: Path, out: Path) -> None:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Read a checkpoint, or a safetensors file by its name, to CPU memory.
+    """Read a checkpoint or safetensors file to CPU memory.
 
     Code in the file is not run. Raises TrainError for a foreign or damaged file, and for weights
     that are not finite.
@@ -109,7 +109,7 @@ def _check_finite(path: Path, weights: dict[str, Any]) -> None:
 
 
 def _from_archive(file: IO[bytes]) -> Any:
-    """Read the archive that ``torch.save`` wrote, after its CRC32s, which PyTorch ignores."""
+    """Read an archive of ``torch.save``; check its CRC32s first, since PyTorch does not."""
     with zipfile.ZipFile(file) as archive:
         if archive.testzip() is not None:
             raise ValueError

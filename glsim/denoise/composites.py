@@ -1,4 +1,4 @@
-"""Composites: depth maps made of a denoised depth and the probability that a pixel has depth.
+"""Composites: depth maps made from a denoised depth and the probability that a pixel has depth.
 
 The default, "measured", keeps the sensor's mask without flying pixels, unlikely rims and small
 holes. Thresholding the probability ("hard") erodes silhouettes and fills shadows in real frames:
@@ -48,7 +48,7 @@ BESIDE_PX: Final = 4
 
 
 def check_composite(name: str, where: str) -> None:
-    """Raise ConfigError for an unknown composite; where: names the option in the message."""
+    """Raise ConfigError for an unknown composite; ``where`` names the option in the message."""
     if name not in COMPOSITES:
         raise ConfigError(f"{where} {name}: no such composite ({did_you_mean(name, COMPOSITES)})")
 
@@ -56,7 +56,7 @@ def check_composite(name: str, where: str) -> None:
 def composed(
     denoised: tuple[Depth, Mask | Probability], noisy_mm: Depth, composite: str
 ) -> NDArray[Any]:
-    """Return one composite, (H, W) mm, 0 = none; a bool mask is applied whatever the composite.
+    """Compute a composite depth map, (H, W) mm, 0 = none; a bool mask is applied in any case.
 
     Args:
         denoised: (H, W) depth, mm, and its mask or probability.
@@ -76,7 +76,7 @@ def composed(
 
 
 def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth) -> Depth:
-    """Return the composite "measured".
+    """Compute the composite "measured": depth where the input has depth, small holes closed.
 
     A measured pixel beside a hole is dropped if it is unlikely (UNLIKELY). Another doubtful one
     stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its denoised depth if that is on
@@ -113,7 +113,7 @@ def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
 
 
 def calibrated(probability: Probability, unlikely: float) -> Probability:
-    """Rescale a network's probabilities of depth so that its own bound becomes UNLIKELY.
+    """Rescale a network's probabilities of depth so that its bound ``unlikely`` becomes UNLIKELY.
 
     Args:
         probability: float32, any shape.
@@ -129,12 +129,12 @@ def calibrated(probability: Probability, unlikely: float) -> Probability:
 
 
 def tolerance_mm(depth_mm: Depth) -> Depth:
-    """Return the largest difference between depths on one surface, mm, for each pixel."""
+    """Compute the depth difference, mm, up to which two pixels count as one surface."""
     return np.asarray(SAME_SURFACE_MM + SAME_SURFACE_MM_PER_M * 0.001 * depth_mm, np.float32)
 
 
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
-    """Return the pixels of ``asked`` on a surface of ``sure`` (measured, not doubtful) ones."""
+    """Select the pixels of ``asked`` whose neighbours in ``sure`` lie on the same surface."""
     pixels = np.nonzero(asked)
     own = noisy_mm[pixels]
     allowed = tolerance_mm(own)
@@ -151,7 +151,7 @@ def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
 
 
 def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
-    """Return the holes to close; ``sure_mm`` is the denoised depth, 0 where doubtful."""
+    """Select the hole pixels to fill; ``sure_mm`` is the denoised depth, 0 where doubtful."""
     closed = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
     pixels = np.nonzero(closed)
     own = sure_mm[pixels]
@@ -167,7 +167,7 @@ def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
 
 
 def _narrow_holes(empty: Mask) -> Mask:
-    """Return the connected holes that are nowhere wider than REACH_PX and inside the image."""
+    """Select connected holes that are at most REACH_PX wide and do not touch the image border."""
     count, labels = cv2.connectedComponents(empty.astype(np.uint8), connectivity=4)
     side = REACH_PX + 1
     wide = cv2.erode(empty.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
@@ -181,7 +181,7 @@ def _narrow_holes(empty: Mask) -> Mask:
 def _around(
     image: NDArray[Any], pixels: tuple[NDArray[np.intp], ...], reach_px: int
 ) -> Iterator[NDArray[Any]]:
-    """Yield (N,) values at each offset of a square window around N pixels; 0 outside the image."""
+    """Yield the values (N,) at each offset of a window around N pixels; 0 outside the image."""
     padded = np.pad(image, reach_px)
     rows, columns = pixels
     for down in range(2 * reach_px + 1):

@@ -1,4 +1,4 @@
-"""The denoiser: one class for single maps, the frames of a stream, and frames with neighbours."""
+"""The denoiser: a class for single depth maps, streams, and frames with neighbours in time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a denoiser found for a frame, before a composite makes a depth map of it.
+    """The result of a denoiser for a frame, before a composite turns it into a depth map.
 
     Attributes:
         noisy_mm: (H, W) the frame.
@@ -45,17 +45,17 @@ class Estimate:
     sigma_mm: Depth | None = None
 
     def composite(self, name: str) -> NDArray[Any]:
-        """Return the depth map of a composite, (H, W) mm, 0 = none; a bool mask is applied."""
+        """Compute the depth map of a composite, (H, W) mm, 0 = none."""
         return composed((self.depth_mm, self.valid), self.noisy_mm, name)
 
     def composites(self) -> dict[str, NDArray[Any]]:
-        """Return name -> depth map of each composite; name "" for a bool mask."""
+        """Compute all composites: name -> depth map; a bool mask gives one, of the name ""."""
         names = ("",) if self.valid.dtype.kind == "b" else COMPOSITES
         return {name: self.composite(name) for name in names}
 
 
 class Denoiser:
-    """A loaded denoiser; what ``glsim.load_denoiser`` returns.
+    """A loaded denoiser of depth maps, as ``glsim.load_denoiser`` returns it.
 
     Attributes:
         label: its name in tables.
@@ -80,7 +80,7 @@ class Denoiser:
         composite: str | None = DEFAULT_COMPOSITE,
         around: str | None = None,
     ) -> None:
-        """Wrap a function.
+        """Make a denoiser of a function.
 
         Args:
             label: its name.
@@ -125,7 +125,7 @@ class Denoiser:
         *,
         intrinsics: Intrinsics | None = None,
     ) -> Denoised:
-        """Denoise one depth map, without neighbours in time.
+        """Denoise a single depth map, without neighbours in time.
 
         Args:
             depth_mm: (H, W), float or integer millimetres, 0 = no return. A network of the protocol
@@ -152,7 +152,7 @@ class Denoiser:
         *,
         intrinsics: Intrinsics | None = None,
     ) -> Denoised:
-        """Denoise the next frame of a stream, with the frames pushed before it.
+        """Denoise the next frame of a stream by means of the frames pushed before it.
 
         It is causal: a denoiser that would use later frames gets none. A frame of another size
         begins a new sequence; one that is refused leaves the stream as it was. Arguments, result
@@ -165,13 +165,13 @@ class Denoiser:
         return self._finished(self.estimate(np.stack(self._held), len(self._held) - 1, infrared))
 
     def reset(self) -> None:
-        """Forget the frames pushed so far: the next one begins a new sequence."""
+        """Forget all pushed frames, so that the next frame starts a new sequence."""
         self._held.clear()
 
     def estimate(
         self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
     ) -> Estimate:
-        """Denoise a frame of a sequence; the function gets copies, so it may work in place.
+        """Denoise a frame of a sequence; the function gets copies, so it may change its arguments.
 
         Args:
             noisy_mm: (T, H, W) millimetres, 0 = no return, as measured: no device is subtracted.
@@ -206,7 +206,7 @@ class Denoiser:
     def _frame(
         self, depth_mm: NDArray[Any], infrared: NDArray[Any] | None, crop: Intrinsics | None
     ) -> Depth:
-        """Check a map in memory; return a float32 copy (cameras reuse buffers), calibrated."""
+        """Check a user's depth map; return a calibrated float32 copy (cameras reuse buffers)."""
         if depth_mm.ndim != 2 or depth_mm.dtype.kind not in "fiu":
             raise ConfigError(
                 f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
@@ -239,7 +239,7 @@ class Denoiser:
         return Denoised(depth_mm, depth_mm > 0)
 
     def _estimate(self, noisy_mm: Depth, now: int, infrared: NDArray[Any] | None) -> Estimate:
-        """Call the function; check what it returns."""
+        """Call the denoising function, and check the arrays that it returns."""
         stack = noisy_mm.astype(np.float32)
         valid = stack > 0
         arguments = (stack, valid, now) if self._sequences else (stack[now], valid[now])

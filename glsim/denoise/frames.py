@@ -1,4 +1,4 @@
-"""Frames of depth maps for denoisers: files, moved and calibrated ones, and neighbours in time."""
+"""Frames of depth maps for denoisers, from files, moved or calibrated, with neighbours in time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _METRES_MM = 10.0
 
 
 def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth") -> None:
-    """Raise DatasetError if most depths are nearer than any camera measures, as in metres.
+    """Raise DatasetError if the median depth is too small for a camera, as if it were in metres.
 
     The protocol paper accepts a map with its nearest point at 1 mm.
     """
@@ -48,7 +48,7 @@ def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth
 
 
 def is_moved(depth: Depth) -> bool:
-    """Return whether a map without metadata has its nearest point at 1 mm, and is not in metres."""
+    """Return whether a map has its nearest point at exactly 1 mm, and is not in metres."""
     values = depth[depth > 0]
     if not values.size:
         return False
@@ -56,7 +56,7 @@ def is_moved(depth: Depth) -> bool:
 
 
 def moved_frames(frames: Frames) -> Frames:
-    """Return frames under the protocol paper: the nearest point of each clean map at 1 mm."""
+    """Move the depths of frames so that the nearest point of each clean map is at 1 mm."""
     return frames.changed(_move_to_nearest, "paper", "paper")
 
 
@@ -69,7 +69,7 @@ def _move_to_nearest(frame: DepthFrame) -> DepthFrame:
 
 
 def calibrated_frames(frames: Frames, device: DeviceCalibration, own_camera: bool) -> Frames:
-    """Return frames whose noisy maps lack the systematic errors of a device.
+    """Subtract a device's systematic errors from the noisy maps of frames.
 
     Args:
         frames: their clean maps stay.
@@ -85,7 +85,7 @@ def _calibrate(device: DeviceCalibration, own_camera: bool, frame: DepthFrame) -
 
 
 class MapReader:
-    """Reads depth-map files without ground truth; the files of a folder are one sequence."""
+    """A reader of depth-map files without ground truth; a folder's files are one sequence."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class MapReader:
         infrared: Sequence[Path] = (),
         protocol: DepthProtocol = "depth",
     ) -> None:
-        """Look up the data sets of the files. Raises DatasetError if one is damaged.
+        """Find the data sets to which the files belong. Raises DatasetError for a damaged data set.
 
         Args:
             files: 16-bit depth maps.
@@ -120,14 +120,14 @@ class MapReader:
         self._pairs = self._dataset_pairs() if device is not None or moved else {}
 
     def frames(self) -> Frames:
-        """Return the maps as frames; the subject of a file is its folder."""
+        """Return the maps as frames, with the folder of a file as its subject."""
         return Frames(len(self._files), self._load, self._key, protocol=self._protocol)
 
     def _key(self, number: int) -> FrameKey:
         return FrameKey(str(self._files[number].parent), "", number)
 
     def _load(self, number: int) -> DepthFrame:
-        """Read a map. Raises DatasetError, or ConfigError if it is no map of the device."""
+        """Read a map. Raises DatasetError, or ConfigError if it does not fit the device."""
         file = self._files[number]
         root = self._roots[file.parent]
         stored_mm = self._stored_offset_mm(number)
@@ -149,7 +149,7 @@ class MapReader:
         return DepthFrame(self._key(number), camera, layers, offset_mm=offset_mm, name=str(file))
 
     def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
-        """Return a denoised map with the offset of its file instead of its frame's."""
+        """Return a denoised map, moved from the offset of its frame to the offset of its file."""
         change_mm = self._stored_offset_mm(number) - offset_mm
         return subtract_offset(depth_mm, change_mm, self._unit_mm) if change_mm else depth_mm
 
@@ -158,7 +158,7 @@ class MapReader:
         return 0.0 if pair is None else pair.offset_mm
 
     def _dataset_pairs(self) -> dict[Path, DepthFrame]:
-        """Return the frames of those maps that belong to data sets, by absolute path."""
+        """Find the frames of data sets to which the files belong: absolute path -> frame."""
         from glsim.data.reader import open_dataset
 
         wanted = {file.absolute() for file in self._files}
@@ -172,14 +172,14 @@ class MapReader:
 
 
 class Stacks:
-    """Reads frames with their neighbours in time; if read in order, each file is read once."""
+    """A reader of frames with their neighbours in time, which reads each file once, in order."""
 
     def __init__(self, frames: Frames, before: int, after: int) -> None:
         self._frames, self._before, self._after = frames, before, after
         self._cache: OrderedDict[int, DepthFrame | DatasetError] = OrderedDict()
 
     def frame(self, number: int) -> DepthFrame:
-        """Read one frame. Raises DatasetError, also for a frame that failed before."""
+        """Read a frame. Raises DatasetError, again for a frame that failed before."""
         if number not in self._cache:
             try:
                 self._cache[number] = self._frames.load(number)
@@ -195,7 +195,7 @@ class Stacks:
     def around(
         self, number: int, before: int | None = None, after: int | None = None
     ) -> tuple[Depth, int]:
-        """Return the noisy frames around a frame, (T, H, W) millimetres, and its index among them.
+        """Return a frame with its neighbours in time, (T, H, W) noisy mm, and the frame's index.
 
         Neighbours are of the same sequence and size, moved to the offset of the frame; unreadable
         ones are left out.
@@ -229,7 +229,7 @@ class Stacks:
 
 
 def _noisy_at(frame: DepthFrame, offset_mm: float) -> Depth:
-    """Return the noisy map with another offset, (H, W) millimetres."""
+    """Return the noisy map of a frame, (H, W) mm, counted from another offset."""
     change_mm = offset_mm - frame.offset_mm
     if change_mm == 0 or np.isnan(change_mm):
         return frame.noisy_mm

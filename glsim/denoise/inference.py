@@ -25,7 +25,7 @@ _TRIAL_PX: Final = 32
 
 
 class TorchNetwork:
-    """Runs a model in float32, on the GPU if there is one; a ``glsim.denoise.network.Runner``."""
+    """A ``Runner`` of a PyTorch model in float32, on the GPU if there is one."""
 
     def __init__(self, model: DepthModel, record: NetworkRecord | None = None) -> None:
         self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -35,7 +35,7 @@ class TorchNetwork:
         self.outputs = tuple(self(zeros))
 
     def __call__(self, stack: Depth) -> dict[str, Depth]:
-        """Run the model on the (C, H, W) stack of its inputs."""
+        """Run the model on a stack of inputs, (C, H, W)."""
         noisy = torch.from_numpy(stack)[None].to(self._device)
         with torch.inference_mode(), _FLOAT32():
             outputs = named_outputs(self._model(noisy))
@@ -43,12 +43,12 @@ class TorchNetwork:
 
 
 def record_of(model: DepthModel, protocol: Any = "depth") -> NetworkRecord:
-    """Return the record of a model that was trained under a protocol."""
+    """Make the record of a model that was trained under a protocol."""
     return NetworkRecord(protocol, model.keep_clean, model.margin_px, model.unlikely)
 
 
 def load_model(path: Path) -> tuple[DepthModel, NetworkRecord]:
-    """Load model and record of a checkpoint of ``glsim train``; run no code in it.
+    """Load the model and the record of a checkpoint of ``glsim train``, without running its code.
 
     Args:
         path: best.pt, last.pt or a safetensors file.
@@ -72,7 +72,7 @@ def load_model(path: Path) -> tuple[DepthModel, NetworkRecord]:
 
 
 def load_network(path: Path, min_probability: float = 0.0) -> NetworkFunction:
-    """Load the network of a checkpoint as a function that denoises.
+    """Load the network of a checkpoint as a denoising function.
 
     Args:
         path: best.pt, last.pt or a safetensors file.

@@ -25,7 +25,7 @@ DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"
 
 
 class NetworkInputs(NamedTuple):
-    """The inputs of a network besides the frame's depth: infrared, and numbers of neighbours."""
+    """The inputs of a network besides the frame's depth: infrared, earlier and later frames."""
 
     infrared: bool = False
     before: int = 0
@@ -33,22 +33,22 @@ class NetworkInputs(NamedTuple):
 
     @property
     def names(self) -> dict[str, int]:
-        """Name of each input -> its number of images, in the order of the stack."""
+        """The inputs in the order of the stack: name -> number of images."""
         counts = {DEPTH: 1, INFRARED: int(self.infrared), BEFORE: self.before, AFTER: self.after}
         return {name: count for name, count in counts.items() if count}
 
     @property
     def channels(self) -> int:
-        """Number of images in the stack."""
+        """The number of images in the stack."""
         return sum(self.names.values())
 
     @property
     def temporal(self) -> bool:
-        """Whether neighbours in time are among the inputs."""
+        """Whether the network takes neighbours in time."""
         return bool(self.before or self.after)
 
     def named(self, stack: Any) -> dict[str, Any]:
-        """Split the (C, H, W) or (B, C, H, W) input of a network: name -> images."""
+        """Split a network's input, (C, H, W) or (B, C, H, W), into name -> images."""
         parts: dict[str, Any] = {}
         first = 0
         for name, count in self.names.items():
@@ -68,7 +68,7 @@ def stack_inputs(
     after_mm: Sequence[NDArray[Any]] = (),
     infrared: NDArray[Any] | None = None,
 ) -> NDArray[np.float32]:
-    """Stack the inputs of a frame.
+    """Stack depth, infrared and neighbours in time of a frame as a network's input.
 
     Args:
         inputs: the inputs of the network.

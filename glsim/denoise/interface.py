@@ -1,4 +1,4 @@
-"""The functions that denoise: their arrays, results and command-line parameters."""
+"""The interface of denoising functions: arrays, results and command-line parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Probability = NDArray[np.floating]
 
 
 class Denoised(NamedTuple):
-    """A denoised depth map.
+    """A denoised depth map and its validity.
 
     Attributes:
         depth_mm: (H, W) millimetres.
@@ -36,7 +36,7 @@ class Denoised(NamedTuple):
 
 
 class DepthFunction(Protocol):
-    """A function that denoises: a filter, a network, or your own.
+    """The interface of a denoising function: a filter, a network, or the user's own function.
 
     It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns. One
     with the attribute ``before`` or ``after`` (numbers of frames) takes a sequence, (T, H, W) each,
@@ -48,7 +48,7 @@ class DepthFunction(Protocol):
     def __call__(
         self, noisy_mm: Depth, valid: Mask, /, *now: int, **images: Any
     ) -> tuple[Any, ...]:
-        """Return depth in millimetres and its validity, bool or a probability in [0, 1].
+        """Return depth, mm, and its validity, a bool mask or a probability in [0, 1].
 
         One whose attribute ``uncertain`` is true also returns the standard deviation, mm.
         """
@@ -56,7 +56,7 @@ class DepthFunction(Protocol):
 
 
 def parameter(default: float | None, low: float, high: float, help: str) -> Any:
-    """Declare a dataclass field as a command-line parameter in [low, high].
+    """Declare a dataclass field as a command-line parameter in the range [low, high].
 
     Its type, int or float, is that of the field. None is a default that a value replaces.
     """
@@ -64,7 +64,7 @@ def parameter(default: float | None, low: float, high: float, help: str) -> Any:
 
 
 def build(kind: type, text: dict[str, str], where: str) -> Any:
-    """Make a dataclass of ``parameter`` fields.
+    """Make a dataclass whose fields are ``parameter`` from texts of the command line.
 
     Args:
         kind: the dataclass.

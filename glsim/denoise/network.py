@@ -1,4 +1,4 @@
-"""A trained network as a function of whole frames, whatever runs it: PyTorch or an ONNX runtime."""
+"""A trained network as a function of whole frames, run by PyTorch or by an ONNX runtime."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIZE_MULTIPLE_PX: Final = 16
 
 
 class Runner(Protocol):
-    """Runs a network.
+    """The interface of an object that runs a network.
 
     Attributes:
         inputs: what it sees.
@@ -35,12 +35,12 @@ class Runner(Protocol):
     record: NetworkRecord
 
     def __call__(self, stack: Depth) -> Mapping[str, Depth]:
-        """Return output name -> (H, W) float32 for a stack of inputs, (C, H, W) float32."""
+        """Run the network on a stack (C, H, W) float32; return output name -> (H, W) float32."""
         ...
 
 
 class NetworkFunction:
-    """Denoises frames of any size by a network: a ``glsim.denoise.interface.DepthFunction``.
+    """A ``DepthFunction`` that denoises frames of any size by a network.
 
     Attributes:
         before, after: neighbours in time that it sees; missing ones are allowed.
@@ -50,7 +50,7 @@ class NetworkFunction:
     """
 
     def __init__(self, network: Runner, name: str, min_probability: float = 0.0) -> None:
-        """Wrap a network.
+        """Make a denoising function of a network.
 
         Args:
             network: runs the network on a padded frame.
@@ -114,7 +114,7 @@ class NetworkFunction:
         return (depth_mm, valid) if sigma_mm is None else (depth_mm, valid, sigma_mm)
 
     def _run(self, stack: Depth) -> dict[str, Depth]:
-        """Run the network where there is something to see; return outputs of the stack's size.
+        """Run the network on the box around all depth; return outputs of the frame's size.
 
         They are 0 farther from any depth than ``trusted_mask`` reaches. Networks without a
         probability code "no depth" as 0, and may see depth far from any pixel that has it.
@@ -131,7 +131,7 @@ class NetworkFunction:
         return outputs
 
     def _run_padded(self, stack: Depth) -> dict[str, Depth]:
-        """Run the network on a padded stack, a large one in tiles; return outputs of its size."""
+        """Pad a stack, run the network (in tiles if large), and cut the outputs to its size."""
         height, width = stack.shape[1:]
         below, right = (-size % SIZE_MULTIPLE_PX for size in (height, width))
         padded = np.pad(stack, [(0, 0), (0, below), (0, right)])

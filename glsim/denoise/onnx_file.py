@@ -1,4 +1,4 @@
-"""Read a network of an ONNX file, and run it: by onnxruntime if it is installed, else by OpenCV.
+"""Read the network of an ONNX file, and run it by onnxruntime or, without it, by OpenCV.
 
 Each input of ``glsim.denoise.inputs`` is a named input of the graph, (1, images, H, W) float32; H
 and W are multiples of SIZE_MULTIPLE_PX. Load only networks that you trust: a file is bounded in
@@ -63,14 +63,14 @@ _NAME, _TYPE, _TO_SIDES, _SIDE = 1, 2, (1, 2, 1), 1
 
 
 class OnnxContent(NamedTuple):
-    """What an ONNX file says besides its graph."""
+    """The inputs and the record of a network in an ONNX file."""
 
     inputs: NetworkInputs
     record: NetworkRecord
 
 
 def read_onnx(path: Path) -> tuple[bytes, OnnxContent]:
-    """Read and check a file that ``glsim export`` wrote, without running it.
+    """Read and check a file of ``glsim export`` without running its network.
 
     Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
     """
@@ -90,7 +90,7 @@ def read_onnx(path: Path) -> tuple[bytes, OnnxContent]:
 def load_onnx(
     path: Path, min_probability: float = 0.0, runtime: Runtime | None = None
 ) -> NetworkFunction:
-    """Load a network that ``glsim export`` wrote.
+    """Load the network of a file of ``glsim export`` as a denoising function.
 
     Args:
         path: the file.
@@ -118,7 +118,7 @@ def load_onnx(
 
 
 def run_onnx(data: bytes, content: OnnxContent, runtime: Runtime | None = None) -> Runner:
-    """Make the runner of a network; arguments as of ``load_onnx``. Raises the runtime's errors."""
+    """Make the runner of a network in the bytes of an ONNX file. Raises the runtime's errors."""
     if runtime == "opencv":
         return OpenCvNetwork(data, content)
     try:
@@ -130,7 +130,7 @@ def run_onnx(data: bytes, content: OnnxContent, runtime: Runtime | None = None) 
 
 
 class OpenCvNetwork:
-    """Runs an ONNX graph by OpenCV, whose new engine (OpenCV 5) accepts frames of any size."""
+    """A ``Runner`` by OpenCV, whose new engine (OpenCV 5) accepts frames of any size."""
 
     def __init__(self, data: bytes, content: OnnxContent) -> None:
         self.inputs, self.record = content
@@ -140,7 +140,7 @@ class OpenCvNetwork:
         self.outputs = tuple(self._net.getUnconnectedOutLayersNames())
 
     def __call__(self, stack: Depth) -> Mapping[str, Depth]:
-        """Run the graph on the (C, H, W) stack of its inputs."""
+        """Run the network on a stack of inputs, (C, H, W)."""
         for name, blob in _blobs(self.inputs, stack).items():
             self._net.setInput(blob, name)
         images = self._net.forward(self.outputs)
@@ -148,7 +148,7 @@ class OpenCvNetwork:
 
 
 class OnnxRuntimeNetwork:
-    """Runs an ONNX graph by onnxruntime, on as many threads as OpenCV uses."""
+    """A ``Runner`` by onnxruntime, with as many threads as OpenCV uses."""
 
     def __init__(self, data: bytes, content: OnnxContent) -> None:
         import onnxruntime
@@ -167,18 +167,18 @@ class OnnxRuntimeNetwork:
         self.outputs = tuple(output.name for output in self._session.get_outputs())
 
     def __call__(self, stack: Depth) -> Mapping[str, Depth]:
-        """Run the graph on the (C, H, W) stack of its inputs."""
+        """Run the network on a stack of inputs, (C, H, W)."""
         images = self._session.run(self.outputs, _blobs(self.inputs, stack))
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
 
 
 def _blobs(inputs: NetworkInputs, stack: Depth) -> dict[str, Depth]:
-    """Return name -> (1, images, H, W) of each input of a graph."""
+    """Split a stack into the inputs of a graph: name -> (1, images, H, W)."""
     return {name: np.ascontiguousarray(part[None]) for name, part in inputs.named(stack).items()}
 
 
 def read_content(data: bytes) -> OnnxContent:
-    """Check the operators of a file; return its inputs and record.
+    """Check the operators of an ONNX file; return the inputs and the record of its network.
 
     Raises ValueError or ConfigError, with the reason, for a file that ``glsim export`` cannot have
     written; IndexError or TypeError for bytes that are no message.
@@ -202,7 +202,7 @@ def read_content(data: bytes) -> OnnxContent:
 
 
 def _record(text: Mapping[str, str]) -> NetworkRecord:
-    """Parse the entries of a record. Raises ValueError for a value that is out of range."""
+    """Parse the record of a network from text. Raises ValueError for a value out of range."""
     given = {
         name: text.get(f"{_PREFIX}{name}", default)
         for name, default in DEFAULT_RECORD._asdict().items()
@@ -221,7 +221,7 @@ def _record(text: Mapping[str, str]) -> NetworkRecord:
 
 
 def record_entries(record: NetworkRecord) -> dict[str, str]:
-    """Return the metadata of a network's file: key -> text; defaults have no entry."""
+    """Return the metadata of a network's file, key -> text; default values are left out."""
     return {
         f"{_PREFIX}{name}": value if isinstance(value, str) else f"{value:g}"
         for name, default in DEFAULT_RECORD._asdict().items()
@@ -250,7 +250,7 @@ def _check_tensor(tensor: memoryview) -> None:
 
 
 def _images(value: memoryview) -> int:
-    """Return the number of images of an input, the second side of its shape."""
+    """Return the number of images of an input, which is the second side of its shape."""
     messages = list(_messages(value, _TYPE))
     for number in _TO_SIDES:
         messages = [inner for message in messages for inner in _messages(message, number)]
@@ -266,7 +266,7 @@ def _messages(message: memoryview, number: int) -> Iterator[Any]:
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
-    """Yield number and content of the fields of a message: an integer, or bytes.
+    """Yield the fields of a protobuf message: number, and an integer or bytes.
 
     Raises ValueError for what is no message, IndexError for one that is cut short.
     """
@@ -286,7 +286,7 @@ def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
 
 
 def _varint(message: memoryview, at: int) -> tuple[int, int]:
-    """Return an integer in seven bits a byte, and the place behind it."""
+    """Decode a protobuf integer of 7 bits per byte; return it and the position after it."""
     if message[at] < 128:
         return message[at], at + 1
     value = 0

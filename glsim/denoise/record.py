@@ -1,4 +1,4 @@
-"""Settings that a training chooses for the denoiser, which every file of its network holds."""
+"""Settings of a network's denoiser that training chooses and every file of the network holds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNLIKELY: Final = 0.17
 
 
 class NetworkRecord(NamedTuple):
-    """Settings of a network's denoiser, chosen with its training; a file without them has these.
+    """Settings of a network's denoiser, chosen in training; a file without them has the defaults.
 
     Attributes:
         protocol: where the depths of its training are counted from.

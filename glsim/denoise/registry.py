@@ -67,7 +67,7 @@ _SUFFIXES: Final = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
 
 @dataclass(frozen=True)
 class NetworkOptions:
-    """Parameters of a trained network on the command line."""
+    """The parameters of trained networks on the command line."""
 
     min_probability: float = parameter(
         0.0, 0.0, 0.999, "keep a pixel if P(depth on the chosen surface) exceeds this; 0: see "
@@ -86,14 +86,14 @@ class NetworkOptions:
 
 
 def denoiser_names() -> list[str]:
-    """Return the names of the denoisers: filters, shipped networks, and those of other packages."""
+    """Return the names of all denoisers: filters, shipped networks, and plug-ins."""
     filters = [*PAPER_FILTERS, *(name for name in _FILTERS if name not in PAPER_FILTERS)]
     networks = [name for name in NETWORKS if name == SHIPPED or is_shipped(name)]
     return [*filters, *networks, *_plugins()]
 
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
-    """Return what a denoiser does, in one line, and parameter -> (default, help)."""
+    """Return a one-line description of a denoiser, and parameter -> (default, help)."""
     kind = NetworkOptions if name in NETWORKS else _filter(name)
     parameters = {
         field.name: (field.default, str(field.metadata.get("help", "")))
@@ -103,7 +103,7 @@ def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:
 
 
 def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
-    """Return the settings that tuning tries for a filter, as written on the command line."""
+    """List the settings of a filter that tuning tries, as texts for the command line."""
     axes = GRIDS[name] | {"cleanup": cleanups}
     return [
         f"{name}:" + ",".join(f"{key}={value:g}" for key, value in zip(axes, values, strict=True))
@@ -118,7 +118,7 @@ def load_denoiser(
     composite: str | None = DEFAULT_COMPOSITE,
     around: str | None = None,
 ) -> Denoiser:
-    """Load a denoiser as a function of one depth map: ``load_denoiser("face")(depth_mm)``.
+    """Load a denoiser as a function of a depth map: ``load_denoiser("face")(depth_mm)``.
 
     Args:
         spec: ``name:key=value,...``, ``module:function:key=value,...`` or a network file: best.pt
@@ -190,7 +190,7 @@ def _filter(name: str) -> Any:
 
 
 def _assignments(text: str, spec: str) -> dict[str, str]:
-    """Parse ``key=value,key=value``. Raises ConfigError for another form, or a name given twice."""
+    """Parse ``key=value,key=value``. Raises ConfigError for a text of another form."""
     pairs: dict[str, str] = {}
     for part in filter(None, text.split(",")):
         key, equals, value = part.partition("=")
@@ -203,7 +203,7 @@ def _assignments(text: str, spec: str) -> dict[str, str]:
 def _from_callable(
     module: str, name: str, parameters: dict[str, str], label: str
 ) -> tuple[Any, str]:
-    """Load ``module:name``, also of the current folder; parameters become keyword arguments."""
+    """Load ``module:name``, also from the current folder, with keyword arguments."""
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
@@ -227,7 +227,7 @@ def _from_callable(
 
 
 def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, str]:
-    """Load a network from an ONNX file, or from a checkpoint, which needs PyTorch."""
+    """Load a network from an ONNX file, or, if PyTorch is installed, from a checkpoint."""
     if not path.exists():
         raise DenoiserError(
             f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
@@ -254,17 +254,17 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
 
 
 def shipped_file(name: str) -> Path:
-    """Return the file of a shipped network's weights, which may be missing."""
+    """Return the path of a shipped network's weights; the file may be missing."""
     return _SHIPPED_FOLDER / f"{name}{ONNX_SUFFIX}"
 
 
 def is_shipped(name: str) -> bool:
-    """Return whether this installation has the weights of a network."""
+    """Return whether the weights of a network are installed."""
     return shipped_file(name).is_file()
 
 
 def _version(file: Path) -> str:
-    """Return a text that changes with the file."""
+    """Return a text of a file's size and time, which changes when the file changes."""
     status = file.stat()
     return f"{status.st_size} {status.st_mtime_ns}"
 

@@ -1,4 +1,4 @@
-"""Inference safeguards: rules that reject the output of a network.
+"""Safeguards of inference: rules that reject parts of a network's output.
 
 They keep noiseless frames unchanged, and reject guesses between two surfaces or far from measured
 pixels.
@@ -66,7 +66,7 @@ _LEAST_MM: Final = 0.01
 
 
 def clean_noise_mm(depth_mm: Depth) -> float | None:
-    """Return the noise of a (H, W) depth map, mm, if rounding and form explain it; else None.
+    """Return the noise of an (H, W) map, mm, if rounding and surface form explain it; else None.
 
     The rounding is that of the map's own values: see ``value_step_mm``.
     """
@@ -88,7 +88,7 @@ def clean_noise_mm(depth_mm: Depth) -> float | None:
 
 
 def value_step_mm(depth_mm: Depth) -> float:
-    """Return the step of a (H, W) map's values, mm, at most 1: the least difference of two depths.
+    """Return the smallest difference between two depths of an (H, W) map, mm, at most 1.
 
     It is the step of the sensor or of the file, whichever is coarser; close to 0 for unrounded
     maps.
@@ -98,7 +98,7 @@ def value_step_mm(depth_mm: Depth) -> float:
 
 
 def is_dithered(depth_mm: Depth, step_mm: float) -> bool:
-    """Return whether noise dithers the steps of a (H, W) map of values in steps of ``step_mm``.
+    """Return whether noise makes neighbouring pixels jump between steps of ``step_mm`` in a map.
 
     False for steps finer than whole millimetres.
     """
@@ -134,7 +134,7 @@ def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:
 
 
 def noise_share(spectrum: NDArray[np.float64]) -> float:
-    """Return the share of correlated noise that ``estimate_noise_mm`` sees between adjacent pixels.
+    """Compute the share of correlated noise that ``estimate_noise_mm`` measures between neighbours.
 
     Args:
         spectrum: (H, W) power spectrum of the noise, of mean 1, as ``numpy.fft.fft2`` orders it.
@@ -162,7 +162,7 @@ def local_noise_mm(depth_mm: Depth, otherwise_mm: float, window_px: int = 15) ->
 
 
 def _second_differences(depth_mm: Depth, step_px: int) -> tuple[Depth, Mask]:
-    """Return the size of the second differences, (H, W) mm, and the mask of windows on surfaces."""
+    """Compute second differences, (H, W) mm, and the mask of windows without an edge."""
     side = 2 * step_px + 1
     square = np.ones((side, side), np.uint8)
     # Holes are 0 and so make edges.
@@ -176,12 +176,12 @@ def _second_differences(depth_mm: Depth, step_px: int) -> tuple[Depth, Mask]:
 
 
 def _noise_of(mean_root: Any) -> Any:
-    """Return the noise, mm, of a mean of the square roots of second differences."""
+    """Convert the mean square root of second differences to the noise's standard deviation, mm."""
     return (mean_root / MEAN_ROOT) ** 2 / GAIN
 
 
 def trusted_mask(depth_mm: Depth, risk_mm: Depth | None) -> Mask:
-    """Mark the pixels to trust: near measured depth, and with a low risk.
+    """Mark the pixels to trust, which are near measured depth and have a low risk.
 
     Args:
         depth_mm: (H, W) measured depth, 0 = no return.

@@ -1,4 +1,4 @@
-"""Parts of a frame: its surfaces, its nearest head, and tiles of a large frame for a network.
+"""Parts of a frame for a network: around its depth, its nearest head, tiles of a large frame.
 
 Measured: the shipped network takes 1.2 kB a pixel with OpenCV, and half of that with onnxruntime.
 """
@@ -46,7 +46,7 @@ Box = tuple[slice, slice]
 
 
 def box_around(mask: NDArray[np.bool_], margin_px: int = AROUND_PX) -> Box | None:
-    """Return the box of a (H, W) mask and a margin, on the grid of networks; None without pixels.
+    """Return the box around a (H, W) mask plus a margin, on a grid of 16 px; None if empty.
 
     It ends at the frame.
     """
@@ -62,7 +62,7 @@ def box_around(mask: NDArray[np.bool_], margin_px: int = AROUND_PX) -> Box | Non
 
 
 def head_box(depth_mm: Depth) -> Box | None:
-    """Return the box of the nearest head and some of its surroundings; None without any.
+    """Return the box around the nearest head with a margin; None without a head.
 
     The nearest piece of surface that is large enough is taken for a person, and what is within a
     head's height of its top for the head: live streams need no detector.
@@ -89,7 +89,7 @@ def head_box(depth_mm: Depth) -> Box | None:
 
 
 def _head(piece: Mask, height: float, width: float) -> Mask:
-    """Mark the box of a head's size, pixels, at the top of a piece."""
+    """Mark a box of ``height`` x ``width`` pixels, the size of a head, at the top of a surface."""
     rows = np.flatnonzero(piece.sum(axis=1) >= max(1.0, 0.15 * width))
     top = int(rows[0]) if rows.size else int(np.flatnonzero(piece.any(axis=1))[0])
     upper = piece[top : top + max(1, round(0.6 * height))]
@@ -106,7 +106,7 @@ def run_tiled(
     tile_px: int = TILE_PX,
     margin_px: int = MARGIN_PX,
 ) -> dict[str, Depth]:
-    """Run a network; divide a frame of more than ``tile_px``^2 pixels into overlapping tiles.
+    """Run a network on a frame, in overlapping tiles if it has more than ``tile_px``^2 pixels.
 
     The result equals that of the whole frame, up to rounding, for a network that sees at most
     ``margin_px`` to each side. All sizes are multiples of
@@ -135,7 +135,7 @@ def run_tiled(
 
 
 def _spans(size: int, tile_px: int, margin_px: int) -> Iterator[tuple[slice, slice, slice]]:
-    """Divide [0, size) into tiles of one length, so that a runtime plans its memory once.
+    """Divide [0, size) into overlapping tiles of one length, so that a runtime plans memory once.
 
     Yields each tile, the part of it that is used, and the place of that part in the tile.
     """

@@ -1,1 +1,1 @@
-"""Classical filters: the paper's, mask-aware ones, and temporal ones."""
+"""Classical filters of depth maps: the paper's filters, mask-aware filters, temporal filters."""

@@ -39,7 +39,7 @@ _WHITE: Final = 0.03
 
 @dataclass(frozen=True)
 class BlockMatching(Masked):
-    """BM3D (Dabov et al. 2007), told the noise's correlation; needs the package bm3d."""
+    """BM3D (Dabov et al. 2007) for noise of a given correlation; needs the package bm3d."""
 
     correlation_px: float = parameter(
         0.7, 0.0, 10, "standard deviation of the Gaussian that correlates the noise, px; 0: white"
@@ -50,7 +50,7 @@ class BlockMatching(Masked):
         require_package("bm3d", "the denoiser bm3d", "bm3d")
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return smoothed depths; holes take the nearest depth, which keeps edges off 0."""
+        """Compute smoothed depths; holes get the nearest depth first, to keep edges off 0."""
         import bm3d
 
         spectrum = noise_spectrum(self.correlation_px)
@@ -73,7 +73,7 @@ class BlockMatching(Masked):
 
 
 def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> NDArray[np.float64]:
-    """Return the power spectrum of noise of variance 1, (H, W) of mean 1, as ``numpy.fft.fft2``.
+    """Compute the (H, W) power spectrum, of mean 1, of noise of variance 1, in FFT order.
 
     It is white noise under a Gaussian of ``correlation_px`` and _WHITE of it without.
     """

@@ -1,4 +1,4 @@
-"""Mask-aware classical filters: they read valid pixels only.
+"""Mask-aware classical filters, which read valid pixels only.
 
 A network should be compared with these filters, because they are fair rivals. Each has an optional
 mask clean-up; without it the output keeps the input's validity.
@@ -26,14 +26,14 @@ _RIDGE = 1e-6
 
 @dataclass(frozen=True)
 class Masked:
-    """A filter that estimates the depth of wanted pixels from supporting ones."""
+    """The base class of filters that estimate wanted pixels from valid pixels only."""
 
     cleanup: int = parameter(
         0, 0, 31, "side of the window of the mask clean-up, px, odd; 0 keeps the input's mask"
     )
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
-        """Filter (H, W) millimetres; pixels without a valid neighbour get no depth."""
+        """Filter an (H, W) depth map, mm; pixels without a valid neighbour get no depth."""
         support, wanted = valid, valid
         if self.cleanup:
             support, wanted = clean_up(noisy_mm, valid, self.cleanup)
@@ -45,7 +45,7 @@ class Masked:
         return Denoised(np.where(kept, depth, np.float32(0)), kept)
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return (N,) depths in mm of the N wanted pixels; 0 without support."""
+        """Estimate the depths, (N,) mm, of the N wanted pixels; 0 without a valid neighbour."""
         raise NotImplementedError
 
 
@@ -56,7 +56,7 @@ class MaskedMedian(Masked):
     size: int = parameter(5, 3, 31, "side of the window, px, odd")
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return medians; for an even number of valid pixels the mean of the middle two."""
+        """Compute medians; of an even number of valid pixels, the mean of the middle two."""
         values = np.where(support, noisy_mm, np.float32(np.inf))
         ordered = np.sort(around(values, self.size // 2, wanted, np.inf), axis=1)
         count = np.isfinite(ordered).sum(axis=1)
@@ -77,7 +77,7 @@ class MaskedBilateral(Masked):
     sigma_px: float = parameter(2.0, 0.1, 500, "standard deviation of the distance weight")
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return weighted means; a hole takes the nearest valid depth as its own."""
+        """Compute weighted means; the weights of a hole start from the nearest valid depth."""
         radius = self.diameter // 2
         offset = np.arange(-radius, radius + 1, dtype=np.float32)
         nearness = np.add.outer(offset**2, offset**2).ravel() / np.float32(2 * self.sigma_px**2)
@@ -93,19 +93,19 @@ class MaskedBilateral(Masked):
 
 
 class LocalPolynomial(Masked):
-    """A filter that fits a polynomial to the valid pixels under a Gaussian window."""
+    """The base class of filters that fit a polynomial to valid pixels in a Gaussian window."""
 
     degree: ClassVar[int]
     sigma_px: float
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return the polynomials' values at the window centres."""
+        """Fit the polynomials; return their values at the window centres, (N,) mm."""
         return local_polynomial(noisy_mm, support, wanted, self.sigma_px, self.degree)
 
 
 @dataclass(frozen=True)
 class MaskedGaussian(LocalPolynomial):
-    """Gaussian mean of the valid pixels (normalised convolution, Knutsson and Westin 1993)."""
+    """Gaussian-weighted mean of valid pixels (normalised convolution, Knutsson and Westin 1993)."""
 
     degree = 0
     sigma_px: float = parameter(1.5, 0.3, 20, "standard deviation of the window")
@@ -113,7 +113,7 @@ class MaskedGaussian(LocalPolynomial):
 
 @dataclass(frozen=True)
 class LocalPlane(LocalPolynomial):
-    """Plane fitted to the valid pixels under a Gaussian window."""
+    """Plane fitted to the valid pixels in a Gaussian window."""
 
     degree = 1
     sigma_px: float = parameter(2.0, 0.5, 20, "standard deviation of the window")
@@ -121,7 +121,7 @@ class LocalPlane(LocalPolynomial):
 
 @dataclass(frozen=True)
 class LocalQuadric(LocalPolynomial):
-    """Quadric fitted to the valid pixels under a Gaussian window."""
+    """Quadric fitted to the valid pixels in a Gaussian window."""
 
     degree = 2
     sigma_px: float = parameter(2.5, 0.7, 20, "standard deviation of the window")
@@ -129,13 +129,13 @@ class LocalQuadric(LocalPolynomial):
 
 @dataclass(frozen=True)
 class Guided(Masked):
-    """Guided filter (He et al. 2010, OpenCV ximgproc), guided by the depth itself, holes filled."""
+    """Guided filter (He et al. 2010, OpenCV ximgproc); the guide is the depth with holes filled."""
 
     radius: int = parameter(3, 1, 30, "radius of the square window, px")
     epsilon_mm: float = parameter(5.0, 0.01, 1000, "depth variations below this are smoothed away")
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return smoothed depths; holes take the nearest depth, which keeps edges off 0."""
+        """Compute smoothed depths; holes get the nearest depth first, to keep edges off 0."""
         filled = fill(noisy_mm, support)
         # Depths relative to the median: ximgproc subtracts squared means in float32.
         centre = np.float32(np.median(noisy_mm[support]))
@@ -147,14 +147,14 @@ class Guided(Masked):
 
 @dataclass(frozen=True)
 class RollingGuidance(Masked):
-    """Rolling guidance filter (Zhang et al. 2014, OpenCV ximgproc), holes filled."""
+    """Rolling guidance filter (Zhang et al. 2014, OpenCV ximgproc) on depth with holes filled."""
 
     sigma_mm: float = parameter(10.0, 0.1, 1000, "standard deviation of the depth weight")
     sigma_px: float = parameter(2.0, 0.3, 20, "structures below this size are removed")
     iterations: int = parameter(4, 1, 10, "number of guidance updates")
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return smoothed depths; holes are filled with the nearest depth."""
+        """Compute smoothed depths; holes get the nearest depth first."""
         smooth = cv2.ximgproc.rollingGuidanceFilter(
             fill(noisy_mm, support), None, -1, self.sigma_mm, self.sigma_px, self.iterations
         )
@@ -164,7 +164,7 @@ class RollingGuidance(Masked):
 def local_polynomial(
     depth_mm: Depth, support: Mask, wanted: Mask, sigma_px: float, degree: int
 ) -> Depth:
-    """Estimate depth at the N pixels of ``wanted`` from those of ``support``, both (H, W).
+    """Fit polynomials at the N pixels of ``wanted`` to the pixels of ``support``, both (H, W).
 
     Around each pixel a polynomial in the offsets (u, v) is fitted by least squares, weighted by a
     Gaussian times the mask; its constant term is the estimate. The normal equations need only the

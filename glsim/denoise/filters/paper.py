@@ -1,4 +1,4 @@
-"""The filters of table 1 of Kendrick, Yap and Tan. They treat a hole as a depth of 0.
+"""The filters of table 1 of Kendrick, Yap and Tan, in which a hole counts as depth 0.
 
 Parameters are the paper's. OpenCV dictates the dtype of each filter.
 """
@@ -21,16 +21,16 @@ def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
 
 @dataclass(frozen=True)
 class Unchanged:
-    """The noisy input itself: the paper's baseline."""
+    """The noisy input itself, the paper's baseline."""
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
-        """Return the input."""
+        """Return the input unchanged."""
         return Denoised(noisy_mm, valid)
 
 
 @dataclass(frozen=True)
 class Median:
-    """Median over a square, holes count as depth 0 (the paper: size=5)."""
+    """Median over a square; holes count as depth 0 (the paper: size=5)."""
 
     size: int = parameter(5, 3, 5, "side of the window, px: 3 or 5")
 
@@ -39,13 +39,13 @@ class Median:
             raise ConfigError("--denoiser median: OpenCV's 16-bit median has size 3 or 5")
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
-        """Filter in float32; on whole millimetres this equals the 16-bit median."""
+        """Filter in float32, which on whole millimetres equals the 16-bit median."""
         return _with_depth(cv2.medianBlur(noisy_mm, self.size))
 
 
 @dataclass(frozen=True)
 class Bilateral:
-    """Bilateral filter in float32, holes count as depth 0 (the paper: 9, 75, 75)."""
+    """Bilateral filter in float32; holes count as depth 0 (the paper: 9, 75, 75)."""
 
     diameter: int = parameter(9, 3, 31, "diameter of the neighbourhood, px")
     sigma_mm: float = parameter(
@@ -56,7 +56,7 @@ class Bilateral:
     )
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
-        """Filter in float32: OpenCV's filter takes no 16-bit images."""
+        """Filter in float32, because OpenCV's filter takes no 16-bit images."""
         return _with_depth(
             cv2.bilateralFilter(noisy_mm, self.diameter, self.sigma_mm, self.sigma_px)
         )
@@ -64,14 +64,14 @@ class Bilateral:
 
 @dataclass(frozen=True)
 class NonLocalMeans:
-    """Non-local means on 16 bits (L1 norm), holes count as depth 0 (the paper: 30, 7, 21)."""
+    """Non-local means on 16 bits (L1 norm); holes count as depth 0 (the paper: 30, 7, 21)."""
 
     strength: float = parameter(30.0, 0.1, 1000, "h, mm")
     template: int = parameter(7, 3, 21, "side of the compared patches, px, odd")
     search: int = parameter(21, 3, 61, "side of the search window, px, odd")
 
     def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
-        """Filter uint16 whole mm: OpenCV takes no float depth, and 16 bits only with L1."""
+        """Filter whole mm in uint16, since OpenCV's filter takes no float depth."""
         whole = np.rint(np.clip(noisy_mm, 0, 65535)).astype(np.uint16)
         cleaned = cv2.fastNlMeansDenoising(
             whole, [self.strength], None, self.template, self.search, cv2.NORM_L1

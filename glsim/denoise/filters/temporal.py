@@ -11,22 +11,22 @@ from glsim.denoise.interface import Denoised, Depth, Mask, parameter
 
 @dataclass(frozen=True)
 class TemporalMedian:
-    """Median over neighbouring frames of a sequence; valid where most of them are valid."""
+    """Median over neighbouring frames of a sequence; valid where most of the frames are valid."""
 
     frames: int = parameter(3, 3, 15, "number of frames, centred on the filtered one")
 
     @property
     def before(self) -> int:
-        """Number of earlier frames."""
+        """The number of earlier frames that the filter reads."""
         return self.frames // 2
 
     @property
     def after(self) -> int:
-        """Number of later frames."""
+        """The number of later frames that the filter reads."""
         return self.frames // 2
 
     def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
-        """Return medians of valid depths; for an even number the mean of the middle two."""
+        """Compute medians of valid depths; of an even number, the mean of the middle two."""
         count = valid.sum(axis=0)
         ordered = np.sort(np.where(valid, noisy_mm, np.inf), axis=0)
         low, high = (
@@ -40,7 +40,7 @@ class TemporalMedian:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """Temporal mean with a threshold after Essmaeel et al. 2012; the identity on single frames.
+    """Temporal mean with a threshold, after Essmaeel et al. 2012; a single frame stays unchanged.
 
     The paper ran its "adaptive threshold 15" on single frames, as frames=1 does: its row equals its
     baseline in every digit. With more frames each pixel is the mean over past frames, as far back
@@ -53,13 +53,13 @@ class Adaptive:
 
     @property
     def before(self) -> int:
-        """Number of earlier frames."""
+        """The number of earlier frames that the filter reads."""
         return self.frames - 1
 
     after = 0
 
     def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
-        """Return means over past frames, with the input's validity."""
+        """Compute means over past frames; pixels are valid where the input is."""
         here = noisy_mm[now]
         total, count, going = here.copy(), np.ones_like(here), valid[now].copy()
         for past in range(now - 1, -1, -1):

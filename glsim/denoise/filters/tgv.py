@@ -40,14 +40,14 @@ _USUAL_MM, _LEAST_MM = 2.0, 0.01
 
 @dataclass(frozen=True)
 class TotalGeneralisedVariation(Masked):
-    """Total generalised variation of second order (Bredies et al. 2010), weighted by the noise."""
+    """Second-order total generalised variation (Bredies et al. 2010), weighted by local noise."""
 
     alpha: float = parameter(2.0, 0.01, 100, "weight of the slopes' misfit, in units of the noise")
     ratio: float = parameter(2.0, 0.1, 10, "weight of bends relative to that of the slopes' misfit")
     iterations: int = parameter(200, 10, 5000, "primal-dual iterations")
 
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Return smoothed depths; wanted pixels without support continue their surface."""
+        """Compute smoothed depths; wanted pixels without support continue their surface."""
         filled = fill(noisy_mm, support)
         noise_mm = max(estimate_noise_mm(np.where(support, noisy_mm, 0)) or _USUAL_MM, _LEAST_MM)
         local_mm = local_noise_mm(np.where(support, noisy_mm, np.float32(0)), noise_mm)
@@ -67,13 +67,13 @@ class TotalGeneralisedVariation(Masked):
 
 
 class SurfaceGradients:
-    """Differences between neighbouring pixels of one surface, and their adjoints.
+    """Finite differences between neighbouring pixels of one surface, and their adjoint operators.
 
     Arrays are (H, W) float32; the last column or row of a difference is 0.
     """
 
     def __init__(self, depth_mm: Depth, domain: Mask) -> None:
-        """Link neighbours in ``domain`` (H, W) whose depths differ by at most FLYING_MM."""
+        """Link neighbouring pixels of ``domain`` whose depths differ by at most FLYING_MM."""
         self.across = np.zeros(depth_mm.shape, np.float32)
         self.down = np.zeros(depth_mm.shape, np.float32)
         for links, axis, near in (
@@ -91,15 +91,15 @@ class SurfaceGradients:
         self._mixed = self._across_down * self._down_across
 
     def gradient(self, u: _Array) -> tuple[_Array, _Array]:
-        """Return the forward differences across and down."""
+        """Compute the forward differences across and down."""
         return _forward(u, 1) * self.across, _forward(u, 0) * self.down
 
     def gradient_adjoint(self, p: _Array, q: _Array) -> _Array:
-        """Return the adjoint of ``gradient``: minus the divergence."""
+        """Apply the adjoint of ``gradient``, the negative divergence."""
         return _forward_adjoint(p * self.across, 1) + _forward_adjoint(q * self.down, 0)
 
     def symmetrised(self, w: _Array, v: _Array) -> tuple[_Array, _Array, _Array]:
-        """Return the symmetrised gradient of slopes across (w) and down (v): xx, yy, xy."""
+        """Compute the symmetrised gradient xx, yy, xy of the slopes across (w) and down (v)."""
         mixed = (_backward(w, 0) + _backward(v, 1)) * self._mixed
         return (
             _backward(w, 1) * self._across_across,
@@ -108,7 +108,7 @@ class SurfaceGradients:
         )
 
     def symmetrised_adjoint(self, xx: _Array, yy: _Array, xy: _Array) -> tuple[_Array, _Array]:
-        """Return the adjoint of ``symmetrised``; the mixed part counts twice in its norm."""
+        """Apply the adjoint of ``symmetrised``; xy counts twice in the norm."""
         mixed = xy * self._mixed
         w = _backward_adjoint(xx * self._across_across, 1) + _backward_adjoint(mixed, 0)
         v = _backward_adjoint(yy * self._down_down, 0) + _backward_adjoint(mixed, 1)
@@ -123,7 +123,7 @@ def solve(
     alpha_0: np.float32,
     iterations: int,
 ) -> _Array:
-    """Minimise the functional of this module; return u, (H, W) float32.
+    """Minimise the total generalised variation by a primal-dual method; return u, (H, W) float32.
 
     Args:
         noisy: (H, W), where the iteration starts.
@@ -159,7 +159,7 @@ def solve(
 
 
 def _project(radius: np.float32, *parts: _Array) -> None:
-    """Scale vectors, one component per array, into the ball of a radius, in place."""
+    """Project vectors, one component per array, onto the ball of a radius, in place."""
     size = np.sqrt(sum(part * part for part in parts))
     over = np.maximum(np.float32(1), size / radius)
     for part in {id(part): part for part in parts}.values():
@@ -167,7 +167,7 @@ def _project(radius: np.float32, *parts: _Array) -> None:
 
 
 def _forward(image: _Array, axis: int) -> _Array:
-    """Return the differences to the next pixel, 0 at the last one."""
+    """Compute the differences to the next pixel along an axis; 0 at the last pixel."""
     result = np.zeros_like(image)
     if axis:
         np.subtract(image[:, 1:], image[:, :-1], out=result[:, :-1])
@@ -177,7 +177,7 @@ def _forward(image: _Array, axis: int) -> _Array:
 
 
 def _forward_adjoint(image: _Array, axis: int) -> _Array:
-    """Return the adjoint of ``_forward`` for images that are 0 at the last pixel."""
+    """Apply the adjoint of ``_forward`` to an image that is 0 at its last pixels."""
     result = -image
     if axis:
         result[:, 1:] += image[:, :-1]
@@ -187,7 +187,7 @@ def _forward_adjoint(image: _Array, axis: int) -> _Array:
 
 
 def _backward(image: _Array, axis: int) -> _Array:
-    """Return the differences to the pixel before, 0 at the first one."""
+    """Compute the differences to the pixel before along an axis; 0 at the first pixel."""
     result = np.zeros_like(image)
     if axis:
         np.subtract(image[:, 1:], image[:, :-1], out=result[:, 1:])
@@ -197,7 +197,7 @@ def _backward(image: _Array, axis: int) -> _Array:
 
 
 def _backward_adjoint(image: _Array, axis: int) -> _Array:
-    """Return the adjoint of ``_backward`` for images that are 0 at the first pixel."""
+    """Apply the adjoint of ``_backward`` to an image that is 0 at its first pixels."""
     result = image.copy()
     if axis:
         result[:, :-1] -= image[:, 1:]
@@ -207,7 +207,7 @@ def _backward_adjoint(image: _Array, axis: int) -> _Array:
 
 
 def _both(links: _Array, axis: int) -> _Array:
-    """Return 1 where a pixel and the one before it along an axis are linked, else 0."""
+    """Return 1 where a pixel and the pixel before it along an axis both have a link, else 0."""
     result = np.zeros_like(links)
     if axis:
         result[:, 1:] = links[:, 1:] * links[:, :-1]

@@ -1,4 +1,4 @@
-"""Helpers on masked depth: hole filling, neighbourhoods, mask clean-up."""
+"""Helpers for depth maps with masks: fill holes, cut neighbourhoods, clean masks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STEP_MM = 50.0
 
 
 def fill(depth_mm: Depth, support: Mask) -> Depth:
-    """Fill holes: return (H, W) the depth of the nearest ``support`` pixel, zeros without any."""
+    """Fill holes with the depth of the nearest ``support`` pixel, (H, W); all 0 without any."""
     if not support.any():
         return np.zeros_like(depth_mm)
     _, labels = cv2.distanceTransformWithLabels(
@@ -34,7 +34,7 @@ def fill(depth_mm: Depth, support: Mask) -> Depth:
 
 
 def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:
-    """Return (N, (2 radius + 1)^2) square neighbourhoods of the N pixels of ``at``, row by row.
+    """Cut the square neighbourhoods, (N, (2 radius + 1)^2), of the N pixels of ``at``.
 
     outside: the value beyond the image.
     """
@@ -44,7 +44,7 @@ def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray
 
 
 def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
-    """Clean a mask: return (trusted pixels, pixels that shall have depth), both (H, W) bool.
+    """Clean a mask; return the trusted pixels and the pixels that shall have depth, (H, W) bool.
 
     Trusted pixels are valid and within FLYING_MM of their 5x5 median. Pixels get depth where more
     than half of a square of ``size`` px is trusted: this closes single holes, removes single
@@ -57,7 +57,7 @@ def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
 
 
 def pieces(depth_mm: Depth, valid: Mask) -> NDArray[np.int32]:
-    """Number the surfaces of a (H, W) map: 4-connected, steps of at most 50 mm; 0 = no depth."""
+    """Label the 4-connected surfaces of an (H, W) map, with steps up to 50 mm; 0 = no depth."""
     # Connected components know a mask only, so steps become gaps between pixels at twice the size.
     height, width = valid.shape
     grid = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
