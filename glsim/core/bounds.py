@@ -1,4 +1,4 @@
-"""Bounds of a mesh: the image window it can touch, and the frustum that an emitter must see."""
+"""Bounds of a mesh: the image window that it can touch, and the frustum of an emitter."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Frustum(NamedTuple):
     far_m: float
 
     def widened(self, by: float) -> Frustum:
-        """The frustum with its directions widened by ``by`` on each side."""
+        """Return the frustum with its directions (x/z, y/z) widened by ``by`` on each side."""
         return self._replace(
             left=self.left - by, top=self.top - by, right=self.right + by, bottom=self.bottom + by
         )
@@ -43,7 +43,7 @@ class Frustum(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FieldOfView:
-    """The directions that a rig's pixels see, lens included.
+    """The ranges of directions that the columns and rows of a rig's image see.
 
     Args:
         columns: (W, 2) smallest and largest x/z that a column sees.
@@ -56,7 +56,7 @@ class FieldOfView:
 
     @staticmethod
     def of(rig: SensorRig) -> FieldOfView:
-        """The field of view of a rig: its rays, with a margin of 0.5 px (1 px with a lens)."""
+        """Compute the field of view of a rig, with a margin of 0.5 px (1 px with a lens)."""
         rays, image = rig.rays().astype(np.float64), rig.intrinsics
         spread = np.array([-1.0, 1.0]) if rig.keeps_distortion else np.array([-0.5, 0.5])
         x, y = rays[..., 0], rays[..., 1]
@@ -67,7 +67,7 @@ class FieldOfView:
         )
 
     def window(self, box: Frustum) -> Rect:
-        """The pixels whose rays enter ``box``; width or height 0 if there are none."""
+        """Return the window of pixels whose rays enter ``box``; width or height 0 if none does."""
         spans = []
         for directions, low, high in (
             (self.columns, box.left, box.right),
@@ -82,7 +82,7 @@ class FieldOfView:
 def bounding_corners(
     vertices_mm: NDArray[np.float32], view: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """(8, 3) corners of a mesh's bounding box, camera-frame metres.
+    """Compute the (8, 3) corners of a mesh's bounding box, camera frame, metres.
 
     Args:
         vertices_mm: (V, 3) canonical millimetres.
@@ -105,7 +105,7 @@ def bounding_corners(
 def vertex_frustum(
     vertices_mm: NDArray[np.float32], view: NDArray[np.float32], near_m: float
 ) -> Frustum | None:
-    """The frustum of the vertices themselves; None if any is not beyond ``near_m``.
+    """Compute the frustum of a mesh's vertices; None if a vertex is not beyond ``near_m``.
 
     It can be much smaller than that of their bounding box, e.g. if hands reach forward.
 
@@ -125,7 +125,7 @@ def vertex_frustum(
 def bounding_frustum(
     corners_m: NDArray[np.float64], origin_m: tuple[float, float, float], near_m: float
 ) -> Frustum | None:
-    """The frustum of (N, 3) points seen from ``origin_m``; None if any is not beyond ``near_m``."""
+    """Compute the frustum of (N, 3) points seen from ``origin_m``; None if any is too near."""
     seen = corners_m - np.asarray(origin_m)
     z = seen[:, 2]
     if z.min() <= near_m:
@@ -141,7 +141,7 @@ def image_window(
     reach_px: int = 0,
     around: Frustum | None = None,
 ) -> Rect:
-    """The window of the image that a mesh can touch, with margin.
+    """Compute the window of the image that a mesh can touch, with a margin.
 
     It is the whole image if the mesh crosses the near plane.
 
@@ -184,7 +184,7 @@ def image_window(
 def emitter_frustum(
     corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
 ) -> Frustum:
-    """The frustum that an emitter must see to light the image, with the depths of the whole mesh.
+    """Compute the frustum that an emitter must see to light everything in the image.
 
     It holds the directions of the points that the camera and the imagers see: what shadows them
     lies there too. A crop does not narrow it, because the edges of shadows depend on the grid of
@@ -224,7 +224,7 @@ def emitter_frustum(
 
 
 def union(windows: list[Rect]) -> Rect:
-    """The smallest window that contains all ``windows``."""
+    """Return the smallest window that contains all ``windows``."""
     left, top = min(w.left for w in windows), min(w.top for w in windows)
     right = max(w.left + w.width for w in windows)
     bottom = max(w.top + w.height for w in windows)
@@ -245,7 +245,7 @@ def widened(window: Rect, field_of_view: FieldOfView, by_px: tuple[int, int, int
 
 
 def _grown(rect: Rect, limit: Rect, by_px: int) -> Rect:
-    """``rect`` widened by ``by_px`` on each side, aligned to _ALIGN_PX, cut to ``limit``."""
+    """Widen ``rect`` by ``by_px`` on each side, align it to _ALIGN_PX, and cut it to ``limit``."""
     left = math.floor((rect.left - by_px) / _ALIGN_PX) * _ALIGN_PX
     top = math.floor((rect.top - by_px) / _ALIGN_PX) * _ALIGN_PX
     right = math.ceil((rect.left + rect.width + by_px) / _ALIGN_PX) * _ALIGN_PX

@@ -50,7 +50,7 @@ class Intrinsics:
     cy: float
 
     def clip_matrix(self, near_m: float, far_m: float) -> FloatArray:
-        """(4, 4) float32 matrix, camera frame to clip space, with y *down*.
+        """Compute the (4, 4) float32 matrix from the camera frame to clip space, with y *down*.
 
         Row 0 of the GL framebuffer is then the top row of the image: nothing has to be flipped. The
         matrix mirrors the winding: counter-clockwise faces become clockwise.
@@ -67,38 +67,38 @@ class Intrinsics:
         )
 
     def finer(self, factor: int) -> Intrinsics:
-        """The same view with ``factor`` times as many pixels along each axis."""
+        """Return the same camera with ``factor`` times as many pixels along each axis."""
         if factor == 1:
             return self
         size = self.width * factor, self.height * factor
         return Intrinsics(*size, *(factor * v for v in (self.fx, self.fy, self.cx, self.cy)))
 
     def rays(self) -> FloatArray:
-        """(H, W, 2) float32 rays through the pixel centres: x/z and y/z."""
+        """Compute (H, W, 2) float32 rays, x/z and y/z, through the pixel centres."""
         x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
         y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
         return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
 
     def project(self, points_m: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Project (N, 3) camera-frame metres to (N, 2) float64 image coordinates, pixels."""
+        """Project (N, 3) camera-frame points, metres, to (N, 2) float64 image points, pixels."""
         p = np.asarray(points_m, dtype=np.float64)
         u = self.fx * p[:, 0] / p[:, 2] + self.cx
         v = self.fy * p[:, 1] / p[:, 2] + self.cy
         return np.stack([u, v], axis=1)
 
     def unproject(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Unproject (H, W) depth, metres, to (H, W, 3) camera-frame metres; 0 to the origin."""
+        """Convert (H, W) depth, metres, to (H, W, 3) points, camera frame, metres."""
         z = np.asarray(depth_m, dtype=np.float32)
         return np.concatenate([self.rays() * z[..., None], z[..., None]], axis=-1)
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Intrinsics:
-        """The intrinsics of a window of the image."""
+        """Return the intrinsics of a window of the image."""
         return replace(self, width=width, height=height, cx=self.cx - left, cy=self.cy - top)
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """The radial-tangential lens model of OpenCV, in normalised coordinates.
+    """OpenCV's lens distortion, radial and tangential, of normalised coordinates x/z, y/z.
 
     Args:
         k1, k2, k3: of the radial polynomial of r^2, the numerator.
@@ -119,7 +119,7 @@ class Distortion:
     limit_tan: float = 0.0
 
     def distort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Distort (..., 2) ideal x/z, y/z to (..., 2) float64 as the lens images them."""
+        """Compute the distorted places (..., 2) float64 of ideal image points x/z, y/z."""
         xy = np.asarray(xy, dtype=np.float64)
         x, y = xy[..., 0], xy[..., 1]
         r2 = x * x + y * y
@@ -129,7 +129,7 @@ class Distortion:
         return np.stack([xd, yd], axis=-1)
 
     def _radial(self, r2: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the factor of a point at the squared radius r2."""
+        """Compute the radial distortion factor at the squared radius r2."""
         upper = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
         if not self.is_rational:
             return upper
@@ -141,7 +141,7 @@ class Distortion:
         return any((self.k4, self.k5, self.k6))
 
     def undistort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Undistort (..., 2): the inverse of ``distort``, by fixed-point iteration.
+        """Compute the ideal places (..., 2) of distorted points, by fixed-point iteration.
 
         Raises ConfigError if it does not converge: the lens model folds inside the image.
         """
@@ -163,7 +163,7 @@ class Distortion:
     def _within_limit(
         self, target: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Move (..., 2) distorted points to where the lens model can be inverted.
+        """Move (..., 2) distorted points into the range where the lens model can be inverted.
 
         Return them and a first guess of their undistorted places.
         """
@@ -181,7 +181,7 @@ class Distortion:
 
 @dataclass(frozen=True)
 class Emitter:
-    """An infrared light source.
+    """An infrared light source, a point or a short line.
 
     Args:
         position_m: its centre, camera frame, metres.
@@ -198,13 +198,13 @@ class Emitter:
 
     @property
     def end_m(self) -> tuple[float, float]:
-        """(x, y) from the centre to the end that is farther from the camera, metres."""
+        """The offset (x, y), metres, from the emitter's centre to its end far from the camera."""
         x, y, _ = self.position_m
         length = math.hypot(x, y)
         return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
 
     def shared_points_m(self) -> list[tuple[NDArray[np.float64], float]]:
-        """Points that emit and their shares of the light: near end, centre, far end.
+        """Return the emitter's light points (3,), metres, with their shares of the light.
 
         Each is (3,) metres; a point has its centre alone.
         """
@@ -215,7 +215,7 @@ class Emitter:
 
 
 class SubExposure(NamedTuple):
-    """A part of a frame that is exposed at one time.
+    """A part of a frame that is exposed at one time: a capture or a band of rows.
 
     Attributes:
         time_ms: of its middle, from the frame's instant.
@@ -231,7 +231,7 @@ class SubExposure(NamedTuple):
 
 @dataclass(frozen=True)
 class Exposure:
-    """When the parts of a frame are exposed; by default all at once.
+    """The times at which the parts of a frame are exposed; by default a single time.
 
     A frame's instant is the middle of its exposure: a scene that moves is drawn at the time of each
     part, and glsim.render.sub_frames puts the parts together.
@@ -250,7 +250,7 @@ class Exposure:
     bands: int = 16
 
     def parts(self) -> tuple[SubExposure, ...]:
-        """Return the parts of the exposure, earliest first; none if all pixels share one time."""
+        """Return the parts of the exposure in order of time; () if all pixels share one time."""
         if self.captures and self.spacing_ms > 0:
             middle = 0.5 * (self.captures - 1)
             return tuple(
@@ -268,7 +268,7 @@ class Exposure:
 
 @dataclass(frozen=True)
 class SensorRig:
-    """A depth camera: intrinsics, emitters and lens.
+    """The hardware of a depth camera: intrinsics, lens, emitters and imagers.
 
     Args:
         near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
@@ -300,7 +300,7 @@ class SensorRig:
     projector_tan: tuple[float, float] = (0.0, 0.0)
 
     def canvas(self) -> SensorRig:
-        """The rig whose images are those of the imagers: with the border, delivered whole."""
+        """Return this rig with its image enlarged by ``border_px``, as imagers are rendered."""
         if not any(self.border_px):
             return self
         left, top, right, bottom = self.border_px
@@ -309,18 +309,18 @@ class SensorRig:
         return replace(self, intrinsics=wide, border_px=(0, 0, 0, 0))
 
     def on_canvas(self, window: Rect) -> Rect:
-        """Return a window of the delivered image in pixels of the canvas."""
+        """Convert a window of the delivered image to pixels of the canvas."""
         left, top = self.border_px[:2]
         return window._replace(left=window.left + left, top=window.top + top)
 
     @property
     def keeps_distortion(self) -> bool:
-        """Whether frames keep the lens distortion."""
+        """Whether the delivered frames keep the lens distortion."""
         return self.deliver == "raw" and self.distortion != Distortion()
 
     @property
     def baseline_m(self) -> float:
-        """Distance between the two views that give a disparity, metres; 0 without two views.
+        """The distance between the two views that give a disparity, metres; 0 without two views.
 
         The views are the imagers; those of one imager and the first emitter; or those of the
         camera and the first emitter.
@@ -329,7 +329,7 @@ class SensorRig:
 
     @property
     def second_view_m(self) -> Point:
-        """From the first to the second of the views of ``baseline_m``, metres."""
+        """The vector from the first to the second view of ``baseline_m``, metres."""
         views = [*self.imagers_m, *(e.position_m for e in self.emitters)]
         if not self.imagers_m:
             views.insert(0, (0.0, 0.0, 0.0))
@@ -339,7 +339,7 @@ class SensorRig:
         return (bx - ax, by - ay, bz - az)
 
     def reach_of_views(self, nearest_m: float) -> tuple[int, int, int, int]:
-        """How far around a window the other views show what the camera sees in it, pixels.
+        """Compute the margin around a window in which the other views show its surfaces, pixels.
 
         Args:
             nearest_m: a lower bound of the depths in the scene.
@@ -359,14 +359,14 @@ class SensorRig:
 
     @property
     def emitter_m(self) -> Point:
-        """Where paths of light start: the mean of the emitters, or the origin; camera frame, m."""
+        """The start of the light's path, camera frame, m: mean of the emitters, or the origin."""
         if not self.emitters:
             return (0.0, 0.0, 0.0)
         x, y, z = np.mean([e.path_from_m or e.position_m for e in self.emitters], axis=0)
         return (float(x), float(y), float(z))
 
     def rays(self) -> FloatArray:
-        """(H, W, 2) float32, read-only: x/z and y/z of the true ray of each delivered pixel.
+        """Return (H, W, 2) float32, read-only: x/z and y/z of the true ray of each delivered pixel.
 
         Raises ConfigError if the lens cannot be inverted.
         """
@@ -378,7 +378,7 @@ class SensorRig:
         focal_px: tuple[float, float] | None = None,
         centre_px: tuple[float, float] | None = None,
     ) -> SensorRig:
-        """The rig for a depth map of shape (height, width) without a calibration.
+        """Return the rig for an uncalibrated depth map of shape (height, width).
 
         By default the map has the rig's focal length. Its principal point is the rig's if the sizes
         are equal, otherwise (a crop) the map's centre. Raises ConfigError for a focal length that
@@ -395,7 +395,7 @@ class SensorRig:
         return replace(self, intrinsics=Intrinsics(width, height, *focal, *centre_px))
 
     def pinhole(self) -> Intrinsics:
-        """The pinhole to rasterise with: the intrinsics, or one that covers all distorted rays."""
+        """Return the pinhole camera to rasterise with; it covers all distorted rays."""
         i = self.intrinsics
         if not self.keeps_distortion:
             return i
@@ -409,7 +409,7 @@ class SensorRig:
 
 @lru_cache(maxsize=4)
 def _rays(image: Intrinsics, lens: Distortion | None) -> FloatArray:
-    """``SensorRig.rays``, cached: inverting the lens of a Kinect V2 takes 0.15 s."""
+    """Compute ``SensorRig.rays``, cached, since inverting the lens of a Kinect V2 takes 0.15 s."""
     rays = image.rays()
     if lens is not None:
         rays = lens.undistort(rays).astype(np.float32)

@@ -1,4 +1,4 @@
-"""One type of a depth frame, whatever it is read from, and one type of a set of them.
+"""The type of a depth frame from any source, and the type of a set of depth frames.
 
 Data sets, recordings, folders of files and stacks in memory give ``Frames``; scoring, denoising,
 training, fitting and comparing take them.
@@ -25,7 +25,7 @@ Layer = NDArray[Any] | Callable[[], NDArray[Any]]
 
 
 class FrameKey(NamedTuple):
-    """Identifies a frame. Statistics are over subjects; a sequence is ordered in time."""
+    """The subject, the sequence and the number that identify a frame."""
 
     subject: str
     sequence: str
@@ -37,7 +37,7 @@ class FrameKey(NamedTuple):
 
 
 class DepthFrame(Mapping[str, Any]):
-    """A measured depth map with its camera, and what else is known of it.
+    """A measured depth map with its camera, and perhaps truth, infrared and other maps.
 
     A map that lies in a file is read and checked when it is first used, and raises DatasetError
     then; so does a map that the frame does not have (``"clean_mm" in frame`` tells). As a mapping,
@@ -77,7 +77,7 @@ class DepthFrame(Mapping[str, Any]):
         return f"DepthFrame({self.name})"
 
     def __getitem__(self, name: str) -> Any:
-        """Return a map or a part of the key. Raises KeyError for what ``keys`` does not list."""
+        """Return a map or a part of the key by its name. Raises KeyError for an unknown name."""
         if name in self._layers:
             return self.layer(name)
         if name in FrameKey._fields:
@@ -101,7 +101,7 @@ class DepthFrame(Mapping[str, Any]):
         return tuple(self._layers)
 
     def layer(self, name: str) -> NDArray[Any]:
-        """Return a map by its name. Raises DatasetError if there is none, or it cannot be read."""
+        """Return a map by its name. Raises DatasetError if it is missing or cannot be read."""
         if name not in self._layers:
             raise DatasetError(
                 f"{self.name}: has no layer {name.removesuffix('_mm')!r}: it has "
@@ -124,7 +124,7 @@ class DepthFrame(Mapping[str, Any]):
 
     @property
     def rays(self) -> DepthMap:
-        """(H, W, 2) float32 x/z and y/z of the pixels."""
+        """(H, W, 2) float32 rays of the pixels, x/z and y/z."""
         return _rays(self.intrinsics)
 
     @property
@@ -149,7 +149,7 @@ class DepthFrame(Mapping[str, Any]):
 
     @property
     def regions(self) -> NDArray[np.uint8]:
-        """(H, W) uint8 parts of the face, by the numbers of ``Frames.regions``; 0 = none."""
+        """(H, W) uint8 numbers of face regions, as in ``Frames.regions``; 0 = no region."""
         return self.layer("regions")
 
     @property
@@ -164,7 +164,7 @@ class DepthFrame(Mapping[str, Any]):
         intrinsics: Intrinsics | None = None,
         offset_mm: float | None = None,
     ) -> DepthFrame:
-        """Return the frame with other maps, by their names, another camera or another offset."""
+        """Return a copy of the frame with other maps, another camera or another offset."""
         return DepthFrame(
             self.key,
             intrinsics or self.intrinsics,
@@ -177,7 +177,7 @@ class DepthFrame(Mapping[str, Any]):
 
 
 class Frames(Sequence[DepthFrame]):
-    """Depth frames of one camera by number; those of a sequence are consecutive, in time order.
+    """A numbered set of depth frames of one camera; the frames of a sequence are consecutive.
 
     Args:
         count: number of frames.
@@ -206,7 +206,7 @@ class Frames(Sequence[DepthFrame]):
 
     @classmethod
     def of(cls, frames: Sequence[DepthFrame], title: str = "") -> Frames:
-        """Return frames in memory as a set."""
+        """Make a set of frames that are in memory."""
         kept = tuple(frames)
         return cls(len(kept), kept.__getitem__, title=title)
 
@@ -214,11 +214,11 @@ class Frames(Sequence[DepthFrame]):
         return self._count
 
     def key(self, number: int) -> FrameKey:
-        """Return the key of a frame."""
+        """Return the key of a frame, given its number."""
         return self.load(number).key if self._key is None else self._key(number)
 
     def load(self, number: int) -> DepthFrame:
-        """Return a frame. Raises DatasetError if it is missing or damaged."""
+        """Load a frame, given its number. Raises DatasetError if it is missing or damaged."""
         return self._load(number)
 
     @property
@@ -228,7 +228,7 @@ class Frames(Sequence[DepthFrame]):
 
     @cached_property
     def measured_mm(self) -> Stack:
-        """(T, H, W) measured depth of frames of one size, mm, NaN = no return."""
+        """(T, H, W) float64 measured depth of frames of equal size, mm, NaN = no return."""
         return np.stack([frame.measured_mm for frame in self]).astype(np.float64)
 
     @property
@@ -244,15 +244,15 @@ class Frames(Sequence[DepthFrame]):
 
     @property
     def residual_mm(self) -> Stack:
-        """(T, H, W) whole mm minus the true depth of a static scene."""
+        """(T, H, W) measured depth in whole mm minus the true depth of a static scene."""
         return self.whole_mm - self.truth_mm
 
     def stack(self, layer: str) -> NDArray[Any]:
-        """Return a layer of frames of one size, (T, H, W) or (T, H, W, components)."""
+        """Stack a layer of frames of equal size, (T, H, W) or (T, H, W, components)."""
         return np.stack([frame.layer(layer) for frame in self])
 
     def centre(self, width: int = 64, height: int | None = None) -> Frames:
-        """Return the frames in memory, cropped to their centre, px (default: a square)."""
+        """Load all frames and crop them to ``width`` x ``height`` pixels in the centre."""
         own = self.intrinsics
         height = width if height is None else height
         left, top = (own.width - width) // 2, (own.height - height) // 2
@@ -287,7 +287,7 @@ class Frames(Sequence[DepthFrame]):
         identity: str = "",
         protocol: DepthProtocol | None = None,
     ) -> Frames:
-        """Return the frames with each changed when it is read.
+        """Return the set with a function applied to each frame when it is read.
 
         Args:
             change: takes a frame and returns another.

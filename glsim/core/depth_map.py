@@ -1,4 +1,4 @@
-"""Geometry of a measured depth map: its normals, its surface as a mesh, its shadows.
+"""Geometry of a depth map: its normals, its surface as a mesh, its shadows.
 
 The module defines two kinds of normals. ``normals`` gives one for every pixel, from differences
 within one surface, one-sided at its edges. ``central_normals`` uses the plain central differences
@@ -31,7 +31,7 @@ _SHADOW_BIAS_M = 0.003
 
 
 def normals(depth_m: NDArray[np.float32], rays: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W, 3) float32 unit normals towards the camera; (0, 0, -1) where there is no depth.
+    """Compute (H, W, 3) float32 unit normals towards the camera; (0, 0, -1) where depth is 0.
 
     Differences are taken to neighbours on the same surface only: central if both neighbours are,
     one-sided if one is.
@@ -55,7 +55,7 @@ def normals(depth_m: NDArray[np.float32], rays: NDArray[np.float32]) -> NDArray[
 def central_normals(
     depth: NDArray[np.floating], rays: NDArray[np.floating], at: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """(N, 3) float64 normals, not of unit length, at the N pixels of ``at`` in row order.
+    """Compute (N, 3) float64 normals, not of unit length, at the N pixels of ``at`` in row order.
 
     The cross product of the central differences of the back-projected points.
 
@@ -79,7 +79,7 @@ def central_normals(
 def _difference(
     points: NDArray[np.float32], depth_m: NDArray[np.float32], axis: int
 ) -> NDArray[np.float32]:
-    """(H, W, 3) mean step to the neighbours on the same surface; a unit axis if there are none."""
+    """Compute the (H, W, 3) mean step to neighbours on the same surface, or else a unit axis."""
     n = depth_m.shape[axis]
     first, last = (np.take(points, range(a, b), axis) for a, b in ((0, n - 1), (1, n)))
     z0, z1 = (np.take(depth_m, range(a, b), axis) for a, b in ((0, n - 1), (1, n)))
@@ -99,7 +99,7 @@ def _difference(
 
 
 def grid_triangles(shape: tuple[int, ...]) -> NDArray[np.int32]:
-    """Return the triangles between the pixels of an image, (T, 3) flat indices of their corners.
+    """Return the triangles between neighbouring pixels of an image, (T, 3) flat pixel indices.
 
     They are counter-clockwise seen from the camera.
 
@@ -115,7 +115,7 @@ def grid_triangles(shape: tuple[int, ...]) -> NDArray[np.int32]:
 def surface(
     depth_m: NDArray[np.float32], rig: SensorRig, steepest_deg: float | None = None
 ) -> Mesh | None:
-    """The mesh of triangles between pixel centres, cut at edges; None if there are none.
+    """Make a mesh of the triangles between pixel centres, cut at edges; None without triangles.
 
     Vertices are in millimetres, in camera axes with y and z negated: ``pose_matrix({})`` moves them
     back to where they were seen. Seen from elsewhere, triangles across a jump in depth are fins
@@ -144,7 +144,7 @@ def surface(
 
 
 def lit_by_marching(depth_m: NDArray[np.float32], rig: SensorRig) -> NDArray[np.float32]:
-    """(H, W) share of the emitters that reaches each pixel, by ray marching in the image.
+    """Compute the (H, W) share of the emitters' light that reaches each pixel, by ray marching.
 
     Reference for tests of the shadow shader; its substitute without GL. The line from a point to
     an emitter is a line in the image; a pixel on it that is nearer than the line hides the point.
@@ -177,7 +177,7 @@ def lit_by_marching(depth_m: NDArray[np.float32], rig: SensorRig) -> NDArray[np.
 def _march_shares(
     image: Intrinsics, nearest_m: float, farthest_m: float, emitter_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(S,) test points on the line to the emitter, as shares of it, at most half a pixel apart.
+    """Return (S,) places along the line to the emitter, 0 to 1, at most half a pixel apart.
 
     In the image, the point at share s of a line from depth z to an emitter in the image plane lies
     f b / z * t beside its start, with t = s / (1 - s). No surface that casts a shadow is nearer
@@ -192,7 +192,7 @@ def _march_shares(
 def _sample(
     depth_m: NDArray[np.float32], image: Intrinsics, at: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """(...) depth at the pixels that points (..., 3) project to; 0 outside or behind the camera."""
+    """Return the depth at the pixels to which points (..., 3) project; 0 outside the image."""
     z = np.where(at[..., 2] > 0, at[..., 2], np.inf)
     column = np.floor(image.fx * at[..., 0] / z + image.cx).astype(np.int64)
     row = np.floor(image.fy * at[..., 1] / z + image.cy).astype(np.int64)

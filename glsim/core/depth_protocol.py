@@ -1,4 +1,4 @@
-"""Where depth is counted from: the camera, or the nearest point of the frame.
+"""The origin of depth values: the camera, or the nearest point of the frame.
 
     depth   as measured: millimetres from the camera
     paper   each frame is moved along the optical axis until the nearest point of its true depth is
@@ -31,7 +31,7 @@ _Array = NDArray[np.float32]
 
 
 def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtocol | None:
-    """Return a protocol by its name; None for None. Raises ConfigError for another name."""
+    """Return the protocol of this name; None for None. Raises ConfigError for an unknown name."""
     if text is None:
         return None
     for name in get_args(DepthProtocol):
@@ -41,7 +41,7 @@ def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtoco
 
 
 def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
-    """Return the protocol of a data set's files.
+    """Return the protocol of a data set's files, given its setting.
 
     Args:
         nearest_to_mm: its setting of that name.
@@ -50,7 +50,7 @@ def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
 
 
 def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEAREST_MM) -> float:
-    """Return the millimetres to subtract so that the nearest depth is ``nearest_mm``.
+    """Compute the millimetres to subtract so that the nearest depth becomes ``nearest_mm``.
 
     Args:
         depth_mm: the true depth, any shape, 0 = none. 0 without any depth.
@@ -60,7 +60,7 @@ def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEARES
 
 
 def subtract_offset(depth: _Array, offset: float, least: float = NEAREST_MM) -> _Array:
-    """Subtract an offset where there is depth; a pixel with depth keeps at least ``least``.
+    """Subtract an offset from depth; 0, no depth, stays 0, other depth is at least ``least``.
 
     Args:
         depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of
@@ -71,5 +71,5 @@ def subtract_offset(depth: _Array, offset: float, least: float = NEAREST_MM) -> 
 
 
 def add_offset(depth: _Array, offset: float) -> _Array:
-    """Invert ``subtract_offset``, up to what it cut off."""
+    """Add an offset to depth, as the inverse of ``subtract_offset`` above its ``least``."""
     return np.where(depth > 0, depth + np.float32(offset), np.float32(0.0))

@@ -1,4 +1,4 @@
-"""The errors that glsim raises on purpose.
+"""The exceptions that glsim raises on purpose.
 
     GlsimError
     |- ConfigError    a setting, a parameter or a sensor file is wrong (CLI exit status 2)
@@ -26,12 +26,12 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f]")
 
 
 def printable(text: str) -> str:
-    """Return a text with its control characters escaped: they could rewrite the terminal."""
+    """Escape the control characters of a text, which could change the terminal."""
     return _CONTROL.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 class GlsimError(Exception):
-    """The base class: catch it to catch every error of glsim.
+    """The base class of all errors of glsim.
 
     Its text is one line of bounded length, whatever a file or a name put into the message: control
     characters are escaped, and the middle of a long one is left
@@ -46,39 +46,39 @@ class GlsimError(Exception):
 
 
 class ConfigError(GlsimError):
-    """A setting, a parameter or a sensor file is wrong."""
+    """The error of a wrong setting, parameter or sensor file."""
 
 
 class DepthRangeError(ConfigError):
-    """A depth is too large for the 16 bits of a file in the chosen unit."""
+    """The error of a depth too large for a file's 16 bits in the chosen unit."""
 
 
 class ShaderError(GlsimError):
-    """A GLSL file does not parse, compile or link."""
+    """The error of a GLSL file that does not parse, compile or link."""
 
 
 class DeviceError(GlsimError):
-    """No OpenGL context of the requested kind, or no camera, is available."""
+    """The error of a machine without the requested OpenGL context or camera."""
 
 
 class MeshError(GlsimError):
-    """A face cannot be read or cannot be rendered."""
+    """The error of a face that cannot be read or cannot be rendered."""
 
 
 class DatasetError(GlsimError):
-    """A data set on disk is invalid, or cannot be written."""
+    """The error of a data set on disk that is invalid or cannot be written."""
 
 
 class TrainError(GlsimError):
-    """A training cannot start, continue or be saved, or a checkpoint is invalid."""
+    """The error of a training that cannot start, continue or be saved, or of a bad checkpoint."""
 
 
 class DenoiserError(GlsimError):
-    """A denoiser cannot be loaded, or returns an invalid depth map."""
+    """The error of a denoiser that cannot be loaded or returns an invalid depth map."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of an "unknown name" message: similar names if any, otherwise all names."""
+    """Return the end of an "unknown name" message: similar names or, without any, all names."""
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3)
     if near:
@@ -93,7 +93,7 @@ CPU_TORCH = (
 
 
 def training_needs_torch(error: ImportError) -> TrainError:
-    """Return the error of a training on a machine without PyTorch."""
+    """Make the error of a training on a machine without PyTorch."""
     return TrainError(
         "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
         f"({CPU_TORCH}) ({error})"
@@ -101,7 +101,7 @@ def training_needs_torch(error: ImportError) -> TrainError:
 
 
 def require_package(name: str, what: str, extra: str) -> None:
-    """Raise ConfigError if a package that ``what`` needs is not installed, before long work."""
+    """Raise ConfigError if a package that ``what`` needs is not installed."""
     if find_spec(name) is None:
         raise ConfigError(
             f"{what} needs {name}, which is not installed: pip install 'glsim[{extra}]'"

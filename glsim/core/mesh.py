@@ -45,7 +45,7 @@ class Mesh:
     occluder: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
-        """Check shapes and sizes. Raises MeshError for a mesh that cannot be rendered."""
+        """Check shapes and sizes of the arrays. Raises MeshError if they cannot be rendered."""
         if self.vertices_mm.ndim != 2 or self.vertices_mm.shape[1] != 3:
             raise MeshError(f"vertices must be (V, 3), not {self.vertices_mm.shape}")
         if self.faces.ndim != 2 or self.faces.shape[1] != 3:
@@ -65,7 +65,7 @@ class Mesh:
 def vertex_normals(
     points: NDArray[np.floating], triangles: NDArray[np.integer]
 ) -> NDArray[np.float64]:
-    """Return (N, 3) unit normals of points: of the triangles around, weighted by their areas.
+    """Compute (N, 3) unit normals of points as area-weighted means over their triangles.
 
     Args:
         points: (N, 3). One without a triangle has the normal 0.
@@ -80,7 +80,7 @@ def vertex_normals(
 
 
 def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Choose fewer triangles for shadows: (F', 3) int32 vertex indices, F' = ``KEPT_SHARE`` * F.
+    """Reduce a mesh's triangles for shadows to a share of ``KEPT_SHARE``: (F', 3) int32 indices.
 
     Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles.
     The occluder has the mesh's own vertices: one list of triangles serves all blends of a model.

@@ -49,7 +49,7 @@ def module_names(folder: str) -> list[str]:
 
 
 def shipped_module(folder: str, name: str) -> ModuleType:
-    """Import a module of a folder of glsim."""
+    """Import a module from a folder of glsim."""
     return import_module(f"{_module(folder)}.{name}")
 
 
@@ -58,7 +58,7 @@ def _module(folder: str) -> str:
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
-    """Return the entries that the modules of a folder of glsim hold, in order, each once.
+    """Collect the entries in all modules of a folder of glsim, in order, without repetition.
 
     Args:
         folder: below glsim, such as "data/export/formats".
@@ -88,7 +88,7 @@ def _entry_points(group: str) -> Mapping[str, EntryPoint]:
 
 
 def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
-    """Return the names that other packages bring, sorted; nothing of them is imported.
+    """Return the names of a group's installed plug-ins, sorted, without importing them.
 
     Args:
         group: one of GROUPS.
@@ -107,7 +107,7 @@ def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
 
 
 def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
-    """Import the object that an entry point names.
+    """Import the object of a plug-in's entry point.
 
     Args:
         group: one of GROUPS.
@@ -135,13 +135,13 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
 
 
 def plugin_file(package: object, name: str) -> Path | None:
-    """Return the path of a file in a package, or None without it or for another object."""
+    """Return the path of a file in a package; None if there is no such file or no package."""
     folders = getattr(package, "__path__", ()) if isinstance(package, ModuleType) else ()
     return next((Path(f) / name for f in folders if (Path(f) / name).is_file()), None)
 
 
 def plugin_code(group: str, name: str) -> dict[str, Path]:
-    """Return the code files of the package that brings an entry: "package/file.py" -> path.
+    """Return the code files of the package of a plug-in: "package/file.py" -> path.
 
     Empty for what glsim ships. Files of a data set must be hashed with the code that made them.
     """
@@ -170,5 +170,5 @@ def _place(entry: EntryPoint) -> str:
 
 @lru_cache(maxsize=1000)  # one line a process, however often the code is loaded
 def announce_code(target: str) -> None:
-    """Log a warning before Python code of a file or module runs that the user named."""
+    """Log a warning, before user code of a file or module runs."""
     log.warning("runs code of %s: name only files whose author you trust", target)

@@ -1,4 +1,4 @@
-"""Pose of the face: the transform from canonical millimetres to camera metres."""
+"""Pose of the face: the transform from canonical millimetres to camera-frame metres."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _FACING = np.diag([1.0, -1.0, -1.0])
 
 
 def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
-    """(4, 4) float32 matrix, canonical mm to camera m.
+    """Compute the (4, 4) float32 matrix from canonical millimetres to camera-frame metres.
 
     The head rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it
     to its own left, raise it and tilt it to its own left.
@@ -32,7 +32,7 @@ def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
 def rotation(
     yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
 ) -> NDArray[np.float64]:
-    """Return the (3, 3) rotation to the person's left, then up, then tilted to the left."""
+    """Compute the (3, 3) rotation that turns a head to its left, then up, then tilts it left."""
     yaw, pitch, roll = np.radians(yaw_deg), np.radians(pitch_deg), np.radians(roll_deg)
     return product(product(_about(1, yaw), _about(0, -pitch)), _about(2, -roll))
 

@@ -1,4 +1,4 @@
-"""Products of matrices whose rounding depends on the numbers alone.
+"""Matrix products whose rounding is the same on every machine.
 
 NumPy's ``@`` and ``numpy.linalg`` call BLAS, which rounds by the number of its threads, by the kind
 of processor, and by the place of a row in the matrix. All that lies between a seed and a frame is
@@ -18,7 +18,7 @@ _SHORT = 32  # columns; measured: shorter rows are faster as columns
 
 
 def product(left: _Array, right: _Array) -> _Array:
-    """Return ``left @ right``; the terms of each element are added in their order.
+    """Compute ``left @ right``, adding the terms of each element in their order.
 
     It is meant for a few terms (K below 100). For one long row times a vector, multiply and sum.
 
@@ -45,12 +45,12 @@ def product(left: _Array, right: _Array) -> _Array:
 
 
 def norm(vector: _Array) -> float:
-    """Return the length of a vector (K,)."""
+    """Compute the length of a vector (K,)."""
     return float(np.sqrt((vector * vector).sum()))
 
 
 def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation nearest to a (3, 3) matrix of positive determinant.
+    """Compute the rotation nearest to a (3, 3) matrix of positive determinant.
 
     Newton's iteration for the orthogonal factor of the polar decomposition (Higham 1986, SIAM J.
     Sci. Stat. Comput. 7, 1160): the mean of a matrix and its inverse transposed.
@@ -69,7 +69,7 @@ _ITERATIONS, _CONVERGED = 30, 1e-14
 
 
 def principal_axis(points: _Array) -> NDArray[np.float64]:
-    """Return the unit vector (3,) along which (N, 3) points spread most; its sign is arbitrary."""
+    """Compute the unit vector (3,) of largest variance of (N, 3) points; its sign is arbitrary."""
     away = np.ascontiguousarray((points - points.mean(axis=0)).T, np.float64)
     spread = (away[:, None] * away).sum(axis=2)
     for _ in range(_SQUARINGS):
@@ -84,7 +84,7 @@ _SQUARINGS = 10
 
 
 def solve(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve ``matrix @ x = right`` by elimination without pivots.
+    """Solve ``matrix @ x = right`` by Gaussian elimination without pivoting.
 
     Args:
         matrix: (N, N), whose diagonal dominates each row.

@@ -10,7 +10,7 @@ from enum import IntEnum
 
 
 class Reason(IntEnum):
-    """The uint8 code of a pixel. Depth is 0 for every code but VALID, MOVED and GROWN."""
+    """The uint8 reason code of a pixel; only VALID, MOVED and GROWN pixels have depth."""
 
     VALID = 0
     NO_SURFACE = 1
@@ -28,12 +28,12 @@ class Reason(IntEnum):
 
     @property
     def help(self) -> str:
-        """The meaning of the code, one line."""
+        """The meaning of the code in one line."""
         return _HELP[self]
 
     @property
     def has_depth(self) -> bool:
-        """Whether a pixel with this code carries a depth."""
+        """Whether a pixel with this code has depth."""
         return self in (Reason.VALID, Reason.MOVED, Reason.GROWN)
 
 
@@ -55,6 +55,6 @@ _HELP = {
 
 
 def glsl() -> str:
-    """Return the text of the generated include "reason.glsl"."""
+    """Return the text of the generated GLSL include "reason.glsl"."""
     lines = [f"const float REASON_{r.name} = {r.value}.0; // {r.help}" for r in Reason]
     return "\n".join(["// generated from glsim/core/reason.py", *lines]) + "\n"

@@ -1,4 +1,4 @@
-"""A rectangle of pixels."""
+"""A rectangular window of pixels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Rect(NamedTuple):
-    """A window of an image, pixels: columns [left, left+width), rows [top, top+height)."""
+    """A window of an image, in pixels: columns [left, left+width), rows [top, top+height)."""
 
     left: int
     top: int
@@ -15,14 +15,14 @@ class Rect(NamedTuple):
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Slices of rows and columns, to index an image."""
+        """The slices of rows and columns that index an image."""
         return (
             slice(self.top, self.top + self.height),
             slice(self.left, self.left + self.width),
         )
 
     def contains(self, other: Rect) -> bool:
-        """Whether ``other`` lies within this window."""
+        """Return whether ``other`` lies inside this window."""
         return (
             self.left <= other.left
             and self.top <= other.top
@@ -31,7 +31,7 @@ class Rect(NamedTuple):
         )
 
     def intersection(self, other: Rect) -> Rect:
-        """The pixels in both windows; width or height 0 if there are none."""
+        """Return the window of common pixels; width or height 0 if there are none."""
         left, top = max(self.left, other.left), max(self.top, other.top)
         right = min(self.left + self.width, other.left + other.width)
         bottom = min(self.top + self.height, other.top + other.height)

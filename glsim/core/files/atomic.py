@@ -77,7 +77,7 @@ def to_json(value: object, where: str) -> str:
 
 
 def parse_json(data: bytes, where: object) -> dict[str, Any]:
-    """Parse one JSON object. Raises DatasetError, which begins with ``where``, for other bytes."""
+    """Parse a JSON object. Raises DatasetError, which begins with ``where``, for other bytes."""
     try:
         value = json.loads(data)
     except (ValueError, RecursionError) as error:
@@ -88,7 +88,7 @@ def parse_json(data: bytes, where: object) -> dict[str, Any]:
 
 
 def without_nan(value: Any) -> Any:
-    """Return JSON values with None for NaN and infinity, which JSON lacks; tuples become lists."""
+    """Replace NaN and infinity by None in JSON values; tuples become lists."""
     if isinstance(value, dict):
         return {str(key): without_nan(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -99,7 +99,7 @@ def without_nan(value: Any) -> Any:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a file that holds one JSON object, of up to 67 MB.
+    """Read a file that holds a JSON object, of up to 67 MB.
 
     Raises DatasetError for anything else.
     """
@@ -110,13 +110,13 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def cannot_write(path: Path, error: OSError) -> DatasetError:
-    """Return the DatasetError for a failed write: path, cause and advice in one line."""
+    """Make the DatasetError of a failed write: path, cause and advice in one line."""
     advice = _ADVICE.get(error.errno or 0, "what is complete is kept")
     return DatasetError(f"cannot write {path}: {error.strerror or error}: {advice}")
 
 
 def check_can_write(file: Path) -> None:
-    """Raise DatasetError if a file cannot be written, before the work whose result it takes.
+    """Raise DatasetError early, before long work, if its output file cannot be written.
 
     Its folder need not be there: ``write_atomic`` makes it.
     """
@@ -134,7 +134,7 @@ def check_can_write(file: Path) -> None:
 
 @contextmanager
 def wrap_write_errors(path: Path) -> Iterator[None]:
-    """Turn every OSError in the block into a DatasetError that names ``path``."""
+    """Turn each OSError in the block into a DatasetError that names ``path``."""
     try:
         yield
     except OSError as error:
@@ -143,7 +143,7 @@ def wrap_write_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def wrap_read_errors(path: Path) -> Iterator[None]:
-    """Turn every OSError in the block into a DatasetError about ``path``, a data-set file."""
+    """Turn each OSError in the block into a DatasetError about the data-set file ``path``."""
     try:
         yield
     except FileNotFoundError:
@@ -153,14 +153,14 @@ def wrap_read_errors(path: Path) -> Iterator[None]:
 
 
 def missing(where: object) -> DatasetError:
-    """Return the error for a file of a data set that is not there."""
+    """Make the error of a missing file of a data set."""
     return DatasetError(
         f"{where}: is missing: run glsim generate again with the same settings to restore it"
     )
 
 
 class AtomicFile:
-    """A file that appears under its name only when it is complete; counts its size and CRC32.
+    """A file that gets its name only when it is complete; it counts its size and CRC32.
 
     Use it as a context manager: a normal exit renames the temporary file to ``path``, an error
     removes it.
@@ -193,7 +193,7 @@ class AtomicFile:
             self._temporary = temporary
 
     def write(self, data: bytes) -> int:
-        """Append bytes; return their number."""
+        """Append bytes, and return their number."""
         with wrap_write_errors(self.path):
             self._file.write(data)
         self.crc32 = isal_zlib.crc32(data, self.crc32)
@@ -206,7 +206,7 @@ class AtomicFile:
 
     @property
     def checksum(self) -> dict[str, int]:
-        """The recorded form: {"size": bytes, "crc32": CRC32}."""
+        """The size and CRC32 of the written bytes: {"size": bytes, "crc32": CRC32}."""
         return {"size": self.size, "crc32": self.crc32}
 
     def __enter__(self) -> AtomicFile:
@@ -238,7 +238,7 @@ class AtomicFile:
 
 
 def write_atomic(data: bytes, path: Path, *, sync: bool = True) -> dict[str, int]:
-    """Write a whole file at once: it is complete or absent. Returns its size and CRC32.
+    """Write a file that is complete or absent; return its size and CRC32.
 
     Arguments as for AtomicFile. Raises DatasetError.
     """
@@ -248,7 +248,7 @@ def write_atomic(data: bytes, path: Path, *, sync: bool = True) -> dict[str, int
 
 
 def flush_outputs(folder: Path) -> None:
-    """Flush all files of a folder that were written with ``sync`` false. Raises DatasetError."""
+    """Flush to disk all files of a folder that were written with ``sync=False``."""
     if folder.is_dir():
         with wrap_write_errors(folder):
             flush_all(folder)
@@ -272,7 +272,7 @@ def _temporary_name() -> str:
 
 @contextmanager
 def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
-    """Make a folder for temporary files, which ends with the block, also after an error.
+    """Make a temporary folder that is deleted at the end of the block, also after an error.
 
     What killed processes left beside it is removed. Raises DatasetError if it cannot be made.
 
@@ -292,7 +292,7 @@ def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
 
 @lru_cache(maxsize=4096)
 def _remove_stale(folder: Path) -> None:
-    """Remove this user's temporary files and folders of killed processes, once per process."""
+    """Remove, once per process, the user's temporary files that killed processes left."""
     for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
         with suppress(OSError):  # gone, or not ours
             status = path.lstat()
@@ -305,12 +305,12 @@ def _remove_stale(folder: Path) -> None:
 
 
 def checksum(data: bytes) -> dict[str, int]:
-    """Return the size and CRC32 of bytes in memory."""
+    """Compute the size and CRC32 of bytes in memory."""
     return {"size": len(data), "crc32": isal_zlib.crc32(data)}
 
 
 def file_checksum(path: Path) -> dict[str, int] | None:
-    """Return the size and CRC32 of a regular file; None if it cannot be read."""
+    """Compute the size and CRC32 of a regular file; None if it cannot be read."""
     size = crc32 = 0
     try:
         with open_regular(path) as file:

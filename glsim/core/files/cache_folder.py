@@ -1,4 +1,4 @@
-"""The folder of data that a machine computes or downloads once."""
+"""The cache folder of a machine, for data computed or downloaded once."""
 
 from __future__ import annotations
 

@@ -71,13 +71,13 @@ _UPLOADS = 3
 
 
 def open_store(place: Path | str) -> Store:
-    """Return the store at a path, or at a URL such as s3://bucket/faces; nothing is read yet."""
+    """Return the store of a path, or of a URL such as s3://bucket/faces, without reading it."""
     url = cloud_url(place)
     return Store(Path(place)) if url is None else CloudStore(url)
 
 
 def cloud_url(path: Path | str) -> str | None:
-    """Return the URL that a path gives; None for a path on this machine's disks.
+    """Return the cloud URL in a path or text; None for a path on a local disk.
 
     Raises ConfigError for a URL of another kind: it would become a folder that is called "http:".
     """
@@ -92,7 +92,7 @@ def cloud_url(path: Path | str) -> str | None:
 
 
 class CloudStore(Store):
-    """The store at a URL. Processes that it is sent to connect on their own.
+    """A store in object storage, given by its URL; each process opens its own connection.
 
     Credentials and endpoints are the store's usual ones, such as AWS_PROFILE or AWS_ENDPOINT_URL in
     the environment. Methods raise ConfigError if the package for the scheme is not installed.
@@ -101,7 +101,7 @@ class CloudStore(Store):
     is_remote = True
 
     def __init__(self, url: str, temporary: Path | None = None) -> None:
-        """Name the URL, and a folder of this machine for files that are being written."""
+        """Remember the URL, and a local folder for files that are being written."""
         self.url, self._temporary = url.rstrip("/"), temporary
         self._connected: tuple[int, Any, str] | None = None
 
@@ -129,7 +129,7 @@ class CloudStore(Store):
 
     @override
     def checksum(self, name: str) -> dict[str, int] | None:
-        """Return the size and CRC32 of an object's bytes; None if there is none.
+        """Return the size and CRC32 of an object; None if there is no such object.
 
         S3 computes the CRC32 of what it holds when it takes an object; elsewhere, and for objects
         that others put there, all bytes are read.
@@ -174,7 +174,7 @@ class CloudStore(Store):
         return bytes(data)
 
     def _blocks(self, name: str, size: int | None) -> Iterator[bytes]:
-        """Return the bytes of an object in blocks, so that memory does not grow with it."""
+        """Return the bytes of an object in blocks, so that memory does not grow with its size."""
         if size is None:
             raise missing(self.where(name))
         starts = range(0, size, _BLOCK_BYTES)
@@ -257,7 +257,7 @@ class CloudStore(Store):
 
     @override
     def flush(self) -> None:
-        """Do nothing: an object is stored when it appears."""
+        """Do nothing, because an object is stored as soon as it is visible."""
 
     @override
     def delete(self, names: Iterable[str]) -> None:
@@ -268,13 +268,13 @@ class CloudStore(Store):
     def lock(
         self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
     ) -> AbstractContextManager[None]:
-        """Hold no lock: runs at the same time write the same bytes."""
+        """Hold no lock, because parallel runs write the same bytes."""
         return nullcontext()
 
     # ---------------------------------------------------------------- connection and retries
 
     def _connect(self) -> tuple[Any, str]:
-        """Return fsspec's file system and our path in it; connections do not survive a fork."""
+        """Return fsspec's file system and the path in it; connect again after a fork."""
         if self._connected is None or self._connected[0] != os.getpid():
             package = _PACKAGES[self.url.split("://")[0].split("::")[-1]]
             try:
@@ -292,7 +292,7 @@ class CloudStore(Store):
         return self._connected[1:]
 
     def _write(self, name: str, call: Callable[[Any, str], _T]) -> _T:
-        """Call as ``_try``; a bucket that does not exist is an error."""
+        """Call like ``_try``, but raise DatasetError if the bucket does not exist."""
         try:
             return self._attempt(name, call)
         except FileNotFoundError:
@@ -302,7 +302,7 @@ class CloudStore(Store):
             ) from None
 
     def _try(self, name: str, call: Callable[[Any, str], _T]) -> _T | None:
-        """Call with the file system and an object's path; None if there is no such object."""
+        """Call a function with the file system and an object's path; None if there is no object."""
         try:
             return self._attempt(name, call)
         except FileNotFoundError:
@@ -333,7 +333,7 @@ class CloudStore(Store):
 
 
 def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
-    """Return the options that let S3 check the received bytes and keep their CRC32."""
+    """Return the upload options by which S3 checks the received bytes and keeps their CRC32."""
     if not hasattr(fs, "call_s3"):
         return {}
     options: dict[str, Any] = {"ChecksumAlgorithm": "CRC32"}

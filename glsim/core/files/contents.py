@@ -1,4 +1,4 @@
-"""Hash the contents of files, so that a changed input is noticed."""
+"""Hash the contents of files, to notice a changed input."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BLOCK_BYTES = 1 << 20
 
 
 def content_hash(path: Path) -> str:
-    """Return a hash of a file's bytes; for an unreadable file, the problem as a text.
+    """Compute a hash of a file's bytes; of an unreadable file, return a text with the reason.
 
     A file of the same size, time and inode is read once per process.
     """
@@ -30,7 +30,7 @@ def content_hash(path: Path) -> str:
 
 
 def text_hash(text: str) -> str:
-    """Return the hash of a text."""
+    """Compute a hash of a text."""
     return hashlib.blake2b(text.encode("utf-8", "surrogateescape"), digest_size=16).hexdigest()
 
 

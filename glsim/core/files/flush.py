@@ -1,4 +1,4 @@
-"""Flush files to the disk, so that a power cut cannot take them back.
+"""Flush files to the disk, so that they survive a power cut.
 
 The kernel keeps what a program writes in memory for up to half a minute, and writes the names of
 files to the disk before their data: after a cut, a renamed file can be there and be empty. What
@@ -15,7 +15,7 @@ from typing import Any
 
 
 def flush_file(path: Path) -> None:
-    """Flush the data of a file, or the names in a folder. Raises OSError."""
+    """Flush the data of a file, or the names in a folder, to the disk. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)
@@ -24,7 +24,7 @@ def flush_file(path: Path) -> None:
 
 
 def flush_all(folder: Path) -> None:
-    """Flush all files and names of the file system that holds a folder. Raises OSError.
+    """Flush all files of the file system that holds a folder to the disk. Raises OSError.
 
     One call costs less than one per file: a chunk of a data set has a hundred. Linux has it; other
     systems flush all their file systems.
@@ -44,7 +44,7 @@ def flush_all(folder: Path) -> None:
 
 @lru_cache(maxsize=1)
 def _syncfs() -> Any:
-    """Return the C library's ``syncfs``; None where there is none."""
+    """Return the C library's function ``syncfs``; None if the library lacks it."""
     function = getattr(ctypes.CDLL(None, use_errno=True), "syncfs", None)
     if function is not None:
         function.argtypes, function.restype = [ctypes.c_int], ctypes.c_int

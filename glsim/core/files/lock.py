@@ -1,4 +1,4 @@
-"""Lock a file, so that two runs do not write one folder at the same time."""
+"""Lock a file, so that two runs never write one folder at the same time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from glsim.core.files.atomic import cannot_write
 def locked(
     file: Path, busy: GlsimError, *, wait: bool = False, shared: bool = False
 ) -> Iterator[None]:
-    """Hold a lock for a block; the kernel frees it when the process dies.
+    """Hold a file lock during a block; the kernel frees it if the process dies.
 
     Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
 

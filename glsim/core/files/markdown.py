@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table: its head, the rule below the head, and its rows.
+    """Return the lines of a Markdown table: head, rule and rows.
 
     Cells are Markdown already, without ``|``.
     """

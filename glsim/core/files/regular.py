@@ -1,4 +1,4 @@
-"""Open files that others made: regular files only, of bounded size, inside their folder.
+"""Open untrusted files: only regular files, of bounded size, inside their folder.
 
 Everything that goes wrong is an OSError whose ``strerror`` says why, so that each reader reports
 it as it reports a missing file.
@@ -44,7 +44,7 @@ def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes
 
 
 def _open(path: Path, limit: int | None, inside: Path | None) -> int:
-    """Return a descriptor of a regular file, see ``open_regular``."""
+    """Open a regular file, as ``open_regular``, and return its descriptor."""
     try:
         if inside is not None and not path.resolve().is_relative_to(inside.resolve()):
             raise OSError(errno.EPERM, f"leads out of {inside}")

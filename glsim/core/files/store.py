@@ -1,4 +1,4 @@
-"""Store the files of a data set in a folder of a disk; ``cloud`` has the store of a bucket."""
+"""Store the files of a data set in a folder on disk; ``cloud`` stores them in a bucket."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_FIRST_BYTES = 1 << 28
 
 
 class Store:
-    """A folder of files that are whole or absent. It is cheap to send to other processes.
+    """A folder of files, each complete or absent, which is cheap to send to other processes.
 
     The name of a file is its path in the folder, with slashes; it leads out of it neither by ".."
     nor by links. Every method raises DatasetError, which names the file, for what fails.
@@ -36,7 +36,7 @@ class Store:
     is_remote = False
 
     def __init__(self, root: Path, temporary: Path | None = None) -> None:
-        """Name the folder, and a folder for temporary files on the same file system."""
+        """Remember the folder, and a folder for temporary files on the same file system."""
         self.root, self._temporary = root, temporary
         self._made: set[Path] = set()
 
@@ -44,11 +44,11 @@ class Store:
         return str(self.root)
 
     def where(self, name: str) -> str:
-        """Return the path or the URL of a file, for messages."""
+        """Return the path or URL of a file, for messages."""
         return f"{self}/{name}"
 
     def names(self, folder: str) -> list[str]:
-        """List the entries of a folder, sorted; empty if there is no such folder."""
+        """List the entries of a folder, sorted; [] if there is no such folder."""
         path = self.root / folder
         if not path.is_dir():
             if not folder and path.exists():
@@ -60,7 +60,7 @@ class Store:
             return sorted(os.listdir(path))  # noqa: PTH208 (a million names)
 
     def size(self, name: str) -> int | None:
-        """Return the size of a file, bytes; None if there is none."""
+        """Return the size of a file, bytes; None if there is no such file."""
         try:
             with open_regular(self.root / name, inside=self.root) as file:
                 return os.fstat(file.fileno()).st_size
@@ -70,11 +70,11 @@ class Store:
             raise DatasetError(f"{self.where(name)}: {error.strerror}") from None
 
     def checksum(self, name: str) -> dict[str, int] | None:
-        """Return the size and CRC32 of a file; None if there is none."""
+        """Return the size and CRC32 of a file; None if there is no such file."""
         return file_checksum(self.root / name)
 
     def read(self, name: str, limit: int) -> bytes | None:
-        """Read a file of at most ``limit`` bytes; None if there is none."""
+        """Read a file of at most ``limit`` bytes; None if there is no such file."""
         with wrap_read_errors(self.root / name):
             try:
                 return read_regular(self.root / name, limit, inside=self.root)
@@ -82,18 +82,18 @@ class Store:
                 return None
 
     def read_range(self, name: str, start: int, size: int) -> bytes:
-        """Read ``size`` bytes of a file from ``start``; fewer if it ends before."""
+        """Read ``size`` bytes of a file from byte ``start``, or fewer at its end."""
         with wrap_read_errors(self.root / name), self.open(name) as file:
             file.seek(start)
             return file.read(size)
 
     def open(self, name: str) -> IO[bytes]:
-        """Open a file for reading; of a remote one, a temporary copy."""
+        """Open a file for reading; a remote file is first copied to a temporary file."""
         with wrap_read_errors(self.root / name):
             return open_regular(self.root / name, inside=self.root)
 
     def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
-        """Return a file of this machine with the bytes of ``name``; a remote one is copied.
+        """Return a local file with the bytes of ``name``; a remote file is copied.
 
         Args:
             name: the file.
@@ -103,12 +103,12 @@ class Store:
         return self.root / name
 
     def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
-        """Call a function that reads the store for each item, in order; remote, several at once."""
+        """Call a function for each item, in order of the items; on remote stores in parallel."""
         return map(function, items)
 
     @contextmanager
     def writing(self, folder: str) -> Iterator[Store]:
-        """Return the store for a block that writes; ``folder`` holds its temporary files."""
+        """Open the store for writing during a block; ``folder`` holds its temporary files."""
         temporary = self.root / folder
         with wrap_write_errors(temporary):
             shutil.rmtree(temporary, ignore_errors=True)
@@ -119,7 +119,7 @@ class Store:
             shutil.rmtree(temporary, ignore_errors=True)
 
     def create(self, name: str, *, sync: bool = True) -> AbstractContextManager[AtomicFile]:
-        """Open a new file for writing, which appears when the block ends without an error.
+        """Open a new file for writing, which gets its name when the block ends without an error.
 
         Args:
             name: the file; one of that name is replaced.
@@ -135,13 +135,13 @@ class Store:
         return AtomicFile(path, self._temporary / f"{secrets.token_hex(8)}-{path.name}", sync=sync)
 
     def put(self, name: str, data: bytes, *, sync: bool = True) -> dict[str, int]:
-        """Write a whole file; return its size and CRC32. Arguments as for ``create``."""
+        """Write a file, with arguments as for ``create``; return its size and CRC32."""
         with self.create(name, sync=sync) as file:
             file.write(data)
         return file.checksum
 
     def put_first(self, name: str, data: bytes) -> bytes:
-        """Write a file unless it exists; return the bytes that it has then."""
+        """Write a file unless it exists; return the bytes of the file that then exists."""
         with locked(self.root / f"{name}.lock", DatasetError(), wait=True):
             found = self.read(name, MAX_FIRST_BYTES)
             if found is None:
@@ -149,12 +149,12 @@ class Store:
             return data if found is None else found
 
     def flush(self) -> None:
-        """Flush the files that were written with ``sync`` false, and their folders."""
+        """Flush to disk the files that were written with ``sync=False``, and their folders."""
         with wrap_write_errors(self.root):
             flush_all(self.root)
 
     def delete(self, names: Iterable[str]) -> None:
-        """Delete files, if they are there."""
+        """Delete files, without an error for files that do not exist."""
         folders = set()
         for path in (self.root / name for name in names):
             with wrap_write_errors(path):
@@ -167,7 +167,7 @@ class Store:
     def lock(
         self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
     ) -> AbstractContextManager[None]:
-        """Hold a lock for a block.
+        """Hold a file lock during a block.
 
         Args:
             name: the file of the lock.
