@@ -1,1 +1,1 @@
-"""A thin layer over OpenGL without a display: context, shaders, programs, render targets."""
+"""A thin layer over headless OpenGL: contexts, shaders, programs, render targets."""

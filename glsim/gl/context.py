@@ -35,7 +35,7 @@ GL_VERSION = (3, 3)
 
 
 def chosen_backend(backend: str | None = None) -> Backend | None:
-    """Return the argument, else GLSIM_BACKEND, else None (EGL, then OSMesa). Raises DeviceError."""
+    """Return ``backend``, else GLSIM_BACKEND, else None for any. Raises DeviceError if unknown."""
     name = backend or os.environ.get("GLSIM_BACKEND") or None
     if name is not None and name not in BACKENDS:
         raise DeviceError(f"no such backend {name!r}: {did_you_mean(name, BACKENDS)}")
@@ -43,7 +43,7 @@ def chosen_backend(backend: str | None = None) -> Backend | None:
 
 
 def open_context(backend: str | None = None) -> moderngl.Context:
-    """Open a context and make it current on this thread. The caller releases it.
+    """Open a context and make it current on this thread; the caller releases it.
 
     Raises DeviceError with the reason for each backend that was tried.
 
@@ -88,7 +88,7 @@ def _opened_by_parent(backend: Backend) -> bool:
 
 @contextmanager
 def borrowed_context(backend: str | None = None) -> Iterator[moderngl.Context]:
-    """Lend a context, current on this thread, and keep it for the next caller of this thread.
+    """Lend a context that is current on this thread, and keep it for the thread's next block.
 
     Mesa keeps 40 kB of each context that was ever opened in a process, so that a loop over
     ``simulate`` would grow without end. Objects of the last borrower are freed first.
@@ -120,7 +120,7 @@ _idle: dict[tuple[int, int, Backend | None, str], moderngl.Context] = {}
 
 
 def make_current(context: moderngl.Context) -> None:
-    """Direct this thread's GL calls to ``context``, and free its unused objects.
+    """Make ``context`` current on this thread, and free its unused objects.
 
     A process may hold several contexts; GL calls go to the current one, without an error if it is
     the wrong one. Costs 1 us if the context is already current.
@@ -140,7 +140,7 @@ _handles: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
 
 
 def _enter(context: moderngl.Context) -> bool:
-    """Make a context current. Returns False if it no longer exists, and another stays current.
+    """Make a context current; return False if the context no longer exists.
 
     eglTerminate ends every context of a display, whoever opened it, and a library that calls it
     shares ours: there is one display a device. moderngl does not report that a switch failed.
@@ -151,7 +151,7 @@ def _enter(context: moderngl.Context) -> bool:
 
 
 def _current_egl_context() -> int:
-    """Return EGL's handle of this thread's context, 0 if there is none."""
+    """Return the EGL handle of this thread's current context; 0 without a context."""
     return _egl().eglGetCurrentContext() or 0
 
 
@@ -183,7 +183,7 @@ def _open_egl() -> moderngl.Context:
 
 
 class _OSMesa:
-    """Loads OSMesa for moderngl, in place of a window system.
+    """A loader of OSMesa for moderngl, in place of a window system.
 
     Constants are from GL/osmesa.h and GL/gl.h.
     """
@@ -269,7 +269,7 @@ def egl_devices() -> list[str]:
 
 
 def is_software(context: moderngl.Context) -> bool:
-    """Return whether the CPU draws the frames."""
+    """Return whether the CPU, not a GPU, draws the frames."""
     return any(word in str(context.info["GL_RENDERER"]) for word in ("llvmpipe", "softpipe"))
 
 

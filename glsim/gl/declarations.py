@@ -1,4 +1,4 @@
-"""Parse the declarations of a GLSL line: parameters, layers and the notes behind them.
+"""Parse a GLSL line that declares a parameter or a layer, and the note behind it.
 
     uniform float base_sigma_mm = 1.5;  //@ [0, 20] mm  standard deviation at 1 m
 
@@ -56,7 +56,7 @@ _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
 
 @dataclass(frozen=True)
 class Parameter:
-    """A stage's parameter as declared. Values of all types are floats (bool: 0 or 1).
+    """A declared parameter of a stage; its values are floats, also for int and bool.
 
     Attributes:
         slider: the range that sliders show, if it is smaller than [low, high].
@@ -78,7 +78,7 @@ class Parameter:
     step: float = 0.0
 
     def problem(self, value: float) -> str | None:
-        """Return why ``value`` is invalid, or None."""
+        """Return the reason why ``value`` is invalid, or None."""
         if not isfinite(value):
             return f"{value} is not a finite number"
         if self.type != "float" and value != int(value):
@@ -91,7 +91,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Layer:
-    """An image that a shader writes.
+    """A layer (an image) that a shader writes.
 
     Attributes:
         scale: its size over the frame's size.
@@ -103,7 +103,7 @@ class Layer:
 
     @property
     def components(self) -> int:
-        """Numbers per pixel."""
+        """The number of values per pixel."""
         return _LAYER_TYPES[self.type]
 
     def window(self, frame_window: Rect) -> Rect:
@@ -117,7 +117,7 @@ class Layer:
 
 
 def match_declaration(line: Line, *, vertex: bool) -> re.Match[str] | None:
-    """Match a line with ``UNIFORM``, or with ``OUT`` outside vertex shaders.
+    """Match a line with the pattern ``UNIFORM``, or with ``OUT`` outside vertex shaders.
 
     Raises ShaderError for a declaration that is too long, or that neither matches.
     """
@@ -142,7 +142,7 @@ def match_declaration(line: Line, *, vertex: bool) -> re.Match[str] | None:
 
 
 def written_layer(match: re.Match[str], where: str) -> Layer:
-    """Return the layer that a match of ``OUT`` declares. Raises ShaderError."""
+    """Make the layer that a match of ``OUT`` declares. Raises ShaderError."""
     if match["type"] not in _LAYER_TYPES:
         raise ShaderError(
             f"{where}: a written layer is {', '.join(_LAYER_TYPES)}, not {match['type']}"
@@ -151,7 +151,7 @@ def written_layer(match: re.Match[str], where: str) -> Layer:
 
 
 def _scale(rest: str, where: str) -> Fraction:
-    """Read the note ``//@ 1/3`` behind an ``out``; 1 without one. Raises ShaderError."""
+    """Read a layer's scale from its note, as ``//@ 1/3``; 1 without a note. Raises ShaderError."""
     match = _SCALE.search(rest)
     if match is None:
         return Fraction(1)
@@ -168,7 +168,7 @@ def _scale(rest: str, where: str) -> Fraction:
 
 
 def declared_parameter(match: re.Match[str], line: Line) -> Parameter:
-    """Return the parameter that a match of ``UNIFORM`` declares. Raises ShaderError."""
+    """Make the parameter that a match of ``UNIFORM`` declares. Raises ShaderError."""
     where, name, kind = line.where, match["name"], match["type"]
     if kind not in _PARAMETER_TYPES:
         raise ShaderError(f"{where}: parameter {name!r} must be float, int or bool, not {kind}")
@@ -200,7 +200,7 @@ def declared_parameter(match: re.Match[str], line: Line) -> Parameter:
 def slider_of(
     text: str | None, low: float, high: float, where: str
 ) -> tuple[tuple[float, float] | None, bool, float]:
-    """Read the part of a note that is for sliders. Raises ShaderError.
+    """Read the slider's range, scale and step from a parameter's note. Raises ShaderError.
 
     Args:
         text: what stands behind the semicolon; None: nothing.

@@ -1,4 +1,4 @@
-"""Draw meshes into a z-buffer, and shade every pixel of a viewport."""
+"""Draw meshes with a depth test, and shade every pixel of a viewport."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from glsim.gl.targets import set_matrix
 
 
 class FullscreenPass:
-    """A program that shades every pixel of the viewport of the framebuffer in use."""
+    """A program that shades every pixel of the current framebuffer's viewport."""
 
     def __init__(self, context: moderngl.Context, program: moderngl.Program) -> None:
-        """Take a program that is linked with render/fullscreen.vert."""
+        """Make a pass of a program that is linked with render/fullscreen.vert."""
         self.program = program
         self._array = context.vertex_array(program, [])
 
     def draw(self) -> None:
-        """Shade the viewport once."""
+        """Shade every pixel of the viewport once."""
         self._array.render(moderngl.TRIANGLES, vertices=3)
 
 
@@ -32,7 +32,7 @@ def draw_meshes(
     views: Sequence[NDArray[np.float32]],
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> None:
-    """Draw the front faces of meshes into the framebuffer in use, with a depth test.
+    """Draw the front faces of meshes into the current framebuffer, with a depth test.
 
     Args:
         views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
@@ -52,7 +52,7 @@ def draw_meshes(
 def index_buffer(
     context: moderngl.Context, faces: NDArray[np.int32], vertices: int
 ) -> tuple[moderngl.Buffer, int]:
-    """Upload (F, 3) triangles of ``vertices`` vertices; return the buffer and bytes per index.
+    """Upload the (F, 3) triangles of a mesh; return the buffer and the bytes per index.
 
     The software rasteriser fetches 16-bit indices 4 % faster, so they are used where they suffice.
     """
@@ -61,7 +61,7 @@ def index_buffer(
 
 
 def shader_arithmetic(context: moderngl.Context) -> bytes:
-    """Return what the driver computes at 4,096 pixels with sine, logarithm, power, ... (float32).
+    """Return the driver's results of sine, logarithm, power, ... at 4,096 pixels, as float32 bytes.
 
     Two drivers, or one driver on two processors, may differ in the last bits.
     """

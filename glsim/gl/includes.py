@@ -1,4 +1,4 @@
-"""Flatten the includes of a GLSL file, and keep the origin of each line."""
+"""Resolve the includes of a GLSL file, and keep the origin of each line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MAX_BYTES = 1 << 20
 
 
 class Line(NamedTuple):
-    """A line of flattened GLSL, with the file that it came from and its number there, from 1."""
+    """A line of GLSL after its includes are resolved, with its file and its number there."""
 
     text: str
     file: str
@@ -32,7 +32,7 @@ class Line(NamedTuple):
 
     @property
     def where(self) -> str:
-        """The origin, as messages name it."""
+        """The origin of the line, "file:number", for messages."""
         return f"{self.file}:{self.number}"
 
 
@@ -49,7 +49,7 @@ def read_shader(file: Path) -> str:
 
 
 def flatten(text: str, file: Path) -> list[Line]:
-    """Replace each include by the lines of its file; the second include of a file adds nothing.
+    """Replace each include by the lines of its file; a repeated include is dropped.
 
     Args:
         text: GLSL that need not be on disk.
@@ -66,7 +66,7 @@ def flatten(text: str, file: Path) -> list[Line]:
 
 
 def _append(file: Path, text: str, flat: list[Line], included: list[Path], *, top: bool) -> None:
-    """Append the lines of ``text``, and of the files that it includes."""
+    """Append the lines of ``text``, and of the files that it includes, to ``flat``."""
     name = display_name(file)
     for number, line in enumerate(text.splitlines(), start=1):
         match = INCLUDE.match(line)
@@ -93,7 +93,7 @@ def _append(file: Path, text: str, flat: list[Line], included: list[Path], *, to
 
 
 def display_name(file: Path) -> str:
-    """Return a shipped shader's path below shaders/, or any other path unchanged."""
+    """Return a shipped shader's path below shaders/; any other path unchanged."""
     try:
         return str(file.resolve().relative_to(SHADER_ROOT))
     except ValueError:

@@ -22,7 +22,7 @@ def _fullscreen_vertex() -> ShaderSource:
 def link(
     context: moderngl.Context, fragment: ShaderSource, vertex: ShaderSource | None = None
 ) -> moderngl.Program:
-    """Compile and link. Outputs are bound in the order in which the fragment shader declares them.
+    """Compile and link a program; outputs are bound in the order of their declaration.
 
     Raises ShaderError with the driver's message at file:line of the sources, or if the driver
     reports another type or default of a parameter than its declaration.
@@ -57,7 +57,7 @@ def link(
 def link_files(
     context: moderngl.Context, fragment: str, vertex: str | None = None
 ) -> moderngl.Program:
-    """Link shipped files, given by their paths below shaders/. Raises ShaderError."""
+    """Link a program of shipped files, given by paths below shaders/. Raises ShaderError."""
     return link(
         context,
         load_source(SHADER_ROOT / fragment),

@@ -1,4 +1,4 @@
-"""Read GLSL files: their text with includes flattened, and the interface that they declare.
+"""Read GLSL files, resolve their includes, and parse the interface that they declare.
 
 This needs no GL context, so that stages can be listed and settings checked without one. The syntax
 of declarations stands in ``glsim.gl.declarations``. A line ``//@ sparse`` declares that a stage
@@ -34,7 +34,7 @@ _MAX_MESSAGE_LINES, _MAX_MESSAGE = 20, 2000
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """A GLSL file with its includes flattened, and its declarations.
+    """A GLSL file with its includes resolved, and its declarations.
 
     Attributes:
         lines: the origin of each line of ``text``, (file, 1-based line).
@@ -55,7 +55,7 @@ class ShaderSource:
 
     @property
     def files(self) -> frozenset[Path]:
-        """The files on disk that the text came from, includes among them."""
+        """The files on disk from which the text comes, with all includes."""
         names = {name for name, _ in self.lines} - GENERATED.keys()
         return frozenset(SHADER_ROOT / name for name in names)
 
@@ -86,7 +86,7 @@ class ShaderSource:
         return re.search(rf"\b{constant}\b", _COMMENT.sub("", self.text)) is not None
 
     def without(self, layer: str) -> ShaderSource:
-        """Leave out a layer, read or written, whose code the preprocessor removes."""
+        """Return the source without a layer, which the preprocessor removes from the code."""
         return replace(
             self,
             reads=tuple(name for name in self.reads if name != layer),
@@ -94,7 +94,7 @@ class ShaderSource:
         )
 
     def with_defines(self, **constants: int) -> ShaderSource:
-        """Insert ``#define NAME VALUE`` lines after the first line, which is #version.
+        """Return the source with ``#define NAME VALUE`` lines inserted after its line #version.
 
         Raises ShaderError for a name that the code, without its comments, does not contain.
         """
@@ -117,7 +117,7 @@ def load_source(file: Path) -> ShaderSource:
 
 
 def parse_source(text: str, file: Path) -> ShaderSource:
-    """Parse GLSL that need not be on disk. Raises ShaderError with file and line.
+    """Parse a GLSL text. Raises ShaderError with file and line.
 
     Args:
         file: named in messages; includes are searched beside it.

@@ -1,4 +1,4 @@
-"""Textures to draw layers into, reused between frames, and their readback to NumPy."""
+"""Textures to draw layers into, reused between frames, and their copies to NumPy arrays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BYTES_PER_NUMBER = 4
 
 @dataclass(eq=False)
 class Target:
-    """A float32 texture that holds a layer. It is zero outside ``drawn``."""
+    """A float32 texture that holds a layer and is zero outside the window ``drawn``."""
 
     texture: moderngl.Texture
     layer: Layer
@@ -29,7 +29,7 @@ class Target:
 
 
 class TargetPool:
-    """Lends targets for the layers of frames of one size, and reuses them.
+    """A pool of reusable targets for the layers of frames of one size.
 
     Frames are drawn in a window only. ``take`` clears what a target holds of an earlier window, so
     that stages read zero outside the current one.
@@ -42,7 +42,7 @@ class TargetPool:
         self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
 
     def take(self, layer: Layer, window: Rect, *, clean: bool = True) -> Target:
-        """Lend a target for ``layer``, zero outside ``window`` (frame pixels).
+        """Lend a target for ``layer`` that is zero outside ``window`` (frame pixels).
 
         Args:
             clean: False skips the clearing and leaves ``drawn`` unchanged; the caller clears.
@@ -71,12 +71,12 @@ class TargetPool:
         return target
 
     def give_back(self, target: Target) -> None:
-        """Free a target for the next ``take``."""
+        """Return a target to the pool."""
         self._free[(target.layer.components, float(target.layer.scale))].append(target)
 
     @contextmanager
     def scope(self) -> Iterator[list[Target]]:
-        """Yield an empty list; give back the targets that it holds when the block is left."""
+        """Yield an empty list; at the end of the block, return its targets to the pool."""
         held: list[Target] = []
         try:
             yield held
@@ -85,21 +85,21 @@ class TargetPool:
                 self.give_back(target)
 
     def framebuffer(self, targets: Sequence[Target]) -> moderngl.Framebuffer:
-        """Return the framebuffer that draws into all ``targets``; it is made once and kept."""
+        """Return the framebuffer that draws into ``targets``; it is made once and kept."""
         key = tuple(target.texture.glo for target in targets)
         if key not in self._framebuffers:
             self._framebuffers[key] = self.context.framebuffer([t.texture for t in targets])
         return self._framebuffers[key]
 
     def upload(self, layer: Layer, values: NDArray[np.float32]) -> Target:
-        """Lend a full-frame target that holds a float32 array (H, W) or (H, W, components)."""
+        """Lend a full-frame target with the values of a float32 array (H, W[, components])."""
         target = self.take(layer, Rect(0, 0, self.width, self.height))
         target.texture.write(np.ascontiguousarray(values, dtype=np.float32).tobytes())
         return target
 
 
 class Readback:
-    """Copies one frame's layers to memory through a pixel buffer.
+    """The copy of a frame's layers to memory, through a pixel buffer.
 
     ``request`` queues the copy behind the drawing; ``arrays`` waits for it. On a GPU a ring of
     these hides the wait behind the next frames.
@@ -112,7 +112,7 @@ class Readback:
         self._size = 0
 
     def request(self, pool: TargetPool, targets: Mapping[str, Target], window: Rect) -> None:
-        """Queue the copy of ``window`` (frame pixels) of targets, given by layer name."""
+        """Queue the copy of ``window`` (frame pixels) of all ``targets``, name -> target."""
         self._parts, self._size = {}, 0
         for name, target in targets.items():
             rect, components = target.layer.window(window), target.layer.components
@@ -131,7 +131,7 @@ class Readback:
             )
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
-        """Wait for the copy; return float32 layers (h, w) or (h, w, components) of the window."""
+        """Wait for the copy; return the window's float32 layers, (h, w) or (h, w, components)."""
         assert self._buffer is not None, "call request() first"
         data = self._buffer.read(self._size)
         return {
@@ -141,6 +141,6 @@ class Readback:
 
 
 def set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float32]) -> None:
-    """Set a uniform from a matrix as NumPy has it; it is transposed here, for OpenGL's order."""
+    """Set a matrix uniform from a NumPy matrix, transposed to OpenGL's column order."""
     uniform: Any = program[name]
     uniform.write(np.ascontiguousarray(matrix.T))
