@@ -1,1 +1,1 @@
-"""Render meshes for a sensor: clean layers, shadows, silhouettes, regions."""
+"""Render meshes for a sensor rig: clean layers, shadows, silhouettes, face regions."""

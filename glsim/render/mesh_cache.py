@@ -1,4 +1,4 @@
-"""Meshes on the GPU: topologies stay there, vertices are uploaded per frame."""
+"""Meshes on the GPU: triangles stay there, vertices are uploaded for each frame."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ class GpuMesh:
 
 
 class MeshCache:
-    """Uploads meshes; keeps the buffers of the topologies that were used last."""
+    """A cache of meshes on the GPU, which keeps the buffers of the last used triangle lists."""
 
     def __init__(
         self, context: moderngl.Context, surface: moderngl.Program, projector: moderngl.Program
     ) -> None:
-        """Take the programs that draw from the camera, and from the emitters."""
+        """Remember the programs that draw from the camera and from the emitters."""
         self._context, self._surface, self._projector = context, surface, projector
         self._meshes: OrderedDict[tuple[int, int], GpuMesh] = OrderedDict()
 
     def upload(self, mesh: Mesh) -> GpuMesh:
-        """Write the vertices of a mesh; upload its topology too if it is not there yet."""
+        """Upload the vertices of a mesh, and its triangles if they are new."""
         key = id(mesh.faces), id(mesh.occluder)
         uploaded = self._meshes.get(key)
         if uploaded is None or uploaded.positions.size != mesh.vertices_mm.nbytes:

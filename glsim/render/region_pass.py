@@ -1,4 +1,4 @@
-"""Draw the layer of face regions as the camera sees them, in one further pass."""
+"""Draw the layer of face regions as the camera sees them, in an additional pass."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Labels = NDArray[np.float32] | None
 
 
 class RegionPass:
-    """Draws the region numbers of meshes on the grid of a rig's image."""
+    """A pass that draws the region numbers of meshes in the image of a rig."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class RegionPass:
         views: Sequence[NDArray[np.float32]],
         window: Rect,
     ) -> Target:
-        """Draw the layer REGION of a window (0 = no region) in a target of the image's pool.
+        """Draw the layer REGION of a window (0 = no region); return its target.
 
         Args:
             labels: per mesh the (V,) region numbers of its vertices; None: all 0.
@@ -107,7 +107,7 @@ class RegionPass:
 
 
 def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDArray[np.int32]:
-    """Rotate the corners of (F, 3) triangles so that the last one has the majority label.
+    """Rotate the corners of (F, 3) triangles so that the last corner has the majority label.
 
     If all three labels differ, the corner with the lowest label comes last.
 

@@ -1,4 +1,4 @@
-"""Render meshes for a sensor rig: the clean layers that the noise stages start from.
+"""Render meshes for a sensor rig, as the clean layers from which the noise stages start.
 
     mesh --surface.vert/.frag @camera--> clean, normal, albedo
     clean, normal, mesh --ShadowMap----> lit
@@ -62,7 +62,7 @@ _SIDES = ("left", "right")
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """The clean layers of one scene. They are valid within the ``with`` block that made them.
+    """The clean layers of a rendered scene, valid within the ``with`` block that made them.
 
     Attributes:
         layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector
@@ -87,7 +87,7 @@ class Rendered:
 
 
 class Renderer:
-    """Renders meshes for one rig. Owns the programs, the z-buffers and the target pool."""
+    """A renderer of meshes for one rig; it owns the programs, z-buffers and target pool."""
 
     def __init__(self, context: moderngl.Context, rig: SensorRig) -> None:
         self._context, self.rig = context, rig
@@ -128,7 +128,7 @@ class Renderer:
         reach_px: int = 0,
         window: Rect | None = None,
     ) -> Iterator[Rendered]:
-        """Draw meshes, each with its (4, 4) matrix from canonical mm to camera m.
+        """Draw meshes, each with a (4, 4) matrix from canonical mm to camera-frame m.
 
         Raises MeshError if the first mesh, the face, is not in view.
 
@@ -175,7 +175,7 @@ class Renderer:
         held: list[Target],
         silhouettes: ExitStack,
     ) -> dict[str, Target]:
-        """Draw the imagers' depth and normals, and the light that the camera and they see."""
+        """Draw the imagers' depth and normals, and the light in all views."""
         seen = [camera]
         layers: dict[str, Target] = {}
         for side, eye_m in zip(_SIDES, self.rig.imagers_m, strict=False):
@@ -202,7 +202,7 @@ class Renderer:
         reach_px: int = 0,
         boxes: Sequence[NDArray[np.float64]] = (),
     ) -> Rect:
-        """Return the window of the image, px, to render for meshes. Raises MeshError as ``render``.
+        """Return the window of the image to render for meshes, pixels. Raises MeshError.
 
         Args:
             meshes, visible, reach_px: as in ``render``.
@@ -225,7 +225,7 @@ class Renderer:
 
     @contextmanager
     def everywhere(self, window: Rect) -> Iterator[Silhouette]:
-        """Yield a silhouette that skips no pixel of a window."""
+        """Yield a silhouette that covers all pixels of a window."""
         with self._silhouettes.draw(None, window) as silhouette:
             yield silhouette
 
@@ -233,7 +233,7 @@ class Renderer:
     def light_depth_map(
         self, clean_m: NDArray[np.float32], normal: NDArray[np.float32], surface: Mesh | None
     ) -> Iterator[Rendered]:
-        """Make the same layers, of the whole frame, from a depth map instead of meshes.
+        """Make the layers of a whole frame from a depth map instead of meshes.
 
         Raises MeshError if an emitter is inside the surface.
 
@@ -270,7 +270,7 @@ class Renderer:
         views: Sequence[NDArray[np.float32]],
         window: Rect,
     ) -> dict[str, Target]:
-        """Draw depth, normal and albedo as the camera sees them; on the samples' grid if finer."""
+        """Draw the meshes' depth, normal and albedo, per pixel or, if supersampled, per sample."""
         pinhole, pool = self._pinhole, self._camera_pool
         area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)
         targets = [pool.take(layer, area) for layer in self._drawn]
@@ -293,7 +293,7 @@ class Renderer:
     def _through_lens(
         self, lens: FullscreenPass, pinhole: dict[str, Target], window: Rect
     ) -> dict[str, Target]:
-        """Sample the pinhole layers on the lens's grid; return their targets to their pool."""
+        """Resample pinhole layers to the grid of the lens; give the pinhole targets back."""
         layers = {t.layer.name: self._pool.take(t.layer, window) for t in pinhole.values()}
         buffer = self._pool.framebuffer(list(layers.values()))
         buffer.use()
@@ -311,7 +311,7 @@ class Renderer:
         return layers
 
     def _reduced(self, centres: FullscreenPass, samples: Target, window: Rect) -> dict[str, Target]:
-        """Reduce samples to pixels: the middle sample, and how much the others differ from it."""
+        """Reduce samples to pixels: take the middle sample, and how much the samples differ."""
         targets = [self._pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
         buffer = self._pool.framebuffer(targets)
         buffer.use()
@@ -336,7 +336,7 @@ class Renderer:
 
 
 def _moved(view: NDArray[np.float32], eye_m: Point) -> NDArray[np.float32]:
-    """Return a (4, 4) matrix to the frame of a camera that stands at ``eye_m``, metres."""
+    """Return the matrix ``view`` for a camera at ``eye_m`` (metres) instead of the origin."""
     moved = view.copy()
     moved[:3, 3] -= eye_m
     return moved
@@ -349,7 +349,7 @@ def _linked_lens(context: moderngl.Context, rig: SensorRig) -> FullscreenPass:
 
 
 def supersampled_pass(context: moderngl.Context, rig: SensorRig, file: str) -> FullscreenPass:
-    """Link a shader below shaders/render/ that visits the samples of a pixel.
+    """Link a shader below shaders/render/ that reads all samples of a pixel.
 
     Samples per axis are a constant in it, SAMPLES_PER_AXIS, so that its loops unroll.
     """

@@ -38,7 +38,7 @@ _SIDE_TEXELS = 2048
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one camera of the rig sees, and where its light goes.
+    """The view of the camera or an imager, and the layer for the light in it.
 
     Args:
         layers: its clean and normal.
@@ -54,10 +54,10 @@ class View:
 
 
 class ShadowMap:
-    """Draws the layer ``lit`` for the views of one rig."""
+    """A pass that draws the layer ``lit``, the share of light, for the views of a rig."""
 
     def __init__(self, pool: TargetPool, rig: SensorRig, sight: FieldOfView, rays: Target) -> None:
-        """Take the rig, its field of view, and a target that holds ``rig.rays()``."""
+        """Remember the rig, its field of view, and the target that holds ``rig.rays()``."""
         self._pool, self._rig, self._sight, self._rays = pool, rig, sight, rays
         self._context = context = pool.context
         #: Draws meshes into the z-buffer.
@@ -69,7 +69,7 @@ class ShadowMap:
 
     @cached_property
     def _depth(self) -> moderngl.Texture:
-        """The emitter's z-buffer, 17 MB, made when first used: never without shadow mapping."""
+        """The emitter's z-buffer, 17 MB, made at first use, so never without shadow mapping."""
         depth = self._context.depth_texture((_SIDE_TEXELS, _SIDE_TEXELS))
         depth.compare_func = "<="
         depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
@@ -88,7 +88,7 @@ class ShadowMap:
         views: Sequence[NDArray[np.float32]],
         corners_m: NDArray[np.float64],
     ) -> list[Target]:
-        """Return one target per view with the share of the light that reaches each pixel, 0 to 1.
+        """Draw the share of light that reaches each pixel, 0 to 1; return one target per view.
 
         Raises MeshError if an emitter is inside the scene.
 
@@ -123,7 +123,7 @@ class ShadowMap:
         arrays: Sequence[moderngl.VertexArray],
         views: Sequence[NDArray[np.float32]],
     ) -> None:
-        """Draw the z-buffer of ``box``, and set the uniforms of the lookup in it."""
+        """Draw the emitter's z-buffer for the frustum ``box``, and set the uniforms to read it."""
         span = max(box.right - box.left, box.bottom - box.top)
         focal = min(
             _TEXELS_PER_PIXEL * self._rig.intrinsics.fx, (_SIDE_TEXELS - 4) / max(span, 1e-6)
@@ -155,7 +155,7 @@ class ShadowMap:
         window: Rect,
         weight: tuple[float, float],
     ) -> None:
-        """Add one emitter's light to ``lit`` of a view, times ``weight`` per component."""
+        """Add one emitter's light, times ``weight`` per component, to a view's target ``lit``."""
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         program = self._pass.program
         for unit, name in enumerate(("clean", "normal")):

@@ -23,7 +23,7 @@ Blank = dict[str, float]
 
 
 class Silhouette:
-    """One frame's depth mask, for targets of one pool that have the frame's size."""
+    """The depth mask of a frame, for targets of one pool that have the frame's size."""
 
     def __init__(self, pool: TargetPool) -> None:
         self._pool, self._context = pool, pool.context
@@ -38,7 +38,7 @@ class Silhouette:
     def limits(
         self, targets: Sequence[Target], window: Rect, blank: Blank | None, flags: int = 0
     ) -> Iterator[None]:
-        """Draw the passes of the block into ``targets``, within the silhouette only.
+        """Limit the passes in the block, drawn into ``targets``, to the silhouette.
 
         Args:
             blank: layer -> value written outside the silhouette, 0 for other layers; None leaves
@@ -67,7 +67,7 @@ class Silhouette:
 
 
 class SilhouettePass:
-    """Draws silhouettes for the frames of one target pool, and reuses their buffers."""
+    """A pass that draws silhouettes for the frames of a target pool, and reuses their buffers."""
 
     def __init__(self, pool: TargetPool) -> None:
         self._pool, self._context = pool, pool.context
@@ -79,7 +79,7 @@ class SilhouettePass:
 
     @contextmanager
     def draw(self, seen: Target | None, window: Rect) -> Iterator[Silhouette]:
-        """Yield the silhouette of pixels where ``seen`` > 0, widened by 1 px; recycle it at exit.
+        """Yield the silhouette of the pixels where ``seen`` > 0, widened by 1 px; reuse it later.
 
         Args:
             seen: None for a silhouette that skips nothing.

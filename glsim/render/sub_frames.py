@@ -1,4 +1,4 @@
-"""Put a frame together from sub-frames of other times: bands of rows, or captures of light.
+"""Compose a frame from sub-frames at several times: bands of rows, or captures of light.
 
 sub-frame's layers --copy.frag, rows of a band--> layers of a rolling shutter
 sub-frame's light --capture.frag, added up-----> light of a time-of-flight frame
@@ -23,10 +23,10 @@ LIGHT_LAYERS = ("light_a", "light_b")
 
 
 class SubFrames:
-    """Composes frames from sub-frames, in one context."""
+    """A composer of frames from sub-frames, in one context."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        """Link the two programs."""
+        """Link the two programs that copy rows and add up light."""
         self._context = context
         self._copy = FullscreenPass(context, link_files(context, "render/copy.frag"))
         self._capture = FullscreenPass(context, link_files(context, "render/capture.frag"))
@@ -38,7 +38,7 @@ class SubFrames:
         window: Rect,
         height: int,
     ) -> dict[str, Target]:
-        """Return the layers of a frame whose bands of rows come from sub-frames.
+        """Compose the layers of a frame whose bands of rows come from sub-frames.
 
         The caller gives the targets back to their pool.
 
@@ -72,7 +72,7 @@ class SubFrames:
     def add_capture(
         self, pool: TargetPool, part: SubExposure, light: Mapping[str, Target], sums: list[Target]
     ) -> None:
-        """Add a capture's share to the light of a frame.
+        """Add the light of one capture, of its tap and frequency, to the light of a frame.
 
         Args:
             pool: owner of the targets.
