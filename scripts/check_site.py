@@ -16,7 +16,7 @@ _STATIC = "_static"
 
 
 class _Page(HTMLParser):
-    """The targets that a page names, and the anchors that it has."""
+    """A page's link targets and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -33,7 +33,7 @@ class _Page(HTMLParser):
 
 
 def find_broken_links(folder: Path) -> list[str]:
-    """Return one line for each target that is not in the folder of the site, sorted."""
+    """Return one line for each link target that the folder of the site lacks, sorted."""
     folder = folder.resolve()
     files = [path for path in folder.rglob("*.html") if _STATIC not in path.parts]
     pages = {file: _Page(file.read_text("utf-8")) for file in files}
@@ -54,7 +54,7 @@ def find_broken_links(folder: Path) -> list[str]:
 
 
 def main() -> int:
-    """Print what is broken; return the exit status."""
+    """Print the broken links; return the exit status."""
     folder = Path(sys.argv[1])
     broken = find_broken_links(folder)
     sys.stderr.writelines(f"{line}\n" for line in broken)

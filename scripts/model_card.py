@@ -56,7 +56,7 @@ _PARTS: Final[dict[str, dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class CardRow:
-    """A row of a table: changes to the settings of kinect-v2 at 0.9 m, and its crop, px."""
+    """A row of a table: changed settings of kinect-v2 at 0.9 m, and the crop, px."""
 
     name: str
     settings: dict[str, Any]
@@ -102,7 +102,7 @@ SECTIONS: Final[dict[str, tuple[str, list[CardRow]]]] = {
 
 
 def frames(row: CardRow, source: dict[str, Any], count: int) -> Iterator[tuple[Depth, Truth]]:
-    """Yield the clean depth, mm, and the truth with the noisy depth, which is rounded as in files.
+    """Yield clean depth, mm, and truth with noisy depth, rounded as in files.
 
     Every frame shows another person.
     """

@@ -50,7 +50,7 @@ def _caption(text: str, width: int, height: int) -> Picture:
 
 
 def _sensor_column(sensor: str, name: str, distance_mm: float) -> Picture:
-    """Return the square tiles of one sensor below its caption."""
+    """Draw the square tiles of one sensor below its caption."""
     (frame,) = _frames(
         "office",
         1,
@@ -76,7 +76,7 @@ def _sensor_column(sensor: str, name: str, distance_mm: float) -> Picture:
 
 
 def sensors() -> Picture:
-    """Return shaded clean, noisy and denoised depth and infrared of one face by all sensors."""
+    """Draw shaded clean, noisy and denoised depth and infrared of one face by all sensors."""
     names = [_caption("", _MARGIN_PX, _CAPTION_PX)]
     names += [_caption(row, _MARGIN_PX, _TILE_PX) for row in _ROWS]
     columns = [_sensor_column(name, *how) for name, how in _SENSORS.items()]
@@ -84,7 +84,7 @@ def sensors() -> Picture:
 
 
 def _room_row(frame: Frame) -> Picture:
-    """Return shaded clean depth, noisy depth and infrared of a frame at half their size."""
+    """Draw shaded clean depth, noisy depth and infrared of a frame at half their size."""
     depth_mm = frame.noisy.astype(np.float32)
     share = np.clip((_FAR_MM - depth_mm) / (_FAR_MM - _NEAR_MM), 0, 1)
     noisy = cv2.applyColorMap((255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)
@@ -95,7 +95,7 @@ def _room_row(frame: Frame) -> Picture:
 
 
 def rooms() -> Picture:
-    """Return the people of each preset in a column."""
+    """Draw the people of each preset in a column."""
     columns = [
         np.vstack([_room_row(frame) for frame in _frames(preset, _PEOPLE, seed=seed)])
         for preset, seed in _ROOMS.items()

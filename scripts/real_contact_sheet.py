@@ -1,4 +1,4 @@
-"""Draw a sensor beside a real frame of its camera.
+"""Draw a simulated frame of a sensor beside a real frame of the same camera.
 
     python -m scripts.real_contact_sheet DEPTH.png --sensor realsense-d435-vga --focal-px 390 -o OUT
 
@@ -32,7 +32,7 @@ _TITLE: Final = (cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 160, 255), 2, cv2.LINE_AA)
 
 
 def surface(depth_m: Depth) -> Depth:
-    """Return what the camera looked at, about: holes filled from behind, noise smoothed away."""
+    """Estimate the surface before the camera: holes filled from behind, noise smoothed."""
     filled = depth_m
     for _ in range(2):  # from the left and from the right
         filled = fill_holes(np.ascontiguousarray(filled), 1)[:, ::-1]
@@ -47,7 +47,7 @@ def surface(depth_m: Depth) -> Depth:
 
 
 def _row(picture: Picture, title: str) -> Picture:
-    """Return a picture with its middle, enlarged, on its right."""
+    """Return a picture with its enlarged centre on its right."""
     top, left = ((side - _DETAIL_PX) // 2 for side in picture.shape[:2])
     part = picture[top : top + _DETAIL_PX, left : left + _DETAIL_PX]
     side = _DETAIL_PX * _LARGER
@@ -59,7 +59,7 @@ def _row(picture: Picture, title: str) -> Picture:
 
 
 def main() -> None:
-    """Read a depth map, draw the sheet."""
+    """Read a depth map and draw the sheet."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )

@@ -85,7 +85,7 @@ def _reach_px(p: Mapping[str, float]) -> int:
 def fill_from_points(
     view: FrameContext, layers: Layers, p: Mapping[str, float]
 ) -> dict[str, NDArray[np.float32]]:
-    """Rebuilds depth from sparse points: fills holes, smooths, grows near surfaces in lobes.
+    """Rebuilds depth from sparse points: fills holes, smooths, and enlarges near surfaces.
 
     Apple's TrueDepth delivers such depth unless an app switches its filtering off. How it is made
     is not published. Seen in delivered frames of heads: no holes; silhouettes that grow round lobes

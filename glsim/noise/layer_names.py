@@ -21,7 +21,7 @@ IMAGER_LAYERS = tuple(
 
 #: The map of the device's own fixed pattern, mm, of the whole frame; NO_PATTERN where unknown.
 PATTERN_LAYER = "pattern_map"
-#: What the projectors throw instead of drawn dots, 0 to 1; its pixels are not those of the frame.
+#: Projector texture in [0, 1], in projector pixels; replaces generated dots.
 PROJECTOR_LAYER = "projector_image"
 #: Images that are the same in every frame of a sensor -> the constant that shaders see. Only chains
 #: of sensors that have such an image have its layer and its constant.
@@ -44,7 +44,7 @@ NO_PATTERN = np.float32(1e6)
 #: The infrared image, and the second one of a stereo camera.
 INFRARED, INFRARED_RIGHT = "infrared", "infrared_right"
 
-#: What the matcher found, pixels, 0 = nothing: in the view of the first imager.
+#: The disparity that the matcher found, pixels, 0 = none; in the view of the first imager.
 DISPARITY_LAYER = "disparity"
 
 #: The layers that a Frame is made of; a chain without an infrared stage has no ``infrared``.

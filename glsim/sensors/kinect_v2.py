@@ -1,4 +1,4 @@
-"""Constants of the Kinect V2 beside its TOML file: frequencies, fusion, and noise of taps."""
+"""Constants of the Kinect V2 beside its TOML file: frequencies, phase fusion, noise of taps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings: one frozen, validated object from a TOML file and ``--set`` assignments.
+"""Settings: a frozen, validated object made from a TOML file and ``--set`` assignments.
 
     sensor = "kinect-v2-paper"        a shipped sensor, or the path of a sensor file
     seed = 7

@@ -1,4 +1,4 @@
-"""Reference of the files of a data set, from the schema that reads them."""
+"""Reference of the files of a data set, from the schema by which they are read."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def pages() -> dict[str, str]:
 
 
 def _rows(schema: dict[str, Any], root: dict[str, Any], prefix: str) -> list[list[str]]:
-    """Return a row per key, tables within tables included."""
+    """Return a table row for each key, also for keys of inner tables."""
     rows = []
     required = schema.get("required", ())
     for name, value in schema.get("properties", {}).items():
@@ -70,7 +70,7 @@ def _rows(schema: dict[str, Any], root: dict[str, Any], prefix: str) -> list[lis
 
 
 def _resolved(value: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema that a reference names."""
+    """Return the schema to which a reference points."""
     if "$ref" not in value:
         return value
     found: dict[str, Any] = root["$defs"][value["$ref"].rsplit("/", 1)[1]]

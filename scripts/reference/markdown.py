@@ -1,4 +1,4 @@
-"""Markdown of the generated pages."""
+"""Markdown text of the generated pages."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def plain(text: str) -> str:
 
 
 def code(text: object) -> str:
-    """Return a value as inline code; nothing for an empty one."""
+    """Return a value as inline code; "" for an empty value."""
     shown = str(text).replace("|", "\\|")
     return f"`{shown}`" if shown else ""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table, with an empty line behind it."""
+    """Return a table with an empty line after it."""
     return "\n".join(markdown_table(head, rows)) + "\n\n"
 
 
@@ -32,5 +32,5 @@ def block(text: str, language: str = "text") -> str:
 
 
 def toctree(names: Iterable[str]) -> str:
-    """Return a table of contents that the page does not show; the side bar does."""
+    """Return a table of contents that only the side bar shows."""
     return block(":hidden:\n\n" + "\n".join(names), "{toctree}")

@@ -1,4 +1,4 @@
-"""Reference of the public names of Python: directives that autodoc fills from the docstrings."""
+"""Reference of the public Python names: directives that autodoc fills from docstrings."""
 
 from __future__ import annotations
 

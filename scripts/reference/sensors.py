@@ -70,7 +70,7 @@ def _page(sensor: Sensor) -> str:
 
 
 def _stages_of(sensor: Sensor, texts: list[str]) -> list[tuple[Stage, str]]:
-    """Pair the tables of a file with the sensor's stages; a file that extends names a few only."""
+    """Pair the tables of a sensor file with the sensor's stages."""
     if len(texts) == len(sensor.stages):
         return list(zip(sensor.stages, texts, strict=True))
     by_name = {stage.name: stage for stage in sensor.stages}
@@ -103,6 +103,6 @@ def _value(setting: Distribution) -> str:
 
 
 def _lines(text: str) -> list[tuple[str, str, str]]:
-    """Return the keys of a part of a TOML file: key, value as written, comment behind it."""
+    """Return key, value and comment of each line in a part of a TOML file."""
     found = re.findall(r"^(\w+) = ([^#\n]*)(?:#\s*(.*))?$", text, flags=re.MULTILINE)
     return [(key, value.strip(), comment) for key, value, comment in found]

@@ -159,7 +159,7 @@ def _range(field: FieldInfo, place: str, name: str) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a limit as text; large powers of two as such."""
+    """Return a limit as text; a large power of two as a power."""
     if value > 2**24 and value == 2 ** (int(value).bit_length() - 1):
         return f"2^{int(value).bit_length() - 1}"
     return f"{value:g}"

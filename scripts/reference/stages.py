@@ -51,7 +51,7 @@ def header_text(source: str) -> str:
 
 
 def _runs(lines: list[str]) -> list[tuple[bool, list[str]]]:
-    """Group lines: (whether they are indented as formulas are, the lines)."""
+    """Group lines into runs of indented lines (formulas) and other lines."""
     groups: list[tuple[bool, list[str]]] = []
     for line in lines:
         formula = line.startswith("   ")

@@ -1,1 +1,1 @@
-"""Scenes, fakes and harnesses that several tests share."""
+"""Scenes, fakes and helpers that several tests share."""

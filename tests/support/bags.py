@@ -1,4 +1,4 @@
-"""Write small recordings as cameras do: a ROS bag of librealsense, a Matroska file of an Azure."""
+"""Write small recordings in cameras' formats: ROS bag (RealSense), Matroska (Azure Kinect)."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def write_mkv(
 
 
 def _name_b16g(file: Path, shapes: Sequence[tuple[int, ...]]) -> None:
-    """Name the format of grey tracks as k4arecorder does; FFmpeg writes 0 there."""
+    """Write the format name of grey tracks as k4arecorder does, where FFmpeg writes 0."""
     data = file.read_bytes()
     for height, width in set(shapes):
         kind = struct.pack("<HH", 1, 16)
@@ -161,7 +161,7 @@ def _name_b16g(file: Path, shapes: Sequence[tuple[int, ...]]) -> None:
 def azure_calibration(
     cx: float = 0.513, cy: float = 0.517, focal: float = 0.4928, k1: float = 0.548
 ) -> dict[str, Any]:
-    """Content of a factory calibration, normalised to 1024 x 1024."""
+    """Return the JSON of a factory calibration, normalised to 1024 x 1024 pixels."""
     numbers = [cx, cy, focal, focal, k1, -0.021, -0.0027, 0.89, 0.086, -0.0139, 0, 0, -7e-5, 2e-5]
     colour = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": {}}
     depth = {

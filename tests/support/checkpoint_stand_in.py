@@ -1,4 +1,4 @@
-"""A stand-in for ``glsim.denoise.inference`` in tests that need a checkpoint but no PyTorch.
+"""A replacement of ``glsim.denoise.inference`` in tests that have a checkpoint but no PyTorch.
 
 A checkpoint is JSON: gain (depth moves towards 900 mm by this share of its distance), soft (the
 validity is a probability), sigma_mm (the uncertainty of every pixel, if any), blind (predicts no
@@ -58,7 +58,7 @@ def write_run(
     state: str = "finished",
     **more: Any,
 ) -> None:
-    """Write the files of a run of ``glsim train`` that tables read."""
+    """Write the files of a run of ``glsim train`` from which tables are made."""
     folder.mkdir(parents=True)
     (folder / "best.pt").write_text(json.dumps({"gain": gain} | more))
     recipe = {"title": title or row, "row": row, "size": size, "seed": seed}

@@ -1,4 +1,4 @@
-"""A fast, deterministic fake of the simulator, with faults on demand."""
+"""A fast, deterministic fake of the simulator, which can fail at a chosen frame."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def make_tasks(subjects: int = 8, frames: int = 20) -> list[Task]:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault at the frame with this index; it happens only once if ``once`` is a path.
+    """A fault at the frame with a given index; with a path ``once`` it happens only once.
 
     kind: "kill", "mesh", "bug", "sleep", "lose" or "full". "full" puts the next temporary file
     for ``name`` in the folder ``out`` on a full disk.
@@ -94,7 +94,7 @@ def fake_frames(
     delay_s: float = 0.0,
     ahead: int = 3,
 ) -> Iterator[Frame | Skipped]:
-    """Yield frames whose pixels depend only on the seed; takes ``ahead`` tasks at once."""
+    """Yield frames whose pixels depend only on the seed, taking ``ahead`` tasks at once."""
     tasks = iter(tasks)
     while batch := list(islice(tasks, ahead)):
         for task in batch:
@@ -124,7 +124,7 @@ def strike(fault: Fault) -> None:
 
 
 def put_on_full_disk(out: str, name: str) -> None:
-    """Let the next temporary file for ``name`` of the data set ``out`` be /dev/full, once."""
+    """Let the next temporary file for ``name`` of data set ``out`` meet a full disk, once."""
     create = atomic._create
 
     def create_on_full_disk(temporary: Path) -> Any:
@@ -191,19 +191,19 @@ def make(
 
 
 def children() -> list[int]:
-    """Return the process numbers of the children of this process."""
+    """Return the process numbers of this process's children."""
     tasks = Path("/proc/self/task").glob("*/children")
     return [int(pid) for task in tasks for pid in task.read_text().split()]
 
 
 def contents(out: Path) -> dict[str, bytes]:
-    """Return relative name -> bytes for every file of a folder except the lock."""
+    """Read every file of a folder except the lock: relative name -> bytes."""
     files = (path for path in out.rglob("*") if path.is_file() and path.name != "lock")
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}
 
 
 def sign(out: Path, **changes: Any) -> None:
-    """Change entries of dataset.json, and record the checksums of what is on disk again."""
+    """Change entries of dataset.json, and write the checksums of the files on disk into it."""
     header = json.loads((out / "dataset.json").read_text()) | changes
     if "manifest.jsonl" in header["files"]:
         header["files"]["manifest.jsonl"] = file_checksum(out / "manifest.jsonl")

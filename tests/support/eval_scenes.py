@@ -17,7 +17,7 @@ CAMERA = Intrinsics(SIZE[1], SIZE[0], 365.0, 365.0, SIZE[1] / 2, SIZE[0] / 2)
 
 
 def dome(shape: tuple[int, int] = SIZE, whole: bool = True) -> Array:
-    """A paraboloid in the image centre, 900 mm at its tip, background 0."""
+    """Compute a paraboloid in the image centre, 900 mm at its tip, with background 0."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     r2 = ((y - shape[0] / 2) / shape[0]) ** 2 + ((x - shape[1] / 2) / shape[1]) ** 2
     depth = np.where(r2 < 0.16, 900 + 300 * r2, 0)
@@ -25,7 +25,7 @@ def dome(shape: tuple[int, int] = SIZE, whole: bool = True) -> Array:
 
 
 def noisy(clean: Array, seed: int = 0, sigma_mm: float = 3.0) -> Array:
-    """Add axial noise, holes, and some depth beside the silhouette."""
+    """Add axial noise, holes, and some false depth beside the silhouette."""
     rng = np.random.default_rng(seed)
     depth = np.where(clean > 0, np.rint(clean + rng.normal(0, sigma_mm, clean.shape)), 0)
     depth[rng.random(clean.shape) < 0.05] = 0
@@ -35,7 +35,7 @@ def noisy(clean: Array, seed: int = 0, sigma_mm: float = 3.0) -> Array:
 
 
 def _adversarial() -> dict[str, tuple[Array, Array, Array]]:
-    """Name -> prediction, clean, noisy."""
+    """Return difficult cases: name -> prediction, clean, noisy."""
     zero, clean = np.zeros(SIZE, np.float32), dome()
     dot, other = zero.copy(), zero.copy()
     dot[20, 20], other[5, 7] = 900, 700

@@ -19,7 +19,7 @@ ROWS, COLUMNS = 61, 49
 def analytic_face(
     *, rows: int = ROWS, columns: int = COLUMNS, open_mm: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return vertices (V, 3), mm, and triangles (F, 3) of the front of a head, in canonical axes.
+    """Return vertices (V, 3), mm, and triangles (F, 3) of a head's front, in canonical axes.
 
     144 mm wide, 215 mm high, with a nose of 20 mm and its tip at (3, 12, 60); the left cheek is
     2 mm fuller than the right. ``open_mm`` lowers the jaw.
@@ -83,7 +83,7 @@ def _vertex_lines(vertices: NDArray[np.float64]) -> str:
 
 
 class Board(FaceSource):
-    """Two squares side by side, 60 mm each: the left in the image is "nose", the right "tail"."""
+    """A source of two squares side by side, 60 mm each, with the regions "nose" and "tail"."""
 
     name = "board"
 

@@ -26,19 +26,19 @@ WRITERS = ("ours", *(["another"] if OTHERS.is_dir() else []))
 
 
 def tree(name: str, writer: str, folder: Path) -> Path:
-    """Return the folder of a set by one of WRITERS; ours is written below ``folder``."""
+    """Return the folder of a face set; the set of the writer "ours" is written below ``folder``."""
     return OTHERS / name if writer == "another" else write_tree(name, folder)
 
 
 def write_tree(name: str, root: Path) -> Path:
-    """Write one set below ``root`` and return its folder: d3dfacs_alignments, ..., hpdb."""
+    """Write a fake face set below ``root`` and return its folder."""
     writers = {"d3dfacs_alignments": _d3dfacs, "FaceWarehouse": _facewarehouse, "hpdb": _biwi}
     writers[name](root / name)
     return root / name
 
 
 def _d3dfacs(root: Path) -> None:
-    """Two registrations as FLAME's: metres, float32, 60 frames per second, numbers not from 0."""
+    """Write two registrations as of FLAME: metres, float32, 60 frames/s, numbers not from 0."""
     for frame in (150, 151):
         points, triangles = analytic_face(rows=GRID, columns=GRID, open_mm=0.4 * (frame - 150))
         vertices = np.empty(len(points), [("p", "<f4", (3,)), ("n", "<f4", (3,))])
@@ -55,7 +55,7 @@ def _d3dfacs(root: Path) -> None:
 
 
 def _facewarehouse(root: Path) -> None:
-    """Two people: 47 shapes in shape.bs, the neutral and two poses as OBJ, 74 landmarks."""
+    """Write two people: 47 shapes in shape.bs, three poses as OBJ, 74 landmarks."""
     for number in (1, 2):
         shapes = blend_shapes(unit_mm=104.0 + 6 * number)
         folder = root / f"Tester_{number}"
@@ -77,7 +77,7 @@ def _maya_obj(points: NDArray[np.float64], polygons: NDArray[np.int64]) -> bytes
 
 
 def _biwi(root: Path) -> None:
-    """One frame of one recording: template in the camera's axes, its depth where the pose says."""
+    """Write one frame of one recording: a template in camera axes, and depth at its pose."""
     points, triangles = analytic_face(rows=GRID, columns=GRID)
     template = (points - [3, 12, 0]) * [1, -1, -1]
     put(root / "01.obj", _maya_obj(template, triangles))

@@ -16,19 +16,19 @@ ROWS, COLUMNS = 31, 25
 
 
 def all_keys(source: FaceSource) -> list[FaceKey]:
-    """Return the keys of every frame of every subject."""
+    """Return the keys of all frames of all subjects."""
     return [key for subject in source.subjects(None) for key in source.frames(subject, None)]
 
 
 def good_faces(source: FaceSource, keys: Sequence[FaceKey]) -> list[Face]:
-    """Load faces, none of which may be a bad one."""
+    """Load faces; fail if a face cannot be loaded."""
     faces = list(source.load(keys))
     assert all(isinstance(face, Face) for face in faces), faces
     return [face for face in faces if isinstance(face, Face)]
 
 
 def ply_bytes(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> bytes:
-    """Encode a binary PLY like FLAME registrations: float32 x y z, three indices per face."""
+    """Encode a binary PLY as FLAME registrations do: float32 x y z, three indices per face."""
     head = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
         "property float x\nproperty float y\nproperty float z\n"
@@ -67,13 +67,13 @@ def shape_bytes(shapes: NDArray[np.float64], expressions: int | None = None) -> 
 
 
 def blend_shapes(unit_mm: float = 110.0) -> NDArray[np.float64]:
-    """Return (47, V, 3): the analytic face with a jaw opened by K / 2 mm in shape K."""
+    """Return (47, V, 3) blend shapes: the analytic face, its jaw K / 2 mm open in shape K."""
     opened = [analytic_face(rows=ROWS, columns=COLUMNS, open_mm=k / 2)[0] for k in range(47)]
     return np.stack(opened) / unit_mm
 
 
 def write_tester(root: Path, number: int = 1, poses: int = 3) -> Path:
-    """Write a person of FaceWarehouse and return the folder."""
+    """Write a fake person of FaceWarehouse and return the folder."""
     shapes = blend_shapes()
     folder = root / f"Tester_{number}"
     put(folder / "Blendshape/shape.bs", shape_bytes(shapes))
@@ -85,7 +85,7 @@ def write_tester(root: Path, number: int = 1, poses: int = 3) -> Path:
 
 
 def pose_text(turn: NDArray[np.float64], centre: tuple[float, float, float]) -> bytes:
-    """Encode a pose file: rows with a trailing space, a blank line, the centre."""
+    """Encode a pose file of Biwi: rows with a trailing space, an empty line, the centre."""
     rows = "".join(" ".join(f"{value:.7g}" for value in row) + " \n" for row in turn)
     return f"{rows}\n{' '.join(f'{value:g}' for value in centre)} \n".encode()
 
@@ -112,7 +112,7 @@ CALIBRATION = (
 
 
 def write_recording(root: Path, number: int = 1, frames: int = 3) -> Path:
-    """Write a recording of Biwi: template, calibration, turning heads, flat depth images."""
+    """Write a fake recording of Biwi: template, calibration, head poses, flat depth images."""
     template = (FACE - [3, 12, 0]) * [1, -1, -1]
     put(root / f"{number:02d}.obj", obj_bytes(template, TRIANGLES, "//1"))
     folder = root / f"{number:02d}"

@@ -1,4 +1,4 @@
-"""A source of simple whole people: a block with a head, standing or sitting by its sequence."""
+"""A source of simple whole people, made of boxes, who stand or sit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FACE_MM = 1600.0
 
 
 def figure() -> Mesh:
-    """A person of boxes, origin in the face, 1.7 m tall, 0.2 m deep."""
+    """Make a person of boxes, 1.7 m tall and 0.2 m deep, with the origin in the face."""
     body = box((450, 1440, 200), (0, -FACE_MM, -100))
     head = box((150, 240, 180), (0, -140, -90))
     vertices = np.concatenate([body.vertices_mm, head.vertices_mm]).astype(np.float32)
@@ -23,7 +23,7 @@ def figure() -> Mesh:
 
 
 class Figures(FaceSource):
-    """A source of endless subjects with two sequences of two frames each."""
+    """A source of any number of subjects, with two sequences of two frames each."""
 
     name = "figures"
 

@@ -1,4 +1,4 @@
-"""A stand-in of the Hugging Face Hub's HTTP interface on this machine, for one data set.
+"""A local server with the HTTP interface of the Hugging Face Hub, for one data set.
 
 Written after the requests of huggingface_hub: create a repository, ask how files are sent, store
 large files by Git LFS' batch interface, commit. It keeps what a commit names.
@@ -20,7 +20,7 @@ TOKEN = "hf_of_a_test"  # no token of anybody
 
 @dataclass
 class HubStandIn:
-    """The state of the server: made repositories, stored objects, and the committed files."""
+    """The state of the server: repositories, stored objects, and committed files."""
 
     url: str = ""
     repositories: dict[str, bool] = field(default_factory=dict)  # name -> private
@@ -117,7 +117,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 @contextmanager
 def hub_stand_in() -> Iterator[HubStandIn]:
-    """Run the server within the block."""
+    """Run the server during a block."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Handler)
     hub = HubStandIn(f"http://127.0.0.1:{server.server_address[1]}")
     server.hub = hub  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Imports of the code base: what a file names, and what a piece of code loads."""
+"""Imports of the code base: the modules that a file names, and that running code loads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PACKAGE = ROOT / "glsim"
 
 
 def all_modules() -> dict[str, Path]:
-    """Module name -> file of everything that installs as ``glsim``."""
+    """List all modules of ``glsim``: module name -> file."""
     found = {}
     for folder in (PACKAGE, *(ROOT / name for name in ("eval", "shaders", "train"))):
         for file in sorted(folder.rglob("*.py")):
@@ -23,7 +23,7 @@ def all_modules() -> dict[str, Path]:
 
 
 def imported_modules(source: str, modules: set[str]) -> set[str]:
-    """Which of ``modules`` a source file names: in imports anywhere in it, and in strings.
+    """Return the modules, out of ``modules``, that a source file imports or names in strings.
 
     Imports inside functions and under TYPE_CHECKING count. A string counts if it is the name of a
     module and no docstring: such names end in ``import_module``. Raises ValueError for a relative
@@ -51,14 +51,14 @@ def imported_modules(source: str, modules: set[str]) -> set[str]:
 
 
 def _nearest(name: str, modules: set[str]) -> str:
-    """The module that ``name`` is, or that it is taken from; "" for another package."""
+    """Return the module of a dotted name, or the module that contains it; "" if of no module."""
     while name and name not in modules:
         name = name.rpartition(".")[0]
     return name
 
 
 def third_party(source: str) -> set[str]:
-    """Top-level names of all packages that a source file imports, anywhere in it."""
+    """Return the names of all third-party packages that a source file imports."""
     names = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -69,7 +69,7 @@ def third_party(source: str) -> set[str]:
 
 
 def loaded_after(code: str) -> set[str]:
-    """Names of the modules that a fresh interpreter has loaded after ``code``."""
+    """Return the names of the modules that a new interpreter has loaded after ``code``."""
     done = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys; print(' '.join(sys.modules))"],
         capture_output=True,

@@ -1,4 +1,4 @@
-"""The drawing of Multi-PIE: mirror images and order of the 68 landmarks of an upright face."""
+"""Checks of the 68 landmarks in Multi-PIE's order: mirror images and places on a face."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MIDLINE = [8, 27, 28, 29, 30, 33, 51, 57, 62, 66]
 
 
 def assert_order(points: NDArray[np.float64]) -> None:
-    """Each part of (68, 3) mm begins at the subject's right, and lies where the part lies.
+    """Assert that (68, 3) landmarks, mm, have Multi-PIE's order and places on a face.
 
     x is to the subject's left, y up, z to the front; the mouth is closed.
     """

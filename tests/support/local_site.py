@@ -1,4 +1,4 @@
-"""A plain web server of a folder, as a test or a visitor has one."""
+"""A plain web server of a folder on this machine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class _Handler(http.server.SimpleHTTPRequestHandler):
 
 @contextmanager
 def served(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Serve a folder on a free port of this machine.
+    """Serve a folder on a free port during a block.
 
     Yields its address, without a slash, and the list of what it was asked for, answered or not.
     """

@@ -1,4 +1,4 @@
-"""The same frames in two data sets: as measured, and with the nearest point of each at 1 mm."""
+"""Two data sets of the same frames: as measured, and with the nearest point at 1 mm."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.support.eval_scenes import CAMERA, SIZE, dome, noisy
 
 
 def dome_frames(settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame]:
-    """Yield noisy domes at 900 mm and farther, in whole millimetres, moved as settings say.
+    """Yield noisy domes at 900 mm or more, in whole millimetres, moved as the settings say.
 
     No noise is nearer than the tip of the dome, so that files at 1 mm lose nothing.
     """

@@ -1,4 +1,4 @@
-"""Small networks of every kind, and frames for them."""
+"""Small networks of all kinds, and frames for them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ INPUTS: dict[str, dict[str, Any]] = {
 
 
 def build(wrapper: str, backbone: str, inputs: str = "frame") -> DepthModel:
-    """Build a model without parameters that are all 0, as after some training."""
+    """Build a model in which no parameter tensor is all 0, as if it were trained."""
     torch.manual_seed(3)
     model = build_model(_spec(wrapper, backbone, inputs))
     with torch.no_grad():
@@ -55,7 +55,7 @@ def write_checkpoint(
     backbone: str = "small_unet-silu",
     inputs: str = "frame",
 ) -> Path:
-    """Write a checkpoint of the model that ``build`` makes of the same names; return ``path``."""
+    """Write a checkpoint of the model that ``build`` makes from the same names; return ``path``."""
     content = {
         "recipe": {"model": _spec(wrapper, backbone, inputs)},
         "model": build(wrapper, backbone, inputs).state_dict(),
@@ -69,7 +69,7 @@ def _spec(wrapper: str, backbone: str, inputs: str) -> dict[str, Any]:
 
 
 def frames(count: int = 2, height: int = 53, width: int = 67) -> Tensor:
-    """Depth around 0.9 m with a step to a wall and holes."""
+    """Return (B, 1, H, W) noisy depth near 0.9 m, with a step to a wall, and holes."""
     generator = torch.Generator().manual_seed(5)
     noise = torch.randn(count, 1, height, width, generator=generator)
     frame = 900.0 + 3.0 * noise

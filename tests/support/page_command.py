@@ -1,4 +1,4 @@
-"""Stands for the command glsim where pages' shell blocks are tried: runs it small, or reads it.
+"""A replacement of the command glsim that runs or parses the shell blocks of documentation.
 
 What makes much is made small by options behind its own (the last one counts). What serves until it
 is ended, takes minutes, or needs data that nobody has here is read as the program would read it:
@@ -45,7 +45,7 @@ def _is_read_only(words: list[str]) -> bool:
 
 
 def _read(words: list[str]) -> None:
-    """Parse a command line. Raises LookupError for no command, TyperException for wrong words."""
+    """Parse a command line. Raises LookupError or TyperException for a wrong command line."""
     from glsim.cli import load_commands
 
     command: Any = load_commands()
@@ -56,7 +56,7 @@ def _read(words: list[str]) -> None:
 
 
 def main(words: list[str]) -> int:
-    """Run or read a command line; returns the exit status."""
+    """Run or parse a command line; return the exit status."""
     if _is_read_only(words):
         _read(words)
         return 0

@@ -1,4 +1,4 @@
-"""Scores of a reproduction without its trainings: the files that the page of values reads."""
+"""Fake scores of a reproduction of the paper, without trainings: the files of its report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.support.checkpoint_stand_in import write_run
 
 
 def write_table(path: Path, mse: Mapping[str, float]) -> Path:
-    """Write the lines of a table.csv of glsim eval; all metrics but MSE are 10."""
+    """Write a table.csv of glsim eval, in which all metrics but MSE are 10."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
@@ -25,7 +25,7 @@ def write_table(path: Path, mse: Mapping[str, float]) -> Path:
 
 
 def write_filters(root: Path, mask: str, seed: int, protocol: str, mse: dict[str, float]) -> Path:
-    """Write the scores of the filters on one data set; a filter without an MSE has 1 mm²."""
+    """Write the scores of the filters on a data set; a filter without a given MSE has 1 mm²."""
     path = root / "filters" / mask / str(seed) / protocol / "table.csv"
     return write_table(path, {name: mse.get(name, 1.0) for name in (*PAPER_FILTERS, "face")})
 
@@ -33,7 +33,7 @@ def write_filters(root: Path, mask: str, seed: int, protocol: str, mse: dict[str
 def write_networks(
     root: Path, mask: str, protocol: str, noisy_mm2: float, rows: Mapping[str, float], size: str
 ) -> Path:
-    """Write trained rows (row -> MSE) with one seed, and their table."""
+    """Write the scores of trained networks (row -> MSE) of one seed, and their table."""
     place = case_folder(root, protocol, mask)
     for row in rows:
         write_run(place / "runs" / f"{row}-0", 0.1, row=row, size=size)

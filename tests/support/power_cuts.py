@@ -1,4 +1,4 @@
-"""A disk that loses its power: what files hold if only what was flushed has reached the disk.
+"""A simulated power cut: the files that remain if only flushed data has reached the disk.
 
 Linux writes names and data when it likes, until a program flushes them. After a cut, the worst of
 two kinds can be found: every name is there, but data that was not flushed is not (ext4 writes
@@ -21,7 +21,7 @@ _Names = dict[str, int | None]
 
 
 class PowerCuts:
-    """Watches the folder ``root``, and calls ``on_cut`` before every change and flush in it.
+    """A watcher of the folder ``root`` that calls ``on_cut`` before each change and flush.
 
     Within ``on_cut``, ``write_state`` writes what a power cut at this moment leaves.
     """
@@ -33,7 +33,7 @@ class PowerCuts:
         kept: Path,
         on_cut: Callable[[PowerCuts, int], None],
     ) -> None:
-        """kept: an empty folder on the same file system."""
+        """Start watching; ``kept`` is an empty folder on the same file system."""
         self.root, self._kept, self._on_cut = root, kept, on_cut
         self.steps = 0
         self._busy = False
@@ -54,7 +54,7 @@ class PowerCuts:
         monkeypatch.setattr(flush, "_syncfs", lambda: self._flush_all)
 
     def write_state(self, out: Path, *, names: bool) -> None:
-        """Write what is left to a new folder. names: whether all names have reached the disk."""
+        """Write the remaining files to a new folder; ``names``: all names are on the disk."""
         out.mkdir()
         if names:
             for path in sorted(self.root.rglob("*")):

@@ -1,4 +1,4 @@
-"""A cluster of Ray on this machine: several nodes with processes of their own, to be killed."""
+"""A local Ray cluster of several nodes, each with its own processes, which tests can kill."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STORE_BYTES = 100_000_000
 
 
 class Nodes:
-    """A head without cores, and nodes of one core each."""
+    """A Ray cluster of a head without cores, and nodes of one core each."""
 
     def __init__(self) -> None:
         from ray.cluster_utils import Cluster
@@ -35,7 +35,7 @@ class Nodes:
         self.address: str = self._cluster.address
 
     def add(self, cores: int = 1) -> Any:
-        """Start a node; return it."""
+        """Start a node and return it."""
         return self._cluster.add_node(num_cpus=cores, object_store_memory=_STORE_BYTES)
 
     def kill(self, node: Any) -> None:
@@ -60,7 +60,7 @@ class Nodes:
 
 
 def _below(process: int) -> list[int]:
-    """Return a process and those that it started, itself first."""
+    """Return a process and all its descendants, the process first."""
     found, waiting = [], [process]
     while waiting:
         pid = waiting.pop()
@@ -84,7 +84,7 @@ def connected_nodes() -> Iterator[Nodes]:
 
 @contextmanager
 def ray_nodes() -> Iterator[Nodes]:
-    """Run a cluster that ends with the block."""
+    """Run a cluster during a block."""
     nodes = Nodes()
     try:
         yield nodes

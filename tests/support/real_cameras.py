@@ -1,4 +1,4 @@
-"""Recordings of real depth cameras beside the repository, and planted noise of disparity."""
+"""Recordings of real depth cameras beside the repository, and simulated disparity noise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIDE_PX = 40
 
 
 def real_depths(folder: str, unit_mm: float = 1.0, most: int | None = None) -> list[Array]:
-    """Read the depth maps of a folder, mm; 0 = no depth, and where the file clips."""
+    """Read the depth maps of a folder, mm; 0 where there is no depth or the file clips."""
     depths = []
     for file in sorted((REAL_CAMERAS / folder).glob("depth*.png"))[:most]:
         image = decode_png(file.read_bytes(), 1 << 21)
@@ -39,14 +39,14 @@ def real_depths(folder: str, unit_mm: float = 1.0, most: int | None = None) -> l
 def real_disparities(
     folder: str, focal_baseline_px_mm: float | None, unit_mm: float = 1.0, most: int | None = None
 ) -> list[Array]:
-    """Read the depth maps of a folder as disparity, px, or 1/m."""
+    """Read the depth maps of a folder as disparity, px, or as inverse depth, 1/m."""
     return [to_disparity(d, focal_baseline_px_mm) for d in real_depths(folder, unit_mm, most)]
 
 
 def box_noise(
     rng: np.random.Generator, frames: int, shape: tuple[int, int], box_px: int, sigma: float
 ) -> Array:
-    """Draw (T, H, W) white noise averaged over boxes, of standard deviation sigma."""
+    """Draw (T, H, W) white noise averaged over boxes, of standard deviation ``sigma``."""
     height, width = shape
     white = rng.normal(size=(frames, height + box_px - 1, width + box_px - 1))
     sums = np.zeros((frames, height, width))
@@ -57,7 +57,7 @@ def box_noise(
 
 
 def box_covariance(side_px: int, box_px: int) -> Array:
-    """Covariance of the pixels of a tile of ``box_noise`` of sigma 1 minus its plane, (P, P)."""
+    """Compute the covariance (P, P) of a tile of ``box_noise`` minus its fitted plane."""
     y, x = (part.ravel() for part in np.mgrid[:side_px, :side_px])
     share = [np.clip(1 - np.abs(v[:, None] - v) / box_px, 0, 1) for v in (y, x)]
     covariance = share[0] * share[1]

@@ -1,4 +1,4 @@
-"""Recordings with planted noise, a chessboard and silhouettes, in the layout of iai_kinect2."""
+"""Recordings with known noise, a chessboard and silhouettes, in the layout of iai_kinect2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SQUARE_PX = 18
 
 
 def board_infrared(print_counts: float = 900.0, paper_counts: float = 12_000.0) -> Array:
-    """Infrared of a chessboard of 6 x 8 squares with a margin on a grey wall, (H, W) counts."""
+    """Draw the infrared image of a chessboard of 6 x 8 squares on a grey wall, (H, W) counts."""
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
     across = (columns - BOARD_CENTRE[1]) / SQUARE_PX + 3.0
     down = (rows - BOARD_CENTRE[0]) / SQUARE_PX + 4.0
@@ -30,12 +30,12 @@ def board_infrared(print_counts: float = 900.0, paper_counts: float = 12_000.0) 
 
 
 def printed(infrared: Array, offset_mm: float) -> Array:
-    """Depth that a camera adds on dark print, (H, W) mm."""
+    """Return the depth error of a camera on dark print, (H, W) mm."""
     return np.where(infrared < 2000.0, offset_mm, 0.0)
 
 
 def scene(step: bool = True) -> Array:
-    """A slanted plane at 0.8 m; with a wall at 1.95 m on the right, behind 6 px without depth."""
+    """Return the depth, (H, W) mm, of a slanted plane at 0.8 m, with ``step`` beside a wall."""
     depth = plane(800.0, 0.1, 0.05)
     if step:
         depth[:, 300:] = 1950.0
@@ -44,7 +44,7 @@ def scene(step: bool = True) -> Array:
 
 
 def write_frame(folder: Path, name: str, depth: NDArray[np.uint16], infrared: Array) -> None:
-    """Write NAME_depth.png and NAME_ir.png."""
+    """Write a frame as NAME_depth.png and NAME_ir.png."""
     write_atomic(encode_png(depth), folder / f"{name}_depth.png")
     counts = np.ascontiguousarray(np.rint(infrared)).astype(np.uint16)
     write_atomic(encode_png(counts), folder / f"{name}_ir.png")
@@ -53,7 +53,7 @@ def write_frame(folder: Path, name: str, depth: NDArray[np.uint16], infrared: Ar
 def write_static_pair(
     folder: Path, clean: Array, sigma_mm: float, *, drift_mm: float = 0.0, seed: int = 1
 ) -> None:
-    """Write two frames of one view; the second has drifted."""
+    """Write two frames of one view, of which the second has drifted."""
     infrared = board_infrared()
     for number in (0, 1):
         moved = np.where(clean > 0, clean + drift_mm * number, 0.0)

@@ -1,4 +1,4 @@
-"""A base class of networks of tests: what it sees, and what it returns."""
+"""A base class of networks in tests, with the attributes of a ``Runner``."""
 
 from __future__ import annotations
 

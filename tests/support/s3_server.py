@@ -1,4 +1,4 @@
-"""A store that speaks S3 on loopback (moto's server), with faults on demand at the HTTP layer."""
+"""A local S3 server (moto), which can fail at chosen HTTP requests."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAILED = b"<Error><Code>InternalError</Code><Message>We failed.</Message></Erro
 
 @dataclass
 class Faults:
-    """What goes wrong, as shares of the requests, drawn from ``seed``.
+    """The kinds of faults as shares of the requests, drawn from ``seed``.
 
     throttled: any request is answered 503 SlowDown. failed_puts: a PUT is answered 500 and not
     done. lost_answers: a PUT is done, and then answered 500. hidden: names (parts of keys) that no
@@ -39,7 +39,7 @@ class Faults:
         self._rng, self._lock = random.Random(self.seed), threading.Lock()
 
     def strikes(self, kind: str, share: float) -> bool:
-        """Draw whether a fault happens, and count it."""
+        """Draw whether a fault happens at a request, and count it."""
         with self._lock:
             hit = self._rng.random() < share
             self.counts[kind] = self.counts.get(kind, 0) + hit
@@ -47,7 +47,7 @@ class Faults:
 
 
 class S3Server:
-    """The server. ``faults`` may be changed at any time."""
+    """The running S3 server; ``faults`` may be changed at any time."""
 
     def __init__(self, application: Callable[..., Any]) -> None:
         self._application = application
@@ -107,7 +107,7 @@ def _answer(
 
 @contextmanager
 def s3_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
-    """Run a store with an empty bucket; the environment leads glsim and its workers to it."""
+    """Run an S3 server with an empty bucket; environment variables lead glsim to it."""
     server = pytest.importorskip("moto.server")
     pytest.importorskip("s3fs")
     from werkzeug.serving import make_server

@@ -1,4 +1,4 @@
-"""Scenes with known geometry, and the layers that a renderer makes of them."""
+"""Scenes of known geometry, and the layers that a renderer draws of them."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ AT_CAMERA = pose_matrix({})
 
 
 def camera_mesh(points_m: Array, faces: NDArray[np.integer[Any]]) -> Mesh:
-    """A mesh from (V, 3) camera-frame metres; draw it with ``AT_CAMERA``."""
+    """Make a mesh of (V, 3) points, camera frame, metres, to be drawn with ``AT_CAMERA``."""
     return Mesh(
         (np.asarray(points_m) * [1000, -1000, -1000]).astype(np.float32), faces.astype(np.int32)
     )
 
 
 def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
-    """Triangles of a grid of vertices that face the camera (rows go down, columns right)."""
+    """Return triangles of a vertex grid that face the camera (rows down, columns right)."""
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     return np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
@@ -54,20 +54,20 @@ def sheet(
     y_m: tuple[float, float],
     cells: int = 1,
 ) -> Mesh:
-    """The surface z = depth_m(x, y) over a rectangle, all in camera metres."""
+    """Make a mesh of the surface z = depth_m(x, y) over a rectangle, camera frame, metres."""
     x, y = np.meshgrid(np.linspace(*x_m, cells + 1), np.linspace(*y_m, cells + 1))
     points = np.stack([x, y, np.broadcast_to(depth_m(x, y), x.shape)], axis=-1)
     return camera_mesh(points.reshape(-1, 3), grid_faces(cells + 1, cells + 1))
 
 
 def rectangle(x_m: tuple[float, float], y_m: tuple[float, float], z_m: float) -> Mesh:
-    """An upright rectangle at one depth."""
+    """Make an upright rectangle at one depth."""
     return sheet(lambda x, y: np.full_like(x, z_m), x_m, y_m)
 
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane through (0, 0, z_m) whose normal is tilted towards +x turned by ``turn_deg``."""
+    """A plane through (0, 0, z_m), its normal tilted by ``tilt_deg`` in direction ``turn_deg``."""
 
     z_m: float
     tilt_deg: float
@@ -75,24 +75,24 @@ class Plane:
 
     @property
     def normal(self) -> Array:
-        """Unit normal towards the camera."""
+        """The unit normal towards the camera."""
         tilt, turn = np.radians(self.tilt_deg), np.radians(self.turn_deg)
         return np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt)])
 
     def depth(self, rays: Array) -> Array:
-        """Depth at which rays (..., 2) meet the plane, metres."""
+        """Compute the depth at which rays (..., 2) meet the plane, metres."""
         n = self.normal
         return np.asarray(self.z_m * n[2] / (rays.astype(np.float64) @ n[:2] + n[2]))
 
     def mesh(self, half_m: float, cells: int = 1) -> Mesh:
-        """A square part of the plane, seen from the front."""
+        """Make a square part of the plane, seen from the front."""
         n = self.normal
         span = (-half_m, half_m)
         return sheet(lambda x, y: self.z_m - (n[0] * x + n[1] * y) / n[2], span, span, cells)
 
 
 def sphere(centre_m: tuple[float, float, float], radius_m: float, cells: int = 160) -> Mesh:
-    """The half of a sphere that faces the camera (or a little more), as a grid of angles."""
+    """Make the half of a sphere that faces the camera (or a little more), as a grid of angles."""
     down, right = np.meshgrid(
         np.radians(np.linspace(-89, 89, cells + 1)),
         np.radians(np.linspace(-100, 100, cells + 1)),
@@ -106,7 +106,7 @@ def sphere(centre_m: tuple[float, float, float], radius_m: float, cells: int = 1
 
 
 def face_mesh(cells: int = 150, *, albedo: bool = False) -> Mesh:
-    """A face by formula: an ellipsoid with nose, brows, eye hollows and lips, in canonical mm.
+    """Make an analytic face: an ellipsoid with nose, brows, eyes and lips, in canonical mm.
 
     The bump on the subject's left cheek (+x) makes it unlike its mirror image.
     """
@@ -129,7 +129,7 @@ def face_mesh(cells: int = 150, *, albedo: bool = False) -> Mesh:
 def rig(
     *emitters_m: tuple[float, float, float], image: Intrinsics = V2, **changes: Any
 ) -> SensorRig:
-    """A rig of the Kinect V2's geometry with emitters at these places."""
+    """Make a rig of the Kinect V2's geometry with emitters at given places."""
     return SensorRig(image, tuple(Emitter(at) for at in emitters_m), **changes)
 
 
@@ -139,7 +139,7 @@ def layers_of(
     meshes: Sequence[Mesh | tuple[Mesh, Mapping[str, float]]],
     visible: Rect | None = None,
 ) -> dict[str, NDArray[np.float32]]:
-    """Render meshes (with their poses) and paste the layers of pixels into the full frame.
+    """Render meshes (with their poses); paste the layers of the window into whole frames.
 
     Returns clean, lit, albedo (H, W), normal (H, W, 4), and "window", the four numbers of the Rect.
     """
@@ -161,7 +161,7 @@ def layers_of(
 
 
 def settings_for(sensor: str = "ideal", **overrides: Any) -> Settings:
-    """Settings for one mesh at 0.9 m; tables by name."""
+    """Make settings for one mesh at 0.9 m, with changed tables by name."""
     return load_settings(overrides={"sensor": sensor, "source": {"kind": "folder"}} | overrides)
 
 
@@ -204,7 +204,7 @@ SMALL_EMITTER = "[[rig.emitter]]\nposition_m = [0.05, 0, 0]\n"
 
 
 def sensor_file(folder: Path, *stages: str, emitter: bool = False) -> str:
-    """Write a sensor file with stages given as TOML lines; return its path for ``sensor``."""
+    """Write a sensor file with stages given as TOML lines; return its path."""
     tables = "".join(f"[[stage]]\n{stage}\n" for stage in stages)
     file = folder / "sensor.toml"
     file.write_text(SMALL_RIG + (SMALL_EMITTER if emitter else "") + tables)
@@ -212,21 +212,21 @@ def sensor_file(folder: Path, *stages: str, emitter: bool = False) -> str:
 
 
 def plate() -> Mesh:
-    """A square of 0.4 m in canonical mm: flat depth in 44 x 44 pixels of the small rig at 0.9 m."""
+    """Make a square of 0.4 m in canonical mm, 44 x 44 pixels of the small rig at 0.9 m."""
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * 200
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
 
 
 class TwoSequences(OneMesh):
-    """One subject in two sequences of 12 frames, 30 a second."""
+    """A source of one subject in two sequences of 12 frames, 30 per second."""
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return both sequences; ``count`` is ignored."""
+        """Return the frames of both sequences, whatever ``count`` is."""
         return [FaceKey(subject, "ab"[n // 12], n % 12, (n % 12) / 30) for n in range(24)]
 
 
 def moving_settings(sensor: str = "kinect-v2", **overrides: Any) -> Settings:
-    """Settings whose faces turn and move from frame to frame."""
+    """Make settings of faces that turn and move from frame to frame."""
     pose = {
         "yaw_deg": {"uniform": [-30, 30]},
         "x_mm": {"uniform": [-200, 200]},

@@ -1,4 +1,4 @@
-"""Shared by the tests of noise stages: one stage as shader and as twin, scenes, z-scores."""
+"""Helpers of the tests of noise stages: run shader and twin, make scenes, compute z-scores."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FOCAL_BASELINE = FOCAL_PX * BASELINE_M
 
 
 def frame(seed: int = 0, **changes: Any) -> FrameContext:
-    """A frame of the tests' size. changes: fields of FrameContext."""
+    """Make the context of a frame of the tests' size, with changed fields."""
     at = FrameContext(
         window=WHOLE,
         width=WIDTH,
@@ -53,14 +53,14 @@ FRAME = frame()
 
 
 def values(use: str, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return all parameters of a shipped stage: ``parameters``, and defaults for the others."""
+    """Return all parameters of a shipped stage, ``parameters`` or defaults."""
     declared = shipped_stages()[use].parameters
     assert set(parameters) <= set(declared)
     return {name: p.default for name, p in declared.items()} | dict(parameters)
 
 
 def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> dict[str, Image]:
-    """Return the layers that a stage's twin writes. Layers are of the window."""
+    """Return the layers that a stage's twin writes, (h, w) of the window."""
     twin = find_twin(use)
     assert twin is not None
     with np.errstate(all="raise"):
@@ -70,7 +70,7 @@ def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> 
 def run_shader(
     context: moderngl.Context, use: str, layers: Layers, at: FrameContext = FRAME, **p: float
 ) -> dict[str, Image]:
-    """Return the layers that a stage's shader writes. Layers are of the window.
+    """Return the layers that a stage's shader writes, (h, w) of the window.
 
     Those of IMAGE_CONSTANTS have a size of their own.
     """
@@ -128,7 +128,7 @@ def _upload(pool: TargetPool, name: str, image: Image, window: Rect) -> Target:
 def flat(
     depth_m: float | NDArray[np.floating], angle_deg: float = 0.0, at: FrameContext = FRAME
 ) -> dict[str, Image]:
-    """All layers of a window with the given depths, and one angle between normal and axis.
+    """Make all layers of a window from depths and one angle between normal and axis.
 
     Depths and normals may contradict each other: stages read each on its own.
     """
@@ -143,7 +143,7 @@ def flat(
 def layers_of(
     depth: NDArray[np.floating], normal: NDArray[np.floating], at: FrameContext = FRAME
 ) -> dict[str, Image]:
-    """All layers of a surface of skin, fully lit, from depths and normals (h, w, 4) of the window.
+    """Make all layers of lit skin from depths and normals (h, w, 4) of a window.
 
     The rays are a pinhole's with the centre in the middle of the frame.
     """
@@ -161,7 +161,7 @@ def layers_of(
 
 
 def rays(at: FrameContext = FRAME) -> NDArray[np.float64]:
-    """x/z and y/z of each pixel of the window, (h, w, 2)."""
+    """Compute x/z and y/z of each pixel of the window, (h, w, 2)."""
     left, top, width, height = at.window
     x = (left + np.arange(width) + 0.5 - at.width / 2) / FOCAL_PX
     y = (top + np.arange(height) + 0.5 - at.height / 2) / FOCAL_PX
@@ -171,14 +171,14 @@ def rays(at: FrameContext = FRAME) -> NDArray[np.float64]:
 def plane(
     z_m: float, tilt_deg: float, turn_deg: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depth (m) and normal of a plane that crosses the axis at ``z_m``, over the whole frame."""
+    """Compute depth (m) and normal of a plane that crosses the axis at ``z_m``, whole frame."""
     tilt, turn = np.radians(tilt_deg), np.radians(turn_deg)
     normal = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt), 0])
     return z_m * normal[2] / (rays() @ normal[:2] + normal[2]), normal
 
 
 def scene(seed: int = 0) -> dict[str, Image]:
-    """Layers of a slanted wall, slanted patches before it, empty columns, holes, random signals."""
+    """Make layers of a slanted wall, slanted patches before it, empty columns and holes."""
     rng = np.random.default_rng(seed)
     depth, direction = plane(1.4, 35.0, 20.0)
     normal = np.broadcast_to(direction, (*depth.shape, 4)).copy()
@@ -204,23 +204,23 @@ def crop(layers: Layers, at: FrameContext) -> dict[str, Image]:
 
 
 def z_mean(samples: NDArray[Any], expected: float = 0.0) -> float:
-    """Deviation of the mean of independent samples from ``expected``, in standard errors."""
+    """Compute the deviation of the mean of samples from ``expected``, in standard errors."""
     numbers = np.asarray(samples, np.float64).ravel()
     return float((numbers.mean() - expected) / (numbers.std() / np.sqrt(numbers.size)))
 
 
 def z_sd(samples: NDArray[Any], expected: float) -> float:
-    """Deviation of the standard deviation of normal samples, in its own standard errors."""
+    """Compute the deviation of the standard deviation of normal samples, in standard errors."""
     numbers = np.asarray(samples, np.float64).ravel()
     return float((numbers.std(ddof=1) / expected - 1.0) * np.sqrt(2.0 * (numbers.size - 1)))
 
 
 def z_rate(hits: NDArray[np.bool_], expected: float) -> float:
-    """Deviation of the share of hits, in standard errors."""
+    """Compute the deviation of the share of hits from ``expected``, in standard errors."""
     error = np.sqrt(expected * (1.0 - expected) / hits.size)
     return float((hits.mean() - expected) / error)
 
 
 def z_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Deviation from 0 of the correlation of independent samples, in standard errors."""
+    """Compute the deviation of a correlation of samples from 0, in standard errors."""
     return float(np.corrcoef(a.ravel(), b.ravel())[0, 1] * np.sqrt(a.size))

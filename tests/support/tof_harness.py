@@ -1,4 +1,4 @@
-"""Shared by the tests of time-of-flight sensors: scenes, and frames with all their layers."""
+"""Helpers of the tests of time-of-flight sensors: scenes, and frames with all layers."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Changes = Mapping[str, Mapping[str, float]]
 
 
 def merged(*changes: Changes) -> dict[str, dict[str, float]]:
-    """Merge parameters by stage; later ones override earlier ones."""
+    """Merge parameters by stage; later parameters replace earlier ones."""
     result: dict[str, dict[str, float]] = {}
     for change in changes:
         for stage, values in change.items():
@@ -53,7 +53,7 @@ def merged(*changes: Changes) -> dict[str, dict[str, float]]:
 
 @dataclass(eq=False)
 class Camera:
-    """A sensor on the tests' GL context."""
+    """A sensor in the tests' OpenGL context."""
 
     context: moderngl.Context
     sensor: Sensor
@@ -110,7 +110,7 @@ class Camera:
     def clean(
         self, meshes: Sequence[Placed], seed: int = 1
     ) -> tuple[dict[str, Image], FrameContext]:
-        """Return the layers that the chain starts from, and their frame."""
+        """Return the layers before the first stage, and the context of their frame."""
         with self.renderer.render(meshes) as rendered:
             layers = {**rendered.layers, "rays": rendered.rays}
             self.readback.request(rendered.pool, layers, rendered.window)
@@ -120,7 +120,7 @@ class Camera:
     def twin(
         self, meshes: Sequence[Placed], changes: Changes | None = None, seed: int = 1
     ) -> dict[str, Image]:
-        """Run ``shoot`` with the stages' twins, from the same clean layers."""
+        """Simulate the frame of ``shoot`` by the stages' NumPy twins; return its layers."""
         layers, frame = self.clean(meshes, seed)
         layers |= {"depth": layers["clean"], "reason": np.zeros_like(layers["clean"])}
         if self.expected:
@@ -136,7 +136,7 @@ def quad(
     albedo: float = 1.0,
     yaw_deg: float = 0.0,
 ) -> Placed:
-    """A rectangle across the optical axis at a distance (y up, as in canonical axes)."""
+    """Make a rectangle across the optical axis at a distance (y up, as in canonical axes)."""
     corners = [[x, y, 0.0] for x, y in zip((*x_mm, *x_mm[::-1]), np.repeat(y_mm, 2), strict=True)]
     mesh = Mesh(
         np.array(corners, np.float32),
@@ -147,12 +147,12 @@ def quad(
 
 
 def centre(image: Image, side: int = 64, at: tuple[int, int] = (205, 255)) -> Image:
-    """Cut a square from an image of a whole frame. at: its centre, (row, column)."""
+    """Cut a square around ``at`` (row, column) from an image of a whole frame."""
     return image[at[0] - side // 2 : at[0] + side // 2, at[1] - side // 2 : at[1] + side // 2]
 
 
 def residual_mm(depth_m: Image) -> NDArray[np.float64]:
-    """Return the distance from the best-fitting plane, millimetres."""
+    """Compute the distance from the best-fitting plane, millimetres."""
     y, x = np.indices(depth_m.shape)
     basis = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
     z = 1000.0 * depth_m.ravel().astype(np.float64)
@@ -160,7 +160,7 @@ def residual_mm(depth_m: Image) -> NDArray[np.float64]:
 
 
 def face_scenes(count: int, seed: int = 0, wall_every: int = 3) -> list[list[Placed]]:
-    """Procedural faces in random poses, one in ``wall_every`` with a wall."""
+    """Yield procedural faces in random poses, each ``wall_every``-th with a wall."""
     settings = load_settings(source={"subjects": count, "frames_per_subject": 1})
     sources = open_sources(settings)
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""Small data and recipes for the tests of training: domes in memory, tiny networks."""
+"""Small data and recipes for tests of training: domes in memory, tiny networks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ torch.set_num_threads(1)  # more threads are slower on images this small
 
 
 class Domes(PairDataset):
-    """Pairs in memory; mirrored in odd epochs, to show the effect of the epoch."""
+    """Pairs of depth maps in memory, mirrored in odd epochs to show the effect of the epoch."""
 
     def __init__(self, count: int, first: int = 0) -> None:
         super().__init__()
@@ -38,7 +38,7 @@ class Domes(PairDataset):
 
 
 def recipe(**tables: Any) -> Recipe:
-    """A recipe of a tiny mask-aware network, 3 epochs; ``training={...}`` changes a table."""
+    """Make a recipe of a tiny mask-aware network, 3 epochs; ``training={...}`` changes a table."""
     tree: dict[str, Any] = {
         "title": "tiny",
         "model": {"kind": "mask_aware", "backbone": {"kind": "dncnn", "depth": 2, "width": 4}},
@@ -57,7 +57,7 @@ def batch_source(recipe: Recipe, count: int = 10, name: str = "domes") -> Stored
 
 
 def crop_places(crop: NDArray[Any], whole: NDArray[Any]) -> set[tuple[int, int, bool]]:
-    """Return every (top, left, mirrored) at which crops (C, h, w) are cut from images (C, H, W)."""
+    """Return all places (top, left, mirrored) at which images (C, H, W) contain the crops."""
     (_, height, width), (_, rows, columns) = crop.shape, whole.shape
     return {
         (top, left, mirrored)

@@ -1,4 +1,4 @@
-"""Run a part of a test with the rights of an ordinary user, also in a container of root's."""
+"""Run a part of a test as an ordinary user, also in a container of root."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NOBODY = 65534  # the user without rights, on all Linux systems
 
 @contextmanager
 def ordinary_user() -> Iterator[Path]:
-    """Yield a new folder that belongs to the user of the block, who is not root."""
+    """Yield a new folder of an ordinary user (not root), who runs the block."""
     folder = Path(tempfile.mkdtemp(prefix="glsim-test-"))
     root = os.geteuid() == 0
     try:

@@ -1,4 +1,4 @@
-"""Dressed heads for tests: a dresser of procedural faces, and pictures of what they wear."""
+"""Dressed heads for tests: a dresser of procedural faces, and pictures of clothes."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ ALL = {"wear": "always", "hair": 1, "beard": 1, "brows": 1, "glasses": 1, "cloth
 
 
 def appearance(**values: object) -> AppearanceSettings:
-    """The settings [appearance] with some values."""
+    """Return the settings [appearance] with some changed values."""
     return load_settings(overrides={"appearance": values}).appearance
 
 
 @lru_cache(maxsize=1)
 def heads() -> ProceduralFaces:
-    """The procedural source that these tests share: its model takes a second."""
+    """Return the shared procedural source, since making its model takes a second."""
     return ProceduralFaces(seed=4)
 
 
 def dresser(**values: object) -> Dresser:
-    """A dresser of the shared source; everything is worn unless ``values`` say otherwise."""
+    """Return a dresser of the shared source; people wear everything unless ``values`` differ."""
     return Dresser(heads(), appearance(**{**ALL, **values}))
 
 
 def frames(subject: str, count: int) -> list[Face]:
-    """The first faces of a subject, from neutral on."""
+    """Return the first faces of a subject, starting with the neutral face."""
     loaded = heads().load(heads().frames(subject, count))
     return [face for face in loaded if isinstance(face, Face)]
 
 
 def keys(subject: int) -> DrawKeys:
-    """Seeds of a subject."""
+    """Return the seeds of a subject."""
     return DrawKeys(frame=1, sequence=2, subject=subject)
 
 
 def part(face: Face, region: str) -> WornPart:
-    """The first part of a region."""
+    """Return the first part of a region."""
     return next(p for p in face.parts if p.region == region)
 
 
 def placed(face: Face) -> list[NDArray[np.float32]]:
-    """The vertices of all parts."""
+    """Return the vertices of all parts."""
     return [p.mesh.vertices_mm for p in face.parts]

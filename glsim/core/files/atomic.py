@@ -1,4 +1,4 @@
-"""Atomic file writing with checksums, and JSON in one fixed form.
+"""Atomic file writing with checksums, and JSON in a fixed form.
 
 A file is written under a temporary name and renamed, so that its own name never stands for half a
 file. Data and name are flushed to the disk, unless ``sync`` is false: the images of a data set are

@@ -1,4 +1,4 @@
-"""Stores in object storage (s3://, gs://, az://), through fsspec, with retries.
+"""Files of a data set in object storage (s3://, gs://, az://), by fsspec, with retries.
 
 An object appears whole or not at all: a file is written on this machine's disk first, uploaded when
 it is complete, and compared with what arrived. What fails for a moment (a timeout, a throttled

@@ -30,7 +30,7 @@ _SKIN_ALBEDO, _USUAL_M, _DARKEST = np.float32(0.6), np.float32(0.9), np.float32(
 
 @np.errstate(under="ignore")
 def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Measures silhouettes, shadows and light as some unknown depth camera would."""
+    """Simulates silhouettes, shadows and infrared light of an unknown depth camera."""
     x, y = pixels(view.window)
     clean = layers["clean"]
     step = _MM * p["step_mm_per_m"] * clean
@@ -170,7 +170,7 @@ def skin_signal(depth: Image, albedo: Image, normal: Image, ray: Image) -> Image
 
 @np.errstate(under="ignore")
 def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Adds the noise and the systematic error of some unknown depth camera."""
+    """Adds noise and a systematic error, as of an unknown depth camera."""
     z, normal = layers["depth"], layers["normal"][..., :3]
     known = (normal * normal).sum(axis=-1) > 0
     light = skin_signal(np.full_like(z, _USUAL_M), layers["albedo"], normal, layers["rays"])
@@ -217,7 +217,7 @@ def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
 
 
 def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Removes pixels as some unknown depth camera would, and rounds disparities."""
+    """Removes pixels and rounds disparities, as an unknown depth camera does."""
     depth, normal, rays = layers["depth"], layers["normal"][..., :3], layers["rays"]
     known = (normal * normal).sum(axis=-1) > 0
     signal = np.where(known, skin_signal(depth, layers["albedo"], normal, rays), _ONE)

@@ -78,7 +78,7 @@ def edge_dropout(view: FrameContext, layers: Layers, p: Parameters) -> dict[str,
 
 
 def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Takes the farthest depth of a square window."""
+    """Replaces each depth by the largest depth in a square window."""
     depth = layers["depth"]
     for dx, dy in square(int(p["radius_px"])):
         depth = np.maximum(depth, beside(view, layers["depth"], dx, dy))
@@ -103,7 +103,7 @@ def cells(window: Rect, around: int = 0) -> Rect:
 
 
 def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Matches each dot in a 9x9 window: 1 + its place in its cell, 0 if not matched."""
+    """Matches each dot in a 9x9 window; returns 1 + its place in its cell, or 0 without a match."""
     around = cells(view.window, _REACH_CELLS)
     place = dot_place(*pixels(around))
     x, y = place_pixel(*pixels(around), place)
@@ -135,7 +135,7 @@ def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dic
 
 
 def dot_spread(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Gives each pixel the depth of the nearest matched dot, or none."""
+    """Gives each pixel the depth of the nearest matched dot, or 0."""
     window, here = view.window, layers["depth"]
     around = cells(window, 1)
     match = fetch(layers["dot_match"], cells(window), *pixels(around)).astype(np.int64)

@@ -115,7 +115,7 @@ def companded(taps: Image) -> Image:
 
 
 def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Measures taps with noise, and combines them into one phasor per frequency."""
+    """Simulates noisy taps, and combines them into one phasor per frequency."""
     both = np.concatenate([layers["light_a"], layers["light_b"]], -1)
     light, beside_light = _blurred(view, both, p)
     shot = light[..., 6:7] / CONTRAST_MULTIPLIER + p["ambient_lsb"]
@@ -180,7 +180,7 @@ def _turned(light: Image, c: Image, s: Image) -> Image:
 
 
 def tof_bilateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Averages phasors over 3x3; neighbours with another phase count less."""
+    """Averages phasors over 3x3 pixels; neighbours of different phase weigh less."""
     real, imaginary = _parts(layers)
     sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
     total, apart = np.full_like(real, KERNEL[0]), np.zeros_like(real)
@@ -198,7 +198,7 @@ def tof_bilateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
 
 
 def tof_smooth(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Averages phasors over 7x7; neighbours with another phase count less."""
+    """Averages phasors over 7x7 pixels; neighbours of different phase weigh less."""
     real, imaginary = _parts(layers)
     falloff = -_HALF / (p["width_px"] * p["width_px"])
     sum_real, sum_imaginary, total, apart, near = (np.zeros_like(real) for _ in range(5))
@@ -218,7 +218,7 @@ def tof_smooth(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Unwraps phases to depth along the axis."""
+    """Unwraps the phases of three frequencies to depth along the axis."""
     b = layers["phasor_b"]
     z, reason, sums = decoded(view, layers, p, *_parts(layers))
     reason = np.where(b[..., 3] >= 2, np.float32(Reason.SATURATED), reason)
@@ -332,7 +332,7 @@ def field_stop(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Draws noise from statistics on even surfaces, sums up phasors beside depth steps."""
+    """Adds noise of known statistics on even surfaces; adds up phasors beside depth steps."""
     clean, lit = layers["clean"], layers["lit"]
     depths = [beside(view, clean, dx, dy, clamped=True) for dx, dy in square(1)]
     at_step = np.max(depths, axis=0) - np.min(depths, axis=0) > np.float32(0.001) * p["step_mm"]

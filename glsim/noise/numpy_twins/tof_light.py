@@ -80,7 +80,7 @@ def along_axis(view: FrameContext, rays: Image, distance_m: Image) -> Image:
 
 
 def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Share of three emitters that lights a pixel, by ray marching in the image."""
+    """Computes the share of three emitters that lights each pixel, by ray marching in the image."""
     z, whole = layers["clean"], Rect(0, 0, view.width, view.height)
     emitter = np.asarray(view.emitter_m, np.float32)
     baseline = max(np.sqrt((emitter * emitter).sum()), np.float32(1e-6))
@@ -117,7 +117,7 @@ def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Light of each pixel as one phasor per frequency."""
+    """Computes the light of each pixel as one phasor per frequency."""
     side, rays = view.supersample, layers["rays"]
     z = layers["clean"]
     found = np.where(z > 0, layers["lit"], np.float32(1.0))
@@ -256,7 +256,7 @@ def expected_depth(view: FrameContext, p: Parameters, layers: Layers) -> dict[st
 
 
 def tof_multipath(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Adds light that one other visible surface has reflected once."""
+    """Adds light that another visible surface has reflected once."""
     one = np.ones((*layers["clean"].shape, 1), np.float32)
     z, shape = layers["clean"], layers["normal"]
     rays = np.concatenate([layers["rays"], one], axis=-1)

@@ -143,7 +143,7 @@ def _with_field(
 
 
 def infrared(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Returned infrared light, by Lambert's law and the inverse square of the distance."""
+    """Computes infrared light, by Lambert's law and the inverse square of the distance."""
     depth, normal = layers["clean"], layers["normal"]
     x, y = layers["rays"][..., 0], layers["rays"][..., 1]
     squared = x * x + y * y + np.float32(1.0)
