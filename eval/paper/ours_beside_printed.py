@@ -26,9 +26,9 @@ from glsim.eval.paper.trained_networks import find_trained_runs, group_by_networ
 from glsim.eval.report.document import Document, TextTable, html_page
 from glsim.eval.report.score_tables import TABLE_METRICS, format_number
 
-#: Folder of the filters' data sets and scores in that of a reproduction.
+#: Folder of the filters' data sets and scores, within a reproduction's folder.
 FILTERS_FOLDER: Final = "filters"
-#: ``output.clean_mask`` -> what it is, in pages.
+#: ``output.clean_mask`` -> its description in pages.
 MASKS: Final = {"dense": "dense clean maps", "as-noisy": "BlenSor's mask"}
 
 Verdict = Literal["inside the seeds' spread", "same order", "other order", "not comparable"]

@@ -17,7 +17,7 @@ TUNING_FRAMES: Final = 150
 #: Metric that a filter's settings minimise: the interior error, on the same pixels for all methods.
 #: Silhouettes are left out: their errors are the largest, and smoothing cannot reduce them.
 SURFACE: Final = "input_interior_rmse_mm"
-#: Metric that the window of the mask clean-up minimises after that, with those settings.
+#: Metric that the window of the mask clean-up then minimises, with these filter settings.
 SILHOUETTE: Final = "flips_px"
 
 

@@ -21,7 +21,7 @@ from glsim.settings.schema import SPLIT_NAMES
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
 #: place drawn anew in each epoch.
 Cut = Literal["no", "centre", "random"]
-#: What a network learns to give: the true depth, or what the sensor says of it without noise.
+#: Target of a network: the true depth, or the depth that the sensor expects without noise.
 Target = Literal["clean", "expected"]
 
 

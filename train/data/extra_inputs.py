@@ -15,7 +15,7 @@ from glsim.denoise.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
 _LARGEST_GAIN: Final = 4.0
 #: Share of frames whose infrared is left out, so that a camera without it may use the network.
 _WITHOUT_INFRARED: Final = 0.1
-#: Share of frames whose neighbours are not the nearest ones: cameras drop frames.
+#: Share of frames whose neighbours are not the nearest frames: cameras drop frames.
 _WITH_GAPS: Final = 0.25
 
 

@@ -38,7 +38,7 @@ _TAPS, _TAP_STEP = 2, 3
 _GUIDED_MM: Final = 15.0
 #: Radius of `_curved`'s Gaussians, standard deviations: at most 10 px, so that none crosses a step.
 _CURVED_REACH: Final = 2.0
-#: Number of means: the first one, and those of the residuals.
+#: Number of means: the mean of the depth, then means of the residuals.
 _CURVED_ROUNDS: Final = 3
 #: Subtracted from depth before it is squared, mm: keeps float32 exact to 1 mm2 up to 4.5 m.
 _MIDDLE_MM: Final = 1000.0

@@ -32,7 +32,7 @@ from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
 
-#: Folder of the figures in that of the reproduction.
+#: Folder of the figures, within a reproduction's folder.
 FOLDER: Final = "paper_figures"
 #: Title of a column -> the denoiser (``glsim.load_denoiser``) that makes it.
 _Columns = dict[str, str]

@@ -40,7 +40,7 @@ _NOTHING, _FALSE_VALID, _FALSE_INVALID = "#dcdcdc", "#ffc20a", "#1a1a1a"
 _MARGIN_PX: Final = 6
 #: Margin around the nearest and farthest depth of scan lines, mm.
 _MARGIN_MM: Final = 25.0
-#: Distance of faces whose distance is not known, mm: that of the paper's.
+#: Distance assumed for a face at an unknown distance, mm: the paper's distance.
 _ASSUMED_MM: Final = 900.0
 
 

@@ -13,7 +13,7 @@ from glsim.eval.real_frames.totals import RealScores
 from glsim.eval.report.figures.style import method_style, new_figure
 
 _TEXT_SIZE: Final = 7
-#: The shift of networks without calibration is a few mm, that of filters tenths of one.
+#: Uncalibrated networks shift depth by a few mm, filters by tenths of a mm.
 _SHIFT_RANGE_MM: Final = 6.0
 #: Ends of the names of methods that are not drawn: tables have all composites.
 _OTHERS: Final = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)

@@ -134,7 +134,7 @@ def _albedo(
     usable = simulated > _LEAST_COUNTS
     ratio = np.where(usable, _EVEN_ALBEDO * real / np.maximum(simulated, _LEAST_COUNTS), 0.0)
     ratio = np.clip(ratio, _LEAST_ALBEDO, _MOST_ALBEDO)
-    # In simulated shadows nothing is known of a surface: it has what is typical of it.
+    # In simulated shadows the albedo is unknown: the median of the surface replaces it.
     label = np.where(usable, surfaces.label, -1)
     for number in np.unique(surfaces.label[~usable & (surfaces.label >= 0)]):
         seen = ratio[label == number]

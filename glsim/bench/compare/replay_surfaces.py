@@ -29,7 +29,7 @@ Mask = NDArray[np.bool_]
 #: Where noise is large, neighbours on one surface differ by up to this many times the median
 #: difference at their distance; distances between which it is measured, mm. Chosen.
 _STEP_NOISE, _BINS_MM = 8.0, np.geomspace(200.0, 8000.0, 17)
-#: Fewest pixels of a surface; smaller ones are flying pixels and speckle. Chosen.
+#: Fewest pixels of a surface; smaller groups are flying pixels and speckle. Chosen.
 _LEAST_PX = 40
 #: Step between slabs of the smoothing, share of the depth (a plane is fitted to three of them), and
 #: least share of a window that has depth in its slab. Chosen: a rail of 5 px has half.

@@ -110,7 +110,7 @@ def fit_wiggling(
     planes = _planes(np.column_stack([np.ones_like(x), x, y]), depth)
     points = depth[:, None] * np.column_stack([x, y, np.ones_like(x)])
     back = np.linalg.norm(points, axis=1)
-    # Half the way of the light, from the emitter and back: its phase is what wiggles.
+    # Half the way of the light, from the emitter and back: the error is periodic in its phase.
     distance = 0.5 * (back + np.linalg.norm(points - 1000.0 * np.asarray(emitter_m), axis=1))
     span = _covered_mm([distance[inside] for inside in planes])
     if span < _LEAST_SPAN_MM:

@@ -132,7 +132,7 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
 
 #: Least share of the frames in which a pixel has depth.
 _LEAST_VALID = 0.9
-#: Step of an edge, mm, that of libfreenect2's filter.
+#: Depth step of an edge, mm, as in libfreenect2's filter.
 _EDGE_MM = 100.0
 #: Least distance of a flying pixel from the surfaces on both sides of its edge, mm; chosen.
 _FLYING_MM = 20.0

@@ -171,7 +171,7 @@ def _check_still(frames: Frames, disparity: list[Array]) -> None:
 
 #: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
 _VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
-#: Frames whose depths say whether there is a lattice. Chosen: more say nothing new.
+#: Number of frames in which a lattice is searched. Chosen: more frames add no new depths.
 _LATTICE_FRAMES = 12
 #: Step and largest side of the averaged region, px.
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25

@@ -28,7 +28,7 @@ _LEAST_RUN_PX, _END_PX = 10, 5
 _MOST_SLOPE = 0.25
 #: Widest gap, px; a wider one is an object without depth. Chosen: the shadow of a hand at 0.3 m.
 _MOST_GAP_PX = 80
-#: Pixels on each side of a step among which those between the surfaces are counted.
+#: Width, px, on each side of a step in which pixels between the surfaces are counted.
 _BESIDE_PX = 3
 #: Between: farther than this share of the step from either surface.
 _BETWEEN = 0.15

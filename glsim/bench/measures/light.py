@@ -29,7 +29,7 @@ RINGS_PX = (0.0, 40.0, 80.0, 120.0, 140.0, 160.0, 180.0, 200.0, 220.0, 240.0, 26
 EVEN_PX = 140.0
 _LEAST_PIXELS = 300
 _BRIGHTEST = 90.0
-#: Least cosine of a surface, that of 60 degrees: steeper ones have an uncertain cosine.
+#: Least cosine of a surface (60 degrees): the cosine of steeper surfaces is uncertain.
 _LEAST_COSINE = 0.5
 
 #: Mean square of a Gaussian over that without its largest percent. Derived:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 STEP_MM = 100.0
 #: Largest difference of neighbours in a run, mm and mm per m of distance.
 _SAME_MM, _SAME_MM_PER_M = 15.0, 15.0
-#: Least pixels of a run; flying pixels make shorter ones.
+#: Least pixels of a run; flying pixels make shorter runs.
 _LEAST_RUN = 5
 #: Least width of foreground and background, px; chosen to leave out thin chair legs.
 _LEAST_FRONT, _LEAST_BACK = 10, 12

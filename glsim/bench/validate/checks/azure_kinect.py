@@ -38,7 +38,7 @@ _STEP = 1.15
 _MOST_GAP_PX = 25
 #: Pixels of the line of a run, counted from the rim.
 _LINE_PX = (5, 10)
-#: Pixels on either side of a step among which those between the surfaces are counted.
+#: Width, px, on each side of a step in which pixels between the surfaces are counted.
 _BAND_PX = 3
 #: Largest root mean square about its line, mm per m of depth, of a run that counts as smooth.
 _ROUGH_MM_PER_M = 4.0
