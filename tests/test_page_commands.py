@@ -84,7 +84,7 @@ def folder(tmp_path: Path, data: Path) -> Path:
     write_pairs(work / "pairs", 2)
     (work / "my_module.py").write_text(_OWN)
     page = (ROOT / "docs/howto/noise_stage.md").read_text(encoding="utf-8")
-    (work / "ripple.glsl").write_text(re.findall(r"```glsl\n(.*?)```", page, re.DOTALL)[0])
+    (work / "burst.glsl").write_text(re.findall(r"```glsl\n(.*?)```", page, re.DOTALL)[0])
     return tmp_path
 
 

@@ -9,7 +9,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scripts.reference import commands, data_sets, python_names, sensors, settings, stages
+from scripts.reference import (
+    commands,
+    data_sets,
+    python_names,
+    sensors,
+    settings,
+    shader_library,
+    stages,
+)
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -18,6 +26,7 @@ DOCS = ROOT / "docs"
 CHAPTERS = {
     "settings": settings.pages,
     "stages": stages.pages,
+    "shader_library": shader_library.pages,
     "sensors": sensors.pages,
     "data_sets": data_sets.pages,
     "commands": commands.pages,
