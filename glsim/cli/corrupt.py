@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,7 +23,8 @@ from glsim.cli.common import (
 from glsim.core.errors import ConfigError, DatasetError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from glsim.denoise.depth_files import MapUnits
+    from glsim.settings.schema import Settings
 
 EXAMPLES = """
 glsim corrupt clean.png -o noisy.png
@@ -41,32 +44,31 @@ def corrupt(
     centre_px: str | None = None,
     config: ConfigOption = None,
     backend: str | None = None,
+    channel: str | None = None,
 ) -> None:
     """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 
-    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres.
-    A folder is read with its sub-folders; every .png keeps its name. The noise of a map depends on
-    the seed and on its name. Maps that cannot be read are reported and skipped. Of a folder that
-    glsim wrote, only the clean depth is taken. Noisy PNGs state their step if the clean one does,
-    or if it is not 1 mm.
+    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres, or
+    millimetres if the median of a folder says so. What is beyond the sensor's far plane is no
+    surface. A folder is read with its sub-folders; every map keeps its name. The noise of a map
+    depends on the seed and on its depths, whatever its name and format; copies of a map have noise
+    of their own, in the order of their names. Maps that cannot be read are reported and skipped. Of
+    a folder that glsim wrote, only the clean depth is taken. Noisy PNGs state their step if the
+    clean one does, or if it is not 1 mm.
 
     Args:
         clean: A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them.
         out: The noisy map, or a folder for them.
-        depth_unit_mm: Step of the depth files, mm.
+        depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         focal_px: Focal length of the maps, pixels. Default: the sensor's.
         centre_px: Principal point x,y of the maps, pixels. Default: the sensor's, or the centre.
         backend: egl, osmesa, or numpy, which needs no OpenGL.
+        channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
-    import numpy as np
-
-    from glsim.core.files.atomic import flush_outputs, write_atomic
-    from glsim.core.files.png import encode_png, read_depth_png, stated_unit_mm
-    from glsim.data.map_files import check_stated_unit, encode_map, format_of, read_map_mm
-    from glsim.data.recordings.names import left_out_text
-    from glsim.denoise.depth_files import left_out_of
+    from glsim.core.files.atomic import flush_outputs
+    from glsim.data.recordings.names import left_out, left_out_text
+    from glsim.denoise.depth_files import map_units
     from glsim.settings.schema import load_settings
-    from glsim.simulation.corrupt import Corrupter
 
     settings = load_settings(
         config,
@@ -74,63 +76,83 @@ def corrupt(
         overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm),
     )
     pairs = _pairs(clean, out)
-    unit_mm = settings.output.depth_unit_mm
+    given_mm = settings.output.depth_unit_mm
+    given = given_mm if given_mm != 1 else depth_unit_mm
+    units = map_units([source for source, _ in pairs], given, channel)
     focal = None if focal_px is None else (focal_px, focal_px)
     centre = None if centre_px is None else two_numbers("--centre-px", centre_px)
-    failures = 0
-    with ExitStack() as stack:
-        by_shape: dict[tuple[int, int], Corrupter] = {}
-        for source, target, name in pairs:
-            try:
-                check_stated_unit(source, unit_mm)
-                stated = unit_mm if unit_mm != 1 or stated_unit_mm(source) is not None else None
-                whole = source.suffix.lower() == ".png" == target.suffix.lower()
-                depth: NDArray[Any] = (
-                    read_depth_png(source) if whole else read_map_mm(source, unit_mm)
-                )
-            except DatasetError as error:
-                if source == clean:
-                    raise
-                failures += 1
-                console.print(f"skipped {error}", style="yellow")
-                continue
-            shape = (depth.shape[0], depth.shape[1])
-            if shape not in by_shape:
-                corrupter = Corrupter(settings, shape, backend, focal, centre)
-                by_shape[shape] = stack.enter_context(corrupter)
-            if depth.dtype == np.uint16:
-                data = encode_png(by_shape[shape].corrupt(depth, name).noisy, stated)
-            else:
-                frame = by_shape[shape].corrupt_depth(depth / np.float32(1000), sequence=name)
-                data = encode_map(
-                    frame.noisy_m, format_of(target), unit_mm, state_unit=stated is not None
-                )
-            write_atomic(data, target, sync=len(pairs) == 1)
+    failures = _corrupt_maps(pairs, units, settings, backend, focal, centre)
     if len(pairs) > 1:
         flush_outputs(out)
-    if others := left_out_of([clean], "clean"):
+    if others := left_out([clean], "clean"):
         print_message(f"left out {left_out_text(others)}: no clean depth")
+    for note in units.notes:
+        print_message(note)
+    if focal is None:
+        print_message("the camera of the maps is taken for the sensor's (--focal-px)")
     print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
 
 
-def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path, str]]:
-    """List (input, output, name that decides the noise) of a file or of a folder's clean maps."""
-    from glsim.denoise.depth_files import check_name, maps_in
+def _corrupt_maps(
+    pairs: Sequence[tuple[Path, Path]],
+    units: MapUnits,
+    settings: Settings,
+    backend: str | None,
+    focal: tuple[float, float] | None,
+    centre: tuple[float, float] | None,
+) -> int:
+    """Write the noisy maps; return the number of files that could not be read."""
+    import numpy as np
+
+    from glsim.core.files.atomic import write_atomic
+    from glsim.core.files.png import stated_unit_mm
+    from glsim.data.map_files import encode_map, format_of
+    from glsim.simulation.corrupt import Corrupter, noise_name
+
+    copies, failures, alone = Counter[str](), 0, len(pairs) == 1
+    with ExitStack() as stack:
+        by_shape: dict[tuple[int, int], Corrupter] = {}
+        for source, target in pairs:
+            try:
+                depth_mm = units.read(source)
+            except DatasetError as error:
+                if alone:
+                    raise
+                failures += 1
+                console.print(f"skipped {error}", style="yellow", soft_wrap=True)
+                continue
+            shape = (depth_mm.shape[0], depth_mm.shape[1])
+            if shape not in by_shape:
+                corrupter = Corrupter(settings, shape, backend, focal, centre)
+                by_shape[shape] = stack.enter_context(corrupter)
+            name = noise_name(depth_mm)
+            depth_m = depth_mm / np.float32(1000)
+            frame = by_shape[shape].corrupt_depth(depth_m, frame=copies[name], sequence=name)
+            copies[name] += 1
+            stated = units.step_mm != 1 or stated_unit_mm(source) is not None
+            data = encode_map(frame.noisy_m, format_of(target), units.step_mm, state_unit=stated)
+            write_atomic(data, target, sync=alone)
+    return failures
+
+
+def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path]]:
+    """List (input, output) of a file or of a folder's clean maps."""
+    from glsim.data.recordings.names import maps_in
+    from glsim.denoise.depth_files import check_name
 
     if not clean.exists():
         raise ConfigError(f"{clean}: no such file or folder")
     if clean.is_file():
         target = out / clean.name if out.is_dir() else out
         check_name(target)
-        pairs = [(clean, target, clean.stem)]
+        pairs = [(clean, target)]
     else:
         if out.is_file():
             raise ConfigError(f"-o {out}: is a file; {clean} is a folder, so give a folder")
-        names = [path.relative_to(clean) for path in maps_in(clean, "clean")]
-        pairs = [(clean / name, out / name, name.with_suffix("").as_posix()) for name in names]
-    for source, target, _ in pairs:
+        pairs = [(map_, out / map_.relative_to(clean)) for map_ in maps_in(clean, "clean")[0]]
+    for source, target in pairs:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite the clean map {source}")
     return pairs

@@ -43,12 +43,13 @@ def denoise(
     out_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
     form: Annotated[str | None, typer.Option("--format", rich_help_panel=MORE)] = None,
     protocol: str | None = None,
+    channel: Annotated[str | None, typer.Option(rich_help_panel=MORE)] = None,
 ) -> None:
     """Denoise depth maps; 0 means no depth, in and out.
 
-    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres; .npy and
-    .exr are written as float32 metres, PNG and TIFF with 16 bits in steps of --out-unit-mm. PNG
-    files state their step.
+    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres, or
+    millimetres if the median of a folder says so; .npy and .exr are written as float32 metres, PNG
+    and TIFF with 16 bits in steps of --out-unit-mm. PNG files state their step.
 
     Maps keep their names, and their folders where two have the same name; unreadable ones are
     reported and skipped. For denoisers that use neighbours in time, the maps of a folder are a
@@ -77,17 +78,17 @@ def denoise(
             metres). Default: by the suffix.
         protocol: Depth for the denoiser: depth (as measured) or paper (moved so that the nearest
             point of each map is at 1 mm, and back). Default: as the network was trained.
+        channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.core.files.atomic import flush_outputs
     from glsim.data.map_files import FORMATS
-    from glsim.data.recordings.names import left_out_text
+    from glsim.data.recordings.names import left_out, left_out_text
     from glsim.denoise import load_denoiser
     from glsim.denoise.depth_files import (
         find_maps,
         infrared_files,
-        input_step_mm,
-        left_out_of,
+        map_units,
         output_step_mm,
     )
     from glsim.denoise.frames import MapReader
@@ -102,18 +103,20 @@ def denoise(
     if infrared is not None and not loaded.infrared:
         raise ConfigError(f"--infrared: {loaded.label} does not use infrared")
     pairs = find_maps(noisy, out, form)
-    step_mm = input_step_mm([source for source, _ in pairs], depth_unit_mm)
-    out_step_mm = output_step_mm(pairs, step_mm, form, out_unit_mm)
+    units = map_units([source for source, _ in pairs], depth_unit_mm, channel)
+    out_step_mm = output_step_mm(pairs, units.step_mm, form, out_unit_mm)
     images = infrared_files([s for s, _ in pairs], infrared) if loaded.infrared else ()
-    maps = MapReader([s for s, _ in pairs], step_mm, loaded.device, images, chosen)
+    maps = MapReader([s for s, _ in pairs], units, loaded.device, images, chosen)
     sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
     failures = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
     if len(pairs) > 1:
         flush_outputs(out)
         if uncertainty is not None:
             flush_outputs(uncertainty)
-    if others := left_out_of([Path(text) for text in noisy], "noisy"):
+    if others := left_out([Path(text) for text in noisy], "noisy"):
         print_message(f"left out {left_out_text(others)}: no noisy depth")
+    for note in units.notes:
+        print_message(note)
     unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}, in {unit}")
     if failures:

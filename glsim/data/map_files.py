@@ -1,36 +1,35 @@
 """Files of single depth maps, in and out: PNG, TIFF, NPY, OpenEXR.
 
-Whole numbers are steps of a unit (millimetres by default), as in PNG; floating numbers are metres.
-0, NaN and infinity are no depth. TIFF and NPY may hold either. Maps are written as 16-bit PNG and
-TIFF, and as float32 metres in NPY, OpenEXR and, if asked, TIFF. PNG files may state their step.
+Whole numbers are steps of a unit (millimetres by default), as in PNG; floating numbers are metres,
+or millimetres if the median of their set says so. 0, NaN, infinity and a far plane are no depth.
+Maps are written as 16-bit PNG and TIFF, and as float32 metres in NPY, OpenEXR and, if asked, TIFF.
+PNG files may state their step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.exr import decode_exr, encode_exr, require_exr
+from glsim.core.errors import DatasetError
+from glsim.core.files.exr import decode_exr, depth_channel, encode_exr, require_exr
 from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import (
     MAX_IMAGE_BYTES,
     MAX_MAP_PX,
-    decode_png,
     encode_png,
-    read_depth_png,
-    size_problem,
+    read_image,
     stated_unit_mm,
 )
 from glsim.core.files.regular import read_regular
-from glsim.simulation.frame import encode_depth, refuse_millimetres, to_mm
+from glsim.simulation.frame import encode_depth, to_mm
 
 #: Suffixes of the files that are read and written.
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")
-_TIFF: Final = (".tif", ".tiff")
 #: Formats of ``encode_map`` -> their suffixes, the usual one first. TIFF: of 16 bits.
 FORMATS: Final = {
     "png": (".png",),
@@ -41,11 +40,19 @@ FORMATS: Final = {
 }
 #: Formats that are written as float32 metres.
 FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
-#: Channels of an OpenEXR file that hold depth, the first that there is: of glsim and grey images,
-#: of Blender and of other renderers.
-_EXR_CHANNELS: Final = ("Y", "Z", "depth.Z", "V", "depth.V", "R")
-#: Nearest and farthest depth in metres that a file of floats may hold: those of 16-bit millimetres.
-_NEAR_M, _FAR_M = 0.01, 65.535
+#: Depth from here on is the far plane of a renderer or the largest number of a type, no surface,
+#: mm: 65504 is the largest 16-bit float. SATURATED is so for 16-bit integers of any step.
+FAR_MM: Final = 65_500.0
+SATURATED: Final = 65535
+#: What commands say of whole numbers without a stated unit.
+TAKEN_FOR_MM: Final = "nothing states a unit: whole numbers are taken for mm (--depth-unit-mm)"
+#: Middle depth of a set of floats: metres below the first, millimetres from the second on. No face
+#: is recorded from more than 20 m or less than 0.2 m; centimetres lie between.
+_METRES_BELOW, _MILLIMETRES_FROM = 20.0, 200.0
+#: Maps of a set that its unit is decided by, and values of each.
+_SAMPLE, _SAMPLE_PX = 16, 20_000
+#: Values of a map that are no multiples of 8 by chance.
+_LEAST_VALUES = 32
 
 
 def is_map(path: Path) -> bool:
@@ -59,10 +66,154 @@ def format_of(path: Path) -> str:
     return next((name for name, suffixes in FORMATS.items() if suffix in suffixes), "png")
 
 
-def check_stated_unit(path: Path, unit_mm: float, *, inside: Path | None = None) -> None:
-    """Raise DatasetError if a PNG file states another step than ``unit_mm``.
+def read_stored(
+    path: Path,
+    number: int = 0,
+    *,
+    inside: Path | None = None,
+    channel: str | None = None,
+    infrared: bool = False,
+) -> NDArray[Any]:
+    """Read one map as stored, (H, W) uint16 or float; infrared may have 8 bits.
 
-    inside: a folder that no link may lead out of.
+    Axes of length 1 and channels that are all alike are dropped.
+
+    Args:
+        path: of one of SUFFIXES; others are read as PNG.
+        number: of the map in a .npy stack.
+        inside: a folder that no link may lead out of.
+        channel: of an OpenEXR file.
+        infrared: the image is infrared.
+
+    Raises:
+        DatasetError: no such file, no depth map, too many pixels.
+        ConfigError: OpenEXR files without the package OpenEXR.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        stack = open_stack(path)
+        if number >= len(stack):
+            raise DatasetError(f"{path}: has {len(stack)} frames, frame {number} is needed")
+        return np.array(stack[number])
+    values = _read_exr(path, channel) if suffix == ".exr" else read_image(path, inside=inside)
+    return _checked(_squeezed(values), path, 2, infrared)
+
+
+def open_stack(path: Path) -> NDArray[Any]:
+    """Open a ``.npy`` file as (T, H, W), mapped from the disk. Raises DatasetError."""
+    try:
+        stack = _squeezed(map_npy(path))
+    except OSError as error:
+        raise DatasetError(f"{path}: is no readable .npy file: {error.strerror}") from None
+    return _checked(stack if stack.ndim == 3 else stack[None], path, 3)
+
+
+def _squeezed(values: NDArray[Any]) -> NDArray[Any]:
+    """Drop axes of length 1, and colour channels of depth that are all alike, with their alpha."""
+    while values.ndim > 2 and 1 in values.shape:
+        values = values.squeeze(values.shape.index(1))
+    if values.ndim > 2 and values.shape[-1] in (3, 4) and _holds_depth(values):
+        first, *others = (values[..., k] for k in range(3))
+        if all(np.array_equal(first, other, values.dtype.kind == "f") for other in others):
+            return first
+    return values
+
+
+def _holds_depth(values: NDArray[Any]) -> bool:
+    return values.dtype.kind == "f" or values.dtype.str[1:] == "u2"
+
+
+def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False) -> NDArray[Any]:
+    """Return maps in the machine's byte order. Raises DatasetError for what are none."""
+    shape, bits = values.shape, 8 * values.dtype.itemsize
+    known = _holds_depth(values) or (infrared and bits == 8)
+    if values.ndim != axes or 0 in shape or not known or (axes == 3 and shape[-1] <= 4):
+        raise DatasetError(
+            f"{path}: is {shape} {values.dtype}, has {shape[-1] if values.ndim > 2 else 1} "
+            f"channels of {bits} bits; a depth map is (H, W), a stack of frames is (T, H, W), "
+            "uint16 or float metres: remove other pictures from the folder"
+        )
+    if shape[-1] * shape[-2] > MAX_MAP_PX:
+        raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
+    """Decide whether the floats of a set of maps are metres, else millimetres, by their median.
+
+    A background at one distance, the farthest of all, has no vote; whole numbers have none.
+
+    Raises:
+        DatasetError: they are neither.
+    """
+    votes = [v.ravel()[:: v.size // _SAMPLE_PX + 1] for v in images if v.dtype.kind == "f"]
+    values = np.concatenate([np.zeros(1), *votes]).astype(np.float64)
+    values = values[(values > 0) & (values < FAR_MM)]
+    nearer = values[values < values.max(initial=0.0)]
+    middle = float(np.median(nearer if nearer.size else values)) if values.size else 0.0
+    if _METRES_BELOW <= middle < _MILLIMETRES_FROM:
+        raise DatasetError(
+            f"{where}: the middle of its floats is {middle:.4g}, neither metres (up to "
+            f"{_METRES_BELOW:g}) nor millimetres (from {_MILLIMETRES_FROM:g}): convert them"
+        )
+    return middle < _METRES_BELOW
+
+
+def sample(count: int) -> list[int]:
+    """Return the numbers of the maps of a set that its unit is decided by."""
+    return sorted({*np.linspace(0, count - 1, min(count, _SAMPLE)).astype(int).tolist()})
+
+
+def refuse_shifted(image: NDArray[Any], where: Path) -> None:
+    """Raise DatasetError for whole numbers that are shifted by 3 or 4 bits, as a Kinect V1's."""
+    values = np.unique(image) if image.dtype.kind == "u" else np.zeros(0, np.uint16)
+    for step in (16, 8):
+        if len(values) >= _LEAST_VALUES and not (values[values < SATURATED] % step).any():
+            raise DatasetError(
+                f"{where}: all values are multiples of {step}: give --depth-unit-mm {1 / step:g} "
+                "if they are shifted (raw data of a Kinect V1), else the step that they have"
+            )
+
+
+def depth_in_mm(
+    image: NDArray[Any], unit_mm: float, offset_mm: float = 0.0, *, in_metres: bool = True
+) -> NDArray[np.float32]:
+    """Return depth as float32 millimetres, 0 = no depth: NaN, values up to 0 and from FAR_MM on.
+
+    Args:
+        image: integers in steps of the unit, of which 65535 is no depth, or floats.
+        unit_mm: step of integers, mm.
+        offset_mm: added to integers, see ``to_mm``.
+        in_metres: floats are metres, else millimetres.
+    """
+    with np.errstate(over="ignore"):
+        if image.dtype.kind == "f":
+            depth_mm = image.astype(np.float32) * np.float32(1000 if in_metres else 1)
+        else:
+            depth_mm = to_mm(image, unit_mm, offset_mm)
+            depth_mm[image == SATURATED] = 0
+    depth_mm[~((depth_mm > 0) & (depth_mm < FAR_MM))] = 0
+    return depth_mm
+
+
+def read_map_mm(
+    path: Path,
+    unit_mm: float,
+    offset_mm: float = 0.0,
+    *,
+    inside: Path | None = None,
+    channel: str | None = None,
+    in_metres: bool | None = None,
+) -> NDArray[np.float32]:
+    """Read a depth map, (H, W) float32 millimetres, 0 = no depth.
+
+    See ``read_stored`` for path, inside, channel and errors, ``depth_in_mm`` for the rest.
+
+    Args:
+        in_metres: of floats; default: decided by this map alone.
+
+    Raises:
+        DatasetError: also for a stack, and for a PNG file that states another step than unit_mm.
     """
     stated_mm = stated_unit_mm(path, inside=inside)
     if stated_mm is not None and stated_mm != unit_mm:
@@ -70,45 +221,12 @@ def check_stated_unit(path: Path, unit_mm: float, *, inside: Path | None = None)
             f"{path}: states steps of {stated_mm:g} mm, not {unit_mm:g}: give --depth-unit-mm "
             f"{stated_mm:g}"
         )
-
-
-def read_map_mm(
-    path: Path, unit_mm: float, offset_mm: float = 0.0, *, inside: Path | None = None
-) -> NDArray[np.float32]:
-    """Read a depth map, (H, W) float32 millimetres, 0 = no depth.
-
-    Args:
-        path: of one of SUFFIXES; others are read as PNG.
-        unit_mm: step of whole numbers.
-        offset_mm: added to whole numbers, see ``to_mm``.
-        inside: a folder that no link may lead out of.
-
-    Raises:
-        DatasetError: no such file, no depth map, too many pixels, float millimetres, and a PNG
-            file that states another step than ``unit_mm``.
-        ConfigError: OpenEXR files without the package OpenEXR.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES[1:]:
-        check_stated_unit(path, unit_mm, inside=inside)
-        return to_mm(read_depth_png(path, inside=inside), unit_mm, offset_mm)
-    values = _read_exr(path) if suffix == ".exr" else _read_array(path, suffix)
-    if values.dtype == np.uint16:
-        return to_mm(values, unit_mm, offset_mm)
-    if values.dtype.kind != "f" or values.ndim != 2:
-        raise DatasetError(
-            f"{path}: is {values.shape} {values.dtype}; a depth map is (H, W), uint16 or float "
-            "metres"
-        )
-    if values.size > MAX_MAP_PX:
-        raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
-    seen = np.isfinite(values) & (values > 0)
-    depth_m: NDArray[np.float32] = np.where(seen, values, 0).astype(np.float32)
-    try:
-        refuse_millimetres(depth_m, _NEAR_M, _FAR_M)
-    except ConfigError as error:
-        raise DatasetError(f"{path}: {error}") from None
-    return depth_m * np.float32(1000)
+    if path.suffix.lower() == ".npy" and (count := len(open_stack(path))) > 1:
+        raise DatasetError(f"{path}: is a stack of {count} maps, not one: save each by itself")
+    image = read_stored(path, inside=inside, channel=channel)
+    if in_metres is None:
+        in_metres = floats_in_metres([image], path)
+    return depth_in_mm(image, unit_mm, offset_mm, in_metres=in_metres)
 
 
 def encode_map(
@@ -149,33 +267,14 @@ def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
     return bytes(cv2.imencode(".tiff", image)[1].tobytes())
 
 
-def _read_array(path: Path, suffix: str) -> NDArray[Any]:
-    try:
-        if suffix == ".npy":
-            mapped = map_npy(path)
-            if mapped.size > MAX_MAP_PX:
-                raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
-            return np.array(mapped)
-        data = read_regular(path, 2 * MAX_IMAGE_BYTES)
-    except OSError as error:
-        raise DatasetError(f"{path}: {error.strerror or error}") from None
-    image = decode_png(data, 2 * MAX_MAP_PX)
-    if image is None:
-        raise DatasetError(f"{path}: {size_problem(data) or 'is no readable image'}")
-    return image
-
-
-def _read_exr(path: Path) -> NDArray[Any]:
+def _read_exr(path: Path, channel: str | None) -> NDArray[Any]:
     require_exr(f"{path}: reading it")
     try:
         channels = decode_exr(read_regular(path, 4 * MAX_IMAGE_BYTES), MAX_MAP_PX)
+        if channels is None:
+            raise ValueError(f"has more than {MAX_MAP_PX} pixels")
+        return depth_channel(channels, channel)
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
         raise DatasetError(f"{path}: {error}") from None
-    if channels is None:
-        raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
-    names = [name for name in _EXR_CHANNELS if name in channels] or list(channels)[:1]
-    if not names:
-        raise DatasetError(f"{path}: has no channel")
-    return np.asarray(channels[names[0]])

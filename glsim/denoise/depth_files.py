@@ -5,15 +5,32 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import read_json
-from glsim.core.files.png import read_depth_png, stated_unit_mm
+from glsim.core.files.png import stated_unit_mm
 from glsim.data.disk_format import FORMAT, HEADER
-from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, format_of, is_map
-from glsim.data.recordings.names import depth_pngs, infrared_beside, left_out
+from glsim.data.map_files import (
+    FLOAT_FORMATS,
+    FORMATS,
+    SATURATED,
+    SUFFIXES,
+    TAKEN_FOR_MM,
+    floats_in_metres,
+    format_of,
+    read_map_mm,
+    read_stored,
+    refuse_shifted,
+    sample,
+)
+from glsim.data.recordings.folders import stated_camera
+from glsim.data.recordings.names import infrared_beside, maps_in, natural, visible
 from glsim.data.recordings.names import infrared_files as named_infrared_files
 
 #: Step of denoised maps where a reader can know it, mm: rounding to it adds 0.03 mm, and depth up
@@ -27,18 +44,20 @@ def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list
     """Pair input files with output files.
 
     Args:
-        inputs: files, quoted patterns, and folders, of which ``maps_in`` are taken.
+        inputs: files, quoted patterns, and folders, of which the noisy ``maps_in`` are taken.
         out: folder, or file name for one map.
         form: format of the output, one of ``FORMATS``; default: by the suffix.
 
     Returns:
-        (input, output) of each map. Where two have the same name, all keep their folders below the
-        one that they share.
+        (input, output) of each map, in natural order of the inputs. Where two have the same
+        name, all keep their folders below the one that they share.
 
     Raises:
         ConfigError: no file matches, one is given twice, or one would be overwritten.
     """
-    pairs = [pair for text in inputs for pair in _of_one(text, out)]
+    pairs = sorted(
+        (pair for text in inputs for pair in _of_one(text, out)), key=lambda pair: natural(pair[0])
+    )
     if len(pairs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
         check_name(out, form)
         pairs = [(pairs[0][0], out)]
@@ -59,19 +78,6 @@ def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite {source}")
     return pairs
-
-
-def maps_in(folder: Path, kind: Literal["clean", "noisy"]) -> list[Path]:
-    """Return the depth maps in a folder and below it: PNG files of a kind, else files of others.
-
-    Raises ConfigError without any, see ``depth_pngs``.
-    """
-    return _without_png(folder) or depth_pngs(folder, kind)[0]
-
-
-def left_out_of(inputs: Sequence[Path], kind: Literal["clean", "noisy"]) -> Counter[str]:
-    """Count what ``maps_in`` leaves out of those inputs that are folders."""
-    return left_out([path for path in inputs if path.is_dir() and not _without_png(path)], kind)
 
 
 def check_name(out: Path, form: str | None = None) -> None:
@@ -122,19 +128,45 @@ def dataset_root(folder: Path) -> Path | None:
     return split.parent if ours else None
 
 
-def input_step_mm(files: Sequence[Path], given: float | None) -> float:
-    """Return the step of depth files, mm: the one that they state, else ``given``, else 1.
+class MapUnits(NamedTuple):
+    """Units of a set of depth files, as ``map_units`` decides them.
 
-    Files of a data set state it in its header, PNG files of ``glsim denoise`` themselves.
+    Attributes:
+        step_mm: of whole numbers.
+        in_metres: folder -> whether its floats are metres, else millimetres.
+        channel: of OpenEXR files.
+        notes: what is assumed, in lines for the user.
+    """
+
+    step_mm: float
+    in_metres: dict[Path, bool]
+    channel: str | None
+    notes: tuple[str, ...]
+
+    def read(
+        self, file: Path, offset_mm: float = 0.0, inside: Path | None = None
+    ) -> NDArray[np.float32]:
+        """Read a map of the set, (H, W) millimetres, see ``read_map_mm``."""
+        metres = self.in_metres[file.parent]
+        options: dict[str, Any] = {"inside": inside, "channel": self.channel, "in_metres": metres}
+        return read_map_mm(file, self.step_mm, offset_mm, **options)
+
+
+def map_units(files: Sequence[Path], given: float | None, channel: str | None = None) -> MapUnits:
+    """Decide the step of whole numbers for all files, and the unit of floats for each folder.
+
+    The step is the one that they state, else ``given``, else 1 mm. Files of a data set state it in
+    its header, PNG files of ``glsim denoise`` themselves, others by ``stated_camera``.
 
     Raises:
         ConfigError: steps differ, since a wrong step moves every face without looking wrong.
-        DatasetError: the header of the data set, or what a file states, is damaged.
+        DatasetError: the header of the data set, or what a file states, is damaged; whole numbers
+            are shifted, or floats neither metres nor millimetres.
     """
     stated = _stated_mm(files)
     if len(stated) > 1:
         raise ConfigError(
-            "the maps are of different steps, of data sets or as they state themselves: denoise "
+            "the maps are of different steps, of data sets or as they state themselves: take "
             "those of one step at a time"
         )
     found = next(iter(stated), None)
@@ -143,7 +175,25 @@ def input_step_mm(files: Sequence[Path], given: float | None) -> float:
             f"--depth-unit-mm {given:g}: these maps have steps of {found:g} mm, as their data set "
             "or they themselves state: leave the option out"
         )
-    return found or given or 1.0
+    step_mm, whole, notes = found or given, False, []
+    in_metres: dict[Path, bool] = {}
+    for folder in dict.fromkeys(file.parent for file in files):
+        own = [file for file in files if file.parent == folder]
+        images = []
+        for file in (own[number] for number in sample(len(own))):
+            if file.suffix.lower() != ".png" or not step_mm:
+                with suppress(DatasetError):  # reported when it is read
+                    images.append(read_stored(file, channel=channel))
+        if not step_mm:
+            for image in images:
+                refuse_shifted(image, folder)
+                whole = whole or image.dtype.kind == "u"
+        in_metres[folder] = floats_in_metres(images, folder)
+    if whole:
+        notes.append(TAKEN_FOR_MM)
+    if not all(in_metres.values()):
+        notes.append("floats are taken for mm: their median is too large for metres")
+    return MapUnits(step_mm or 1.0, in_metres, channel, tuple(notes))
 
 
 def output_step_mm(
@@ -176,26 +226,24 @@ def _fine_mm(files: Sequence[Path], step_mm: float) -> float:
         return step_mm
     most = _DEEPEST * FINE_MM / step_mm
     for file in files:
-        try:
-            if read_depth_png(file).max(initial=0) > most:
+        with suppress(DatasetError):  # reported when it is denoised
+            image = read_stored(file)
+            if image[image < SATURATED].max(initial=0) > most:
                 return step_mm
-        except DatasetError:  # reported when it is denoised
-            continue
     return FINE_MM
 
 
 def _stated_mm(files: Sequence[Path]) -> set[float]:
     """Return the steps that files state; of several, those that state none count as 1 mm."""
-    roots = {folder: dataset_root(folder) for folder in {file.parent for file in files}}
-    headers: dict[Path | None, float] = {}
-    for root in filter(None, roots.values()):
-        from glsim.data.header import read_header
+    folders: dict[Path, float | None] = {}
+    for folder in {file.parent for file in files}:
+        if (root := dataset_root(folder)) is None:
+            folders[folder] = stated_camera(folder)[0].unit_mm
+        else:
+            from glsim.data.header import read_header
 
-        headers[root] = float(read_header(root)["depth_unit_mm"])
-    stated = set()
-    for file in files:
-        inside = roots[file.parent]
-        stated.add(stated_unit_mm(file) if inside is None else headers[inside])
+            folders[folder] = float(read_header(root)["depth_unit_mm"])
+    stated = {stated_unit_mm(file) or folders[file.parent] for file in files}
     return set() if stated == {None} else {1.0 if step is None else step for step in stated}
 
 
@@ -203,21 +251,15 @@ def _of_one(text: str, out: Path) -> list[tuple[Path, Path]]:
     """Pair the files of one input. Raises ConfigError if there is none."""
     path = Path(text)
     if path.is_dir():
-        pairs = [(file, out / file.relative_to(path)) for file in maps_in(path, "noisy")]
+        pairs = [(file, out / file.relative_to(path)) for file in maps_in(path, "noisy")[0]]
     else:
         relative = path.relative_to(path.anchor)
-        matching = Path(path.anchor or ".").glob(str(relative)) if relative.parts else ()
-        files = [path] if path.is_file() else sorted(matching)
+        matching = visible(Path(path.anchor or "."), str(relative)) if relative.parts else ()
+        files = [path] if path.is_file() else matching
         pairs = [(file, out / file.name) for file in files]
     if not pairs:
         raise ConfigError(f"{text}: no such file, folder of depth maps, or pattern")
     return pairs
-
-
-def _without_png(folder: Path) -> list[Path]:
-    """Return the depth maps of a folder that holds no PNG files, sorted; else an empty list."""
-    files = sorted(file for file in folder.rglob("*") if is_map(file))
-    return [] if any(file.suffix.lower() == ".png" for file in files) else files
 
 
 def _shared(paths: Sequence[Path]) -> Path | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zlib
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -266,6 +267,16 @@ class Corrupter:
             "lit": depth_map.lit_by_marching(depth_m, self.rig),
             "rays": rays,
         }
+
+
+def noise_name(depth_mm: NDArray[np.float32]) -> str:
+    """Return the name of a map's noise: the same for the same depths in any format and place.
+
+    Rounding to 1/64 mm makes metres and steps alike: no step of 0.05 mm or more, and none of a
+    power of 2, lies between two of these.
+    """
+    steps = np.rint(depth_mm * np.float32(64)).astype("<i4")
+    return f"{stable_seed(depth_mm.shape, zlib.crc32(steps.tobytes())):x}"
 
 
 def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.float32]:

@@ -73,9 +73,11 @@ def test_nan_and_infinity_are_no_depth(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "values", "reason"),
     [
-        ("a.npy", UNITS.astype(np.float32), "this is millimetres"),
+        ("a.npy", UNITS.astype(np.float32) / 10, "neither metres"),
         ("a.npy", UNITS.astype(np.int32), "uint16 or float metres"),
-        ("a.npy", np.zeros((2, 3, 4), np.float32), r"is \(2, 3, 4\) float32"),
+        ("a.npy", np.stack([METRES] * 5), "is a stack of 5 maps"),
+        ("a.npy", np.dstack([METRES, METRES, 2 * METRES]), r"is \(24, 32, 3\) float32"),
+        ("a.npy", METRES.ravel(), r"is \(1, 768\) float32"),
         ("a.tiff", np.zeros((4, 4), np.uint8), "uint16 or float metres"),
     ],
 )

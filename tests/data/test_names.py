@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glsim.core.errors import ConfigError
-from glsim.data.recordings.names import depth_pngs
+from glsim.data.recordings.names import maps_in
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -27,7 +27,7 @@ LAYERS = [
 def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
     touch(tmp_path, *LAYERS, "contact_sheet.png", "face_preview.png", "my_map.png", "frame1.png")
     for kind in ("clean", "noisy"):
-        files, others = depth_pngs(tmp_path, kind)  # type: ignore[arg-type]
+        files, others = maps_in(tmp_path, kind)  # type: ignore[arg-type]
         own = [tmp_path / "frame1.png", tmp_path / "my_map.png"]
         assert files == [*own, tmp_path / f"test/p1/s_{kind}.png"]
         assert others == Counter(
@@ -41,7 +41,7 @@ def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
 
 def test_recordings_hold_depth_and_infrared(tmp_path: Path) -> None:
     touch(tmp_path, "0001_depth.png", "0001_ir.png")
-    assert depth_pngs(tmp_path, "noisy")[0] == [tmp_path / "0001_depth.png"]
+    assert maps_in(tmp_path, "noisy")[0] == [tmp_path / "0001_depth.png"]
 
 
 @pytest.mark.parametrize(
@@ -52,10 +52,10 @@ def test_recordings_hold_depth_and_infrared(tmp_path: Path) -> None:
             "holds no noisy depth maps, only 2 \\*_clean.png: to take",
         ),
         (["train-000000.tar"], r"its frames are in shards \(train-000000.tar\)"),
-        (["notes.txt"], "holds no .png files"),
+        (["notes.txt"], "holds no depth maps"),
     ],
 )
 def test_nothing_to_read_is_explained(tmp_path: Path, names: list[str], message: str) -> None:
     touch(tmp_path, *names)
     with pytest.raises(ConfigError, match=message):
-        depth_pngs(tmp_path, "noisy")
+        maps_in(tmp_path, "noisy")

@@ -1,14 +1,25 @@
-"""OpenEXR files of one channel, by the library OpenEXR of the extra ``formats``."""
+"""OpenEXR files, by the library OpenEXR of the extra ``formats``: which channel is depth."""
 
 from __future__ import annotations
 
 import io
-from typing import Any
+import re
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import require_package
+
+#: Words in names of channels that are no depth.
+_OTHER: Final = re.compile(
+    r"\b(a|alpha|nn?|ns|normals?|pp?|position|motion|vector|velocity|uv|mist|conf|confidence|variance"
+    r"|mask|valid|id|index|albedo|shadow|ao)\b|inv|dispar"
+)
+#: Names of depth in lower case, the surest first. Mitsuba calls it dd.T, Blender *.Z and *.V.
+_DEPTH: Final = (r"(.*\.)?depth(\..*)?|z", r".*depth.*", r".*\.[zt]", r"(.*\.)?v")
+#: Other axes of the vectors and colours that z and v may belong to.
+_AXES: Final = {"z": "xy", "v": "uhs"}
 
 
 def require_exr(what: str) -> None:
@@ -37,6 +48,8 @@ def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
 def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     """Return the channels of an OpenEXR file by name; None for more than ``max_px`` pixels.
 
+    In files of several parts the name of the part comes first.
+
     Raises:
         ConfigError: without the library.
         ValueError: it is no readable file.
@@ -44,12 +57,42 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     require_exr("reading OpenEXR files")
     import OpenEXR
 
+    channels = {}
     try:
         with OpenEXR.File(io.BytesIO(data), header_only=True) as header:
-            low, high = header.header()["dataWindow"]
-        if (high[0] - low[0] + 1) * (high[1] - low[1] + 1) > max_px:
-            return None
+            count = len(header.parts)
+            for part in header.parts:
+                low, high = part.header["dataWindow"]
+                if (high[0] - low[0] + 1) * (high[1] - low[1] + 1) > max_px:
+                    return None
         with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
-            return {name: channel.pixels for name, channel in file.channels().items()}
+            if not 0 < len(file.parts) == count:
+                raise ValueError("a part is missing")
+            for part in file.parts:
+                front = f"{part.name()}." if count > 1 else ""
+                for name, channel in part.channels.items():
+                    channels[front + name.removeprefix(front)] = channel.pixels
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
         raise ValueError("is cut short, or no OpenEXR file") from error
+    return channels
+
+
+def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) -> NDArray[Any]:
+    """Return the channel with that name, or the one that is depth by its name or as the only one.
+
+    Raises ValueError, with the names, if there is none, and for several that differ.
+    """
+    of_name = {name.lower(): pixels for name, pixels in channels.items()}
+    names = [name for name in of_name if not _OTHER.search(name)]
+    for last, axes in _AXES.items():
+        names = [n for n in names if n[-1:] != last or not any(n[:-1] + o in of_name for o in axes)]
+    tiers = [[name for name in names if re.fullmatch(pattern, name)] for pattern in _DEPTH]
+    alone = names if len(of_name) == 1 and names and names[0] not in ("g", "b", "x", "u") else []
+    found = [chosen.lower()] if chosen else next(filter(None, tiers), alone)
+    images = [of_name[name] for name in found if name in of_name]
+    if not images or not all(np.array_equal(images[0], other, True) for other in images[1:]):
+        lacks = f"no channel {chosen}" if chosen else "no channel that is surely depth"
+        raise ValueError(
+            f"has {lacks}: choose one with --channel (denoise and corrupt): {', '.join(channels)}"
+        )
+    return images[0]

@@ -108,29 +108,40 @@ def image_size(data: bytes) -> tuple[int, int] | None:
     if data[:8] == _SIGNATURE and data[12:16] == b"IHDR" and len(data) >= 26:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
-    return _tiff_size(data)
+    tags = _tiff_tags(data)
+    return (tags[256][0], tags[257][0]) if {256, 257} <= tags.keys() else None
 
 
-def _tiff_size(data: bytes) -> tuple[int, int] | None:
-    """Return (width, height) by the first directory of a TIFF; None for other files."""
-    if data[:4] not in (b"II*\0", b"MM\0*"):
-        return None
-    order, sides = "<" if data[:1] == b"I" else ">", {}
+def _tiff_tags(data: bytes) -> dict[int, tuple[int, int]]:
+    """Return tag -> (value, its place) of the first image of a TIFF or BigTIFF; {} for other files.
+
+    Tag 0 stands for the place of the next image, 0 without one.
+    """
+    order, version = ("<" if data[:2] == b"II" else ">"), data[2:4].strip(b"\0")
+    if data[:2] not in (b"II", b"MM") or version not in (b"*", b"+"):
+        return {}
+    start, entries, size, word, at = (
+        (8, "Q", 20, "Q", 12) if version == b"+" else (4, "H", 12, "I", 8)
+    )
+    tags = {}
     try:
-        (at,) = struct.unpack_from(f"{order}I", data, 4)
-        (count,) = struct.unpack_from(f"{order}H", data, at)
-        for entry in range(at + 2, at + 2 + 12 * count, 12):
+        (first,) = struct.unpack_from(order + word, data, start)
+        (count,) = struct.unpack_from(order + entries, data, first)
+        first += struct.calcsize(order + entries)
+        for entry in range(first, first + size * min(count, 1000), size):
             tag, kind = struct.unpack_from(f"{order}HH", data, entry)
-            if tag in (256, 257):  # ImageWidth and ImageLength, of type SHORT or LONG
-                form = "H" if kind == 3 else "I"
-                (sides[tag],) = struct.unpack_from(f"{order}{form}", data, entry + 8)
+            if form := {3: "H", 4: "I", 16: "Q"}.get(kind):
+                tags[tag] = *struct.unpack_from(order + form, data, entry + at), entry + at
+        tags[0] = *struct.unpack_from(order + word, data, first + size * count), 0
     except struct.error:
-        return None
-    return (sides[256], sides[257]) if len(sides) == 2 else None
+        return {}
+    return tags
 
 
 def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
-    """Return why an image file is too large to decode; None if it is small enough or no image."""
+    """Return why an image file is not decoded: too large, or several images; None if it may be."""
+    if _tiff_tags(data).get(0, (0, 0))[0]:
+        return "holds several images: give each a file of its own, or all as one .npy stack"
     size = image_size(data)
     if size is None or (max(size) <= MAX_SIDE_PX and size[0] * size[1] <= max_px):
         return None
@@ -150,13 +161,18 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
         return None
     if data[:8] == _SIGNATURE and not _is_whole_png(data):
         return None
+    tags = _tiff_tags(data)
+    half = [tags.get(tag, (0, 0))[0] for tag in (258, 339)] == [16, 3]
+    if half:  # OpenCV refuses 16-bit floats (BitsPerSample, SampleFormat), not integers
+        one = struct.pack("<H" if data[:2] == b"II" else ">H", 1)
+        data = data[: tags[339][1]] + one + data[tags[339][1] + 2 :]
     try:
         image: NDArray[np.generic] | None = cv2.imdecode(
             np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED
         )
     except cv2.error:
         return None
-    return image
+    return image.view(np.float16) if half and image is not None else image
 
 
 def _is_whole_png(data: bytes) -> bool:
@@ -175,21 +191,29 @@ def _is_whole_png(data: bytes) -> bool:
     return False
 
 
-def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
-    """Read a 16-bit PNG of one channel, (H, W) uint16 as stored.
+def read_image(path: Path, *, inside: Path | None = None) -> NDArray[np.generic]:
+    """Read a PNG or TIFF file of at most MAX_MAP_PX pixels, see ``decode_png``.
 
-    Raises DatasetError for anything else, and for more than MAX_MAP_PX pixels.
+    Grey PNG files that state fewer significant bits (sBIT) are shifted down to them.
 
-    Args:
-        inside: a folder that no link may lead out of.
+    Raises DatasetError. inside: a folder that no link may lead out of.
     """
     try:
-        data = read_regular(path, MAX_IMAGE_BYTES, inside=inside)
+        data = read_regular(path, 2 * MAX_IMAGE_BYTES, inside=inside)
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
     image = decode_png(data, MAX_MAP_PX)
     if image is None:
         raise DatasetError(f"{path}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}")
+    at = data.find(b"sBIT", 0, _HEAD_BYTES) if data[:8] == _SIGNATURE else -1
+    if at > 0 and image.dtype == np.uint16 and 0 < data[at + 4] < 16:
+        image = image.view(np.uint16) >> (16 - data[at + 4])
+    return image
+
+
+def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
+    """Read a 16-bit image of one channel, (H, W) uint16 as stored; else raise DatasetError."""
+    image = read_image(path, inside=inside)
     if image.dtype != np.uint16 or image.ndim != 2:
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise DatasetError(

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError, MeshError
+from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
+from glsim.core.files.regular import read_regular
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
 from glsim.data.recordings.files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, IMAGES
-from glsim.data.recordings.names import other_kind
+from glsim.data.recordings.names import other_kind, visible
 from glsim.data.recordings.opencv_yaml import read_matrices
 from glsim.data.recordings.streams import is_stream
 from glsim.faces.scans.biwi_files import read_calibration
 
 #: The calibration of iai_kinect2, in the folder of its frames.
 CALIBRATION = "calib_ir.yaml"
+_MAX_LIST_BYTES = 1 << 26
 
 
 def depth_files(root: Path) -> tuple[str, list[Path]]:
     """Return the kind of the depth files in a folder, and these files. Raises DatasetError."""
     folder = root / "depth" if (root / "depth").is_dir() else root
-    files = sorted(path for path in folder.iterdir() if path.is_file())
+    files = visible(folder)
     for kind, suffixes in (("images", IMAGES), ("npy", (".npy",)), ("libfreenect2", DUMPS[:-1])):
         named = [file for file in files if file.suffix.lower() in suffixes]
         maps = [file for file in named if not other_kind(file.name, "noisy")]
@@ -37,7 +42,7 @@ def depth_files(root: Path) -> tuple[str, list[Path]]:
         marked = marked or [file for file in maps if file.stem.startswith("depth")]
         return kind, marked or maps
     raise DatasetError(
-        f"{root}: holds no 16-bit .png or .tiff depth maps, .npy stacks or dumps of "
+        f"{root}: holds no 16-bit .png or .tiff depth maps, .exr, .npy stacks or dumps of "
         "libfreenect2 (.bin, .raw, .depth), no .bag and no .mkv"
     )
 
@@ -50,7 +55,7 @@ def whole_recording(given: Sequence[Path]) -> Path | None:
     if any(is_stream(path) for path in given):
         files = list(given)
     elif len(given) == 1 and given[0].is_dir():
-        inside = sorted(given[0].iterdir())
+        inside = sorted(path for path in given[0].iterdir() if not path.name.startswith("."))
         files = [path for path in inside if is_stream(path)]
         if any(path.suffix.lower() in (*IMAGES, *DUMPS, ".npy") for path in inside):
             return None
@@ -64,18 +69,52 @@ def whole_recording(given: Sequence[Path]) -> Path | None:
 
 
 def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
-    """Read the first of the folders' files that state a camera. ConfigError, DatasetError."""
-    for folder in dict.fromkeys(folders):
-        if (folder / CAMERA_FILE).is_file():
-            return read_camera_file(folder / CAMERA_FILE), folder / CAMERA_FILE
-    if (file := folders[0] / BIWI_CALIBRATION).is_file():
-        try:
-            return StatedCamera(read_calibration(file)), file
-        except MeshError as error:
-            raise DatasetError(str(error)) from None
-    if (file := folders[0] / CALIBRATION).is_file():
-        return _opencv_calibration(file), file
-    return StatedCamera(), None
+    """Read the files in the folders that state a camera or the unit of its depth.
+
+    Returns:
+        What they state, the first above the others, and that first file.
+
+    Raises ConfigError, DatasetError.
+    """
+    stated, first = StatedCamera(), None
+    above = [folder.absolute().parent for folder in folders if folder.absolute().name == "depth"]
+    for name, read in _READERS.items():
+        for folder in dict.fromkeys([*folders, *above]):
+            open_yet = stated.intrinsics is None or stated.unit_mm is None
+            if open_yet and (file := folder / name).is_file():
+                found = read(file)
+                first = first or (file if found != StatedCamera() else None)
+                stated = stated.over(found)
+    return stated, first
+
+
+def _biwi_calibration(file: Path) -> StatedCamera:
+    try:
+        return StatedCamera(read_calibration(file))
+    except MeshError as error:
+        raise DatasetError(str(error)) from None
+
+
+def _tum_list(file: Path) -> StatedCamera:
+    """Return the unit of depth, 1/5000 m, if a text lists images depth/*.png, as TUM's do."""
+    try:
+        text = read_regular(file, _MAX_LIST_BYTES)
+    except OSError as error:
+        raise DatasetError(f"{file}: {error.strerror or error}") from None
+    listed = re.search(rb"^[\d.]+[ \t](.*[ \t])?depth/\S+\.png", text, re.MULTILINE)
+    return StatedCamera(unit_mm=0.2) if listed else StatedCamera()
+
+
+def _scannet_calibration(file: Path) -> StatedCamera:
+    """Return the camera of ScanNet's 4 x 4 matrix; its depth is in millimetres."""
+    image = next(iter(visible(file.parents[1] / "depth", "*.png")), None)
+    try:
+        size = None if image is None else image_size(read_regular(image, MAX_IMAGE_BYTES))
+        (fx, _, cx, *_), (_, fy, cy, *_) = np.loadtxt(file)[:2].tolist()
+        intrinsics = None if size is None else Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5)
+    except (OSError, ValueError, TypeError) as error:
+        raise DatasetError(f"{file}: is no 4 x 4 matrix of intrinsics ({error})") from None
+    return StatedCamera(intrinsics, unit_mm=1.0)
 
 
 def _opencv_calibration(file: Path) -> StatedCamera:
@@ -91,3 +130,15 @@ def _opencv_calibration(file: Path) -> StatedCamera:
     # OpenCV counts from the centre of the first pixel, glsim from its corner.
     image = Intrinsics(width, height, fx, fy, cx + 0.5, cy + 0.5)
     return StatedCamera(image, tuple(lens.ravel().tolist()))
+
+
+#: What states a camera or a unit in the folder of a recording -> its reader, the surest first.
+_READERS: Final[dict[str, Callable[[Path], StatedCamera]]] = {
+    CAMERA_FILE: read_camera_file,
+    BIWI_CALIBRATION: _biwi_calibration,
+    CALIBRATION: _opencv_calibration,
+    "intrinsic/intrinsic_depth.txt": _scannet_calibration,
+    "depth.txt": _tum_list,
+    "associations.txt": _tum_list,
+    "associated.txt": _tum_list,
+}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.data.map_files import SUFFIXES, is_map
 
 #: Kind of depth map that a command takes: others are left out of a folder.
 DepthKind = Literal["clean", "noisy"]
@@ -29,24 +31,43 @@ _INFRARED_BESIDE = (
 _INFRARED_FOLDERS = ("ir", "infrared")
 
 
-def depth_pngs(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
-    """Find the depth maps in a folder and its sub-folders.
+def natural(path: Path | str) -> list[str | int]:
+    """Return the key that sorts names in the order of their numbers: 2 before 10."""
+    parts = re.split(r"(\d+)", str(path))
+    return [int(part) if number % 2 else part for number, part in enumerate(parts)]
+
+
+def visible(folder: Path, pattern: str = "*") -> list[Path]:
+    """Return the files that match in a folder, in natural order, without hidden ones."""
+    files = (path for path in folder.glob(pattern) if path.is_file())
+    parts = len(folder.parts)
+    shown = (p for p in files if not any(name.startswith(".") for name in p.parts[parts:]))
+    return sorted(shown, key=natural)
+
+
+def maps_in(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
+    """Find the depth maps in a folder and its sub-folders: PNG files, else those of other formats.
+
+    What lies beside a folder ``depth``, in folders of its own, is left out.
 
     Returns:
-        Sorted PNG files without those of another kind, and the names left out with their numbers.
+        The files in natural order, and the names left out with their numbers.
 
     Raises:
         ConfigError: no file is left.
 
     """
     files, others = [], Counter[str]()
-    for path in sorted(folder.rglob("*.png")):
-        if other := other_kind(path.name, kind):
+    for path in filter(is_map, visible(folder, "**/*")):
+        place = path.parent
+        if place.name != "depth" and place != folder and (place.parent / "depth").is_dir():
+            others[f"{place.name}/*{path.suffix}"] += 1
+        elif other := other_kind(path.name, kind):
             others[other] += 1
         else:
             files.append(path)
     if files:
-        return files, others
+        return [path for path in files if path.suffix.lower() == ".png"] or files, others
     if others:
         raise ConfigError(
             f"{folder}: holds no {kind} depth maps, only {left_out_text(others)}: to take them all "
@@ -55,12 +76,13 @@ def depth_pngs(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]
     shards = next(folder.glob("*.tar"), None)
     if shards is not None:
         raise ConfigError(f"{folder}: its frames are in shards ({shards.name}): give .png files")
-    raise ConfigError(f"{folder}: holds no .png files")
+    raise ConfigError(f"{folder}: holds no depth maps ({', '.join(SUFFIXES)})")
 
 
 def other_kind(name: str, kind: DepthKind) -> str:
     """Return the pattern of a file's name that marks another kind of image; "" for depth maps."""
     stem, _, suffix = name.rpartition(".")
+    stem = stem.replace(".", "_")  # frame-000000.color.png of 7-Scenes
     ending = stem.lower().rpartition("_")[2]
     if name in _PICTURES or (ending == stem.lower() and ending in _ENDINGS and ending != kind):
         return name
@@ -71,12 +93,8 @@ def other_kind(name: str, kind: DepthKind) -> str:
 
 
 def left_out(inputs: Sequence[Path], kind: DepthKind) -> Counter[str]:
-    """Count what ``depth_pngs`` leaves out of those inputs that are folders."""
-    total = Counter[str]()
-    for path in inputs:
-        if path.is_dir():
-            total += depth_pngs(path, kind)[1]
-    return total
+    """Count what ``maps_in`` leaves out of those inputs that are folders."""
+    return sum((maps_in(path, kind)[1] for path in inputs if path.is_dir()), Counter[str]())
 
 
 def left_out_text(others: Counter[str]) -> str:
@@ -124,7 +142,7 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
     same = [given / file.name for file in depth_files]
     if all(file.is_file() for file in same):
         return same
-    files = sorted(path for path in given.iterdir() if path.suffix == depth_files[0].suffix)
+    files = visible(given, f"*{depth_files[0].suffix}")
     files = [path for path in files if path.stem.endswith(("_ir", "_infrared"))] or files
     if len(files) != len(depth_files):
         raise DatasetError(

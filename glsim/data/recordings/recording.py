@@ -29,11 +29,12 @@ from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import stated_unit_mm
 from glsim.data.header import is_dataset
+from glsim.data.map_files import open_stack
 from glsim.data.reader import open_dataset
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, check_size
-from glsim.data.recordings.files import FrameFiles, FramePlace, open_stack
+from glsim.data.recordings.files import FrameFiles, FramePlace
 from glsim.data.recordings.folders import depth_files, stated_camera, whole_recording
-from glsim.data.recordings.names import infrared_beside, infrared_files
+from glsim.data.recordings.names import infrared_beside, infrared_files, natural
 from glsim.data.recordings.streams import STREAMS, FrameStream
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
@@ -192,10 +193,10 @@ def open_recording(
     if whole := whole_recording(given):
         return _stream_recording(whole, unit_mm, mirror, infrared)
     found = [depth_files(path) if path.is_dir() else ("", [path]) for path in given]
-    maps = [file for _, files in found for file in files]
+    maps = sorted((file for _, files in found for file in files), key=natural)
     folder = given[0] if given[0].is_dir() else given[0].parent
     stated, stated_by = stated_camera(folder, maps[0].parent)
-    unit = unit_mm or stated.unit_mm or stated_unit_mm(maps[0]) or 1.0
+    unit = unit_mm or stated.unit_mm or stated_unit_mm(maps[0])
     lights = [infrared_beside(file) for file in maps]
     if infrared is not None:
         lights = list(infrared_files(maps, infrared))
@@ -207,12 +208,14 @@ def open_recording(
         names = [f"{file.stem}_{k:05d}" for k in range(count)] if count > 1 else [file.stem]
         places += [FramePlace(name, file, light, k) for k, name in enumerate(names)]
     reader = FrameFiles(places)
+    notes = reader.unit_notes() if unit is None else ()
+    unit = unit or 1.0
     depth_mm, _ = reader.depth(0, unit)  # a folder of colour pictures is refused here
     if stated_by is not None and stated_by.name == CAMERA_FILE:
         check_size(stated, depth_mm.shape, stated_by)
     stated = _mirrored(stated, mirror)
     frames = Frames(len(reader), _Loader(reader, unit, mirror, stated))
-    return Recording(given[0], found[0][0], frames, reader, stated, stated_by)
+    return Recording(given[0], found[0][0], frames, reader, stated, stated_by, notes)
 
 
 def read_frames(

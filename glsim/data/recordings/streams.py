@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError, require_package
+from glsim.data.map_files import depth_in_mm
 from glsim.data.recordings.camera_file import StatedCamera
-from glsim.data.recordings.files import check_least_size, depth_in_mm
+from glsim.data.recordings.files import check_least_size
 
 _T = TypeVar("_T")
 
