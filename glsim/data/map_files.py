@@ -129,7 +129,7 @@ def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False
     known = _holds_depth(values) or (infrared and bits == 8)
     if values.ndim != axes or 0 in shape or not known or (axes == 3 and shape[-1] <= 4):
         raise DatasetError(
-            f"{path}: is {shape} {values.dtype}, has {shape[-1] if values.ndim > 2 else 1} "
+            f"{path}: is {shape} {values.dtype}, has {shape[-1] if shape[-1] <= 4 else 1} "
             f"channels of {bits} bits; a depth map is (H, W), a stack of frames is (T, H, W), "
             "uint16 or float metres: remove other pictures from the folder"
         )

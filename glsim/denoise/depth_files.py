@@ -184,11 +184,12 @@ def map_units(files: Sequence[Path], given: float | None, channel: str | None = 
             if file.suffix.lower() != ".png" or not step_mm:
                 with suppress(DatasetError):  # reported when it is read
                     images.append(read_stored(file, channel=channel))
+        where = own[0] if len(own) == 1 else folder
         if not step_mm:
             for image in images:
-                refuse_shifted(image, folder)
+                refuse_shifted(image, where)
                 whole = whole or image.dtype.kind == "u"
-        in_metres[folder] = floats_in_metres(images, folder)
+        in_metres[folder] = floats_in_metres(images, where)
     if whole:
         notes.append(TAKEN_FOR_MM)
     if not all(in_metres.values()):

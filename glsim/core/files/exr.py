@@ -13,7 +13,7 @@ from glsim.core.errors import require_package
 
 #: Words in names of channels that are no depth.
 _OTHER: Final = re.compile(
-    r"\b(a|alpha|nn?|ns|normals?|pp?|position|motion|vector|velocity|uv|mist|conf|confidence|variance"
+    r"(^|\.)a$|\b(alpha|nn?|ns|normals?|pp?|position|motion|vector|velocity|uv|mist|conf|confidence|variance"
     r"|mask|valid|id|index|albedo|shadow|ao)\b|inv|dispar"
 )
 #: Names of depth in lower case, the surest first. Mitsuba calls it dd.T, Blender *.Z and *.V.
