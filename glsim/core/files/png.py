@@ -161,7 +161,7 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
         return None
     if data[:8] == _SIGNATURE and not _is_whole_png(data):
         return None
-    cv2.setLogLevel(0)  # what fails is reported here
+    cv2.utils.logging.setLogLevel(0)  # what fails is reported here
     tags = _tiff_tags(data)
     half = [tags.get(tag, (0, 0))[0] for tag in (258, 339)] == [16, 3]
     if half:  # OpenCV refuses 16-bit floats (BitsPerSample, SampleFormat), not integers
