@@ -71,7 +71,8 @@ class RunState:
                 stack.enter_context(self.store.lock(name, part_busy))
                 temporary += f"/{part.name}"
             state = RunState(stack.enter_context(self.store.writing(temporary)))
-            state._begin(identity)
+            # Object storage holds no lock: another run may be about to write its first frame.
+            state._begin(identity, alone=part is None and type(self.store) is Store)
             yield state
 
     def _refuse_foreign_files(self) -> None:
@@ -81,9 +82,12 @@ class RunState:
                 f"{self.store}: is not empty and holds no data set of glsim: choose a new folder"
             )
 
-    def _begin(self, identity: Mapping[str, Any]) -> None:
+    def _begin(self, identity: Mapping[str, Any], alone: bool) -> None:
         where = self.store.where(PLAN)
         plan = to_json(identity, where).encode() + b"\n"
+        if alone and self.store.names("") == [STATE] and not self.recorded_chunks():
+            self.store.put(PLAN, plan)  # an earlier run failed before its first frame
+            return
         begun = self._begun()
         if begun is None:  # one of several parts is the first, and the others compare theirs
             begun = parse_json(self.store.put_first(PLAN, plan), where)

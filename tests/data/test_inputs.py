@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, GlsimError
 from glsim.core.files.contents import content_hash
 from glsim.data import arithmetic, chunks
 from glsim.data.driver import generate
@@ -79,6 +79,17 @@ def test_an_edited_stage_is_refused_by_name(
     with pytest.raises(ConfigError, match=rf"stage file \S*{file} was changed since .*out was beg"):
         generate(settings, tmp_path / "out", workers=1)
     (tmp_path / file).write_text(before)
+    generate(settings, tmp_path / "out", workers=1)
+    generate(settings, tmp_path / "whole", workers=1)
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
+def test_a_run_that_failed_before_its_first_frame_leaves_the_folder_free(tmp_path: Path) -> None:
+    settings = with_stage(tmp_path, "lift.glsl")
+    (tmp_path / "amount.glsl").write_text("#define AMOUNT_M no_such_name\n")
+    with pytest.raises(GlsimError, match="no_such_name"):
+        generate(settings, tmp_path / "out", workers=1)
+    (tmp_path / "amount.glsl").write_text("#define AMOUNT_M 0.01\n")
     generate(settings, tmp_path / "out", workers=1)
     generate(settings, tmp_path / "whole", workers=1)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
