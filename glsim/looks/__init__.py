@@ -1,1 +1,1 @@
-"""What a person wears: hair, beard, brows, glasses and cloth, as parts over the mesh of a face."""
+"""Hair, beards, brows, glasses and clothes: meshes over a face, and the rooms around a person."""

@@ -1,4 +1,4 @@
-"""Where things are on the heads of a source: eyes, ears, mouth, hairline, from its regions.
+"""Landmarks of a source's reference head: eyes, ears, mouth and hairline, found from its regions.
 
 All places are in the canonical frame of a reference person of the source, in millimetres. Lines are
 drawn on a mean adult head and scaled by the height from the eyes to the top of the head.
@@ -36,7 +36,7 @@ _LINE_Y: Final = (-70.0, -66.0, -52.0, -18.0, -8.0, -2.0, 18.0, 36.0, 48.0, 57.0
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A reference head and what its vertices are.
+    """A reference head with the region of each vertex.
 
     Args:
         vertices_mm: (V, 3) of the reference.
@@ -51,40 +51,40 @@ class Anatomy:
     names: Sequence[str]
 
     def is_in(self, *names: str) -> Mask:
-        """Return (V,) whether vertices are in one of the regions."""
+        """Return a mask (V,) of the vertices that lie in one of the named regions."""
         numbers = [number for number, name in enumerate(self.names) if name in names]
         return np.isin(self.regions, numbers)
 
     @cached_property
     def outside(self) -> Mask:
-        """(V,): skin that can be seen with closed eyes and mouth."""
+        """Mask (V,) of the skin that can be seen with closed eyes and mouth."""
         return ~self.is_in(*_INSIDE)
 
     @cached_property
     def body(self) -> Mask:
-        """(V,): below the neck."""
+        """Mask (V,) of the vertices below the neck."""
         return self.is_in(*_BODY)
 
     @cached_property
     def eye(self) -> Array:
-        """(3,): the point between the eyes."""
+        """Midpoint between the eyes, (3,) mm."""
         points = self._of(*_EYES)
         return np.asarray(_pair(points, _middle(points)[0]).mean(axis=0))
 
     @cached_property
     def mouth(self) -> Array:
-        """(3,): the middle of the lips."""
+        """Centre of the lips, (3,) mm."""
         return _middle(self._of("lips"))
 
     @cached_property
     def scale(self) -> float:
-        """Size of the head over that of a mean adult."""
+        """Ratio of the height from eyes to crown to the mean adult's height."""
         skull = self._of(*_SKULL)
         return float(skull[:, 1].max() - self.eye[1]) / _MEAN_EYE_TO_TOP_MM
 
     @cached_property
     def ears(self) -> Array:
-        """(2, 3): centres of the left and right ear.
+        """Centres of the left and the right ear, (2, 3) mm.
 
         A model without a region of ears has them where a mean adult has, 88 mm behind and 12 mm
         below the eyes (the proportions of the procedural mean head).
@@ -100,14 +100,14 @@ class Anatomy:
 
     @cached_property
     def centre(self) -> Array:
-        """(3,): the middle of the skull, from which hair is laid out."""
+        """Centre of the skull, (3,) mm: the origin of the directions along which hair grows."""
         skull = self._of(*_SKULL)
         back_z = float(skull[skull[:, 1] > self.eye[1], 2].min())
         behind = 0.5 * (self.eye[2] + back_z)
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
     def above_hairline_mm(self, points: Array) -> Array:
-        """Return distances of (N, 3) points from the hairline, (N,) mm; positive in the hair."""
+        """Return the heights (N,) mm of points (N, 3) above the hairline; positive in the hair."""
         local = (points - self.eye) / self.scale
         line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
         step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line
@@ -129,6 +129,6 @@ def _middle(points: Array) -> Array:
 
 
 def _pair(points: Array, middle_x: float) -> Array:
-    """Return (2, 3) the middles of the points on the subject's left and right."""
+    """Return the bounding-box centres (2, 3) of the points on the subject's left and right side."""
     left = points[:, 0] > middle_x
     return np.stack([_middle(points[left]), _middle(points[~left])])

@@ -24,7 +24,7 @@ _EDGE_MM: Final = 6.3
 
 @dataclass(frozen=True)
 class BeardStyle:
-    """One style: length of hair in mm, and the parts of the face it covers."""
+    """A beard style: the hair length in mm, and the parts of the face that the beard covers."""
 
     name: str
     weight: float
@@ -54,7 +54,7 @@ BrowGrid = tuple[SkinGrid, Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class BeardGrid:
-    """Where beards grow on a source.
+    """The grid of the skin on which beards grow, for all subjects of a source.
 
     Args:
         points: (N, 3) mm on the reference.
@@ -70,7 +70,7 @@ class BeardGrid:
 
 
 def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
-    """Find where beards grow on the heads of a source."""
+    """Make the grid of the beard area on the reference head of a source."""
     points = anatomy.vertices_mm.astype(np.float64)
     skin = anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear", "lips", "lids")
     inside = _outline(anatomy, points)[0]
@@ -81,7 +81,7 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
 
 
 def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
-    """Return mm inside of the outline, the upper lip and the chin for (N, 3) points."""
+    """Return the depths (N,) mm of points (N, 3) inside the beard's outline, upper lip and chin."""
     size = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM
     local = (points - anatomy.mouth) / size
     x, y, z = np.abs(local[:, 0]), local[:, 1], local[:, 2]
@@ -107,7 +107,7 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
 def make_beard(
     beard: BeardGrid, rest_mm: Array, style: BeardStyle, length_mm: float, seed: int
 ) -> Shell:
-    """Return the shell of a subject's beard.
+    """Make the mesh of a subject's beard as a shell over the skin.
 
     Args:
         rest_mm: (V, 3) the subject at rest.
@@ -139,7 +139,7 @@ def make_beard(
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
-    """Return the grid of the brows, its points (N, 3) and how far each is inside a brow (N,)."""
+    """Make the grid of the brows; return it, its points (N, 3) mm and their brow weights (N,)."""
     if "brow" in anatomy.names:
         brow: Array = anatomy.is_in("brow").astype(np.float64)
     else:  # arches over the eyes
@@ -158,7 +158,7 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
 
 
 def make_brows(brows: BrowGrid, rest_mm: Array, height_mm: float, seed: int) -> Shell:
-    """Return the shell of a subject's brows, height_mm high; (V, 3) ``rest_mm`` at rest."""
+    """Make a shell of brow hair, height_mm thick, over a subject's resting vertices (V, 3), mm."""
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
     kept, blend = grid.clipped(ragged - 0.3)

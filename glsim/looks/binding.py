@@ -1,4 +1,4 @@
-"""Meshes that follow a head: rigid things, rooted hair, and shells over skin."""
+"""Meshes that follow a moving head: rigid objects, rooted hair, and shells over the skin."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class Motion(NamedTuple):
     is_rest: bool = False
 
     def equals(self, other: Motion) -> bool:
-        """Whether two motions are the same, to the last bit."""
+        """Return whether two motions have exactly equal rotations and shifts."""
         return all(map(np.array_equal, self[:2], other[:2]))
 
     def turned(self, offsets: Points) -> Points:
-        """Rotate (N, 3) offsets; without a motion they are the same object."""
+        """Rotate (N, 3) offsets; a motion at rest returns the array itself."""
         return offsets if self.is_rest else product(offsets, self.rotation.T)
 
 
 def skull_motion(reference: Points, moved: Points) -> Motion:
-    """Fit the rotation and shift between (N, 3) points by least squares (Kabsch).
+    """Fit the rotation and shift from reference to moved points, (N, 3), by least squares (Kabsch).
 
     The identity if no point moved by _REST_MM: raised brows move the edge of the scalp that far.
     """
@@ -51,7 +51,7 @@ def skull_motion(reference: Points, moved: Points) -> Motion:
 
 
 class Binding(Protocol):
-    """A mesh that follows the mesh of a source.
+    """The protocol of a mesh that follows the face mesh of a source.
 
     Args:
         used: the vertices that it follows.
@@ -60,17 +60,17 @@ class Binding(Protocol):
     used: NDArray[np.int64]
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
-        """Return the (N, 3) float32 points over the (V, 3) vertices of a frame."""
+        """Return the mesh's positions (N, 3) float32 for a frame's vertices (V, 3), mm."""
         ...
 
 
 class Rooted:
-    """Hair: every vertex keeps its offset from a root on the skin, in the frame of the skull."""
+    """A hair mesh: each vertex keeps its offset from a root on the skin, rotated with the skull."""
 
     def __init__(
         self, roots: Anchors, root_of: NDArray[np.int64], offsets_mm: NDArray[np.floating[Any]]
     ) -> None:
-        """Bind vertices to the skin.
+        """Bind hair vertices to roots on the skin.
 
         Args:
             roots: points on the skin.
@@ -81,27 +81,27 @@ class Rooted:
         self._root_of, self._offsets = root_of, offsets_mm.astype(np.float32)
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
-        """Return the (N, 3) vertices over a mesh of the source."""
+        """Return the positions (N, 3) of the hair for a frame's face vertices, mm."""
         points = self._roots.place(vertices_mm[self.used])[self._root_of]
         return points + motion.turned(self._offsets)
 
 
 class Rigid:
-    """A thing that moves with the skull, such as glasses."""
+    """An object that moves rigidly with the skull, such as glasses."""
 
     used = np.zeros(0, np.int64)
 
     def __init__(self, points_mm: Points) -> None:
-        """points_mm: (N, 3) on the subject's head at rest."""
+        """Store the object's points (N, 3) mm on the subject's head at rest."""
         self.points_mm = points_mm
 
     def place(self, _vertices_mm: Points, motion: Motion) -> Points:
-        """Return the (N, 3) moved points."""
+        """Return the points (N, 3) after the skull's motion, mm."""
         return product(self.points_mm, motion.rotation.T) + motion.shift
 
 
 class Shell:
-    """A shell of a subject over a grid, with a fixed offset from the skin at every point.
+    """A layer over a subject's skin, with a fixed offset from the skin at each grid point.
 
     Every point keeps its offset in the axes of one triangle beside it, so that a frame needs three
     vertices per point.
@@ -114,7 +114,7 @@ class Shell:
         offset_mm: NDArray[np.floating[Any]],
         drop_mm: Points | None = None,
     ) -> None:
-        """Lay a shell over the skin.
+        """Bind a layer to the skin by the offset of each grid point at rest.
 
         Args:
             rest_mm: (V, 3) the subject's vertices at rest.
@@ -139,7 +139,7 @@ class Shell:
         self._weights = np.ascontiguousarray(between.weights.T)
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
-        """Return the (N, 3) points over a mesh of the source."""
+        """Return the positions (N, 3) of the layer for a frame's face vertices, mm."""
         skin = np.ascontiguousarray(vertices_mm[self.used].T)
         corners = [skin[:, corner] for corner in self._beside]
         points = corners[0].copy()
@@ -156,7 +156,7 @@ class Shell:
 
 
 def _axes(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return three orthogonal (3, N) unit vectors: along a side of triangles, across, outwards.
+    """Return unit vectors (3, N) per triangle: along an edge, across it, and along the normal.
 
     Args:
         a, b, c: (3, N) mm, by column: NumPy works along the long axis several times faster.
@@ -177,7 +177,7 @@ def _crossed(first: Array, second: Array) -> Array:
 def uncovered(
     faces: NDArray[np.int32], may_hide: Mask, shells: Sequence[Shell], rings: int = 4
 ) -> NDArray[np.int32]:
-    """Return the triangles of a mesh that shells leave visible: ``faces`` itself if all are.
+    """Return the triangles of a mesh that no shell hides; ``faces`` itself if none is hidden.
 
     Args:
         faces: (F, 3).
@@ -199,7 +199,7 @@ def uncovered(
 
 
 def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return (N, 3) the triangle beside each point, from the vertex that is nearest to it on.
+    """Return a triangle (N, 3) next to each grid point; its first corner is the nearest vertex.
 
     Of the triangles at that vertex, the one that lies most along the skin.
     """

@@ -1,4 +1,4 @@
-"""Clothes: a shell of the body with openings, which rests, hangs and folds, and has seams.
+"""Clothes: shells over the body that rest on the skin, hang, fold, and have openings and seams.
 
 A garment is cut out of the skin, lifted off it as a membrane that spans hollows and falls from
 what stands out, folded, and finished at its edges with hems, ribs or a collar.
@@ -59,7 +59,7 @@ Averaging = Callable[[Array], Array]
 
 
 class Worn(NamedTuple):
-    """Triangles of a garment, (F, 3) vertex indices, and the fewer that cast shadows."""
+    """A garment: its shell, its triangles (F, 3), and a subset of them that casts shadows."""
 
     binding: Shell
     faces: NDArray[np.int32]
@@ -68,7 +68,7 @@ class Worn(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClothGrid:
-    """The points at which cloth can lie on the heads or people of a source.
+    """The grid of the skin that clothes can cover, for all subjects of a source.
 
     Args:
         part: (N,) TRUNK, or a limb of ARMS, LEGS or FEET.
@@ -84,7 +84,7 @@ class ClothGrid:
 
 @dataclass(frozen=True, eq=False)
 class ClothBody:
-    """The skin of a subject at rest, or the piece of it that a garment covers.
+    """The skin of a subject at rest, or the part of it that a garment covers.
 
     Args:
         rest_mm: (V, 3) vertices of the source.
@@ -114,11 +114,11 @@ class ClothBody:
 
     @property
     def waist_mm(self) -> float:
-        """Height (y) at which trousers are worn; chosen."""
+        """Height y of the waistband of trousers, mm; chosen."""
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
     def cut(self, opening: Array, inside: Array) -> ClothBody:
-        """Return the piece inside of its opening at the top and of its other edges, (N,) mm."""
+        """Cut the body to the skin inside a top opening and inside other edges, (N,) mm each."""
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
         names = ("skin", "normal", "local", "share", "down", "opening")
@@ -127,7 +127,7 @@ class ClothBody:
 
 
 def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
-    """Find where cloth can be on a source; None if its meshes end above the base of the neck."""
+    """Make the grid of coverable skin; None if the meshes end above the base of the neck."""
     points = anatomy.vertices_mm.astype(np.float64)
     has_body = bool(anatomy.body.any())
     if has_body:
@@ -157,7 +157,7 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
 
 
 def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
-    """Measure a subject, whose (V, 3) vertices are at rest."""
+    """Measure the body coordinates of a subject with resting vertices (V, 3), mm."""
     base = vertices_mm[cloth.grid.base]
     skin = cloth.grid.anchors.place(base).astype(np.float64)
     near, part = np.abs(cloth.above_neck) < 8.0, cloth.part
@@ -195,7 +195,7 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
 def make_clothes(
     body: ClothBody, garments: Sequence[Garment], tucked: bool, scale: float, seed: int
 ) -> list[Worn]:
-    """Make an upper garment, a lower one and shoes; of a bust the upper one, if it covers skin.
+    """Make an upper garment, a lower garment and shoes; a bust gets an upper garment only.
 
     Args:
         body: the whole subject.
@@ -245,7 +245,7 @@ def _garment(
     seed: int,
     scale: float,
 ) -> Worn:
-    """Make a garment of the skin that it covers, with sleeves or legs on ``limbs``."""
+    """Make a garment over the skin that it covers, with sleeves or legs on ``limbs``."""
     on_limb = np.isin(piece.part, limbs)
     as_trunk = (piece.skin - piece.neck) * (-1.0, -1.0, 1.0)
     local = np.where(on_limb[:, None], piece.local, as_trunk)
@@ -262,7 +262,7 @@ def _garment(
     border = 4 * border * (1 - border)
 
     def joined(values: Array) -> Array:
-        """Match values of trunk and limbs at their border."""
+        """Blend the values of trunk and limbs near their border."""
         return np.asarray(values + border * (_repeated(mean, _JOINED, values) - values))
 
     away = np.linalg.norm(piece.skin[:, None] - piece.armpits, axis=2).min(axis=1)
@@ -296,7 +296,7 @@ def _repeated(change: Averaging, rounds: int, values: Array) -> Array:
 
 
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
-    """Return the mean over neighbours of (N,) or (k, N) values; those above weigh e^(2 hang)."""
+    """Return a function that averages (N,) or (k, N) values over neighbours, upper ones more."""
     edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     first, second = np.ascontiguousarray(edges.T)
     count = len(piece.skin)
@@ -316,7 +316,7 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
 def _membrane(
     piece: ClothBody, room: Array, most: Array, rest: float, mean: Averaging, carried: Averaging
 ) -> tuple[Array, Array]:
-    """Lift cloth off the skin, (N,) ``room`` to ``most`` mm: it spans hollows and hangs.
+    """Lift cloth between ``room`` and ``most`` (N,) mm off the skin, so that it spans hollows.
 
     Return its (N, 3) points, mm, and (N,) mm over the skin, at least ``rest``.
     """
@@ -338,7 +338,7 @@ def _membrane(
 
 
 def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
-    """Return (N, 3) mm of shoes: round each foot a hull without toes, on its sole."""
+    """Return the surface points (N, 3) mm of shoes: a hull without toes around each foot."""
     floor = float(piece.skin[:, 1].min())
     hull = surface.copy()
     for foot in FEET:
@@ -367,13 +367,13 @@ def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
 
 
 def crests(places: Array, seed: int) -> NDArray[np.float32]:
-    """Return (N,) float32 in [-0.6, 0.85]: crests one unit apart, with broad valleys between."""
+    """Return fold heights (N,) float32 in [-0.6, 0.85], with narrow crests one unit apart."""
     value = smooth_noise(places, seed) / np.float32(_CREST)
     return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
 
 def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed: int) -> Array:
-    """Return (N,) heights of folds, about -0.5 to 1.5.
+    """Return the relative heights (N,) of the folds, about -0.5 to 1.5.
 
     Flutes fall to the hem and wind around limbs, short folds lie where cloth piles up, at the
     waist, across elbows and knees and at cuffs, and tension draws lines from the armpits to the
@@ -407,7 +407,7 @@ def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed
 
 
 def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> Worn:
-    """Finish the edges of (N, 3) mm of cloth, which move to even lines in place."""
+    """Sew cloth points (N, 3) mm to a garment with hems and collar; its edges are straightened."""
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(surface)
@@ -476,12 +476,12 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> W
 
 
 def _rows(profile: Profile, thick: float, normal: Array, away: Array) -> Array:
-    """Return (R, P, 3) offsets of rows beside an edge, of a profile of (away, off the skin)."""
+    """Return the offsets (R, P, 3) mm of R rows of points along an edge, from an edge profile."""
     return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
 
 
 def _collar(garment: Garment, away: Array, normal: Array, beside: Array, scale: float) -> Array:
-    """Return (R, P, 3) offsets of a collar from the edge, (P, 3) mm from the middle of the neck."""
+    """Return the offsets (R, P, 3) mm of a collar from the P edge points of the neck opening."""
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
     out = _units(beside - (beside * UP).sum(axis=1, keepdims=True) * UP)
@@ -503,6 +503,6 @@ def _units(vectors: Array) -> Array:
 
 
 def _step(value: Array, low: float, high: float) -> Array:
-    """Return 0 below low, 1 above high, and a smooth curve between."""
+    """Interpolate smoothly from 0 at ``low`` to 1 at ``high`` (smoothstep)."""
     share = np.clip((value - low) / (high - low), 0, 1)
     return np.asarray(share * share * (3 - 2 * share))

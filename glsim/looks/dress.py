@@ -1,4 +1,4 @@
-"""Dress the faces of a source: hair, beard, brows, glasses and cloth as parts over the mesh."""
+"""Dress the faces of a source: add hair, beard, brows, glasses and clothes as meshes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SKULL_POINTS: Final = 96
 
 
 def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) -> list[str]:
-    """Return the names of the regions of hair, glasses and clothes; [] if nobody is dressed."""
+    """Return the region names of hair, glasses and clothes; [] if no source is dressed."""
     if not any(Dresser(source, settings).is_on for source in sources):
         return []
     shares = (settings.hair, settings.beard, settings.brows, settings.glasses, settings.cloth)
@@ -48,7 +48,7 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
 
 @dataclass(eq=False)
 class _Worn:
-    """A thing that a subject wears, with the skin and the motion that it was placed on last.
+    """A worn mesh, with the skin and the skull motion at which it was last placed.
 
     Much of a head does not move from frame to frame: the same part is delivered then, and is on the
     GPU already.
@@ -62,7 +62,7 @@ class _Worn:
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
-        """Return the part over the (V, 3) vertices of a frame."""
+        """Return the worn part placed on a frame's vertices (V, 3), mm."""
         skin = vertices_mm[self.binding.used]
         if self.last is not None:
             before, moved, part = self.last
@@ -76,7 +76,7 @@ class _Worn:
 
 @dataclass(eq=False)
 class _Wardrobe:
-    """All that a subject wears.
+    """All worn meshes of one subject.
 
     Args:
         skull: (K, 3) mm at rest.
@@ -93,10 +93,10 @@ class _Wardrobe:
 
 
 class Dresser:
-    """Dresses the faces of one source. What depends on no frame is made once per subject."""
+    """Dresses the faces of one source; everything constant over frames is made once per subject."""
 
     def __init__(self, source: FaceSource, settings: AppearanceSettings) -> None:
-        """Raises ConfigError for wear = "always" on a source that cannot be dressed."""
+        """Decide whether the source is dressed; ConfigError if wear = "always" but it cannot be."""
         wanted = settings.wear == "always" or (
             settings.wear == "auto" and source.name in DRESSED_SOURCES
         )
@@ -112,7 +112,7 @@ class Dresser:
         self._grids: dict[object, object] = {}
 
     def dress(self, face: Face, seeds: DrawKeys) -> Face:
-        """Return the face with what its subject wears; a pure function of face and seeds."""
+        """Return the face with all worn parts of its subject; a pure function of face and seeds."""
         if not self.is_on:
             return face
         wardrobe = self._wardrobe(face, seeds)
@@ -129,7 +129,7 @@ class Dresser:
         )
 
     def drawn(self, face: Face, seeds: DrawKeys) -> dict[str, float]:
-        """Return the numbers of an outfit for the manifest: "appearance.name" -> value."""
+        """Return the drawn values of an outfit for the manifest: "appearance.name" -> value."""
         if not self.is_on:
             return {}
         return dict(draw_outfit(self._settings, seeds, face.notes).numbers)
@@ -144,7 +144,7 @@ class Dresser:
 
     @cached_property
     def _skull(self) -> NDArray[np.int64]:
-        """Indices of vertices that move with the skull only: the back of the scalp."""
+        """Indices of vertices that move with the skull alone: the back of the scalp."""
         at = self._reference
         inside = at.above_hairline_mm(at.vertices_mm) > 5
         # Raised brows move the scalp down to the ears.
@@ -156,7 +156,7 @@ class Dresser:
         return chosen
 
     def _grid(self, make: Callable[[Anatomy], _Grid]) -> _Grid:
-        """Return where something grows or lies on the source, made when it is first needed."""
+        """Return the grid of hair, beard, brows or cloth on the source, made at the first use."""
         if make not in self._grids:
             self._grids[make] = make(self._reference)
         return cast("_Grid", self._grids[make])
@@ -224,7 +224,7 @@ class Dresser:
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
-        """Return the albedo of the skin: under hair that of hair, on a bald head that of skin."""
+        """Return the albedo (V,) of the skin; the scalp has the hair's albedo unless it is bald."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
             plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
             albedo = plain if mesh.albedo is None else mesh.albedo.copy()

@@ -1,4 +1,4 @@
-"""Garments as numbers. All are chosen, on photographs of clothes; a subject's own values vary."""
+"""The table of garments as numbers, all chosen from photographs of clothes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ COLLARS: Final = {
 
 @dataclass(frozen=True)
 class Garment:
-    """One garment; lengths in mm on a mean adult.
+    """A garment type; lengths in mm on a mean adult.
 
     Args:
         women, men: relative frequencies.

@@ -1,4 +1,4 @@
-"""Glasses: rims, bridge and temples, fitted to the eyes, the nose and the ears of a subject."""
+"""Glasses: rims, bridge, temples and lenses, fitted to a subject's eyes, nose and ears."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _CLEARANCE_MM: Final = 1.5
 
 @dataclass(frozen=True)
 class GlassesStyle:
-    """One frame; lengths in mm.
+    """A style of glasses; lengths in mm.
 
     Args:
         width, height: of a lens.
@@ -49,7 +49,7 @@ GLASSES: Final = (
 def make_glasses(
     anatomy: Anatomy, skin_mm: NDArray[np.float32], style: GlassesStyle, lens: str, seed: int
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Fit glasses to a subject: (N, 3) mm, (F, 3) triangles, and (N,) whether a lens's vertex.
+    """Fit glasses to a subject: vertices (N, 3) mm, triangles (F, 3), and a lens mask (N,).
 
     Args:
         skin_mm: (V, 3) reference head.
@@ -99,7 +99,7 @@ def make_glasses(
 
 
 def _overlap(points: Array, skin: Array) -> float:
-    """Return by how many mm the skin stands in front of the points, at most."""
+    """Return the largest distance by which the skin stands in front of the points, mm."""
     skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
     beside = skin[:, None, :2] - points[None, :, :2]
     ahead = skin[:, None, 2] - points[None, :, 2]
@@ -108,7 +108,7 @@ def _overlap(points: Array, skin: Array) -> float:
 
 
 def _bridge(outline: Array, place: Array, skin: Array) -> Array:
-    """Return (9, 3) points from rim to rim over the nose."""
+    """Return the centre line (9, 3) mm of the bridge, from rim to rim over the nose."""
     inner = outline[np.argmin(outline[:, 0] - 0.35 * outline[:, 1])]
     x = np.linspace(-inner[0], inner[0], 9)
     line = np.stack([x, np.full(9, inner[1]), np.full(9, inner[2])], axis=1) + place
@@ -120,7 +120,7 @@ def _bridge(outline: Array, place: Array, skin: Array) -> Array:
 
 
 def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
-    """Return (12, 3) points from the hinge over the ear and down behind it."""
+    """Return the centre line (12, 3) mm of a temple, from the hinge to behind the ear."""
     ear = anatomy.ears[0 if side > 0 else 1]
     top = np.array([ear[0], ear[1] + 22 * anatomy.scale, ear[2] + 2.0])
     share = np.linspace(0, 1, 9)[:, None]
@@ -138,7 +138,7 @@ def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
 
 
 def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array, Array]:
-    """Return vertices and triangles of a four-sided tube: wide across, deep along the view."""
+    """Return vertices and triangles of a four-sided tube along a line, ``wide`` by ``deep`` mm."""
     count = len(line)
     around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     along = around if closed else np.asarray(np.gradient(line, axis=0))
@@ -168,7 +168,7 @@ def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array
 
 
 def _lens(ring: Array, side: float, share: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return a disc inside a rim, or a spot of a share of its size at a random place."""
+    """Return the disc of a lens, or a bright spot of ``share`` of its size at a random place."""
     middle = ring.mean(axis=0)
     if share < 1:
         middle = middle + (ring[rng.integers(len(ring))] - middle) * rng.uniform(0.2, 0.6)

@@ -1,4 +1,4 @@
-"""Hair: a rough cap over the scalp and several hundred locks that lie on it or hang from it."""
+"""Hair: a rough cap over the scalp, and several hundred locks that lie on it or hang from it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 
 class Scalp(NamedTuple):
-    """The grid on a source that hair grows on, fine enough for the relief of hair.
+    """The grid of the scalp of a source, fine enough for the relief of hair.
 
     Args:
         anchors: (N,) points on the triangles of the source.
@@ -69,7 +69,7 @@ class Hair(NamedTuple):
 
 
 def make_scalp(anatomy: Anatomy) -> Scalp:
-    """Lay the grid over the reference head of a source."""
+    """Make the grid of the scalp on the reference head of a source."""
     near = anatomy.above_hairline_mm(anatomy.vertices_mm) > -_MARGIN_MM
     skin = anatomy.outside & ~anatomy.is_in("ear") & ~anatomy.body & near
     chosen = np.asarray(skin[anatomy.faces].all(axis=1))
@@ -85,7 +85,7 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
 def make_hair(
     anatomy: Anatomy, scalp: Scalp, skin_mm: NDArray[np.float32], style: HairStyle, seed: int
 ) -> Hair:
-    """Make the hair of a subject.
+    """Make the hair mesh of a subject.
 
     Args:
         skin_mm: (V, 3) the subject's reference head.
@@ -128,7 +128,7 @@ def make_hair(
 
 
 def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Array) -> Array:
-    """Return (N, 3) mm in which strands are long along one axis and apart along the others."""
+    """Return coordinates (N, 3) mm with one axis along the strands and two axes across them."""
     out = points - anatomy.centre
     length = np.linalg.norm(out, axis=1)
     if style.comb == "curls":
@@ -150,7 +150,7 @@ def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Array) -> Ar
 
 
 def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) -> Array:
-    """Return (N,) mm inside the subject's own hairline, ears and bald places left out."""
+    """Return the depths (N,) mm inside a subject's hairline, without ears and bald places."""
     scale = anatomy.scale
     inside = scalp.inside_mm.astype(np.float64).copy()
     local = (base - anatomy.eye) / scale
@@ -171,7 +171,7 @@ def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) ->
 def _thickness_mm(
     anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array, inside: Array, seed: int
 ) -> Array:
-    """Return (N,) mm of hair over the skull, thin at the rim, without the relief of strands."""
+    """Return the hair thickness (N,) mm over the skull, thin at the rim, without strand relief."""
     to_top = np.clip((scalp.directions[:, 1].astype(np.float64) - 0.1) / 0.6, 0, 1)
     to_top *= to_top * (3 - 2 * to_top)
     low = style.side + (style.back - style.side) * np.clip(-scalp.directions[:, 2], 0, 1)

@@ -1,4 +1,4 @@
-"""Hair that leaves the scalp: locks that lie on it, sheets that hang from it, and tied bundles."""
+"""Locks of hair: ribbons that lie on the head, sheets that hang from it, and tied bundles."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ CROWN: Final = np.array([0.0, 0.86, -0.51])
 
 
 class Locks(NamedTuple):
-    """Meshes of locks.
+    """A mesh of locks, each vertex with its root on the scalp.
 
     Args:
         roots: (N,) index of the scalp's point that carries a vertex.
@@ -54,10 +54,10 @@ class Locks(NamedTuple):
 
 
 class Obstacle:
-    """The head and neck as a radius over directions from the middle of the skull."""
+    """The surface of head and neck as radii along directions from the centre of the skull."""
 
     def __init__(self, anatomy: Anatomy, skin_mm: Array) -> None:
-        """skin_mm: (V, 3) the subject's reference head."""
+        """Measure the radii from the subject's resting vertices (V, 3), mm."""
         self.centre = anatomy.centre
         place = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
         turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(place * (1 - place))
@@ -74,7 +74,7 @@ class Obstacle:
         self._radius = np.where(filled, radius, radius[filled][near]).astype(np.float32)
 
     def push_out(self, points: Array, least_mm: Array, most_mm: Array | None = None) -> Array:
-        """Return (N, 3) points moved along the ray from the middle of the skull.
+        """Move points (N, 3) mm radially out of the head.
 
         They end at least ``least_mm`` over the skin. Above the level of the ears, where hair lies
         on the head, they also end at most ``most_mm`` over it.
@@ -93,7 +93,7 @@ class Obstacle:
 
 
 class Head(NamedTuple):
-    """The head of a subject on which hair of a style grows.
+    """A subject's head, hair style and scalp points, from which locks grow.
 
     Args:
         skin_mm: (V, 3) at rest.
@@ -114,7 +114,7 @@ class Head(NamedTuple):
 
 
 def all_locks(head: Head) -> list[Locks]:
-    """Grow all hair that leaves the scalp of a head."""
+    """Make all locks of a head: lying, hanging and tied hair."""
     parts = [_lying(head)] if head.style.locks and (head.ragged > 1.0).any() else []
     if head.style.hang:
         parts.append(_hanging(head))
@@ -122,7 +122,7 @@ def all_locks(head: Head) -> list[Locks]:
 
 
 def _lying(head: Head) -> Locks:
-    """Grow the locks that lie on the head."""
+    """Make the locks that lie on the head."""
     style, rng, scale = head.style, head.rng, head.anatomy.scale
     candidates = np.flatnonzero(head.ragged > 1.0)
     # A third of the locks grow near the rim: they make it ragged.
@@ -146,7 +146,7 @@ def _units(vectors: Array) -> Array:
 
 
 def _directions(head: Head, points: Array) -> Array:
-    """Return (N, 3) unit directions along the strands at (N, 3) points, along the skull."""
+    """Return the strand directions (N, 3) at points (N, 3): unit vectors along the skull."""
     comb: Comb = head.style.comb
     centre = head.anatomy.centre
     out = _units(points - centre)
@@ -169,7 +169,7 @@ def _directions(head: Head, points: Array) -> Array:
 
 
 def _paths(head: Head, root: NDArray[np.int64], length: Array, brow: Mask) -> Array:
-    """Return (rings, N, 3) the middle lines of locks from root to tip."""
+    """Return the centre lines (rings, N, 3) mm of locks, from root to tip."""
     style, rng, scale, centre = head.style, head.rng, head.anatomy.scale, head.obstacle.centre
     rings, count = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS)), len(root)
     height = head.thickness[root] * rng.uniform(0.3, 1.15, count)
@@ -203,7 +203,7 @@ def _paths(head: Head, root: NDArray[np.int64], length: Array, brow: Mask) -> Ar
 
 
 def _off_the_face(head: Head, lines: Array) -> Array:
-    """End (rings, N, 3) lines where they reach the face; a fringe ends over the eyes."""
+    """End the lines (rings, N, 3) before they reach the face; fringes end above the eyes."""
     local = (lines - head.anatomy.eye) / head.anatomy.scale
     low = 16.0 if head.style.fringe else 50.0
     before = (np.abs(local[..., 0]) < 58) & (local[..., 2] > -48) & (local[..., 1] < low)
@@ -221,7 +221,7 @@ def _ribbons(
     closed: bool,
     rough_mm: float = 0.0,
 ) -> Locks:
-    """Make ribbons with a ridge along (rings, N, 3) lines; closed ones can be seen from inside.
+    """Make ribbons with a ridge along lines (rings, N, 3); closed ribbons also have back faces.
 
     Args:
         width: (N,) mm.
@@ -255,7 +255,7 @@ def _ribbons(
 
 
 def _hanging(head: Head) -> Locks:
-    """Hang a rough sheet from the sides and the back of the head, open at the face."""
+    """Make a rough sheet of hair that hangs from the sides and the back, open at the face."""
     style, rng, scale = head.style, head.rng, head.anatomy.scale
     # From the left temple over the back to the right one; the face stays open.
     front = np.radians(style.open_deg)
@@ -305,7 +305,7 @@ def _hanging(head: Head) -> Locks:
 
 
 def _stretched(sheet: Array, share: Array) -> Array:
-    """Shorten each column of (rows, columns, 3) to its (columns,) share of the length."""
+    """Resample each column of a sheet (rows, columns, 3) to ``share`` (columns,) of its length."""
     rows = len(sheet)
     at = np.arange(rows)[:, None] * np.minimum(share, 1.0)[None, :]
     low = np.minimum(at.astype(int), rows - 2)[..., None]
@@ -315,7 +315,7 @@ def _stretched(sheet: Array, share: Array) -> Array:
 
 
 def _smoothed(sheet: Array) -> Array:
-    """Smooth (rows, columns, 3) over neighbours; the first row stays."""
+    """Smooth a sheet (rows, columns, 3) over neighbours; its first row stays unchanged."""
     for _ in range(4):
         wide = np.concatenate([sheet[:, :1], sheet, sheet[:, -1:]], axis=1)
         sheet = 0.25 * wide[:, :-2] + 0.5 * sheet + 0.25 * wide[:, 2:]
@@ -325,7 +325,7 @@ def _smoothed(sheet: Array) -> Array:
 
 
 def _tied(head: Head) -> list[Locks]:
-    """Make the bundles of a style from one place of the scalp each."""
+    """Make the tied hair of a style (buns or tails), each bundle at one point of the scalp."""
     anatomy, scale, bundles = head.anatomy, head.anatomy.scale, []
     for place in _TIES.get(head.style.extra, ()):
         tie = anatomy.eye + np.array(place) * scale
@@ -340,7 +340,7 @@ def _tied(head: Head) -> list[Locks]:
 
 
 def _bun(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Wind 26 locks around a ball."""
+    """Return centre lines (10, 26, 3) and widths (26,) mm of locks wound around a ball."""
     radius = rng.uniform(24, 34) * scale
     axis = _units(rng.normal(0, 1, (26, 3)) + 2.0 * out)
     first = _units(np.cross(axis, rng.normal(0, 1, (26, 3))))
@@ -353,7 +353,7 @@ def _bun(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tupl
 
 
 def _tail(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Hang 34 locks from a tie, in an arc away from the head."""
+    """Return centre lines (12, 34, 3) and widths (34,) mm of locks that hang from a tie."""
     length = rng.uniform(150, 290) * scale * rng.uniform(0.7, 1.0, 34)
     share = np.linspace(0, 1, 12)[:, None, None]
     spread = rng.normal(0, 1, (1, 34, 3)) * np.array([11.0, 4.0, 9.0]) * scale

@@ -1,4 +1,4 @@
-"""Random fields in space: relief of hair and cloth, and patterns, evaluated once per subject."""
+"""Random fields in space for the relief of hair and cloth and for patterns of garments."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LOGISTIC, _SOFT_MEAN = 0.22, 1.02
 
 
 def smooth_noise(points: Array, seed: int) -> NDArray[np.float32]:
-    """Return (N,) float32 noise in [-1, 1] at (N, 3) points, with about one bump per unit length.
+    """Return noise (N,) float32 in [-1, 1] at points (N, 3), with about one bump per unit length.
 
     Values at the whole numbers are random, quintic interpolation makes it smooth between them. A
     pure function of its arguments.
@@ -65,7 +65,7 @@ def _mixed(bits: NDArray[np.uint32]) -> NDArray[np.float32]:
 
 
 def openings(points: Array, seed: int) -> NDArray[np.float32]:
-    """Return (N,) float32 from 0 on, exponentially distributed with mean 1: how far light gets.
+    """Return light depths (N,) float32 >= 0 between fibres, exponentially distributed with mean 1.
 
     Light that falls between fibres is lost at a constant rate (Beer and Lambert), so that the
     depths at which it returns are distributed so. Noise is nearly logistic; the soft plus of a
@@ -76,12 +76,12 @@ def openings(points: Array, seed: int) -> NDArray[np.float32]:
 
 
 def ridges(points: Array, seed: int) -> NDArray[np.float32]:
-    """Return (N,) float32 in [-1, 1]: sharp crests where noise crosses zero, as between locks."""
+    """Return heights (N,) float32 in [-1, 1] with sharp crests, as between locks of hair."""
     return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
 
 
 def pattern_factors(pattern: Pattern, points: Array, seed: int) -> Array:
-    """Return (N,) factors of the reflectivity of cloth at (N, 3) mm, about 1 in the mean.
+    """Return reflectivity factors (N,) of cloth at points (N, 3) mm, with mean about 1.
 
     Args:
         pattern: kind of the cloth.
@@ -109,5 +109,5 @@ def pattern_factors(pattern: Pattern, points: Array, seed: int) -> Array:
 
 
 def _waves(place: Array) -> Array:
-    """Return stripes with soft edges, -1 to 1, one pair per unit."""
+    """Return a stripe pattern in [-1, 1] with soft edges and a period of one unit."""
     return np.asarray(np.clip(2.5 * np.sin(2 * np.pi * place), -1, 1))

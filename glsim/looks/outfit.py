@@ -1,4 +1,4 @@
-"""Draw what a subject wears, from the settings and the subject's seed."""
+"""Draw the outfit of a subject from the settings and the subject's seed."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ LENS_ALBEDO: Final = {"dark": (0.015, 0.05), "glint": (0.9, 1.0)}
 
 @dataclass(frozen=True)
 class Outfit:
-    """What a subject wears; None or 0 for nothing.
+    """All choices of a subject's appearance; None or 0 for parts that are not worn.
 
     Args:
         garments, cloth_albedos: an upper garment, a lower one and shoes.
@@ -157,26 +157,26 @@ def draw_outfit(
 
 
 def _person(notes: Mapping[str, object]) -> tuple[float, bool | None]:
-    """Return age in years, 35 if unknown, and whether it is a woman, None if unknown."""
+    """Return the age in years (35 if unknown) and whether it is a woman (None if unknown)."""
     age, woman = notes.get("age_years"), notes.get("woman")
     years = float(age) if isinstance(age, int | float) else 35.0
     return years, woman if isinstance(woman, bool) else None
 
 
 def _colour_weights(age: float) -> list[float]:
-    """Weights of HAIR_COLOURS: grey is rare below 35 years and frequent beyond 60; chosen."""
+    """Return the weights of HAIR_COLOURS at an age; grey becomes frequent beyond 60 years."""
     grey = float(np.interp(age, (25, 35, 60, 75), (0.02, 0.5, 5.0, 30.0)))
     return [w * (grey if name == "grey" else 1.0) for name, w, _ in HAIR_COLOURS]
 
 
 def _shares(choices: Sequence[HairStyle | Garment], woman: bool | None) -> list[float]:
-    """Weights of styles; of people of unknown sex the mean of women and men."""
+    """Return the weights of styles by sex; an unknown sex gets the mean of both weights."""
     share = 0.5 if woman is None else float(woman)
     return [share * s.women + (1 - share) * s.men for s in choices]
 
 
 def _hair_weights(age: float, woman: bool | None) -> list[float]:
-    """Weights of STYLES."""
+    """Return the weights of STYLES by age and sex."""
     old = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0)))
     can_be_bald = old * (0.1 if woman else 1.0)
     pairs = zip(STYLES, _shares(STYLES, woman), strict=True)
@@ -189,12 +189,12 @@ def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
 
 
 def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) -> _Choice:
-    """Choose from pairs of a choice and its share."""
+    """Draw a choice from (choice, weight) pairs."""
     return table[_choose([share for _, share in table], rng)][0]
 
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
-    """Return a subject's own version of a style: volume, length, and the side of the parting."""
+    """Return a random variant of a hair style: volume, lengths, relief and side of the parting."""
     volume, length = rng.uniform(0.8, 1.25), rng.uniform(0.8, 1.2)
     return replace(
         style,

@@ -1,4 +1,4 @@
-"""Grids over skin: triangles of a source, divided where they are large, and cut along lines."""
+"""Grids over the skin: triangles of a source, subdivided where large, and cut along lines."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from glsim.looks.anatomy import Array, Mask
 
 
 class Anchors(NamedTuple):
-    """Points on a mesh: corners (N, 3) vertex indices and their weights (N, 3) float32."""
+    """Points on a mesh as barycentric coordinates: vertices (N, 3) and weights (N, 3) float32."""
 
     corners: NDArray[np.int64]
     weights: NDArray[np.float32]
 
     def place(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return where the points lie on another mesh of the same source: (N, 3) float32."""
+        """Return the positions (N, 3) float32 of the points on another mesh of the source, mm."""
         weights, corners = self.weights, self.corners
         points = weights[:, :1] * vertices_mm[corners[:, 0]]
         points += weights[:, 1:2] * vertices_mm[corners[:, 1]]
@@ -26,12 +26,12 @@ class Anchors(NamedTuple):
         return points
 
     def taken(self, chosen: NDArray[np.int64]) -> Anchors:
-        """Return the anchors of some points."""
+        """Return the anchors of the chosen points."""
         return Anchors(self.corners[chosen], self.weights[chosen])
 
 
 class Blend(NamedTuple):
-    """Points between two points of a grid.
+    """Points on the edges of a grid, each between two grid points.
 
     Args:
         first, second: (M,) indices.
@@ -43,13 +43,13 @@ class Blend(NamedTuple):
     share: Array
 
     def of(self, values: Array) -> Array:
-        """Return (M, ...) interpolated values of the (N, ...) values of the grid."""
+        """Interpolate grid values (N, ...) at the points: (M, ...)."""
         share = self.share.reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - share) * values[self.first] + share * values[self.second])
 
 
 class SkinGrid(NamedTuple):
-    """A part of a source's triangles, divided where they are large.
+    """A subdivided part of a source's triangles.
 
     Args:
         base: (B,) vertices of the source that are used.
@@ -64,7 +64,7 @@ class SkinGrid(NamedTuple):
     faces: NDArray[np.int64]
 
     def taken(self, keep: Mask) -> tuple[SkinGrid, NDArray[np.int64]]:
-        """Return the grid of the faces (F,) that are kept, and the points that it has left."""
+        """Return the grid of the kept faces, and the indices of its points in this grid."""
         used, inverse = np.unique(self.faces[keep], return_inverse=True)
         corners = self.anchors.corners[used]
         near = np.zeros(len(self.base), bool)
@@ -77,7 +77,7 @@ class SkinGrid(NamedTuple):
         return SkinGrid(self.base[base], number[touched], anchors, inverse.reshape(-1, 3)), used
 
     def clipped(self, inside: Array) -> tuple[SkinGrid, Blend]:
-        """Cut the grid along the line where a value crosses zero.
+        """Cut the grid along the zero line of a value.
 
         Args:
             inside: (N,) of the points; what is above 0 stays.
@@ -111,7 +111,7 @@ class SkinGrid(NamedTuple):
 
 
 def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: float) -> SkinGrid:
-    """Return the grid of the chosen triangles, whose edges are halved while they are too long.
+    """Make a grid of the chosen triangles; edges longer than ``edge_mm`` are split in halves.
 
     Args:
         faces: (T, 3) of the source.
@@ -143,7 +143,7 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
 
 
 def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Divide (F, 3) triangles at (F, 3) points on their sides 0-1, 1-2 and 2-0, -1 for none."""
+    """Split triangles (F, 3) at points (F, 3) on their sides 0-1, 1-2 and 2-0; -1 for none."""
     count = (middle >= 0).sum(axis=1)
     # One divided side comes first, one undivided side too; the order round the triangle stays.
     first = np.where(count == 1, (middle >= 0).argmax(axis=1), (middle < 0).argmax(axis=1))
@@ -162,7 +162,7 @@ def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.in
 
 
 def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
-    """Return the anchors of points between two points of one triangle of the source."""
+    """Return the anchors of points that lie between two points of the same source triangle."""
     corners = np.concatenate([anchors.corners[blend.first], anchors.corners[blend.second]], axis=1)
     share = blend.share.astype(np.float32)[:, None]
     own, other = anchors.weights[blend.first], anchors.weights[blend.second]
@@ -178,7 +178,7 @@ def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
 
 
 def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (N, 3) unit normals at the points of a grid.
+    """Return the unit normals (N, 3) of the skin at the grid's points.
 
     Args:
         skin_mm: (B, 3) of its base.

@@ -1,4 +1,4 @@
-"""Hair styles as numbers. All are chosen, on portraits; a subject's own values vary around them."""
+"""The table of hair styles as numbers, all chosen from portraits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Comb = Literal["crown", "back", "parting", "curls"]
 
 @dataclass(frozen=True)
 class HairStyle:
-    """One style; lengths in mm on a mean adult head.
+    """A hair style; lengths in mm on a mean adult head.
 
     Args:
         women, men: relative frequencies.

@@ -1,1 +1,1 @@
-"""The scene around a person: what stands behind and beside the face, drawn from the seeds."""
+"""The room around a person, drawn from the seeds: walls, furniture and other people."""

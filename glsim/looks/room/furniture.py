@@ -1,4 +1,4 @@
-"""Furniture from the table furniture.toml, and curtains and coats, which have folds.
+"""Make furniture from the table furniture.toml, and curtains and coats with folds.
 
 A thing stands on y = 0 at the origin and faces +z; sizes, materials and what lies on it are drawn.
 """
@@ -44,7 +44,7 @@ _EARTH_MM = 245.0
 
 @lru_cache(maxsize=1)
 def catalogue() -> Mapping[str, Any]:
-    """Return the table: "things" by name, shares of things in "rooms", "albedos" of materials."""
+    """Read furniture.toml: "things" by name, their shares in "rooms", and material "albedos"."""
     return tomllib.loads(files("glsim.looks.room").joinpath("furniture.toml").read_text("utf-8"))
 
 
@@ -54,7 +54,7 @@ def draw_albedo(rng: Rng, material: str) -> float:
 
 
 def choose(rng: Rng, shares: Mapping[str, float]) -> str:
-    """Choose a name by its share."""
+    """Draw a name with a probability in proportion to its share."""
     weights = np.array(list(shares.values()))
     return list(shares)[int(rng.choice(len(weights), p=weights / weights.sum()))]
 
@@ -62,7 +62,7 @@ def choose(rng: Rng, shares: Mapping[str, float]) -> str:
 def make_thing(
     rng: Rng, name: str, clutter: float = 0.6, fit_mm: Sequence[float | None] = ()
 ) -> list[Shape]:
-    """Make a thing of the table.
+    """Make the shapes of a piece of furniture from the table.
 
     Args:
         rng: draws its size, its materials and what lies on it.
@@ -84,7 +84,7 @@ def make_thing(
 def _parts(
     rng: Rng, name: str, scale: Points, clutter: float, albedos: dict[str, float]
 ) -> list[Shape]:
-    """Make the parts of a thing.
+    """Make the shapes of all parts of a piece of furniture.
 
     Args:
         scale: (3,) of its sizes.
@@ -128,7 +128,7 @@ def _parts(
 
 @lru_cache(maxsize=256)
 def _solid(name: str, number: int) -> Shape:
-    """Build a part without random dimensions, mirrored and repeated, before scaling."""
+    """Make a part whose dimensions are fixed, mirrored and repeated but not yet scaled."""
     part = catalogue()["things"][name]["parts"][number]
     if "box" in part:
         shape = box(
@@ -153,7 +153,7 @@ def _solid(name: str, number: int) -> Shape:
 
 
 def _small_things(rng: Rng, count: int, width_mm: float, depth_mm: float) -> list[Shape]:
-    """Place small things on a board without touching each other; what finds no place is left."""
+    """Place small objects on a board without overlap; objects that do not fit are left out."""
     small = {n: t["small"] for n, t in catalogue()["things"].items() if "small" in t}
     taken: list[tuple[Points, Points]] = []
     shapes: list[Shape] = []
@@ -170,7 +170,7 @@ def _small_things(rng: Rng, count: int, width_mm: float, depth_mm: float) -> lis
 
 
 def _books(rng: Rng, width: float, height: float, depth: float) -> list[Shape]:
-    """Fill a board of a shelf with runs of books, their backs uneven by 15 to 60 mm, and gaps."""
+    """Fill a shelf board with runs of books and gaps; the spines are 15 to 60 mm inside."""
     shapes = []
     x, right = -width / 2 + 4, width / 2 - 4
     while x < right - 60:
@@ -188,7 +188,7 @@ def _books(rng: Rng, width: float, height: float, depth: float) -> list[Shape]:
 
 
 def _cable(rng: Rng, start_mm: ArrayLike, end_mm: ArrayLike) -> Shape:
-    """Hang a cable of 4 to 8 mm between two points, 20 to 160 mm below the straight line."""
+    """Make a cable 4 to 8 mm thick between two points, which sags 20 to 160 mm."""
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
     slack, radius = rng.uniform(20, 160), float(rng.uniform(2, 4))
     along = np.linspace(0, 1, _PIECES + 1)[:, None]
@@ -199,7 +199,7 @@ def _cable(rng: Rng, start_mm: ArrayLike, end_mm: ArrayLike) -> Shape:
 
 
 def _leaves(rng: Rng, part: Part) -> Shape:
-    """Grow leaves of 6 x 3 vertices along stems: they leave upwards and bend down."""
+    """Make leaves of 6 x 3 vertices along the stems of a plant; they rise and then bend down."""
     count, root = int(part["leaves"]), np.array([0.0, _EARTH_MM, 0.0])
     least, most = part["rise"]
     turn, rise = rng.uniform(0, 2 * np.pi, count), rng.uniform(least, most, count)
@@ -222,7 +222,7 @@ def _leaves(rng: Rng, part: Part) -> Shape:
 
 
 def curtain(rng: Rng, width_mm: float, top_mm: float, bottom_mm: float) -> list[Shape]:
-    """Hang a curtain with folds in front of a wall at z = 0, from -width / 2 to width / 2."""
+    """Make a folded curtain in front of a wall at z = 0, from x = -width / 2 to width / 2."""
     folds = width_mm / rng.uniform(90, 150)  # chosen: a fold each 90 to 150 mm
     x, drop = np.linspace(-0.5, 0.5, int(folds * 10) + 2)[None], np.linspace(0, 1, 6)[:, None]
     phase, second = rng.uniform(0, 2 * np.pi, 2)
@@ -236,7 +236,7 @@ def curtain(rng: Rng, width_mm: float, top_mm: float, bottom_mm: float) -> list[
 
 
 def coat(rng: Rng) -> list[Shape]:
-    """Hang a coat on a hook at a wall, z = 0; it hangs down from the origin."""
+    """Make a coat that hangs from a hook at the origin, on a wall at z = 0."""
     length, half = rng.uniform(650, 1000), rng.uniform(150, 210)
     v, u = np.linspace(0, 1, 12)[:, None], np.linspace(-1, 1, 28)[None]
     phase, ends = rng.uniform(0, 2 * np.pi), np.sqrt(np.clip(1 - u**2, 0, 1))
@@ -249,7 +249,7 @@ def coat(rng: Rng) -> list[Shape]:
 
 
 def make_seat(rng: Rng, kind: str, seat: Sequence[float]) -> list[Shape]:
-    """Make the chair of a person who sits in a kind of room.
+    """Make a chair for a sitting person, of a type that suits the kind of room.
 
     Args:
         seat: height of the seat above the floor, and z of its back, mm.

@@ -1,4 +1,4 @@
-"""Build the walls of a room, and place its furniture: along them, on them, and free-standing.
+"""Build the walls of a room, and place furniture along the walls, on the walls and in the middle.
 
 Nothing is placed on the way from the camera to the person, so that nothing stands in front of the
 face. Room axes: millimetres, origin on the floor below the face, +y up; the back wall is at -z.
@@ -45,7 +45,7 @@ class Opening(NamedTuple):
 
 
 class Wall(NamedTuple):
-    """A wall as a plane z = 0 from x = 0 to ``length`` that faces +z, and its place in the room.
+    """A wall in its own axes (plane z = 0, x from 0 to ``length``, facing +z), placed in a room.
 
     Args:
         start: (x, z) of its left end in the room, mm.
@@ -60,14 +60,14 @@ class Wall(NamedTuple):
     openings: Sequence[Opening] = ()
 
     def placed(self, shapes: Sequence[Shape]) -> list[Shape]:
-        """Move shapes from the wall's axes to the room's."""
+        """Move shapes from the wall's axes to the room's axes."""
         return moved(shapes, self.start[0], 0.0, self.start[1], turn_deg=self.turn_deg)
 
 
 def draw_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
-    """Draw doors and windows that fit into a wall without touching each other.
+    """Draw doors and windows that fit into a wall without overlap.
 
     Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
     """
@@ -90,7 +90,7 @@ def draw_openings(
 
 
 def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]:
-    """Return the shapes of a wall in the room's axes, with its doors, windows and skirting."""
+    """Make the shapes of a wall with its doors, windows and skirting, in room axes."""
     shapes: list[Shape] = []
     columns = sorted({0.0, wall.length, *(x for o in wall.openings for x in (o.left, o.right))})
     rows = sorted({0.0, height, *(y for o in wall.openings for y in (o.low, o.high))})
@@ -118,7 +118,7 @@ def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]
 
 @dataclass
 class FloorPlan:
-    """The floor of a room: its extent and what is taken.
+    """The floor of a room: its extent and its occupied areas.
 
     Args:
         extent: (left, back, right, front), mm.
@@ -131,7 +131,7 @@ class FloorPlan:
     areas: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     def take(self, shapes: Sequence[Shape], gap_mm: float = 20.0) -> bool:
-        """Take the area of some shapes in room axes; False if it is not free."""
+        """Reserve the floor area of some shapes in room axes; return False if it is occupied."""
         low, high = bounds_mm(shapes)
         a = low[0] - gap_mm, low[2] - gap_mm, high[0] + gap_mm, high[2] + gap_mm
         left, back, right, front = self.extent
@@ -148,7 +148,7 @@ class FloorPlan:
         return True
 
     def take_disc(self, x: float, z: float, radius: float) -> bool:
-        """Take a disc; False if it is not free."""
+        """Reserve a disc of the floor, mm; return False if it is occupied."""
         left, back, right, front = self.extent
         if not (left + radius < x < right - radius and back + radius < z < front - radius):
             return False
@@ -159,7 +159,7 @@ class FloorPlan:
 
 
 def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Return what stands along a wall and hangs on it, in room axes."""
+    """Make the furniture along a wall and the objects on it, in room axes."""
     shapes: list[Shape] = []
     spans: list[Span] = []
     x, choices = rng.uniform(20, 500), catalogue()["rooms"][kind]["wall"]
@@ -194,7 +194,7 @@ def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: floa
 
 
 def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
-    """Whether a thing from ``left`` to ``right`` stands before a door or hides a window."""
+    """Return whether an object from ``left`` to ``right`` blocks a door or hides a window."""
     margin = 120 if opening.kind == "door" else 20
     apart = right < opening.left - margin or left > opening.right + margin
     return not apart and (opening.kind == "door" or top > opening.low + 150)
@@ -203,7 +203,7 @@ def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
 def _at_window(
     rng: Rng, wall: Wall, window: Opening, plan: FloorPlan, spans: Sequence[Span]
 ) -> list[Shape]:
-    """A radiator below a window where nothing stands, and curtains beside it."""
+    """Make a radiator below a window, if that place is free, and curtains beside the window."""
     shapes: list[Shape] = []
     middle, width = (window.left + window.right) / 2, window.right - window.left
     clear = all(right < window.left - 150 or left > window.right + 150 for left, right, _ in spans)
@@ -223,7 +223,7 @@ def _at_window(
 
 
 def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> list[Shape]:
-    """Pictures and coats where the wall is free."""
+    """Make pictures and coats on the free parts of a wall."""
     shapes: list[Shape] = []
     taken = [(o.left - 90, o.right + 90) for o in wall.openings]
     for _ in range(round(rng.uniform(0.5, 1.5) * clutter * wall.length / 1400)):
@@ -244,7 +244,7 @@ def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> lis
 
 
 def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Return what stands in the room away from its walls, in room axes."""
+    """Make the furniture that stands away from the walls, in room axes."""
     shapes: list[Shape] = []
     left, back, right, front = plan.extent
     choices = catalogue()["rooms"][kind]["free"]

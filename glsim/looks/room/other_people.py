@@ -1,4 +1,4 @@
-"""Other people in a room: bodies of the same source whose subjects are not in the data set."""
+"""Other people in a room: bodies from the frame's source whose subjects are not in the data set."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _KEPT = 24
 
 
 class OtherPeople:
-    """Loads the people who stand behind, and places them."""
+    """Loads the bodies of background people and places them in rooms."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class OtherPeople:
         dressers: Sequence[Dresser],
         rig: SensorRig,
     ) -> None:
-        """dressers: one per source."""
+        """Store the settings, the sources with one dresser each, and the sensor's rig."""
         self._settings, self._sources, self._rig = settings, sources, rig
         self._dressers = dressers
         self._most = round(settings.scene.people.bounds()[1])
@@ -47,7 +47,7 @@ class OtherPeople:
         self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
     def load(self, source: int, seeds: DrawKeys) -> None:
-        """Load the people of a frame's room; called where the source may be used.
+        """Load the background people of a frame's room; call it only where the source may be used.
 
         Args:
             source: position of the frame's source in the settings.
@@ -60,7 +60,7 @@ class OtherPeople:
                 self._faces[source, number] = self._standing(source, number)
 
     def props(self, source: int, seeds: DrawKeys, scenery: Scenery) -> list[Prop]:
-        """Return the people on the places of a scenery, the same arrays in every frame of it."""
+        """Return the meshes of people at a scenery's places, the same arrays in each frame."""
         found: list[Prop] = []
         numbers = self._numbers(seeds, len(scenery.places))
         for number, place in zip(numbers, scenery.places, strict=True):
@@ -74,13 +74,13 @@ class OtherPeople:
         return found
 
     def _numbers(self, seeds: DrawKeys, count: int) -> list[int]:
-        """Numbers of the strangers in a room, all different."""
+        """Draw ``count`` different numbers of background people for a room."""
         rng = pcg_rng("other people", getattr(seeds, self._settings.scene.per))
         order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
         return order
 
     def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
-        """Draw a standing person; return it and the height (y, mm) of the floor.
+        """Load a standing person; return the dressed face and the floor's height (y, mm).
 
         None if the source has heads alone.
         """
@@ -103,7 +103,7 @@ class OtherPeople:
         return None
 
     def _place(self, source: int, number: int, place: NDArray[np.float32]) -> list[Prop]:
-        """Return what is in view of a person on one of the places."""
+        """Return the visible meshes of a background person at a place."""
         face, floor_mm = self._faces.get((source, number)) or (None, 0.0)
         if face is None:
             return []

@@ -1,4 +1,4 @@
-"""Build a room around a person: shell, furniture, places for other people."""
+"""Build a room around a person: walls, floor, ceiling, furniture, and places for other people."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WALL_GAP_MM = 120.0
 
 @dataclass(frozen=True)
 class RoomNumbers:
-    """All numbers that determine a room. Room axes: mm, origin on the floor below the face.
+    """All numbers that determine a room, in room axes: mm, origin on the floor below the face.
 
     Args:
         behind_mm: from the face to the back wall.
@@ -58,7 +58,7 @@ class RoomNumbers:
 
 
 def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, float]]]:
-    """Build a room: its shapes, and (x, z, turn) of further people, mm and degrees.
+    """Build a room: return its shapes, and (x, z, turn) of background people in mm and degrees.
 
     A pure function of its numbers. Axes: mm, origin on the floor below the face, +z towards the
     camera, not turned.
@@ -98,7 +98,7 @@ def _rng(numbers: RoomNumbers, *words: str) -> Rng:
 
 
 def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
-    """Discs, in the turned room, from the camera to behind the person's farthest place."""
+    """Return the free discs (x, z, radius) mm between camera and person, in the turned room."""
     left, right, back = n.reach_mm
     camera = np.array([n.camera_mm[0], 0.0, n.camera_mm[1]])
     person = np.array([(left + right) / 2, 0.0, -back])
@@ -129,7 +129,7 @@ def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float)
 
 
 def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]:
-    """Places of other people, not turned: 1 to 3 m behind and beside, inside the room."""
+    """Draw places (x, z, turn) of other people, 1 to 3 m from the person and inside the room."""
     rng, found = _rng(n, "people"), []
     for _ in range(n.people):
         for _ in range(30):

@@ -1,4 +1,4 @@
-"""Build the scenery of one frame from the settings [scene]: nothing, a wall, or a room.
+"""Build the scenery of a frame from the settings [scene]: nothing, a plain wall, or a room.
 
 A room is drawn once per subject (or sequence, or frame: ``scene.per``), cut to what the camera
 sees, and kept: its arrays are the same objects in every frame, so the GPU gets them once.
@@ -61,7 +61,7 @@ class Prop(NamedTuple):
 
 
 class Scenery(NamedTuple):
-    """The scenery of one frame.
+    """All meshes around the person of a frame, with the camera's tilt.
 
     Args:
         drawn: "scene.name" -> number, for the manifest.
@@ -77,7 +77,7 @@ class Scenery(NamedTuple):
 
 
 class Body(NamedTuple):
-    """The place of a whole person in a room; canonical mm.
+    """The floor and the seat of a whole person, canonical mm.
 
     Args:
         floor_mm: y of the floor.
@@ -89,7 +89,7 @@ class Body(NamedTuple):
 
 
 def body_of(face: Face) -> Body | None:
-    """Return the floor and the seat below a face, or None for a head without a body.
+    """Return the floor and the seat of a face with a body, or None for a head without a body.
 
     ``Face.notes`` may hold "floor_mm" and "sitting"; otherwise the lowest vertex stands on the
     floor.
@@ -104,7 +104,7 @@ def body_of(face: Face) -> Body | None:
 
 
 def _seat(face: Face, floor_mm: float) -> tuple[float, float] | None:
-    """The underside of the hips and the back of the trunk; shares of the height are chosen."""
+    """Return the hips' height and the back's z of a sitting body, mm; None if not found."""
     x, y, z = face.mesh.vertices_mm.T
     height = (y - floor_mm) / -floor_mm
     trunk = (np.abs(x) < 110) & (height > 0.55) & (height < 0.85)
@@ -122,7 +122,7 @@ def _rounded(place_mm: float) -> float:
 
 
 def scene_regions(settings: SceneSettings) -> tuple[str, ...]:
-    """Names of the regions that the scenery may have."""
+    """Return the region names that the scenery may have."""
     if settings.room != "none":
         return ROOM_REGIONS
     return () if settings.wall_mm is None else ("wall",)
@@ -154,7 +154,7 @@ def build_scenery(
 
 
 def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.float32]) -> None:
-    """Raise MeshError if the plain wall does not lie behind all of the face.
+    """Raise MeshError unless the plain wall lies behind the whole face.
 
     Args:
         meshes, view: the face and what it wears, and their (4, 4) matrix, canonical mm to camera m.
@@ -179,7 +179,7 @@ def _room_scenery(
     rig: SensorRig,
     body: Body | None,
 ) -> Scenery:
-    """Draw the numbers of a room and place the camera in it; the room itself is kept."""
+    """Draw the numbers of a room, and return its visible part from the camera's place in it."""
     key = getattr(seeds, settings.per)
     keys = DrawKeys(key, key, key)
 
@@ -235,7 +235,7 @@ def _visible_room(
     rig: SensorRig,
     albedo: float,
 ) -> tuple[tuple[Prop, ...], tuple[NDArray[np.float32], ...]]:
-    """Build a room, cut to the view; one prop for each region that is in view."""
+    """Build a room and cut it to the camera's view; return its meshes and people's places."""
     room, people = build_room(numbers)
     view = room_view(np.asarray(camera_mm), tilt_deg)
     regions: dict[str, list[Shape]] = {}

@@ -1,4 +1,4 @@
-"""Shapes that rooms are made of: boxes with rounded edges, turned bodies, rods, sheets, plates.
+"""Shapes of furniture and walls: rounded boxes, bodies of revolution, rods, sheets and plates.
 
 Axes as in the canonical face frame: millimetres, +x to the right in the image, +y up, +z towards
 the camera. All triangles are counter-clockwise seen from outside.
@@ -22,7 +22,7 @@ Triangles = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A mesh of one albedo and one region.
+    """A mesh with one albedo and one region.
 
     Args:
         vertices_mm: (V, 3) float64.
@@ -39,11 +39,11 @@ class Shape:
     def moved(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
     ) -> Shape:
-        """Return the shape turned about the vertical axis (+z towards +x), then moved, mm."""
+        """Return the shape rotated about the vertical axis (+z towards +x), then shifted, mm."""
         return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
 
     def leaned(self, degrees: float) -> Shape:
-        """Return the shape rotated about the x axis: its top goes back, towards -z."""
+        """Return the shape rotated about the x axis, so that its top leans back towards -z."""
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         x, y, z = self.vertices_mm.T
         return replace(self, vertices_mm=np.stack([x, c * y + s * z, c * z - s * y], axis=1))
@@ -60,7 +60,7 @@ def turned(points_mm: Points, degrees: float) -> Points:
 def moved(
     shapes: Iterable[Shape], x: float = 0.0, y: float = 0.0, z: float = 0.0, turn_deg: float = 0.0
 ) -> list[Shape]:
-    """Turn and move several shapes as one."""
+    """Rotate and shift several shapes together."""
     return [shape.moved(x, y, z, turn_deg=turn_deg) for shape in shapes]
 
 
@@ -71,7 +71,7 @@ def bounds_mm(shapes: Iterable[Shape]) -> tuple[Points, Points]:
 
 
 def joined(shapes: Sequence[Shape]) -> Shape:
-    """Join shapes into one, with albedo and region of the first."""
+    """Join shapes into one shape with the albedo and region of the first."""
     starts = np.cumsum([0, *(len(s.vertices_mm) for s in shapes)])
     faces = [shape.faces + start for shape, start in zip(shapes, starts, strict=False)]
     vertices = np.concatenate([shape.vertices_mm for shape in shapes])
@@ -95,7 +95,7 @@ def box(
     plump_mm: float = 0.0,
     region: str = "furniture",
 ) -> Shape:
-    """A box that stands on ``at_mm``, the centre of its lower side.
+    """Make a box that stands on ``at_mm``, the centre of its lower side.
 
     Args:
         edge_mm: radius of its edges.
@@ -120,7 +120,7 @@ def box(
 
 @lru_cache(maxsize=8)
 def _cube(cells: int) -> tuple[Points, Triangles]:
-    """Vertices on the surface of the cube [-1, 1]^3 with ``cells`` x ``cells`` quads per side."""
+    """Return vertices and faces of the cube [-1, 1]^3 with ``cells`` x ``cells`` quads per side."""
     steps = np.linspace(-1, 1, cells + 1)
     u, v = (a.ravel() for a in np.meshgrid(steps, steps, indexing="ij"))
     sides = [
@@ -134,14 +134,14 @@ def _cube(cells: int) -> tuple[Points, Triangles]:
 
 
 def _grid(rows: int, columns: int) -> Triangles:
-    """Triangles of a grid of vertices; its normal is (row direction) x (column direction)."""
+    """Return the triangles of a vertex grid; normals point along (row axis) x (column axis)."""
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
 
 
 def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 12) -> Shape:
-    """A body of revolution about the y axis.
+    """Make a body of revolution about the y axis.
 
     Args:
         profile_mm: (radius, height) from the bottom to the top; the radius is 0 where it is closed.
@@ -155,7 +155,7 @@ def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 1
 
 @lru_cache(maxsize=64)
 def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
-    """Triangles of a body of revolution; a row of radius 0 is one point."""
+    """Return the triangles of a body of revolution; a row of radius 0 is a single point."""
     index = np.arange(len(radius) * segments, dtype=np.int32).reshape(len(radius), segments)
     index[np.array(radius) == 0] = index[np.array(radius) == 0, :1]
     ring = np.concatenate([index, index[:, :1]], axis=1).ravel()
@@ -163,7 +163,7 @@ def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
 
 
 def without_slivers(faces: Triangles) -> Triangles:
-    """Return the triangles that have three different corners."""
+    """Return the triangles that have three different vertex indices."""
     a, b, c = faces.T
     return np.ascontiguousarray(faces[(a != b) & (b != c) & (c != a)], np.int32)
 
@@ -177,7 +177,7 @@ def rod(
     end_radius_mm: float | None = None,
     sides: int = 8,
 ) -> Shape:
-    """A round rod between two points, closed at both ends; four ``sides`` make a square one."""
+    """Make a closed rod between two points, round by default and square with 4 ``sides``."""
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
     length = norm(end - start)
     last = radius_mm if end_radius_mm is None else end_radius_mm
@@ -192,13 +192,13 @@ def rod(
 
 
 def sheet(points_mm: Points, albedo: float = 0.8) -> Shape:
-    """A sheet through a grid of points, (rows, columns, 3); seen from both sides."""
+    """Make a two-sided sheet through a grid of points (rows, columns, 3), mm."""
     front = _grid(*points_mm.shape[:2])
     return Shape(points_mm.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]), albedo)
 
 
 def plate(corners_mm: ArrayLike, albedo: float = 0.8, *, region: str = "furniture") -> Shape:
-    """A flat piece with (N, 3) convex corners, counter-clockwise seen from its front."""
+    """Make a flat convex polygon from corners (N, 3) mm, counter-clockwise seen from its front."""
     points = np.asarray(corners_mm, np.float64)
     fan = np.array([[0, n, n + 1] for n in range(1, len(points) - 1)], np.int32)
     return Shape(points, fan, albedo, region)

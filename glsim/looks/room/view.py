@@ -1,4 +1,4 @@
-"""What a camera can see of a room: cut to its view, without the triangles that face away."""
+"""The visible part of a room: cut to the camera's view, without triangles that face away."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NEAREST_M = 0.3
 
 
 def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
-    """Turn a thing's (4, 4) matrix, mm to camera m, for a camera that looks up by ``tilt_deg``.
+    """Rotate an object's view matrix (4, 4), mm to camera m, for a camera tilted up.
 
     The thing keeps its place in the image; its upright axis turns.
     """
@@ -38,7 +38,7 @@ def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
 
 
 def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float) -> Points:
-    """Return the camera's place (3,) in room axes: mm, origin on the floor below the face.
+    """Return the camera's position (3,) mm in room axes, origin on the floor below the face.
 
     Args:
         face_camera_mm: the face in camera axes (x right, y down, z forward), eye_mm above the
@@ -53,7 +53,7 @@ _MAX_TILT_DEG = 40.0
 
 
 def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
-    """Return the tilt that lifts a face to ``above_mm`` above the camera, within +-40 degrees.
+    """Return the upward tilt that puts a face ``above_mm`` above the camera, at most +-40 deg.
 
     Args:
         face_camera_mm: its place in camera axes (x right, y down, z forward).
@@ -65,7 +65,7 @@ def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
 
 
 def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
-    """(4, 4) matrix, room mm to camera m."""
+    """Return the matrix (4, 4) from room mm to camera m."""
     matrix = np.eye(4)
     matrix[:3, :3] = _rotation(tilt_deg) / 1000.0
     matrix[:3, 3] = -product(matrix[:3, :3], camera_mm)
@@ -73,7 +73,7 @@ def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
 
 
 def _rotation(tilt_deg: float) -> Points:
-    """Room axes (y up, z towards the camera) to camera axes (y down, z forward)."""
+    """Return the rotation (3, 3) from room axes (y up) to camera axes (y down, z forward)."""
     facing = tilted(pose_matrix({}) * np.float32(1000.0), tilt_deg)
     return np.asarray(np.round(facing[:3, :3].astype(np.float64), 7))
 
@@ -81,7 +81,7 @@ def _rotation(tilt_deg: float) -> Points:
 def visible_mesh(
     shapes: Sequence[Shape], view: NDArray[np.float64], rig: SensorRig, factor: float = 1.0
 ) -> Mesh | None:
-    """Return the part of some shapes that a rig can see, or None if there is none.
+    """Return the part of some shapes that a rig can see, or None if nothing is visible.
 
     The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``.
 
@@ -108,7 +108,7 @@ def visible_mesh(
 
 
 def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh | None:
-    """Return a mesh without the triangles that face away or lie out of view; None if none is left.
+    """Return a mesh without triangles that face away or lie out of view; None if it becomes empty.
 
     Triangles at the border stay whole. All arrays are new.
 
@@ -128,7 +128,7 @@ def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh 
 
 
 def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
-    """Mark the (T, 3, 3) triangles, camera m, whose front the camera or an emitter can see."""
+    """Return a mask (T,) of triangles (T, 3, 3) m that face the camera or an emitter."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     towards = np.zeros(len(triangles), bool)
     for eye in ((0.0, 0.0, 0.0), *(e.position_m for e in rig.emitters)):
@@ -138,7 +138,7 @@ def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
 
 
 def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
-    """(normal, offset) of the planes that bound the view; inside is normal . p >= offset."""
+    """Return the planes (normal, offset) that bound the view; inside is normal . p >= offset."""
     left, right = sight.columns.min() - _BESIDE, sight.columns.max() + _BESIDE
     top, bottom = sight.rows.min() - _BESIDE, sight.rows.max() + _BESIDE
     return [
@@ -152,7 +152,7 @@ def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
 
 
 def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tuple[Points, Points]:
-    """Cut (T, 3, 3) triangles at a plane; returns those inside, and (T,) albedos."""
+    """Clip triangles (T, 3, 3) and their albedos (T,) at a plane; return the inner pieces."""
     normal, offset = plane
     side = product(triangles, normal) - offset
     inside = side >= 0
