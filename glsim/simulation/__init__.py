@@ -1,1 +1,1 @@
-"""Simulate frames: plan them, build their scenes, render them and add the sensor's noise."""
+"""Simulation of frames: plan the tasks, build each scene, render it, and add the sensor's noise."""

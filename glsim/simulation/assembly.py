@@ -1,4 +1,4 @@
-"""Assemble the delivered Frame from a chain's layers: crop, mask, reasons, normalisation."""
+"""Assembly of a Frame from the layers of a noise chain: crop, masks, reasons and normalisation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def assemble_frame(
     extra: Sequence[str] = (),
     **identity: Any,
 ) -> Frame:
-    """Cut the crop, reconcile the reasons with the depths, and apply the output settings.
+    """Make a Frame: crop the layers, match reasons to depths, and apply the output settings.
 
     Raises ConfigError if a stage wrote NaN or infinity.
 
@@ -85,7 +85,7 @@ def assemble_frame(
 
 
 def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
-    """Return landmarks at (68, 3) camera-frame metres with their pixels in a frame.
+    """Return the landmarks of a face, given as (68, 3) camera-frame metres, with their pixels.
 
     One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
     surface, which changes by less within a pixel unless it is seen edge on. Chosen.
@@ -101,7 +101,7 @@ def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
 
 
 def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
-    """Cut a layer of ``window``; one of a finer grid on that grid."""
+    """Crop a layer; a layer with finer pixels is cropped to the same part of the image."""
     factor = max(layer.shape[1] // window.width, 1)
     rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
     return layer[rows, columns]
@@ -110,7 +110,7 @@ def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) 
 def reconcile_reasons(
     clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32], reason: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
-    """Return uint8 Reason codes that agree with the depth, also where a stage set no reason.
+    """Return uint8 Reason codes that agree with the depths, even if no stage set a reason.
 
     Args:
         clean_m, noisy_m: metres, 0 = none.

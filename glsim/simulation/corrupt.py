@@ -1,4 +1,4 @@
-"""Add sensor noise to given clean depth maps."""
+"""Simulation of sensor noise on given clean depth maps."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _FLOATS = ("float16", "float32", "float64")
 
 
 class _Graphics:
-    """A GL context with what draws in it; a forked process cannot use its parent's."""
+    """The GL context, renderer, noise chain and readback of one process."""
 
     def __init__(self, corrupter: Corrupter, backend: str | None) -> None:
         self.process = os.getpid()
@@ -85,7 +85,7 @@ class Corrupter:
         self._opened: _Graphics | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the settings alone: the process that gets them makes its own."""
+        """Pickle the constructor's arguments only: the receiving process builds a new Corrupter."""
         return type(self), self._made_of
 
     @classmethod
@@ -157,7 +157,7 @@ class Corrupter:
         return self._corrupt(depth_m, key, DrawKeys(seed, seed, seed))
 
     def __call__(self, depth_m: _Depths, *, frame: int = 0, sequence: str = "") -> _Depths:
-        """Return noisy depth for clean depth: arrays or tensors of float metres, 0 = no return.
+        """Return noisy depth for clean depth in metres, float arrays or tensors, 0 = no return.
 
         depth_m: (H, W), (B, H, W) or more leading axes, float16, float32 or float64, NumPy or
             PyTorch; also with a last axis of length 1. NaN, infinity, 0 and what lies beyond the
@@ -179,7 +179,7 @@ class Corrupter:
     def corrupt_depth(
         self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
     ) -> Frame:
-        """Return the whole Frame (infrared, reasons, drawn parameters) for one (H, W) map, metres.
+        """Return the whole Frame (infrared, reasons, parameters) for one (H, W) map in metres.
 
         Arguments as in ``__call__``, whose noise it has. Raises ConfigError.
         """
@@ -253,7 +253,7 @@ class Corrupter:
         )
 
     def _array_layers(self, depth_m: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
-        """Compute the layers that a chain starts from, without GL."""
+        """Compute the input layers of a noise chain in NumPy, without GL."""
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
         normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
@@ -280,7 +280,7 @@ def noise_name(depth_mm: NDArray[np.float32]) -> str:
 
 
 def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.float32]:
-    """Return depth as float32 metres, 0 for no surface: NaN, values up to 0, and beyond ``far_m``.
+    """Return depth as float32 metres with 0 for NaN, for values up to 0, and beyond ``far_m``.
 
     Simulators use any of these for the empty background. Memory is shared where nothing changes.
     """
@@ -293,7 +293,7 @@ def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.
 def depth_batch(
     depth: Any, shape: tuple[int, int]
 ) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], Callable[[], Any]]:
-    """View an array or tensor of floating depth as maps of ``shape`` (height, width).
+    """View an array or tensor of float depth as a batch of maps of ``shape`` (height, width).
 
     PyTorch is not imported: its tensors are known by their type's module.
 

@@ -1,4 +1,4 @@
-"""Load the faces of tasks, varied and dressed, in batches, one batch ahead of the drawing."""
+"""Loading of the faces of tasks: varied, dressed, and one batch ahead of the rendering."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Loaded = list[tuple[Task, Face | BadFace]]
 
 
 class FaceLoader:
-    """Loads faces for one rig, with the people who stand behind them."""
+    """Loads the faces of tasks for one rig, with the people in their backgrounds."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class FaceLoader:
         dressers: Sequence[Dresser] | None = None,
         others: OtherPeople | None = None,
     ) -> None:
-        """Prepare what is worn; ``dressers``, one per source, and ``others`` can be shared."""
+        """Store the sources; ``dressers`` (one per source) and ``others`` can be shared."""
         self.settings, self.sources, self.rig = settings, sources, rig
         self.dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
         self.others = others or OtherPeople(settings, sources, self.dressers, rig)
@@ -46,12 +46,12 @@ class FaceLoader:
         self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, and as changed
 
     def changed_settings(self, settings: Settings) -> set[str]:
-        """Return the names of the tables in which other settings differ."""
+        """Return the names of the settings tables that differ from this loader's."""
         names = type(settings).model_fields
         return {n for n in names if getattr(settings, n) != getattr(self.settings, n)}
 
     def like(self, settings: Settings, rig: SensorRig) -> FaceLoader:
-        """Return a loader of the same sources for other settings, which shares what it can."""
+        """Make a loader for other settings that shares the sources and all unchanged parts."""
         changed = self.changed_settings(settings)
         same_others = rig == self.rig and changed <= {"stage", "pose", "motion"}
         dressers = None if "appearance" in changed else self.dressers
@@ -59,13 +59,13 @@ class FaceLoader:
         return FaceLoader(settings, self.sources, rig, dressers, others)
 
     def held(self, task: Task) -> Task:
-        """Return the task with the seeds of its settings; those of its noise are its own."""
+        """Return a task whose values are drawn once per sequence if ``settings.redraw`` is set."""
         if self.settings.redraw is None:
             return task
         return replace(task, seeds=task.seeds.held_in_sequence())
 
     def load_ahead(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
-        """Yield tasks with their faces, in order.
+        """Yield each task with its face, in order.
 
         A thread loads the next batch while one is drawn, so that drawing does not wait for disks.
         """
@@ -80,7 +80,7 @@ class FaceLoader:
                 yield from ahead.popleft().result()
 
     def load(self, batch: Sequence[Task]) -> Loaded:
-        """Load the faces of one source. A file that its source cannot survive is a bad face."""
+        """Load the faces of tasks of one source; a file that crashes its reader gives a BadFace."""
         source, loaded = self.sources[batch[0].source], Loaded()
         with self._loading:
             for task in batch:
@@ -106,7 +106,7 @@ class FaceLoader:
         return loaded
 
     def load_at(self, task: Task, time_s: float) -> Face:
-        """Load the face of a generated sequence at another time of the frame, seconds."""
+        """Load a generated face ``time_s`` seconds after the frame's own time."""
         key = replace(task.key, time_s=task.key.time_s + time_s)
         with self._loading:
             face = next(iter(self.sources[task.source].load([key])))
@@ -115,12 +115,12 @@ class FaceLoader:
             return self._varied(task, face)
 
     def _varied(self, task: Task, face: Face) -> Face:
-        """Vary a face, then dress it: what is worn follows the varied mesh."""
+        """Vary the mesh of a face, then dress the varied mesh."""
         seeds = self.held(task).seeds
         return self.dressers[task.source].dress(vary(face, self.settings.variation, seeds), seeds)
 
     def _changed(self, task: Task, face: Face, *, keep: bool) -> Face:
-        """Vary and dress a face; of a task that comes alone, and may come again, only once."""
+        """Vary and dress a face; with ``keep``, reuse the result if the same task comes again."""
         if self._loaded is not None and self._loaded[0] == task and alike(self._loaded[1], face):
             return self._loaded[2]
         changed = self._varied(task, face)
@@ -129,7 +129,7 @@ class FaceLoader:
 
 
 def alike(one: object, other: object) -> bool:
-    """Return whether two faces, or two of their parts, hold equal values."""
+    """Return whether two faces, or parts of faces, hold equal values."""
     if one is other:
         return True
     if type(one) is not type(other):
@@ -145,6 +145,6 @@ def alike(one: object, other: object) -> bool:
 
 
 def unusable(task: Task, error: Exception) -> MeshError:
-    """Return the MeshError of a face for which a source or NumPy raised another exception."""
+    """Return a MeshError for a face whose loading raised another exception."""
     what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
     return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")

@@ -1,4 +1,4 @@
-"""A simulated frame, and the encoding of depth as 16-bit integers."""
+"""The simulated frame, and the encoding of depth as 16-bit integers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right")
 def encode_depth(
     depth_m: NDArray[np.floating], unit_mm: float = 1.0, option: str = "--depth-unit-mm"
 ) -> NDArray[np.uint16]:
-    """Round depth in metres to uint16 units; 0 stays 0, and nothing else becomes 0.
+    """Round depth in metres to uint16 units; 0 stays 0, and positive depths become at least 1.
 
     Raises DepthRangeError if a depth exceeds 65535 units; it names ``option``.
     """
@@ -52,12 +52,12 @@ def encode_depth(
 
 
 def decode_depth(units: NDArray[np.uint16], unit_mm: float = 1.0) -> NDArray[np.float32]:
-    """Invert ``encode_depth``: float32 metres, 0 = no return."""
+    """Decode uint16 units to float32 metres, 0 = no return: the inverse of ``encode_depth``."""
     return units.astype(np.float32) * np.float32(unit_mm / 1000.0)
 
 
 def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
-    """Convert a depth file's units to float32 millimetres and add ``offset_mm``; 0 stays 0."""
+    """Convert stored depth units to float32 millimetres plus ``offset_mm``; 0 stays 0."""
     depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
     if offset_mm:
         np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
@@ -65,7 +65,7 @@ def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.f
 
 
 def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: float) -> None:
-    """Raise ConfigError if all surfaces of some maps have a depth that makes sense in millimetres.
+    """Raise ConfigError if depths that should be metres look like millimetres.
 
     In metres they would be beyond the sensor's far plane, and the result empty without a word. A
     background at one distance is none: simulators put their far plane there.
@@ -87,13 +87,13 @@ def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: f
 
 
 def encode_normals(normals: NDArray[np.floating], seen: NDArray[np.bool_]) -> NDArray[np.uint16]:
-    """Return (..., 3) uint16 codes of (..., 3) unit normals; 0, 0, 0 where ``seen`` is False."""
+    """Encode unit normals (..., 3) as uint16; pixels where ``seen`` is False become 0, 0, 0."""
     codes = np.rint(np.clip(normals, -1, 1) * _STEPS) + _ZERO
     return np.where(seen[..., None], codes, 0).astype(np.uint16)
 
 
 def decode_normals(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Invert ``encode_normals``: (..., 3) float32 unit normals, 0 where there is none."""
+    """Decode uint16 codes to float32 unit normals (..., 3), 0 where there is no surface."""
     seen = codes.any(axis=-1, keepdims=True)
     normals = (codes.astype(np.float32) - _ZERO) / _STEPS
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -101,7 +101,7 @@ def decode_normals(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
 
 
 def _encode_counts(counts: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Round infrared counts to uint16."""
+    """Round infrared counts to uint16, clipped at 65535."""
     encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, _UINT16_MAX).astype(np.uint16)
     return encoded
 
@@ -124,7 +124,7 @@ class Landmarks:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A clean and a noisy depth map of one face, and the parameters that made them.
+    """A clean and a noisy depth map of one face, with the parameters of their simulation.
 
     The fields hold the window of the image that is not empty; the properties ``clean``, ``noisy``,
     ``infrared``, ``reason``, ``regions`` and ``expected`` paste it into the frame, (height, width)
@@ -215,7 +215,7 @@ class Frame:
 
     @property
     def reason(self) -> NDArray[np.uint8]:
-        """Why each pixel has or lacks a depth, (H, W) uint8 codes of glsim.core.reason.Reason."""
+        """Reason for each pixel's state, (H, W) uint8 codes of glsim.core.reason.Reason."""
         return self._paste(self.reason_codes, fill=int(Reason.NO_SURFACE))
 
     @property
@@ -234,12 +234,12 @@ class Frame:
 
     @property
     def seen_regions(self) -> dict[str, int]:
-        """Parts of the face that at least one pixel shows, name -> number."""
+        """Face regions that cover at least one pixel, name -> number."""
         seen = np.unique(self.regions)
         return {name: number for name, number in self.region_numbers.items() if number in seen}
 
     def image(self, layer: str) -> NDArray[np.uint16] | NDArray[np.uint8]:
-        """Return an image of WRITABLE by its name. Raises ConfigError for another name."""
+        """Return the image of a layer in WRITABLE. Raises ConfigError for another name."""
         if layer not in WRITABLE:
             raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, WRITABLE)}")
         image: NDArray[np.uint16] | NDArray[np.uint8] = getattr(self, layer)
@@ -262,7 +262,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A frame that could not be made.
+    """A frame that could not be made, with the reason.
 
     Attributes:
         why: the reason, one line.

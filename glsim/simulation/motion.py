@@ -1,4 +1,4 @@
-"""Draw frames of scenes that move while they are exposed.
+"""Drawing of frames whose scene moves during the exposure.
 
 true scene, at the frame's instant ------------------------> clean, normal, region
 scene of each capture --light stages--> light, added up ---> taps of the true scene's chain
@@ -30,7 +30,7 @@ _TRUE_LAYERS = ("clean", "normal", "region")
 
 
 def exposure_parts(rig: SensorRig, chain: ShaderChain, sensor: str) -> tuple[SubExposure, ...]:
-    """Return the parts of a rig's exposure. Raises ConfigError if frames cannot be made of them."""
+    """Return the parts of a rig's exposure. Raises ConfigError if motion cannot be simulated."""
     parts = rig.exposure.parts()
     if not parts:
         raise ConfigError(
@@ -46,7 +46,7 @@ def exposure_parts(rig: SensorRig, chain: ShaderChain, sensor: str) -> tuple[Sub
 
 
 class MovingFrames:
-    """Draws frames from the scenes of the parts of their exposure."""
+    """Draws a frame from several scenes, one for each part of its exposure."""
 
     def __init__(
         self,
@@ -55,13 +55,13 @@ class MovingFrames:
         sub_frames: SubFrames,
         parts: tuple[SubExposure, ...],
     ) -> None:
-        """Take the renderer and the chain of one sensor, and the parts of its exposure."""
+        """Store the renderer and noise chain of a sensor, and the parts of its exposure."""
         self._renderer, self._chain, self._sub_frames = renderer, chain, sub_frames
         self.parts = parts
 
     @property
     def rolls(self) -> bool:
-        """Whether the parts are bands of rows."""
+        """Whether the parts are bands of rows (rolling shutter)."""
         return self.parts[0].rows is not None
 
     def draw(
@@ -73,7 +73,7 @@ class MovingFrames:
         values: StageValues,
         readback: Readback,
     ) -> FrameContext:
-        """Draw a frame, queue its readback, and return what the stages knew of it.
+        """Draw a frame, queue its readback, and return its FrameContext.
 
         Args:
             still: the scene at the frame's instant.
@@ -105,7 +105,7 @@ class MovingFrames:
         readback: Readback,
         held: list[Target],
     ) -> None:
-        """Run the chain on the layers of all bands; deliver the true scene beside the noise."""
+        """Run the noise chain on layers joined from bands of rows; keep the still clean layers."""
         window, render = true.window, self._renderer.render
         layers = self._sub_frames.rows(
             self.parts,
@@ -125,7 +125,7 @@ class MovingFrames:
         values: StageValues,
         held: list[Target],
     ) -> dict[str, Target]:
-        """Return the light that the captures of the moving scene measure together."""
+        """Return the light layers, accumulated over the captures of a moving scene."""
         sums: list[Target] = []
         for part, scene in zip(self.parts, scenes, strict=True):
             with (
@@ -143,7 +143,7 @@ class MovingFrames:
 
 
 def settle_reasons(layers: dict[str, NDArray[np.float32]]) -> None:
-    """Make the reasons of a rolled frame fit the true scene's clean depth, in place.
+    """Match the reasons of a rolling-shutter frame to the still scene's depth, in place.
 
     Args:
         layers: (h, w) clean and depth, metres, and reason.

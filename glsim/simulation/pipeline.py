@@ -1,4 +1,4 @@
-"""Turn settings into frames: the file to read first.
+"""The pipeline from settings to frames: the file to read first.
 
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
     FaceLoader.load      -> faces (meshes in canonical axes, mm), varied and dressed, in batches
@@ -55,7 +55,7 @@ _RING_ON_GPU = 4
 
 @dataclass(eq=False)
 class _InFlight:
-    """A frame between drawing and readback; ``rolled`` if its rows were exposed in turn."""
+    """A frame between drawing and readback; ``rolled`` marks a rolling-shutter frame."""
 
     readback: Readback
     task: Task
@@ -76,7 +76,7 @@ def simulate(
     layers: Collection[str] = LAYERS,
     extra_layers: Sequence[str] = (),
 ) -> Iterator[Frame | Skipped]:
-    """Make the frames of ``tasks`` (default: the whole plan), in order, one result per task.
+    """Yield one result per task, in order; by default for the whole Plan of the settings.
 
     A face that cannot be rendered becomes a Skipped.
 
@@ -108,7 +108,7 @@ def frames(
     layers: Collection[str] = LAYERS,
     extra_layers: Sequence[str] = (),
 ) -> Iterator[Frame]:
-    """Make the frames of ``tasks`` as ``simulate`` does, with the same arguments and bytes.
+    """Yield Frames as ``simulate`` does, with the same arguments, but never a Skipped.
 
     Raises:
         MeshError: a face cannot be rendered, whatever ``settings.strict`` says.
@@ -213,7 +213,7 @@ class Simulator:
         return self._settings
 
     def with_values(self, values: Mapping[str, Any]) -> Simulator:
-        """Return a simulator with other values, by the names of ``--set``.
+        """Return a simulator with changed settings, named as in ``--set``.
 
         Raises ConfigError for an unknown name or a value out of range, and for a change of the
         source, which needs another Simulator.
@@ -226,7 +226,7 @@ class Simulator:
     def with_stage(
         self, name: str, code: str | Path, before: str | None = None, file: Path | None = None
     ) -> Simulator:
-        """Return a simulator whose stage ``name`` runs other GLSL; that program alone is linked.
+        """Return a simulator whose stage ``name`` runs other GLSL; only that program is linked.
 
         Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
 
@@ -253,11 +253,11 @@ class Simulator:
         return self._like(settings=settings, changes=[*kept, change])
 
     def with_layers(self, layers: Collection[str], extra_layers: Sequence[str] = ()) -> Simulator:
-        """Return a simulator that delivers other layers; arguments as in ``simulate``."""
+        """Return a simulator that delivers other layers, with arguments as in ``simulate``."""
         return self._like(layers=layers, extra_layers=extra_layers)
 
     def _like(self, **changed: Any) -> Simulator:
-        """Return a simulator with other arguments of ``__init__``."""
+        """Return a simulator with some arguments of ``__init__`` changed."""
         given: dict[str, Any] = {
             "settings": self._settings,
             "extra_layers": self._extra,
@@ -270,7 +270,7 @@ class Simulator:
         return Simulator(sources=self._sources, context=self._context, cache=self._cache, **given)
 
     def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
-        """Yield one result per task, in order."""
+        """Yield one Frame or Skipped per task, in order."""
         in_flight: deque[_InFlight | Skipped] = deque()
         ring = len(self._readbacks)
         for number, (task, face) in enumerate(self._scenes.loader.load_ahead(tasks)):
@@ -281,7 +281,7 @@ class Simulator:
             yield self._deliver(in_flight.popleft())
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
-        """Queue the drawing of one frame, or return the record of a bad face."""
+        """Queue the drawing of one frame, or return the Skipped of a bad face."""
         try:
             if isinstance(face, BadFace):
                 raise face.error
@@ -292,7 +292,7 @@ class Simulator:
             return self._skipped(task, unusable(task, error))
 
     def _skipped(self, task: Task, error: MeshError) -> Skipped:
-        """Return the record of a bad face. Raises ``error`` if the settings are strict."""
+        """Return the Skipped of a bad face. Raises ``error`` if the settings are strict."""
         if self._settings.strict:
             raise error
         return Skipped(task.key, self._sources[task.source].name, str(error))
@@ -331,7 +331,7 @@ class Simulator:
         return _InFlight(readback, task, scene, frame, values, drawn)
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
-        """Wait for one frame's layers, run the array stages, and assemble the Frame."""
+        """Wait for a frame's layers, run its array stages, and assemble the Frame."""
         if isinstance(item, Skipped):
             return item
         make_current(self._context)

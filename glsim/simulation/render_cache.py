@@ -1,4 +1,4 @@
-"""What simulators of the same sources and GL context share, so that none draws it anew."""
+"""A cache of shader programs and rendered layers, shared by simulators on one GL context."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KEPT_SCENES = 3
 
 
 class RenderCache:
-    """The programs of all stages, and the last scene with its rendered and stage layers.
+    """A cache of all linked programs, and of the last scene's rendered and stage layers.
 
     Another noise over the same scene runs the stages alone, from the first changed one on. What is
     of another rig, other faces or another pose replaces what is kept.
@@ -42,11 +42,11 @@ class RenderCache:
 
     @cached_property
     def sub_frames(self) -> SubFrames:
-        """What puts frames of moving scenes together."""
+        """Combiner of the sub-frames of moving scenes."""
         return SubFrames(self._context)
 
     def renderer(self, rig: SensorRig) -> Renderer:
-        """Return the renderer of a rig."""
+        """Return the renderer of a rig, made anew only if the rig changed."""
         if self._renderer is None or self._renderer[0] != rig:
             self._renderer = rig, Renderer(self._context, rig)
         return self._renderer[1]
@@ -54,7 +54,7 @@ class RenderCache:
     def scenes(
         self, settings: Settings, sources: Sequence[FaceSource], rig: SensorRig, *, regions: bool
     ) -> FrameScenes:
-        """Return the scenes of some settings. Raises as FrameScenes."""
+        """Return the scene builder for some settings. Raises as FrameScenes does."""
         for scenes in self._scenes:
             same = rig == scenes.loader.rig and regions == scenes.regions
             if same and scenes.loader.changed_settings(settings) <= {"stage"}:
@@ -69,7 +69,7 @@ class RenderCache:
     def rendered(
         self, renderer: Renderer, scene: FrameScene, crop: Rect, reach_px: int
     ) -> tuple[Rendered, StageLayers | None]:
-        """Return a scene's clean layers, and the owner of what its stages draw.
+        """Return a scene's clean layers, and the cache of its stage layers.
 
         Both are valid until another scene is asked for. A new scene has None as owner: few are
         asked for again. Raises MeshError.

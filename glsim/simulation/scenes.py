@@ -1,4 +1,4 @@
-"""Build the scene of a frame from its face: its pose, the room and other people."""
+"""Build the scene of a frame: its face in its pose, the room, and other people."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from glsim.simulation.plan.tasks import Task
 
 @dataclass(frozen=True, eq=False)
 class FrameScene:
-    """What a frame shows.
+    """All meshes of a frame in camera coordinates, with their labels and drawn values.
 
     Attributes:
         meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
@@ -50,10 +50,10 @@ class FrameScene:
 
 
 class FrameScenes:
-    """Builds scenes of the faces of a loader. It keeps the last scene, which may come again."""
+    """Builds the scenes of a loader's faces, and keeps the last scene for reuse."""
 
     def __init__(self, loader: FaceLoader, *, regions: bool) -> None:
-        """Prepare the labels, if scenes have any. Raises ConfigError for regions of other faces."""
+        """Prepare region labels if asked for. Raises ConfigError if the sources have none."""
         settings, self.loader, self.regions = loader.settings, loader, regions
         further = [
             *scene_regions(settings.scene),
@@ -64,11 +64,11 @@ class FrameScenes:
 
     @property
     def region_numbers(self) -> Mapping[str, int]:
-        """Name -> number of the regions."""
+        """Numbers of the regions, name -> number."""
         return {} if self._labels is None else self._labels.numbers
 
     def build(self, task: Task, face: Face) -> FrameScene:
-        """Build the scene of a loaded face; the same object again for the same task and face.
+        """Build the scene of a loaded face; the same task and face return the same object.
 
         Raises MeshError for a face that cannot stand in its scene.
         """
@@ -79,7 +79,7 @@ class FrameScenes:
         return scene
 
     def moved(self, task: Task, face: Face, times_s: Sequence[float]) -> list[FrameScene] | None:
-        """Build the scene at other times of the exposure, seconds; None if nothing moves.
+        """Build the scenes at other times of the exposure, seconds; None if nothing moves.
 
         Raises MeshError as ``build``.
         """
@@ -98,7 +98,7 @@ class FrameScenes:
         return scenes
 
     def speeds(self, task: Task) -> dict[str, float]:
-        """Draw the speeds of [motion]: "motion.NAME" -> mm or degrees per second."""
+        """Draw the speeds in [motion]: "motion.NAME" -> mm or degrees per second."""
         seeds, motion = self.loader.held(task).seeds, self.loader.settings.motion
         return {f"motion.{n}": getattr(motion, n).draw(seeds, f"motion.{n}") for n in SPEEDS}
 
@@ -163,7 +163,7 @@ class FrameScenes:
 
 
 def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
-    """Return the delivered square, centred on the face and shifted into the image.
+    """Return the delivered square: centred on the face, then shifted to lie in the image.
 
     Args:
         side: pixels; None delivers the whole image.

@@ -1,4 +1,4 @@
-"""Transforms for the data pipelines of training frameworks.
+"""Data transforms for training frameworks such as PyTorch.
 
     noise = glsim.simulation.transforms.DepthNoise("kinect-v2", p=0.9)
     noisy_m = noise(clean_m)                       # arrays of NumPy, tensors of PyTorch
@@ -32,7 +32,7 @@ _SIZES: Final = 4
 
 
 class DepthNoise:
-    """Adds the noise of a sensor to depth maps, anew with each call.
+    """Adds a sensor's noise to depth maps, with new noise in each call.
 
     It may be pickled, and used in forked and spawned workers: each opens a GL context of its own
     with its first map. Calls draw other noise in each worker and in each epoch. The noise is a
@@ -75,7 +75,7 @@ class DepthNoise:
     def __call__(
         self, depth_m: _Depths, *, frame: int | None = None, sequence: str = ""
     ) -> _Depths:
-        """Return noisy depth for clean depth, of the same type and shape.
+        """Return noisy depth of the same type and shape as the clean depth.
 
         Args:
             depth_m: (H, W), (1, H, W), (B, 1, H, W) or other leading axes: metres, float16, float32
@@ -101,7 +101,7 @@ class DepthNoise:
         return f"DepthNoise({self.settings.sensor!r}, p={self.p:g}, seed={self.settings.seed})"
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings alone: contexts and counters belong to a process."""
+        """Return the settings only; GL contexts and counters stay in their process."""
         return {"settings": self.settings, "p": self.p, "_camera": self._camera}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -114,7 +114,7 @@ class DepthNoise:
         self._maps: dict[str, int] = {}
 
     def _next(self, maps: int) -> tuple[str, int]:
-        """Return the name of this worker in this epoch, and the number of its maps before."""
+        """Return a name for this worker and epoch, and the number of maps before this call."""
         if self._process != os.getpid():  # forked: the parent's maps are not ours
             self._forget()
         torch = sys.modules.get("torch")

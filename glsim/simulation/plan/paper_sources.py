@@ -1,4 +1,4 @@
-"""The paper's face sets in its proportions, with embedded heads where a set is not there."""
+"""The paper's face sets in the paper's proportions; embedded heads replace absent sets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from glsim.simulation.plan.split import PAPER_IMAGES
 
 
 class PaperSource(NamedTuple):
-    """A face set of the paper: its name, its people, and images from it among PAPER_IMAGES."""
+    """A face set of the paper: its name, number of people, and number of images."""
 
     name: str
     people: int
@@ -34,7 +34,7 @@ STAND_IN: Final = "procedural"
 
 
 def paper_counts(images: int) -> dict[str, int]:
-    """Divide a number of images as the paper's: kind of the source -> images, at least 1 each."""
+    """Divide ``images`` among source kinds in the paper's proportions, at least 1 each."""
     paper = sum(PAPER_IMAGES)
     counts = {k: max(1, round(images * s.images / paper)) for k, s in PAPER_SOURCES.items()}
     largest = max(counts, key=lambda kind: counts[kind])
@@ -56,7 +56,7 @@ def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
 
 
 def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]]:
-    """Return the tables [[source]] of a data set of ``images`` in the paper's proportions.
+    """Return the [[source]] tables of a data set of ``images`` in the paper's proportions.
 
     A set that is absent, or has fewer images than its share, is filled up with embedded heads, as
     many people as are missing.
@@ -86,7 +86,7 @@ def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]
 
 
 def _contents(kind: str, root: Path) -> tuple[int, int]:
-    """Return the numbers of people and of frames of a set on disk; files are not opened."""
+    """Count the people and the frames of a face set on disk, without opening its files."""
     source = open_source(parse_source({"kind": kind, "root": root}), 0)
     people = source.subjects(None)
     frames = sum(len(source.frames(name, None)) for name in people)

@@ -1,4 +1,4 @@
-"""Assign subjects to train, val and test, by shares or as the paper: 32,029 / 5,503 / 8,406."""
+"""Assignment of subjects to train, val and test: by shares, or by the paper's image counts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_EXACT_PEOPLE: Final = 9  # up to here all 3**9 divisions are tried
 def split_subjects(
     subjects: list[str], shares: tuple[float, float, float], seed: int
 ) -> dict[str, str]:
-    """Split subjects by the largest remainder of the shares, in a seeded order: subject -> split.
+    """Assign subjects to splits by shares, in a seeded random order: subject -> split.
 
     With at least as many subjects as non-zero shares, every split with a share gets a subject.
     """
@@ -42,7 +42,7 @@ def split_subjects(
 
 
 def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
-    """Assign each person to one split: subject -> split.
+    """Assign subjects to splits so that image counts approach the paper's: subject -> split.
 
     The image counts approach the paper's numbers, scaled to the total. The sum of the three
     differences is minimal for up to nine people; for more, neither moving a person nor swapping two
@@ -63,7 +63,7 @@ def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
 
 
 def _search_all(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequence[int]:
-    """Return the best split of each person by trying every division."""
+    """Return the split number of each person in the best of all possible assignments."""
 
     def cost(chosen: tuple[int, ...]) -> tuple[int, float]:
         empty = 3 - len(set(chosen)) if len(sizes) >= 3 else 0
@@ -77,7 +77,7 @@ def _search_all(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequen
 
 
 def _search_locally(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequence[int]:
-    """Fill the emptiest split, largest person first; then move or swap until nothing improves."""
+    """Assign people greedily, largest first; then move or swap people while this improves it."""
     images = np.zeros(3)
     chosen = np.zeros(len(sizes), np.int64)
     for person, size in enumerate(sizes):
@@ -106,7 +106,7 @@ def _best_swap(
     a: int,
     b: int,
 ) -> tuple[float, list[tuple[int, int]]]:
-    """Return the best swap between splits a and b: (change of the cost, [(person, new split)])."""
+    """Return the best swap of splits a and b: its cost change and [(person, new split)]."""
     persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
     # Of people with equally many images the first one is enough. The last entry of each list is
     # nobody: a swap with nobody is a move.

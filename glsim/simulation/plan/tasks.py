@@ -1,4 +1,4 @@
-"""Plan the frames of a data set: subjects and their splits, and each frame's name and seeds.
+"""The Plan of a data set: its subjects and their splits, and the name and seeds of each frame.
 
 The plan depends only on the settings and reads no geometry: any worker can take any part of it, in
 any order, and produces the same frames. It is a function of the frame's index: what is kept in
@@ -27,7 +27,7 @@ from glsim.simulation.plan.split import split_as_paper, split_subjects
 
 @dataclass(frozen=True)
 class Task:
-    """One frame to make.
+    """One frame to simulate: its name, source, split and seeds.
 
     Attributes:
         index: position in the data set.
@@ -58,7 +58,7 @@ class Task:
 
     @property
     def stem(self) -> str:
-        """The path of the frame's files in the data set, without ``_<layer>.png``."""
+        """Path of the frame's files in the data set, without the ending ``_<layer>.png``."""
         return f"{self.split}/{self.subject}/{self.sequence}_{self.key.frame:05d}"
 
 
@@ -67,7 +67,7 @@ def _sequence(key: FaceKey, repeat: int) -> str:
 
 
 class PersonFrames(NamedTuple):
-    """Consecutive frames of one person: ``frames`` tasks from the position ``first``.
+    """A person's run of consecutive tasks in a Plan: ``frames`` tasks from ``first`` on.
 
     Attributes:
         name: the person's name in the source; the other fields are those of Task.
@@ -83,17 +83,17 @@ class PersonFrames(NamedTuple):
 
 @dataclass(frozen=True)
 class Thinning:
-    """``count`` of the ``total`` frames of a source, at even distances."""
+    """A choice of ``count`` evenly spaced frames out of the ``total`` frames of a source."""
 
     total: int
     count: int
 
     def below(self, position: int) -> int:
-        """Return how many of the first ``position`` frames are chosen."""
+        """Count the chosen frames among the first ``position`` frames."""
         return position * self.count // self.total if self.total else 0
 
     def position(self, number: int) -> int:
-        """Return where the chosen frame of this number is among all frames, both from 0."""
+        """Return the position of the chosen frame ``number`` among all frames, both from 0."""
         return -(-(number + 1) * self.total // self.count) - 1
 
 
@@ -103,10 +103,10 @@ MAX_PEOPLE, MAX_FRAMES = 500_000, 50_000_000
 
 
 class Plan(Sequence[Task]):
-    """The tasks of a data set by source, subject and frame; each is made when it is asked for."""
+    """The tasks of a data set, sorted by source, subject and frame, and computed on access."""
 
     def __init__(self, settings: Settings, sources: Sequence[FaceSource]) -> None:
-        """Raise ConfigError as ``make_tasks``."""
+        """Count the frames of all people. Raises ConfigError as ``make_tasks`` does."""
         self._settings, self._sources = settings, sources
         self._names: list[str] = []
         self._last: tuple[int, Sequence[FaceKey]] = -1, ()
@@ -175,7 +175,7 @@ class Plan(Sequence[Task]):
         return f"{self._source[person]}-{name}" if len(self._sources) > 1 else name
 
     def _keys(self, person: int) -> Sequence[FaceKey]:
-        """Return the keys of all frames of a person, chosen or not."""
+        """Return the keys of all frames of a person, before thinning."""
         if self._last[0] != person:
             number = self._source[person]
             count = self._settings.source[number].frames_per_subject
@@ -202,7 +202,7 @@ class Plan(Sequence[Task]):
         return Task(index, split, subject, number, key, seeds, device, repeat)
 
     def people(self) -> Iterator[PersonFrames]:
-        """Yield the people who have frames, in order."""
+        """Yield the frames of each person who has any, in order."""
         first = self._first.tolist()
         for person, (start, end) in enumerate(pairwise(first)):
             if start < end:
@@ -211,7 +211,7 @@ class Plan(Sequence[Task]):
                 yield PersonFrames(split, subject, number, name, start, end - start)
 
     def stems(self) -> Iterator[str]:
-        """Yield names of files that show whether all can be written.
+        """Yield the file stems to check before a run.
 
         Of people whose keys are listed by their source, that is every frame's. Raises DatasetError
         if two frames have the same.
@@ -251,7 +251,7 @@ class Plan(Sequence[Task]):
 
 
 def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) -> list[int]:
-    """Return the number of images from each source, by its count, its weight, or all it has.
+    """Compute how many images each source contributes: its count, its weighted share, or all.
 
     The scarcest of the weighted sources limits the images that they share. Raises ConfigError for
     a count above the available images, and for a source without weight or count beside a weighted
@@ -272,7 +272,7 @@ def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) ->
 
 
 def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
-    """Make the plan. Raises ConfigError if it has no frames, or more than a data set can have."""
+    """Make the Plan. Raises ConfigError for no frames, or for more than a data set can have."""
     for source in settings.source:
         people, each = source.subjects or 1, source.frames_per_subject or 1
         if people > MAX_PEOPLE or people * each > MAX_FRAMES:
@@ -287,7 +287,7 @@ def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
 
 
 def people_of(tasks: Sequence[Task]) -> Iterator[PersonFrames]:
-    """Yield the runs of consecutive tasks of each person in a Plan or a list of tasks."""
+    """Yield each person's run of consecutive tasks in a Plan or a list of tasks."""
     if isinstance(tasks, Plan):
         yield from tasks.people()
         return
