@@ -1,4 +1,4 @@
-"""Faces: their sources, one file each in ``sources``, and the models and readers behind them."""
+"""Faces: the face sources, one file each in ``sources``, with their models and readers."""
 
 from __future__ import annotations
 

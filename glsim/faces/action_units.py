@@ -1,4 +1,4 @@
-"""Blend shapes that show facial action units, by ARKit's names of the shapes.
+"""The table of facial action units: the ARKit blend shapes that show each unit.
 
 The meanings of the shapes are those of Apple's documentation (ARFaceAnchor.BlendShapeLocation),
 those of action units the FACS manual's (P. Ekman, W. V. Friesen, J. C. Hager, 2002). A row says why
@@ -63,12 +63,12 @@ _AS_IN_THE_TABLE: Final[Overrides] = {}
 
 
 def known_units() -> list[str]:
-    """Return all supported action units; paired ones also accept _L or _R."""
+    """Return the names of all supported action units; paired units also accept _L or _R."""
     return [*_PAIRED, *_SINGLE]
 
 
 def shapes_of(unit: str, overrides: Overrides = _AS_IN_THE_TABLE) -> dict[str, float]:
-    """Return shape -> weight at full intensity.
+    """Return the blend shapes of an action unit at full intensity: shape -> weight.
 
     Args:
         unit: such as "AU12", "AU12_L" or "AU12_R".
@@ -98,7 +98,7 @@ SHAPES: Final = tuple(sorted({shape for unit in known_units() for shape in shape
 def shape_weights(
     expression: Mapping[str, float], overrides: Overrides = _AS_IN_THE_TABLE
 ) -> dict[str, float]:
-    """Return shape -> weight in (0, 1], in the order of SHAPES.
+    """Compute the blend-shape weights of an expression: shape -> (0, 1], in the order of SHAPES.
 
     A shape takes the largest weight among its units, not their sum. The weights of mouthPucker and
     mouthFunnel are scaled to a sum of at most 1.

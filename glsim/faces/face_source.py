@@ -1,4 +1,4 @@
-"""The face source protocol: list frames cheaply, load their geometry on demand."""
+"""The protocol of face sources: listing frames is cheap, and loading geometry is a later step."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from glsim.settings.source_settings import SourceSettings
 
 @dataclass(frozen=True)
 class FaceKey:
-    """The identifier of a frame in a source. Key and source seed determine the geometry.
+    """The identifier of a frame in a source; with the source's seed it determines the geometry.
 
     Args:
         subject, sequence: path-safe words, unique in the source.
@@ -37,7 +37,7 @@ class FaceKey:
 
 
 class ComputedKeys(Sequence[FaceKey]):
-    """The keys of a subject's frames as a function of their number: no list is kept.
+    """A sequence of a subject's FaceKeys that computes each key from its number, on access.
 
     No two of them have the same sequence and frame.
 
@@ -54,7 +54,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
     @abstractmethod
     def _key(self, number: int) -> FaceKey:
-        """Return the key of a frame, from 0."""
+        """Compute the key of the frame with a number, from 0."""
 
     @overload
     def __getitem__(self, number: int) -> FaceKey: ...
@@ -77,7 +77,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
 @dataclass(frozen=True, eq=False)
 class WornPart:
-    """A further mesh of a person in the frame of the face: hair, glasses, cloth.
+    """A worn mesh (hair, glasses or cloth) in the coordinate frame of the face.
 
     Args:
         region: the name of all its vertices in the layer of regions.
@@ -89,7 +89,7 @@ class WornPart:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """The geometry and metadata of one frame.
+    """The meshes and metadata of one frame.
 
     Args:
         parts: what the person wears; it is drawn with the mesh.
@@ -108,7 +108,7 @@ class Face:
 
 @dataclass(frozen=True)
 class BadFace:
-    """A frame whose mesh cannot be used, and the reason."""
+    """A frame whose mesh cannot be used, with its error."""
 
     key: FaceKey
     error: MeshError
@@ -116,7 +116,7 @@ class BadFace:
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """What all meshes of a source share.
+    """The triangles, regions and landmarks that all meshes of a source share.
 
     Args:
         triangles: (F, 3) int32.
@@ -132,7 +132,7 @@ class Topology:
 
 
 class FaceSource(Protocol):
-    """A supplier of faces: derive from it. Sources are picklable, and cheap until ``load``."""
+    """A supplier of faces to derive from; it must be picklable, and cheap until ``load``."""
 
     name: str
     #: Whether a plan uses the meshes again for a subject that has fewer than frames are wanted.
@@ -140,26 +140,26 @@ class FaceSource(Protocol):
 
     @property
     def topology(self) -> Topology | None:
-        """Triangles, regions and landmarks that all meshes share; None if they share nothing."""
+        """Triangles, regions and landmarks that all meshes share; None if they differ."""
         return None
 
     def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` subjects (None: all; ConfigError if there is no last one)."""
+        """Return the first ``count`` subjects; None: all (ConfigError from endless sources)."""
         ...
 
     def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
-        """Return the keys of the first ``count`` frames of a subject, in order (None: all).
+        """Return the FaceKeys of a subject's first ``count`` frames, in order; None: all.
 
         A source without end returns ``ComputedKeys``: its plans are as large as anybody wants.
         """
         ...
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one result per key, in order. It depends on source settings and key only."""
+        """Yield one Face or BadFace per key, in order, decided by source settings and key alone."""
         ...
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
-        """Return name -> hash of all files that the frames of these subjects depend on.
+        """Return the hashes of all files that these subjects' frames depend on: name -> hash.
 
         A data set is not resumed after a change (see ``glsim.core.files.contents``).
         """
@@ -167,18 +167,18 @@ class FaceSource(Protocol):
 
 
 class FaceSettings(SourceSettings):
-    """The [[source]] table of a kind of faces: derive from it to add a source.
+    """The [[source]] table of one kind of source; derive from it to add a kind.
 
     The fields of the derived class are the kind's own settings, its docstring is the kind's help.
     """
 
     @abstractmethod
     def open(self, seed: int) -> FaceSource:
-        """Open the source; ``seed`` is for generated faces. Raises ConfigError."""
+        """Open the source; only generated faces use ``seed``. Raises ConfigError."""
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
-        """Return how surely a folder holds such faces, 0 to 1, for ``glsim inspect``.
+        """Return the confidence, 0 to 1, that a folder holds faces of this kind.
 
         Args:
             root: the folder.
@@ -188,14 +188,14 @@ class FaceSettings(SourceSettings):
 
     @property
     def folder(self) -> Path:
-        """The root of a source that needs one. Raises ConfigError without it."""
+        """Root folder of the source. Raises ConfigError if the table has none."""
         if self.root is None:
             raise ConfigError(f"source {self.kind!r} needs --root: the folder with its files")
         return self.root
 
 
 class MeshFileSettings(FaceSettings):
-    """The [[source]] table of a set of mesh files."""
+    """The [[source]] table of a source that reads mesh files."""
 
     unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
     axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")

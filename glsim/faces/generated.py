@@ -1,4 +1,4 @@
-"""Generated faces: endless people who perform FACS sequences."""
+"""Generated faces: an endless supply of people who perform FACS sequences."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _Person = TypeVar("_Person")
 
 
 class GeneratorSettings(FaceSettings):
-    """The [[source]] table of a generator: people without end who perform sequences."""
+    """The [[source]] table of a generator of people and sequences."""
 
     endless: ClassVar[bool] = True
 
@@ -42,12 +42,12 @@ class GeneratorSettings(FaceSettings):
 
     @property
     def timing(self) -> tuple[int, float | None]:
-        """Frames of a sequence, and frames per second or None."""
+        """Number of frames per sequence, and frames per second or None."""
         return self.frames_per_sequence or DEFAULT_SEQUENCE, self.frames_per_second
 
 
 class GeneratedFaces(FaceSource, Generic[_Person]):
-    """A source of endless people "x0000", "x0001", ..., all of one topology.
+    """A source of endless people "x0000", "x0001", ..., whose meshes share one topology.
 
     Each sequence, also a shorter last one, runs from neutral to neutral and includes the peak. With
     ``frames_per_second`` it is a part of that performance instead, at a time drawn for the
@@ -72,13 +72,13 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         self.frames_per_second = frames_per_second
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings only; each worker loads the model and makes people itself."""
+        """Return the settings only; each worker process loads its own model and people."""
         return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
 
     @property
     @abstractmethod
     def topology(self) -> Topology:
-        """Triangles, regions and landmarks of all people."""
+        """Triangles, regions and landmarks, shared by all people."""
 
     @abstractmethod
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
@@ -89,7 +89,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         """Make a person; a pure function of the seed and the name."""
 
     def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` subjects. Raises ConfigError for None: they are endless."""
+        """Return the first ``count`` subjects. Raises ConfigError for None (endless source)."""
         if count is None:
             raise ConfigError(f"{self.name} faces never end: give a number of subjects")
         return [f"{self.letter}{number:04d}" for number in range(count)]
@@ -106,7 +106,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         )
 
     def expression(self, key: FaceKey) -> dict[str, float]:
-        """Return action unit -> intensity of a frame, without zeros.
+        """Return the expression of a frame: action unit -> intensity, without zeros.
 
         Raises ConfigError for a key of another source.
         """
@@ -117,7 +117,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         return performance_for(self.seed, key.subject, number).at(key.time_s)
 
     def person(self, name: str) -> _Person:
-        """Return one of the last people, or make it. Raises ConfigError for another's name."""
+        """Return a cached or new person. Raises ConfigError for an invalid name."""
         people = self._people
         if name not in people:
             if not (name.startswith(self.letter) and name[1:].isdigit()):
@@ -135,7 +135,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
 
 
 class PerformanceKeys(ComputedKeys):
-    """The keys of the frames of a generated subject."""
+    """The keys of a generated subject's frames, computed from its performances."""
 
     def __init__(
         self, seed: int, subject: str, count: int, length: int, rate: float | None
@@ -152,7 +152,7 @@ class PerformanceKeys(ComputedKeys):
         return self._last[1][frame]
 
     def _sequence(self, number: int) -> list[FaceKey]:
-        """Return the keys of one sequence."""
+        """Compute the keys of the sequence with a number."""
         length = min(self._length, self._count - number * self._length)
         performance = performance_for(self._seed, self._subject, number)
         name = sequence_name(number, performance)

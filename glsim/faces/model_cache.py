@@ -1,4 +1,4 @@
-"""Caches of face models: folders of arrays that all processes of a machine map."""
+"""Caches of face models on disk, memory-mapped by all processes of a machine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def cached_arrays(cache: Path, build: Callable[[], Arrays]) -> Arrays:
-    """Map the arrays of a cache, read-only; build and write them first if it is absent or damaged.
+    """Map a cache's arrays read-only; an absent or damaged cache is built and written first.
 
     Args:
         cache: the folder, one file per array.

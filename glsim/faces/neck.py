@@ -1,4 +1,4 @@
-"""The neck of people with shoulders: the head turns, the shoulders stay; motion of the head.
+"""The neck of meshes with shoulders: the head turns, the shoulders stay; and random head motion.
 
 Between head and shoulders each vertex turns by its share of the angle about the middle of the neck,
 which keeps its thickness (a blend of two positions would make it thinner).
@@ -63,7 +63,7 @@ _LEAST_SHARE: Final = 1 / 3
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """How a head turns against the shoulders of its mesh.
+    """A description of a mesh's neck, which bends when the head turns against the shoulders.
 
     Args:
         head_share: vertices (N, 3), mm from the centre of the face -> (N,) share of the head's turn
@@ -79,7 +79,7 @@ class Neck:
 
 
 def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the share (N,) of the head's pose that each vertex (N, 3) follows: 1 head, 0 trunk."""
+    """Return the share (N,) of the head's rotation at each vertex (N, 3): 1 head, 0 trunk."""
     share = np.ones(len(vertices_mm), np.float32)
     low = np.flatnonzero(vertices_mm[:, 1] < HEAD_Y[0])
     top = np.interp(vertices_mm[low, 2], HEAD_Z, HEAD_Y).astype(np.float32)
@@ -89,13 +89,13 @@ def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def pivot_mm(neck: Neck | None) -> NDArray[np.float64]:
-    """Return the middle of the neck in the frame of the mesh, (3,) mm."""
+    """Return the centre of the neck in the coordinate frame of the mesh, (3,) mm."""
     centre = np.zeros(3) if neck is None else np.asarray(neck.face_mm, np.float64)
     return centre + NECK_PIVOT_MM
 
 
 def trunk_angles(pose: Mapping[str, float]) -> dict[str, float]:
-    """Return yaw_deg, pitch_deg and roll_deg of the shoulders of a head in ``pose``."""
+    """Return the shoulders' yaw_deg, pitch_deg and roll_deg for the pose of a head."""
     return {
         name: pose.get(name, 0.0) - limit * float(np.tanh(pose.get(name, 0.0) / limit))
         for name, limit in NECK_DEG.items()
@@ -105,7 +105,7 @@ def trunk_angles(pose: Mapping[str, float]) -> dict[str, float]:
 def bend_neck(
     mesh: Mesh, neck: Neck | None, pose: Mapping[str, float], still: Mapping[str, float]
 ) -> Mesh:
-    """Return the mesh with its shoulders turned back, to be drawn with ``pose_matrix(pose)``.
+    """Rotate the shoulders of a mesh back, so that ``pose_matrix(pose)`` turns the head only.
 
     Args:
         neck: None for a head without shoulders, which stays as it is.
@@ -149,7 +149,7 @@ def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], flo
 
 
 def head_motion(seed: int, time_s: float) -> dict[str, float]:
-    """Return offsets of the pose: yaw_deg, pitch_deg, roll_deg, x_mm, y_mm, distance_mm.
+    """Return the pose offsets of a random head motion: three angles in deg, three shifts in mm.
 
     Args:
         seed: of the sequence.
@@ -169,7 +169,7 @@ def head_motion(seed: int, time_s: float) -> dict[str, float]:
 def move_pose(
     pose: Mapping[str, float], offsets: Mapping[str, float], neck: Neck | None = None
 ) -> dict[str, float]:
-    """Return the pose after a motion; angles turn the head about the middle of its neck.
+    """Return a pose with motion offsets added; angles turn the head about the centre of its neck.
 
     Args:
         pose: as in ``pose_matrix``, of the mesh's origin.

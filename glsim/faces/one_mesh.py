@@ -1,4 +1,4 @@
-"""A single mesh as a face source: from a file, or from the caller."""
+"""A face source of a single mesh, from a file or from the caller."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from glsim.faces.face_source import Face, FaceKey, FaceSource
 
 
 class OneMesh(FaceSource):
-    """A source with one subject and one mesh, for ``simulate(settings, sources=[...])``."""
+    """A face source with one subject and one mesh, for ``simulate(settings, sources=[...])``."""
 
     name = "mesh"
 
@@ -19,14 +19,14 @@ class OneMesh(FaceSource):
         self._mesh, self._subject, self._notes = mesh, subject, notes or {}
 
     def subjects(self, count: int | None) -> list[str]:
-        """Return the single subject."""
+        """Return the name of the single subject."""
         return [self._subject]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return ``count`` frames of the same mesh; they differ by their seeds."""
+        """Return keys of ``count`` frames of the same mesh, which differ in their seeds only."""
         return [FaceKey(subject, "main", number) for number in range(count or 1)]
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
-        """Yield the same mesh for each key."""
+        """Yield a Face with the same mesh for each key."""
         for key in keys:
             yield Face(key, self._mesh, notes=self._notes)

@@ -1,4 +1,4 @@
-"""FACS performances: intensity curves of the action units in each sequence.
+"""FACS performances: the intensity over time of the action units in a sequence.
 
 Independent of the face model: names are plain strings, "AU12" for both sides, "AU12_L" or "AU12_R"
 for one side. All functions are pure functions of (seed, subject, sequence number).
@@ -50,7 +50,7 @@ def _smootherstep(value: float) -> float:
 
 @dataclass(frozen=True)
 class Curve:
-    """Onset, apex and offset times of one action unit, in seconds; ``peak`` in [0, 1]."""
+    """The intensity curve of an action unit: its peak in [0, 1], and four times in seconds."""
 
     peak: float
     start_s: float
@@ -59,7 +59,7 @@ class Curve:
     end_s: float
 
     def at(self, time_s: float) -> float:
-        """Return the intensity in [0, peak] at a time."""
+        """Compute the intensity, in [0, peak], at a time."""
         rise = _smootherstep((time_s - self.start_s) / (self.apex_s - self.start_s))
         fall = _smootherstep((self.end_s - time_s) / (self.end_s - self.release_s))
         return self.peak * rise * fall
@@ -67,7 +67,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Performance:
-    """One sequence: FACS code, duration, and an intensity curve for each action unit."""
+    """One performed sequence: its FACS code, duration, and a curve for each action unit."""
 
     code: str
     duration_s: float
@@ -75,18 +75,18 @@ class Performance:
 
     @property
     def peak_s(self) -> float:
-        """Time at which the whole expression is strongest."""
+        """Time at which the whole expression is strongest, seconds."""
         latest = max(curve.apex_s for curve in self.curves.values())
         earliest = min(curve.release_s for curve in self.curves.values())
         return 0.5 * (latest + earliest) if latest <= earliest else earliest
 
     def at(self, time_s: float) -> dict[str, float]:
-        """Return action unit -> intensity in (0, 1] at one time, without units at rest."""
+        """Compute the intensities at a time: action unit -> (0, 1], without inactive units."""
         values = {unit: curve.at(time_s) for unit, curve in self.curves.items()}
         return {unit: value for unit, value in values.items() if value > 0.0}
 
     def frame_times(self, count: int) -> NDArray[np.float64]:
-        """Return (count,) times, evenly spaced from neutral to neutral, including the peak."""
+        """Return evenly spaced frame times (count,) in seconds, one moved to the peak."""
         if count == 1:
             return np.array([self.peak_s])
         times = np.linspace(0.0, self.duration_s, count)
@@ -96,7 +96,7 @@ class Performance:
 
 
 def performance_for(seed: int, subject: str, number: int) -> Performance:
-    """Return the performance of ``subject`` in sequence ``number`` (0, 1, ...).
+    """Draw the performance of ``subject`` in sequence ``number`` (0, 1, ...).
 
     Each subject has its own order of codes; every code is used once before one repeats.
     """
@@ -128,7 +128,7 @@ def performance_for(seed: int, subject: str, number: int) -> Performance:
 def _curve(
     rng: np.random.Generator, unit: int, peak: float, duration: float, onset: float, offset: float
 ) -> Curve:
-    """Draw the curve of one action unit; all units of a sequence share ``onset`` and ``offset``."""
+    """Draw the curve of one action unit, given the onset and offset that all units share."""
     delay = float(rng.uniform(0.0, DELAY_SHARE))
     early = float(rng.uniform(0.0, DELAY_SHARE))
     if unit == 45:
@@ -145,12 +145,12 @@ def _curve(
 
 
 def sequence_name(number: int, performance: Performance) -> str:
-    """Return a path-safe name, unique for a subject, such as "s03_1+2+5"."""
+    """Return the path-safe name of a sequence, unique for its subject, such as "s03_1+2+5"."""
     return f"s{number:02d}_{performance.code}"
 
 
 def sequence_number(name: str) -> int:
-    """Return the number in a name made by ``sequence_name``. Raises ValueError for other names."""
+    """Parse the number in a name made by ``sequence_name``. Raises ValueError otherwise."""
     head, _, code = name.partition("_")
     if not (head.startswith("s") and head[1:].isdigit() and code):
         raise ValueError(f"{name!r} is not a sequence name such as 's03_1+2'")

@@ -1,4 +1,4 @@
-"""Regions and landmarks of faces in data sets: one table of names for all sources, and labels.
+"""Regions and landmarks of faces: one table of region names for all sources, and vertex labels.
 
 Landmarks are 68 vertices in the order of Multi-PIE (and iBUG): jaw 0-16, brows 17-26, nose 27-35,
 eyes 36-47, lips 48-67; each part starts at the side of the subject's right, the left side of the
@@ -33,7 +33,7 @@ _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 
 
 def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
-    """Return region name -> number for all regions of the sources, sorted by number.
+    """Return the numbers of all regions of the sources, name -> number, sorted by number.
 
     Args:
         further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
@@ -58,7 +58,7 @@ def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -
 
 
 class RegionLabels:
-    """Vertex labels of the sources, as numbers of their common table."""
+    """Region numbers of the vertices of all sources."""
 
     def __init__(self, sources: Sequence[FaceSource], further: Sequence[str] = ()) -> None:
         self.numbers = region_numbers(sources, further)
@@ -67,7 +67,7 @@ class RegionLabels:
         self.uniform = lru_cache(_KEPT_LABELS)(self._uniform)
 
     def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
-        """Return (V,) float32 labels for the meshes of a source; None if it has no regions.
+        """Return region numbers (V,) float32 for a source's meshes; None if it has no regions.
 
         Args:
             source: index of the source.
@@ -89,7 +89,7 @@ class RegionLabels:
         return labels
 
     def _uniform(self, name: str, vertices: int) -> NDArray[np.float32] | None:
-        """Return (V,) float32 labels of a mesh that is one region; None for the name "".
+        """Return labels (V,) float32 of a mesh in a single region; None for the name "".
 
         Returns the same array each time. Raises ConfigError for a name outside of KNOWN_REGIONS.
         """
@@ -111,7 +111,7 @@ class RegionLabels:
 
 
 def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
-    """Return (68,) indices of vertices, the same in each mesh of the source.
+    """Return the vertex indices (68,) of the landmarks, the same in each mesh of the source.
 
     Raises ConfigError for a source that does not know them.
     """
@@ -125,5 +125,5 @@ def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
 
 
 def to_camera(vertices_mm: NDArray[np.float32], view: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Move (N, 3) vertices of a head, mm, by a (4, 4) view to camera-frame metres."""
+    """Transform head vertices (N, 3) mm by a view (4, 4) to camera-frame metres."""
     return product(vertices_mm.astype(np.float64), view[:3, :3].T) + view[:3, 3]

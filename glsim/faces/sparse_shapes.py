@@ -1,4 +1,4 @@
-"""Blend shapes that move few of the vertices each."""
+"""Sparse blend shapes, each of which moves few vertices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class SparseShapes:
-    """Named shapes, each an offset of some points.
+    """A table of named blend shapes, each with the offsets of some points.
 
     Args:
         names: (N,).
@@ -41,7 +41,7 @@ class SparseShapes:
         )
 
     def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
-        """Return the shapes as arrays, for a file: "PREFIX_names" and so on."""
+        """Return the table as arrays "PREFIX_names", "PREFIX_starts", ..., to store in a file."""
         parts = {"names": np.array(self.names), "starts": self.starts, "points": self.points}
         return {f"{prefix}_{name}": part for name, part in parts.items()} | {
             f"{prefix}_mm": self.offsets_mm
@@ -49,7 +49,7 @@ class SparseShapes:
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> SparseShapes:
-        """Return the shapes of which ``arrays`` returned these."""
+        """Build the table from arrays made by ``arrays`` with the same prefix."""
         names, *parts = (arrays[f"{prefix}_{part}"] for part in ("names", "starts", "points", "mm"))
         return cls(tuple(names.tolist()), *parts)
 
@@ -61,13 +61,13 @@ class SparseShapes:
         return name in self._number
 
     def shape(self, name: str) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """Return the points (E,) that a shape moves, and their offsets (E, 3); else KeyError."""
+        """Return the points (E,) and offsets (E, 3) mm of a shape. Raises KeyError."""
         number = self._number[name]
         part = slice(self.starts[number], self.starts[number + 1])
         return self.points[part], self.offsets_mm[part]
 
     def add(self, values_mm: NDArray[np.floating], weights: Mapping[str, float]) -> None:
-        """Add the weighted shapes to (P, 3) points, in place and in the order of ``weights``.
+        """Add weighted shapes to points (P, 3) mm, in place and in the order of ``weights``.
 
         Raises KeyError for an unknown shape.
         """

@@ -1,4 +1,4 @@
-"""Head variation: a smooth random warp of the geometry and random patches of reflectivity.
+"""Random variation of a face: a smooth warp of its shape, and patches of its reflectivity.
 
 A network that sees one source of faces learns its ears, necks and hair lines along with the noise,
 and reproduces them on other people. Varied heads are rendered like any other, so their noise is
@@ -32,7 +32,7 @@ _MIN_ALBEDO, _MAX_ALBEDO = np.float32(0.02), np.float32(0.95)
 
 
 def draw_variation(settings: VariationSettings, seeds: DrawKeys) -> dict[str, float]:
-    """Draw a frame's "variation.shape_mm" and "variation.albedo"; {} if both are 0."""
+    """Draw a face's "variation.shape_mm" and "variation.albedo"; return {} if both are 0."""
     drawn = {
         "variation.shape_mm": settings.shape_mm.draw(seeds, "variation.shape_mm"),
         "variation.albedo": settings.albedo.draw(seeds, "variation.albedo"),
@@ -41,7 +41,7 @@ def draw_variation(settings: VariationSettings, seeds: DrawKeys) -> dict[str, fl
 
 
 def vary(face: Face, settings: VariationSettings, seeds: DrawKeys) -> Face:
-    """Return the varied face; a pure function of the arguments."""
+    """Return a face with varied shape and reflectivity; a pure function of the arguments."""
     drawn = draw_variation(settings, seeds)
     if not drawn:
         return face
@@ -59,7 +59,7 @@ def vary(face: Face, settings: VariationSettings, seeds: DrawKeys) -> Face:
 
 
 def _fields(points_mm: NDArray[np.float32], seed: int) -> NDArray[np.float32]:
-    """Return (V, 4) float32: the warp (x, y, z) and the log albedo, each of variance 1."""
+    """Return random fields (V, 4) float32 of variance 1: a warp (x, y, z), and a log albedo."""
     rng = keyed_rng(seed, 0xFACE)
     length_mm = np.repeat(_WAVELENGTHS_MM, _WAVES)
     wave = rng.standard_normal((3, len(length_mm)))

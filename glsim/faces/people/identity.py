@@ -1,4 +1,4 @@
-"""Identities: who a subject is, as weights of the model's targets.
+"""Identities of people: random weights of the body model's shape targets.
 
 Phenotypes say which targets make a body of a gender, age, muscle, weight, height and so on. The
 data hold one target for each combination of extremes, such as
@@ -146,7 +146,7 @@ _SIDE_SPREAD: Final = 0.07  # difference between the two sides of a face
 
 @dataclass(frozen=True)
 class Detail:
-    """A pair of opposite targets, named by their files below the targets' folder.
+    """A pair of opposite shape targets, named by their files below the targets' folder.
 
     Args:
         spread: standard deviation of the number that is drawn.
@@ -185,7 +185,7 @@ DETAILS: Final = (*(t for pair in _PAIRS for t in (pair.negative, pair.positive)
 
 @cache
 def phenotype_targets() -> dict[str, tuple[str, ...]]:
-    """Return file, relative to macrodetails and without suffix -> the extremes it combines."""
+    """Return target file (in macrodetails, no suffix) -> the phenotype extremes it combines."""
     return {
         folder + pattern.format(*extremes): extremes
         for folder, pattern, choices in _BLOCKS
@@ -194,7 +194,7 @@ def phenotype_targets() -> dict[str, tuple[str, ...]]:
 
 
 def phenotype_weights(values: Mapping[str, float]) -> dict[str, float]:
-    """Return target -> weight, without zeros.
+    """Compute the target weights of phenotype values: target -> weight, without zeros.
 
     Args:
         values: phenotype -> value in [0, 1], and the share of each origin.
@@ -213,7 +213,7 @@ def phenotype_weights(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _interpolation(value: float, anchors: Mapping[str, float]) -> dict[str, float]:
-    """Return extreme -> weight of the piecewise linear interpolation at ``value``."""
+    """Interpolate linearly between the anchors next to ``value``: extreme -> weight."""
     shares = dict.fromkeys(anchors, 0.0)
     names = list(anchors)
     for low, high in itertools.pairwise(names):
@@ -227,7 +227,7 @@ def _interpolation(value: float, anchors: Mapping[str, float]) -> dict[str, floa
 
 @dataclass(frozen=True)
 class BodyIdentity:
-    """What a person's body is made of.
+    """A person's age, sex and shape-target weights.
 
     Args:
         weights: target -> weight.
@@ -259,7 +259,7 @@ def sample_identity(seed: int, subject: str) -> BodyIdentity:
 
 
 def _draw_details(rng: np.random.Generator) -> dict[str, float]:
-    """Draw target -> weight of the local changes."""
+    """Draw the weights of local shape changes: target -> weight."""
     drawn: dict[str, float] = {}
     mirrored: dict[str, float] = {}
     for pair in _PAIRS:

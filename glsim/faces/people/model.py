@@ -1,4 +1,4 @@
-"""The body model as arrays: a template, sparse shapes, a refined surface, a skeleton."""
+"""The body model as arrays: a template, sparse shapes, a refined surface, and a skeleton."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REGIONS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class BodyModel:
-    """The model, in canonical axes, millimetres; the template stands with its arms out.
+    """The body model in canonical axes and millimetres; the template's arms are spread.
 
     Args:
         template_mm: (P + B, 3) float32: P coarse vertices, then the joints of the B bones.
@@ -63,7 +63,7 @@ class BodyModel:
 
     @classmethod
     def of_arrays(cls, baked: Arrays, shapes: Arrays) -> BodyModel:
-        """Return the model of ``body.npz`` and the shapes of its cache."""
+        """Build the model from the arrays of ``body.npz`` and of the shape cache."""
         own: dict[str, Any] = {name: baked[name] for name in cls.__annotations__ if name in baked}
         for array in own.values():
             array.setflags(write=False)
@@ -74,16 +74,16 @@ class BodyModel:
 
     @property
     def nose_tip(self) -> int:
-        """The fine vertex at the tip of the nose."""
+        """Index of the fine vertex at the tip of the nose."""
         return int(self.landmarks[30])
 
     @cached_property
     def occluder(self) -> NDArray[np.int32]:
-        """(F', 3) int32: the triangles that cast shadows, from the mean body."""
+        """Triangles (F', 3) int32 that cast shadows, chosen on the mean body."""
         return occluder_of(self.body({})[0], self.triangles)
 
     def body(self, weights: Mapping[str, float]) -> tuple[_Floats, NDArray[np.float64]]:
-        """Return the (V, 3) float32 fine vertices and (B, 3) float64 joints of a body at rest.
+        """Compute the fine vertices (V, 3) float32 and joints (B, 3) float64 of a body at rest, mm.
 
         Args:
             weights: target -> weight.
@@ -101,7 +101,7 @@ class BodyModel:
     def transforms(
         self, joints_mm: NDArray[np.float64], turns: Mapping[str, NDArray[np.float64]]
     ) -> NDArray[np.float64]:
-        """Return (B, 3, 4) matrices that move points of the body at rest with each bone.
+        """Compute the bone matrices (B, 3, 4) that move a resting body into a posture.
 
         Args:
             joints_mm: (B, 3) at rest.
@@ -122,7 +122,7 @@ class BodyModel:
         return moved
 
     def skinned(self, rest_mm: _Floats, transforms: NDArray[np.float64]) -> _Floats:
-        """Return (V, 3) float32 vertices moved by (B, 3, 4) transforms of the bones."""
+        """Move resting vertices by bone matrices (B, 3, 4): return (V, 3) float32 mm."""
         moved = np.empty_like(rest_mm)
         head = transforms[self.bones.index("head")].astype(np.float32)
         moved[: self.rigid] = product(rest_mm[: self.rigid], head[:, :3].T) + head[:, 3]

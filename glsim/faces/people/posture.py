@@ -1,4 +1,4 @@
-"""Postures and movements of a person in one sequence, as turns of the bones.
+"""Postures and movements of people, as rotations of the bones.
 
 Directions and targets are given in the axes of the body at rest (+x its left, +y up, +z front), in
 millimetres from its own joints, so that they suit a child and a heavy man alike. Ranges of angles
@@ -58,7 +58,7 @@ _WAVES: Final = 3
 
 @dataclass(frozen=True)
 class BodyShape:
-    """What a posture needs to know of a body at rest, mm.
+    """The joints and trunk dimensions of a body at rest that decide its posture, mm.
 
     Args:
         joints: bone -> (3,) joint.
@@ -75,7 +75,7 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class Posture:
-    """How a person stands or sits.
+    """A standing or sitting posture of a person.
 
     Args:
         turns: bone -> (3, 3) rotation against its parent.
@@ -124,7 +124,7 @@ def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]
 def _standing_leg(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float
 ) -> dict[str, _Array]:
-    """Legs nearer to each other than at rest, one a little before the other, feet on the floor."""
+    """Draw the rotations of one leg of a standing person, with the feet flat on the floor."""
     hip, ankle = (body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "foot"))
     apart, step = float(rng.uniform(0.0, 0.07)), float(rng.uniform(-0.03, 0.03))
     thigh = _between(ankle - hip, np.array([sign * apart, -1.0, (ankle - hip)[2] / 900.0 + step]))
@@ -147,7 +147,7 @@ def _sitting_leg(
 def _arm(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float, kind: str, sitting: bool
 ) -> dict[str, _Array]:
-    """Turns of one arm: the wrist reaches a target, the elbow points away from the body."""
+    """Draw the rotations of one arm; its wrist reaches a target, its elbow points outwards."""
     joints = body.joints
     shoulder, elbow, wrist = (
         joints[f"{bone}.{side}"] for bone in ("upperarm01", "lowerarm01", "wrist")
@@ -210,7 +210,7 @@ def _arm(
 
 
 def _fingers(joints: Mapping[str, _Array], side: str, curl_deg: float) -> dict[str, _Array]:
-    """Bend the fingers towards the palm, which faces down at rest; the thumb bends less."""
+    """Return the rotations that curl the fingers towards the palm, the thumb less."""
     axis = _unit(joints[f"finger5-1.{side}"] - joints[f"finger2-1.{side}"])
     along = joints[f"finger3-2.{side}"] - joints[f"finger3-1.{side}"]
     if np.cross(axis, along)[1] > 0:  # it would bend upwards
@@ -224,7 +224,7 @@ def _fingers(joints: Mapping[str, _Array], side: str, curl_deg: float) -> dict[s
 
 
 def _elbow(shoulder: _Array, target: _Array, upper: float, lower: float, towards: _Array) -> _Array:
-    """Where the elbow is if the wrist is at ``target``, or as near to it as the arm reaches."""
+    """Return the elbow's position for a wrist at ``target``, or as near to it as possible."""
     along = target - shoulder
     reach = float(
         np.clip(norm(along), 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower))
@@ -240,7 +240,7 @@ def _unit(vector: _Array) -> _Array:
 
 
 def _about(axis: _Array, degrees: float) -> _Array:
-    """(3, 3) rotation about a unit axis (Rodrigues)."""
+    """Return the rotation (3, 3) about a unit axis (Rodrigues)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     angle = np.radians(degrees)
@@ -250,7 +250,7 @@ def _about(axis: _Array, degrees: float) -> _Array:
 
 
 def _between(start: _Array, end: _Array) -> _Array:
-    """(3, 3) smallest rotation from one direction to another."""
+    """Return the smallest rotation (3, 3) from one direction to another."""
     start, end = _unit(start), _unit(end)
     axis = np.cross(start, end)
     sine = norm(axis)
@@ -262,7 +262,7 @@ def _between(start: _Array, end: _Array) -> _Array:
 def movement(
     seed: int, subject: str, sequence: str, framing: str, time_s: float
 ) -> Mapping[str, _Array]:
-    """Return bone -> (3, 3) further rotation at a time; the torso's is added at its bones."""
+    """Return the rotations of breathing, swaying and head movement: bone -> (3, 3)."""
     rng = rng_for(seed, "movement", subject, sequence)
     breath = np.sin(2 * np.pi * (rng.uniform(*_BREATHS_HZ) * time_s + rng.uniform()))
     chest, shoulder = rng.uniform(*_CHEST_DEG), rng.uniform(*_SHOULDER_DEG)
@@ -291,7 +291,7 @@ def movement(
 
 
 def _wave(rng: np.random.Generator, low_hz: float, high_hz: float, time_s: float) -> float:
-    """A smooth random curve in [-1, 1]; slower waves are larger."""
+    """Evaluate a smooth random curve in [-1, 1], in which slower waves have larger amplitudes."""
     hz = np.sort(rng.uniform(low_hz, high_hz, _WAVES))
     phase = rng.uniform(0.0, 1.0, _WAVES)
     size = 1.0 / np.arange(1, _WAVES + 1)

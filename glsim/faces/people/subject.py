@@ -1,4 +1,4 @@
-"""A subject: body, reflectivity, expressions, and frames of its sequences.
+"""One person: body, reflectivity, expressions, and the frames of each sequence.
 
 Reflectivity is as in ``glsim.faces.procedural.subject``, where its sources are.
 """
@@ -40,7 +40,7 @@ _OVERLAP_MM: Final = 0.25
 
 
 class BodySubject:
-    """One person. Functions of (seed, name, sequence, time) only."""
+    """One person, determined by seed and name; frames also depend on sequence and time."""
 
     def __init__(self, model: BodyModel, seed: int, name: str) -> None:
         self._model, self._seed, self.name = model, seed, name
@@ -53,7 +53,7 @@ class BodySubject:
     def frame(
         self, sequence: str, framing: str, time_s: float, expression: Mapping[str, float]
     ) -> _Floats:
-        """Return (V, 3) float32 vertices in the canonical frame, mm.
+        """Compute the vertices (V, 3) float32 of a frame in canonical axes, mm.
 
         Args:
             framing: what lies at the origin.
@@ -79,7 +79,7 @@ class BodySubject:
         return model.skinned(rest, moved)
 
     def _stance(self, sequence: str, framing: str) -> tuple[Posture, NDArray[np.float64]]:
-        """Return a posture, and what lies at the origin of the mesh: (3,) mm in the posed body."""
+        """Return the posture, and the point of the posed body that becomes the origin, (3,) mm."""
         posture = draw_posture(self._seed, self.name, sequence, self._shape)
         bones = self._model.bones
         moved = self._model.transforms(self._joints, posture.turns)
@@ -106,7 +106,7 @@ def draw_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:
 
 
 def add_expression(model: BodyModel, rest_mm: _Floats, expression: Mapping[str, float]) -> None:
-    """Move (V, 3) points of a person at rest by action units -> intensities, in place.
+    """Add an expression (action unit -> intensity) to resting vertices (V, 3) mm, in place.
 
     At full strength the lids of an eye meet and do not cross. The data's action is that of the base
     mesh, whose eyes are wide: it would move the upper lid of the mean person 4 mm below the lower
@@ -130,7 +130,7 @@ def add_expression(model: BodyModel, rest_mm: _Floats, expression: Mapping[str, 
 def _heights(
     points: NDArray[np.int32], offsets: _Floats, vertices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return how far a shape raises some vertices, mm."""
+    """Return by how many mm a shape raises each of some vertices."""
     return np.array([offsets[points == vertex, 1].sum() for vertex in vertices], np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Embedded heads: 60 identity parameters, 24 action units, arrays that ``tools/heads`` sculpted.
+"""Embedded heads: a model of 60 identity parameters and 24 action units, built by ``tools/heads``.
 
 Frame: millimetres, +x the subject's left, +y up, +z out of the face. The origin lies in the median
 plane midway between the nasion (y = 24) and the base of the nose (y = -29.5 and below); the tip of

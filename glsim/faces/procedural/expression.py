@@ -1,4 +1,4 @@
-"""Action units of a head: skin pulls, the motion of its lids, the rotation of its jaw.
+"""Expressions of a procedural head: skin pulls, lid motion, and jaw rotation.
 
 Skin pulls are the same for all subjects; lids and jaw depend on the subject's geometry. A jaw
 rotation by angle t is linear in (sin t, 1 - cos t), a lid closure a is linear in (a, a^2), so that
@@ -27,7 +27,7 @@ SIDES: Final = ("L", "R")
 def own_shapes(
     model: HeadModel, neutral: NDArray[np.float64], globes: NDArray[np.float64]
 ) -> SparseShapes:
-    """Build a subject's shapes of lids and jaw, named as in ``own_weights``.
+    """Build a subject's own blend shapes of lids and jaw.
 
     Args:
         neutral: (V, 3) mm.
@@ -51,7 +51,7 @@ def own_shapes(
 
 
 def side_intensities(model: HeadModel, expression: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return (U, 2) left and right intensities in [0, 1].
+    """Return the left and right intensities of each action unit, (U, 2) in [0, 1].
 
     Raises ConfigError for an unknown action unit.
     """
@@ -69,7 +69,7 @@ def side_intensities(model: HeadModel, expression: Mapping[str, float]) -> NDArr
 def expression_weights(
     model: HeadModel, expression: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the weights of ``model.pulls`` and of a subject's own shapes, without zeros.
+    """Compute the weights of ``model.pulls`` and of a subject's own shapes, without zeros.
 
     Raises ConfigError for an unknown action unit.
     """

@@ -1,4 +1,4 @@
-"""Lids that slide on the eyeball: their vertices and their closing motion.
+"""The lids of procedural heads: vertices that slide over the eyeball when the eye closes.
 
 The skin of a closing lid moves along the neutral surface, and beyond the margin of the open lid
 along the eyeball. The motion is a quadratic in the closure a in [0, 1], displacement =
@@ -43,14 +43,14 @@ class Lids:
 
 
 def globe_height(x: _Array, y: _Array, centers: _Array) -> _Array:
-    """Return the height z of the lids' sphere at (x, y), flat beyond its rim. Shapes broadcast."""
+    """Return the height z of the lids' sphere at (x, y), clamped at its rim; shapes broadcast."""
     radius = EYE_RADIUS + LID_THICKNESS
     away = np.square(x - centers[..., 0]) + np.square(y - centers[..., 1])
     return np.asarray(centers[..., 2] + np.sqrt(np.maximum(radius**2 - away, (0.3 * radius) ** 2)))
 
 
 def lid_closure(points: _Array, centers: _Array, lids: Lids) -> list[_Array]:
-    """Return a subject's closing motion: upper linear, upper square, lower linear, lower square.
+    """Compute a subject's lid-closing offsets: linear and square terms, upper lids then lower.
 
     Each result is (L, 3) mm for the lid vertices ``lids.index``.
 
@@ -70,7 +70,7 @@ def lid_closure(points: _Array, centers: _Array, lids: Lids) -> list[_Array]:
 
 
 def _slide(points: _Array, lids: Lids, globes: _Array, number: int, travel: _Array) -> _Array:
-    """Return the displacement (L, 3) when the lid margins move by ``travel`` (C,) mm to close.
+    """Return the offsets (L, 3) mm of lid vertices when the margins close by ``travel`` (C,) mm.
 
     Args:
         number: 0 for the upper lids, 1 for the lower ones.

@@ -1,4 +1,4 @@
-"""The heads' model: arrays that ``tools/heads`` sculpts and the package ships."""
+"""The model of procedural heads: arrays built by ``tools/heads`` and shipped with the package."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REGIONS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class HeadModel:
-    """Arrays that all heads share, read-only. V vertices, F triangles, R regions, U action units.
+    """The read-only arrays of all heads: V vertices, F triangles, R regions, U action units.
 
     Args:
         template_mm: (V, 3) float64, the mean head.
@@ -62,7 +62,7 @@ class HeadModel:
     cover: NDArray[np.float64]
 
     def in_regions(self, *names: str) -> NDArray[np.bool_]:
-        """(V,) whether each vertex belongs to one of the regions."""
+        """Return a mask (V,) of the vertices in the named regions."""
         return np.isin(self.regions, [REGIONS.index(name) for name in names])
 
 
@@ -72,7 +72,7 @@ _NARROW: Final = {"triangles": np.int32, "occluder": np.int32, "points": np.int3
 
 @lru_cache(maxsize=1)
 def head_model() -> HeadModel:
-    """Load the model, once per process."""
+    """Load the model of the shipped file, cached per process."""
     with (files(__package__) / HEADS_FILE).open("rb") as file, np.load(file) as stored:
         arrays: dict[str, Any] = {name: stored[name] for name in stored.files}
     for name, array in arrays.items():

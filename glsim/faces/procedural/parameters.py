@@ -1,4 +1,4 @@
-"""Table of identity parameters, and random identities.
+"""The table of identity parameters, and the drawing of random identities.
 
 A parameter is a measurement of the finished head (mm or degrees), or, if no standard measurement
 exists, a deviation from the template in mm (mean 0).
@@ -59,7 +59,7 @@ def _p(
     broad: float = 0.0, flat: float = 0.0, unit: str = "mm",
     low: float | None = None, high: float | None = None, template: float | None = None,
 ) -> IdentityParameter:  # fmt: skip
-    """Return a row of the table; the default range is mean +- 3 sd."""
+    """Make a row of the parameter table; the default range is mean +- 3 sd."""
     low = mean - 3 * sd if low is None else low
     high = mean + 3 * sd if high is None else high
     template = mean if template is None else template
@@ -152,13 +152,13 @@ PARAMETERS: tuple[IdentityParameter, ...] = (
 
 
 def sample_factors(rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw the factors of a person (len(FACTORS),)."""
+    """Draw a person's factors (len(FACTORS),): sex, size, fat, age, breadth and flatness."""
     sex = 1.0 if rng.random() < 0.5 else -1.0
     return np.array([sex, *np.clip(rng.standard_normal(len(FACTORS) - 1), -2.0, 2.5)])
 
 
 def sample_identity(seed: int, subject: str) -> dict[str, float]:
-    """Draw parameter -> value for a subject; a pure function of its arguments."""
+    """Draw a subject's identity: parameter -> value; a pure function of its arguments."""
     rng = rng_for(seed, "identity", subject)
     factors = sample_factors(rng)
     values = {}

@@ -1,4 +1,4 @@
-"""One subject: its neutral head, its left and right differences, its reflectivity, its frames.
+"""One procedural head: neutral shape, asymmetry, reflectivity, and expressions.
 
 Reflectivity is at 860 nm, relative to a white wall (0.85-0.9 absolute). Skin at 860 nm reflects
 0.5-0.6 on average, 0.40-0.68 over people (C. C. Cooksey, D. W. Allen, B. K. Tsai, J. Res. NIST 122,
@@ -46,7 +46,7 @@ LIMITS_MM: Final = (0.15, 0.8)
 
 @dataclass(frozen=True, eq=False)
 class HeadSubject:
-    """A person.
+    """The neutral head of a person, with its reflectivity and its lid and jaw shapes.
 
     Args:
         neutral: (V, 3) float64 mm.
@@ -59,7 +59,7 @@ class HeadSubject:
     own: SparseShapes
 
     def frame(self, expression: Mapping[str, float]) -> NDArray[np.float32]:
-        """Return the head (V, 3) float32 mm with an expression (action unit -> intensity)."""
+        """Compute the head's vertices (V, 3) float32 mm with an expression."""
         model = head_model()
         pulls, own = expression_weights(model, expression)
         head = self.neutral.astype(np.float32)
@@ -69,13 +69,13 @@ class HeadSubject:
 
 
 def make_subject(identity: Mapping[str, float], seed: int, name: str) -> HeadSubject:
-    """Make the subject of an identity; ``seed`` and ``name`` give the asymmetry and the albedo."""
+    """Make a subject of an identity; ``seed`` and ``name`` decide asymmetry and reflectivity."""
     albedo = draw_albedo(seed, name, identity["hair_volume"])
     return subject_of(neutral_head(identity) + asymmetry_field(seed, name), albedo)
 
 
 def subject_of(neutral: _Array, albedo: NDArray[np.float32]) -> HeadSubject:
-    """Make the subject with a neutral head (V, 3) mm and an albedo (V,)."""
+    """Make a subject from the vertices (V, 3) mm of a neutral head and its albedo (V,)."""
     model = head_model()
     eyeball, left = model.in_regions("sclera", "iris", "pupil"), model.template_mm[:, 0] > 0
     moved = neutral - model.template_mm
@@ -89,7 +89,7 @@ def subject_of(neutral: _Array, albedo: NDArray[np.float32]) -> HeadSubject:
 
 
 def neutral_head(identity: Mapping[str, float]) -> _Array:
-    """Return the neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
+    """Compute the neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
     model = head_model()
     head = model.template_mm.copy()
     model.identity.add(head, {p.name: identity[p.name] - p.template for p in PARAMETERS})
@@ -97,7 +97,7 @@ def neutral_head(identity: Mapping[str, float]) -> _Array:
 
 
 def asymmetry_field(seed: int, subject: str) -> _Array:
-    """Draw a subject's smooth differences between left and right, (V, 3) mm.
+    """Draw a smooth asymmetry of a head as vertex offsets (V, 3) mm.
 
     Random plane waves minus their mirror images: the mean of a head and its mirror image is
     unchanged. Eyeballs and ears stay rigid.
@@ -134,7 +134,7 @@ def asymmetry_field(seed: int, subject: str) -> _Array:
 def clipped_normal(
     rng: np.random.Generator, mean: float, sd: float, low: float, high: float
 ) -> float:
-    """Draw a normal number, clipped to [low, high]."""
+    """Draw a normally distributed number, clipped to [low, high]."""
     return float(np.clip(rng.normal(mean, sd), low, high))
 
 

@@ -1,1 +1,1 @@
-"""What the readers of face sets on disk share: trees of files, their formats and scales."""
+"""Shared code of the readers of face sets on disk: file trees, formats and scales."""

@@ -24,7 +24,7 @@ _ROTATION_TOLERANCE: Final = 0.02
 
 @dataclass(frozen=True, eq=False)
 class HeadPose:
-    """A head pose: x_camera_mm = rotation @ x_template_mm + centre_mm.
+    """A recorded head pose: x_camera_mm = rotation @ x_template_mm + centre_mm.
 
     Camera axes: x right, y down, z away.
 
@@ -96,7 +96,7 @@ def read_calibration(path: Path) -> Intrinsics:
 
 
 def _numbers(path: Path, count: int) -> NDArray[np.float64]:
-    """Read a small text file of ``count`` numbers. Raises MeshError."""
+    """Read a small text file of exactly ``count`` numbers. Raises MeshError."""
     check_size(path, _MAX_TEXT)
     with one_bad_file(path):
         numbers = np.array([float(word) for word in path.read_bytes().split()])

@@ -1,4 +1,4 @@
-"""What sources of files share: their root, subject checks, loading, and caching of errors."""
+"""The base class of sources that read files: root folder, subjects, loading, cached errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _COMPANIONS = (".mtl", ".bin")
 
 
 class FileFaces(FaceSource):
-    """A source of mesh files below a root: derive from it.
+    """A source of mesh files below a root folder, to derive from.
 
     Args:
         unit, axes: as for ``load_mesh``.
@@ -45,7 +45,7 @@ class FileFaces(FaceSource):
         self._kept: dict[Any, Any] = {}  # what was read once, or its error
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without what was read."""
+        """Return the settings, without cached files."""
         state = self.__dict__ | {"_kept": {}}
         state.pop("people", None)
         return state
@@ -53,10 +53,10 @@ class FileFaces(FaceSource):
     @property
     @abstractmethod
     def people(self) -> Mapping[str, Any]:
-        """Subject -> its files, in natural order; the tree is listed once."""
+        """Files of each subject, in natural order; the tree is listed once."""
 
     def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` subjects (None: all). Raises ConfigError for fewer."""
+        """Return the first ``count`` subjects (None: all). Raises ConfigError if too few."""
         if not self.people:
             raise ConfigError(f"{self.root}: {self.nothing}")
         if count is not None and count > len(self.people):
@@ -66,13 +66,13 @@ class FileFaces(FaceSource):
         return list(self.people)[:count]
 
     def check_subject(self, subject: str) -> None:
-        """Raise ConfigError if there is no such subject."""
+        """Raise ConfigError if the source has no such subject."""
         if subject not in self.people:
             known = did_you_mean(subject, self.people)
             raise ConfigError(f"{self.root}: no subject {subject!r} ({known})")
 
     def read_once(self, name: Any, make: Callable[[Any], _T]) -> _T:
-        """Return ``make(name)``, called once per name; its MeshError is kept and raised again."""
+        """Return ``make(name)``, computed once; a MeshError is cached and raised again."""
         if name not in self._kept:
             try:
                 with one_bad_file(name):
@@ -86,7 +86,7 @@ class FileFaces(FaceSource):
 
 
 def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
-    """Return path below ``root`` -> hash, for mesh files and the materials and buffers beside them.
+    """Hash mesh files, and the material and buffer files in their folders: path -> hash.
 
     Any material or buffer of a folder counts, whether a mesh names it or not.
     """
@@ -121,7 +121,7 @@ def one_bad_file(file: Path | str) -> Iterator[None]:
 def load_faces(
     keys: Sequence[FaceKey], make: Callable[[FaceKey], Face]
 ) -> Iterator[Face | BadFace]:
-    """Yield one result per key; whatever a file does becomes a BadFace."""
+    """Yield a Face per key, or a BadFace if reading its file fails in any way."""
     for key in keys:
         try:
             with one_bad_file(key.path):

@@ -1,4 +1,4 @@
-"""List a tree of files: natural order, path-safe names, no loops of links."""
+"""Listing of file trees: natural order, path-safe names, and no endless loops through links."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def check_root(root: Path | str) -> Path:
 
 
 def unique_name(name: str, uses: Counter[str]) -> str:
-    """Return ``name`` with unsafe characters as "_", and "~2", "~3", ... if already in ``uses``."""
+    """Return ``name`` made path-safe, with a suffix "~2", "~3", ... if it was used before."""
     safe = _UNSAFE.sub("_", name)
     uses[safe] += 1
     return safe if uses[safe] == 1 else f"{safe}~{uses[safe]}"
 
 
 def list_names(folder: Path) -> list[str]:
-    """Return the names in a folder in natural order, without hidden ones.
+    """Return the names of a folder's visible entries, in natural order.
 
     Raises ConfigError if the folder cannot be read.
     """
@@ -49,7 +49,7 @@ def list_names(folder: Path) -> list[str]:
 
 
 def find_meshes(folder: Path, seen: set[str]) -> Iterator[Path]:
-    """Yield the mesh files of a folder, then of its sub-folders, each folder once.
+    """Yield the mesh files of a folder and its sub-folders, visiting each folder once.
 
     Args:
         seen: real paths of folders that are skipped; those that are visited are added.
@@ -74,12 +74,12 @@ def find_meshes(folder: Path, seen: set[str]) -> Iterator[Path]:
 
 
 def is_mesh(path: Path) -> bool:
-    """Return whether a path has the extension of a mesh file."""
+    """Return whether a path is no folder and has a mesh file's extension."""
     return path.suffix.lower() in EXTENSIONS and not os.path.isdir(path)  # noqa: PTH112
 
 
 def last_number(stem: str) -> int | None:
-    """Return the last run of digits in a name as a number; None without digits."""
+    """Return the last run of digits in a name as an integer; None if it has no digits."""
     numbers = _NUMBER.findall(stem)
     return int(numbers[-1]) if numbers else None
 

@@ -1,4 +1,4 @@
-"""The sources of faces, one file each. The name of a file is the kind, with "_" for "-".
+"""The face sources, one file each: the file's name is the source's kind, with "_" for "-".
 
 A file holds a table derived from ``FaceSettings``: the settings of the kind, its help, the test
 that recognises its folders, and ``open``. Readers of data sets on disk stand beside their table;

@@ -1,4 +1,4 @@
-"""Read the Biwi Kinect Head Pose set: 24 recordings of 20 people who turn their heads.
+"""Reader of the Biwi Kinect Head Pose set: 24 recordings of 20 people who turn their heads.
 
     NN.obj                              template of the person in recording NN: mm, camera axes
     NN/frame_FFFFF_pose.txt             head pose of a frame (see biwi_files)
@@ -59,13 +59,13 @@ class BiwiSettings(MeshFileSettings):
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
-        """Recognise folders NN that hold head poses."""
+        """Return 1 if a folder named by two digits holds head poses, else 0."""
         named = (folder for folder in folders if re.fullmatch(r"\d\d", folder.name))
         return float(any(any(folder.glob("frame_*_pose.txt")) for folder in named))
 
 
 class Biwi(FileFaces):
-    """A FaceSource for the Biwi set in its original layout.
+    """The face source of the Biwi set in its original layout.
 
     Args:
         every: use every n-th frame of each recording.
@@ -86,7 +86,7 @@ class Biwi(FileFaces):
         self._every = every
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return the first ``count`` frames of a person, by recording. Raises ConfigError."""
+        """Return the keys of a person's first ``count`` frames. Raises ConfigError."""
         self.check_subject(subject)
         keys: list[FaceKey] = []
         for recording in self.people[subject]:
@@ -106,13 +106,13 @@ class Biwi(FileFaces):
         return keys[:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
-        """Return file -> hash for the templates and pose files of these people."""
+        """Hash the templates and pose files of these people: file -> hash."""
         keys = [key for subject in subjects for key in self.frames(subject, None)]
         templates = dict.fromkeys(self.root / f"{key.sequence}.obj" for key in keys)
         return file_contents(self.root, [*templates, *(self.root / key.path for key in keys)])
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield the template rotated by the pose file, one per key; recordings share ``faces``."""
+        """Yield one face per key: the person's template, rotated by the frame's pose file."""
         return load_faces(keys, self._face)
 
     def pose(self, key: FaceKey) -> HeadPose:
@@ -169,7 +169,7 @@ class Biwi(FileFaces):
 
     @cached_property
     def people(self) -> dict[str, list[str]]:
-        """Person -> names of their recordings."""
+        """Recordings of each person, person -> folder names."""
         people: dict[str, list[str]] = {}
         for number, person in enumerate(PEOPLE, start=1):
             folder = self.root / f"{number:02d}"

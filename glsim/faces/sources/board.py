@@ -1,4 +1,4 @@
-"""The source ``board``: a flat board, on which depth cameras are calibrated and compared."""
+"""The source ``board``: flat boards, as used to calibrate and compare depth cameras."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from glsim.faces.face_source import ComputedKeys, Face, FaceKey, FaceSettings, F
 
 
 class BoardSettings(FaceSettings):
-    """A flat board in place of a face, as cameras are tested on; any number of equal ones."""
+    """Flat boards in place of faces, to test cameras as on a calibration target."""
 
     endless: ClassVar[bool] = True
 
@@ -22,7 +22,7 @@ class BoardSettings(FaceSettings):
     height_mm: float = Field(220.0, gt=0, le=10_000, description="height of the board, mm")
 
     def open(self, seed: int) -> FaceSource:
-        """Open the source; ``seed`` changes nothing."""
+        """Open the source; ``seed`` is ignored."""
         return Board(self.width_mm, self.height_mm)
 
 
@@ -31,7 +31,7 @@ _SEQUENCE: Final = "board"
 
 
 class _BoardKeys(ComputedKeys):
-    """The frames of a board, numbered from 0."""
+    """The keys of a board's frames, numbered from 0."""
 
     def __init__(self, subject: str, count: int) -> None:
         super().__init__(count, subject, count)
@@ -42,7 +42,7 @@ class _BoardKeys(ComputedKeys):
 
 
 class Board(FaceSource):
-    """Endless equal boards "b0000", "b0001", ...; pose and noise tell them apart.
+    """A source of endless identical boards "b0000", "b0001", ..., which differ in pose and noise.
 
     The board faces the front, with its middle at the origin: ``pose.distance_mm`` is its distance.
 
@@ -56,19 +56,19 @@ class Board(FaceSource):
         self.width_mm, self.height_mm = width_mm, height_mm
 
     def subjects(self, count: int | None) -> list[str]:
-        """Return the first ``count`` boards. Raises ConfigError for None: they are endless."""
+        """Return the names of the first ``count`` boards. Raises ConfigError for None (endless)."""
         if count is None:
             raise ConfigError("boards never end: give a number of subjects")
         return [f"b{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
-        """Return the first ``count`` frames of a board. Raises ConfigError for None."""
+        """Return the keys of a board's first ``count`` frames. Raises ConfigError for None."""
         if count is None:
             raise ConfigError("boards never end: give a number of frames per subject")
         return _BoardKeys(subject, count)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
-        """Yield the board for each key."""
+        """Yield a Face with the board's mesh for each key."""
         half = np.array([self.width_mm, self.height_mm, 0.0]) / 2
         corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half
         mesh = Mesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32))

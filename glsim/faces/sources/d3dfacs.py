@@ -1,4 +1,4 @@
-"""Read D3DFACS: FLAME registrations and raw scans of people who perform FACS action units.
+"""Reader of D3DFACS: FLAME registrations and raw scans of people who perform action units.
 
     <Subject>/<AU+AU>/<AU+AU>_<frame>.ply         FLAME registrations (Li et al. 2017), metres
     <Subject>/.../<AU+AU>.../*<frame>*.obj        raw 3dMD frames (Cosker et al. 2011), millimetres
@@ -57,13 +57,13 @@ class D3dfacsSettings(MeshFileSettings):
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
-        """Recognise folders named by action units that hold meshes."""
+        """Return 0.5 if a folder named by action units holds meshes, else 0."""
         named = (folder for folder in folders if _CODE.fullmatch(folder.name))
         return 0.5 if any(any(folder.glob("*.[op][bl][jy]")) for folder in named) else 0.0
 
 
 class D3dfacs(Folder):
-    """A FaceSource for D3DFACS in its original layout.
+    """The face source of D3DFACS in its original layout.
 
     Args:
         every: use every n-th frame of each sequence, from its first.
@@ -93,11 +93,11 @@ class D3dfacs(Folder):
         self._patches: dict[str, list[str]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without what was read."""
+        """Return the settings, without cached files."""
         return super().__getstate__() | {"_patches": {}}
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return the first ``count`` frames of a subject after ``every`` and ``peak_only``."""
+        """Return a subject's first ``count`` keys, selected by ``every`` and ``peak_only``."""
         return self.read_once(("frames", subject), lambda _: self._choose(subject))[:count]
 
     def _choose(self, subject: str) -> list[FaceKey]:
@@ -110,7 +110,7 @@ class D3dfacs(Folder):
         ]
 
     def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
-        """Group the two patches of each raw frame, then list the frames."""
+        """Return the keys of a subject's frames; two patches of a raw scan are one frame."""
         frames: dict[tuple[Path, str], list[Path]] = {}
         for path in files:
             name_without_side = (
@@ -141,13 +141,13 @@ class D3dfacs(Folder):
         return notes
 
     def _peak(self, keys: list[FaceKey]) -> FaceKey:
-        """Return the peak frame of a sequence (see the module docstring)."""
+        """Return the key of a sequence's peak frame (see the module docstring)."""
         if not all(map(_is_registration, keys)):
             return keys[len(keys) // 2]
         return max(zip(self._deformations(keys), keys, strict=True), key=lambda pair: pair[0])[1]
 
     def _deformations(self, keys: Iterable[FaceKey]) -> list[float]:
-        """Return each frame's deformation against the first valid frame; -1 for an invalid one."""
+        """Measure the deformation of each frame from the first valid one; -1 if invalid."""
         first: FileMesh | None = None
         deformations = []
         for key in keys:
@@ -164,14 +164,14 @@ class D3dfacs(Folder):
 
 
 def action_units(sequence: str) -> list[str]:
-    """Return the FACS codes in a sequence's name: "1+2L" gives ["1", "2L"]; [] without codes."""
+    """Parse the FACS codes in a sequence's name: "1+2L" gives ["1", "2L"]; [] without codes."""
     names = [part for part in sequence.split("-") if _CODE.search(part)]
     code = _CODE.search(names[-1]) if names else None
     return code[0].split("+") if code else []
 
 
 def deformation(first: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return the mean distance of (N, 3) points after rigid alignment (Kabsch 1976), same unit."""
+    """Measure the mean distance of point sets (N, 3) after rigid alignment (Kabsch 1976)."""
     a, b = first - first.mean(axis=0), other - other.mean(axis=0)
     left, _, right = np.linalg.svd(b.T @ a)
     mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right)) or 1.0])

@@ -1,4 +1,4 @@
-"""Read FaceWarehouse: 150 people with 47 blend shapes and 20 poses each.
+"""Reader of FaceWarehouse: 150 people with 47 blend shapes and 20 poses each.
 
     Tester_N/Blendshape/shape.bs         all 47 meshes: int32 number of expressions (46: the neutral
                                          face is not counted), vertices and quads, little-endian;
@@ -61,7 +61,7 @@ _ITERATIONS: Final = 30
 
 @dataclass(frozen=True)
 class _PersonFiles:
-    """The files of a person: shape.bs, shape number -> OBJ, pose number -> OBJ."""
+    """The files of a person: shape.bs, and OBJ files by shape number and by pose number."""
 
     bs: Path | None = None
     shapes: dict[int, Path] = field(default_factory=dict)
@@ -70,7 +70,7 @@ class _PersonFiles:
 
 @dataclass(frozen=True, eq=False)
 class _PersonGeometry:
-    """Topology and alignment shared by all meshes of a person.
+    """The topology and alignment that all meshes of a person share.
 
     Args:
         faces: (F, 3) int32.
@@ -102,12 +102,12 @@ class FaceWarehouseSettings(MeshFileSettings):
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
-        """Recognise folders Tester_N."""
+        """Return 1 if there are folders named Tester_N, else 0."""
         return float(any(re.fullmatch(r"Tester_\d+", folder.name) for folder in folders))
 
 
 class FaceWarehouse(FileFaces):
-    """A FaceSource for FaceWarehouse in its original layout.
+    """The face source of FaceWarehouse in its original layout.
 
     Args:
         steps: frames from one blend shape to the next.
@@ -134,7 +134,7 @@ class FaceWarehouse(FileFaces):
         self._steps, self._poses = steps, poses
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return the first ``count`` frames: shapes, then poses. Raises ConfigError."""
+        """Return a person's first ``count`` keys: shapes, then poses. Raises ConfigError."""
         files = self._files_of(subject)
         keys = []
         for number in range((SHAPES - 1) * self._steps + 1):
@@ -151,7 +151,7 @@ class FaceWarehouse(FileFaces):
         return keys[:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
-        """Return file -> hash for all files of these people, and those that tell the topology."""
+        """Hash the files of these people, with the OBJ files of their topology."""
         paths: list[Path] = []
         for subject in subjects:
             files = self._files_of(subject)
@@ -160,7 +160,7 @@ class FaceWarehouse(FileFaces):
         return file_contents(self.root, paths)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Read one mesh per key. All people of one topology share one ``faces`` array."""
+        """Yield one face per key; people of one topology share one ``faces`` array."""
         return load_faces(keys, self._face)
 
     def _face(self, key: FaceKey) -> Face:
@@ -176,7 +176,7 @@ class FaceWarehouse(FileFaces):
         return Face(key, mesh, expression, notes)
 
     def _weights(self, key: FaceKey) -> dict[int, float]:
-        """Return shape number -> weight, with sum 1; empty for a pose."""
+        """Return a frame's shape weights, number -> weight, with sum 1; empty for a pose."""
         if key.sequence != "shapes":
             return {}
         low, step = divmod(key.frame, self._steps)
@@ -186,7 +186,7 @@ class FaceWarehouse(FileFaces):
     def _points(
         self, key: FaceKey, weights: dict[int, float], count: int
     ) -> NDArray[np.floating[Any]]:
-        """Read the (V, 3) vertices of a frame, in the file's unit."""
+        """Read the vertices (V, 3) of a frame, in the file's unit."""
         files = self._files_of(key.subject)
         meshes: list[NDArray[np.floating[Any]]]
         if files.bs and weights:
@@ -204,7 +204,7 @@ class FaceWarehouse(FileFaces):
         return points
 
     def _geometry_of(self, subject: str) -> _PersonGeometry:
-        """Estimate topology, scale, winding and origin from the neutral face. Raises MeshError."""
+        """Measure a person's topology and alignment on the neutral face. Raises MeshError."""
         files = self._files_of(subject)
         faces, count = self._topology(subject)
         neutral = files.bs or files.shapes.get(0) or files.poses.get(0)
@@ -239,7 +239,7 @@ class FaceWarehouse(FileFaces):
         return _PersonGeometry(shared, count, alignment, estimated_scale)
 
     def _topology(self, subject: str) -> tuple[NDArray[np.int64], int]:
-        """Return (F, 3) triangles and the number of vertices. Raises MeshError."""
+        """Read the triangles (F, 3) and the number of vertices. Raises MeshError."""
         for path in self._topology_file(subject):
             check_size(path, MAX_BYTES)
             obj = read_obj(path)
@@ -249,7 +249,7 @@ class FaceWarehouse(FileFaces):
         raise MeshError(f"{self.root}: no shape_K.obj or pose_K.obj tells the topology")
 
     def _topology_file(self, subject: str) -> list[Path]:
-        """Return the OBJ file that tells the topology: another person's if the subject has none."""
+        """Return an OBJ file with the triangles, another person's if needed; [] if none."""
         own = self._files_of(subject)
         files = [own, *self.people.values()]
         return [path for f in files for path in (*f.shapes.values(), *f.poses.values())][:1]
@@ -263,7 +263,7 @@ class FaceWarehouse(FileFaces):
 
     @cached_property
     def people(self) -> dict[str, _PersonFiles]:
-        """Person -> files; the tree is listed once."""
+        """Files of each person; the tree is listed once."""
         people: dict[str, _PersonFiles] = {}
         for folder in _tester_folders(self.root, _MAX_DEPTH):
             known = people.get(folder.name, _PersonFiles())
@@ -277,7 +277,7 @@ class FaceWarehouse(FileFaces):
 
 
 def _tester_folders(folder: Path, depth: int) -> Iterator[Path]:
-    """Yield the Tester_N folders up to ``depth`` folders deeper."""
+    """Yield the Tester_N folders, at most ``depth`` levels below sub-folders."""
     for name in list_names(folder):
         path = folder / name
         if not path.is_dir():
@@ -289,7 +289,7 @@ def _tester_folders(folder: Path, depth: int) -> Iterator[Path]:
 
 
 def _numbered(folder: Path, stem: str) -> dict[int, Path]:
-    """Return number -> path of ``stem_number.obj``."""
+    """Return the files ``stem_NUMBER.obj`` of a folder, number -> path."""
     names = list_names(folder) if folder.is_dir() else []
     matches = [re.fullmatch(rf"{stem}_(\d{{1,3}})\.obj", name, re.ASCII) for name in names]
     return {int(match[1]): folder / match[0] for match in matches if match}
@@ -301,7 +301,7 @@ def _read_points(path: Path) -> NDArray[np.float64]:
 
 
 def read_blend_shapes(path: Path, numbers: Iterable[int]) -> list[NDArray[np.float32]]:
-    """Read meshes of a ``shape.bs`` by number (0: neutral), (V, 3) each. Raises MeshError."""
+    """Read meshes (V, 3) of a ``shape.bs`` by their numbers, 0 = neutral. Raises MeshError."""
     with one_bad_file(path), path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
         expressions, vertices, _ = struct.unpack("<iii", file.read(12))
@@ -318,7 +318,7 @@ def read_blend_shapes(path: Path, numbers: Iterable[int]) -> list[NDArray[np.flo
 
 
 def mm_per_unit(vertices: NDArray[np.floating]) -> float:
-    """Return the millimetres per unit that make the face FACE_WIDTH_MM wide; 0 without a width.
+    """Return the mm per unit at which the face is FACE_WIDTH_MM wide; 0 if it has no width.
 
     The width is measured less than 0.55 widths behind the nose tip and up to 0.4 widths above it,
     by fixed-point iteration.

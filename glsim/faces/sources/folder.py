@@ -1,4 +1,4 @@
-"""Read faces from any tree of mesh files.
+"""Reader of faces in any tree of mesh files.
 
 Layout: each folder directly below the root is a subject; each mesh directly below the root is a
 subject with one frame. The sequence is the path below the subject joined with "-" ("main" if
@@ -59,12 +59,12 @@ class FolderSettings(MeshFileSettings):
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
-        """Return little: this source reads what no other recognises."""
+        """Return 0.1, so that this source is chosen only if no other source fits."""
         return 0.1
 
 
 class Folder(FileFaces):
-    """A FaceSource over the mesh files below ``root``.
+    """The face source of all mesh files below ``root``.
 
     The origin is behind the nose of the first valid mesh of each sequence, so that the head still
     moves within a sequence.
@@ -81,17 +81,17 @@ class Folder(FileFaces):
     nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return the first ``count`` frames of a subject, by sequence. Raises ConfigError."""
+        """Return the keys of a subject's first ``count`` frames. Raises ConfigError."""
         self.check_subject(subject)
         return self.people[subject][:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
-        """Return file -> hash for all meshes of these subjects."""
+        """Hash all mesh files of these subjects: file -> hash."""
         keys = (key for subject in subjects for key in self.frames(subject, None))
         return file_contents(self.root, (path for key in keys for path in self._paths(key)))
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Read one mesh per key. Consecutive meshes of one topology share one ``faces`` array."""
+        """Yield one face per key; consecutive meshes of one topology share one ``faces`` array."""
         shared: NDArray[np.int32] | None = None
         for key in keys:
             try:
@@ -109,7 +109,7 @@ class Folder(FileFaces):
             yield Face(key, mesh, notes=notes)
 
     def _paths(self, key: FaceKey) -> list[Path]:
-        """Return the mesh files of a frame."""
+        """Return the paths of a frame's mesh files."""
         return [self.root / key.path]
 
     def _read(self, key: FaceKey) -> FileMesh:
@@ -122,7 +122,7 @@ class Folder(FileFaces):
         return {}
 
     def _alignment_of(self, key: FaceKey) -> Alignment:
-        """Combine the subject's unit, axes and winding with the sequence's origin. MeshError."""
+        """Combine the subject's unit, axes and winding with the sequence's own origin."""
         keys = self.frames(key.subject, None)
         subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes)
         keys = [other for other in keys if other.sequence == key.sequence]
@@ -133,7 +133,7 @@ class Folder(FileFaces):
     def _first_alignment(
         self, subject: str, sequence: str, keys: list[FaceKey], unit: str, axes: str
     ) -> Alignment:
-        """Return the alignment of the first valid mesh; raise the first mesh's error if none is."""
+        """Return the first valid mesh's alignment, else raise the first mesh's error."""
 
         def first(_: object) -> Alignment:
             error = MeshError(f"{self.root}: {subject} has no mesh")
@@ -150,7 +150,7 @@ class Folder(FileFaces):
 
     @cached_property
     def people(self) -> dict[str, list[FaceKey]]:
-        """Subject -> its frames; the tree is listed once."""
+        """Keys of each subject's frames; the tree is listed once."""
         keys: dict[str, list[FaceKey]] = {}
         names: Counter[str] = Counter()
         for name in list_names(self.root):
@@ -165,7 +165,7 @@ class Folder(FileFaces):
         return keys
 
     def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
-        """Return the frames of a subject; ``top`` is its folder or its only file."""
+        """Return the keys of a subject's frames; ``top`` is its folder or its only file."""
         by_folder: dict[Path, list[Path]] = {}
         for path in files:
             by_folder.setdefault(path.parent, []).append(path)

@@ -1,4 +1,4 @@
-"""The source ``ict-facekit``: heads of the morphable model that perform FACS sequences.
+"""The source ``ict-facekit``: heads of the ICT morphable model that perform FACS sequences.
 
 ``ict_facekit.npz`` says what is drawn of the model, as numbers of the vertices and triangles of its
 neutral mesh: without lacrimal fluid, lashes and iris meshes (the cornea in front of an iris is
@@ -62,7 +62,7 @@ _WHOLE: Final = ("jawLeft", "jawRight")
 
 
 def _kit_name(shape: str) -> str:
-    """Return the kit's name of an ARKit shape."""
+    """Convert an ARKit shape name to the kit's name."""
     for side in () if shape in _WHOLE else ("Left", "Right"):
         if shape.endswith(side):
             return f"{shape.removesuffix(side)}_{side[0]}"
@@ -82,13 +82,13 @@ class IctFaceKitSettings(GeneratorSettings):
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
-        """Recognise the folder FaceXModel."""
+        """Return 1 if the folder is a FaceXModel, else 0."""
         return float((root / _NEUTRAL).is_file())
 
 
 @dataclass(frozen=True, eq=False)
 class MorphableModel:
-    """A linear face model: vertices = weights @ basis, in canonical millimetres.
+    """A linear face model: vertices = weights @ basis, in canonical axes and mm.
 
     Args:
         basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
@@ -103,16 +103,16 @@ class MorphableModel:
 
     @cached_property
     def occluder(self) -> NDArray[np.int32]:
-        """(F', 3) int32: the triangles that cast shadows, from the mean face."""
+        """Triangles (F', 3) int32 that cast shadows, chosen on the mean face."""
         return occluder_of(self.basis[0].reshape(-1, 3), self.topology.triangles)
 
     @cached_property
     def albedo(self) -> NDArray[np.float32]:
-        """(V,) float32 reflectivity."""
+        """Reflectivity (V,) float32 of the vertices, by region."""
         return np.array([*ALBEDO.values()], dtype=np.float32)[self.topology.regions]
 
     def content_hash(self) -> str:
-        """Return a hash of all numbers of the model (30 ms)."""
+        """Return a hash of all arrays of the model (30 ms)."""
         topology = self.topology
         assert topology.regions is not None
         digest = hashlib.blake2b(" ".join(self.expressions).encode(), digest_size=16)
@@ -121,19 +121,19 @@ class MorphableModel:
         return digest.hexdigest()
 
     def neutral(self, identity: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return the (V, 3) float32 vertices, mm, of a person with (100,) identity weights."""
+        """Compute a neutral head (V, 3) float32 mm from identity weights (100,)."""
         return self._sum(self.basis[0], identity, 1)
 
     def with_shapes(
         self, neutral: NDArray[np.float32], weights: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Return the (V, 3) float32 vertices, mm, of a person with (E,) expression weights."""
+        """Add expression shapes with weights (E,) to a neutral head: (V, 3) float32 mm."""
         return self._sum(neutral.ravel(), weights, 1 + IDENTITY_MODES)
 
     def _sum(
         self, start: NDArray[np.float32], weights: NDArray[np.floating], first: int
     ) -> NDArray[np.float32]:
-        """Add weighted rows of the basis one after the other: the same bytes on any processor."""
+        """Add weighted basis rows one by one, so that all processors give the same bytes."""
         face = start.copy()
         for row, weight in enumerate(weights.astype(np.float32), start=first):
             if weight:
@@ -141,7 +141,7 @@ class MorphableModel:
         return face.reshape(-1, 3)
 
     def shape_weights(self, expression: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return (E,) weights in [0, 1] of the shapes for action unit -> intensity."""
+        """Compute shape weights (E,) in [0, 1] for action unit -> intensity."""
         weights = np.zeros(len(self.expressions))
         for name, weight in shape_weights(expression, _OVERRIDES).items():
             weights[self.expressions.index(_kit_name(name))] = weight
@@ -149,7 +149,7 @@ class MorphableModel:
 
 
 class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
-    """Heads "i0000", ... of the ICT-FaceKit model (MIT licence, downloaded by the user).
+    """A source of heads "i0000", ... from the ICT-FaceKit model (MIT licence, user's download).
 
     Canonical frame: the model's centimetres times 10, with one offset for all people that puts the
     tip of the mean face's nose at (0, 0, 45) mm; the mean face with neck then spans
@@ -182,19 +182,19 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
 
     @property
     def topology(self) -> Topology:
-        """Triangles, regions and landmarks of all heads."""
+        """Triangles, regions and landmarks, shared by all heads."""
         return self._model.topology
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Return a subject's (V, 3) float32 vertices without expression, and the triangles."""
+        """Return a subject's neutral vertices (V, 3) float32 mm, and the triangles."""
         return self.person(subject), self._model.topology.triangles
 
     def make_person(self, name: str) -> NDArray[np.float32]:
-        """Make a subject's (V, 3) vertices without expression, mm."""
+        """Compute a subject's neutral vertices (V, 3) mm."""
         return self._model.neutral(self.identity(name))
 
     def identity(self, subject: str) -> NDArray[np.float64]:
-        """Draw (100,) standard normal weights, truncated at 3: the first of 4 draws within it."""
+        """Draw identity weights (100,), standard normal and truncated at +-3."""
         rng = rng_for(self.seed, "ict-facekit", subject)
         draws = rng.standard_normal((_DRAWS, IDENTITY_MODES))
         first = np.argmax(np.abs(draws) <= _MAX_WEIGHT, axis=0)
@@ -202,7 +202,7 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
         return np.asarray(np.clip(chosen, -_MAX_WEIGHT, _MAX_WEIGHT))
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
-        """Return the hash of the model as it is read from its files, or from the cache."""
+        """Return a hash of the loaded model."""
         return {"face model": self._model.content_hash()}
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
@@ -222,7 +222,7 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
 
 
 def load_model(folder: Path) -> MorphableModel:
-    """Map the model from the cache; read and cache it first if needed (4 s, once per machine).
+    """Map the model's arrays from the cache; the first use per machine builds the cache (4 s).
 
     Raises ConfigError for a missing file, MeshError for a damaged one.
     """
@@ -244,7 +244,7 @@ def load_model(folder: Path) -> MorphableModel:
 
 
 def _check_files(paths: list[Path]) -> None:
-    """Raise ConfigError that names the first missing file."""
+    """Raise ConfigError that names the first missing file, if any."""
     for path in paths:
         if not path.is_file():
             raise ConfigError(f"{path}: missing, so this is not a whole FaceXModel folder; {_GET}")
@@ -255,7 +255,7 @@ def _identity_files(folder: Path) -> list[Path]:
 
 
 def _read_expressions(path: Path) -> tuple[str, ...]:
-    """Read the names of the expressions. Raises MeshError."""
+    """Read the names of the model's expressions. Raises MeshError."""
     check_size(path, _MAX_INDICES_BYTES)
     try:
         names = json.loads(path.read_text(encoding="utf-8"))["expressions"]
@@ -270,7 +270,7 @@ def _read_expressions(path: Path) -> tuple[str, ...]:
 
 
 def _build(files: list[Path]) -> Arrays:
-    """Build the model's arrays from its OBJ files, neutral first. Raises MeshError."""
+    """Build the model's arrays from its OBJ files, the neutral file first. Raises MeshError."""
     with np.load(DRAWN) as stored:
         drawn = {name: stored[name] for name in stored.files}
     neutral = read_obj(files[0])

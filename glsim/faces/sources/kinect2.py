@@ -1,4 +1,4 @@
-"""The source ``kinect2``: recorded frames, which data sets of ``glsim import kinect2`` name."""
+"""The source kind ``kinect2``: recorded frames in data sets made by ``glsim import kinect2``."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ class Kinect2Settings(FaceSettings):
     every: int | None = Field(None, ge=1, description="take every n-th frame")
 
     def open(self, seed: int) -> FaceSource:
-        """Raise ConfigError: there is no geometry."""
+        """Raise ConfigError, as recorded frames have no face geometry."""
         raise ConfigError("source 'kinect2' holds recorded frames, no faces: glsim import kinect2")

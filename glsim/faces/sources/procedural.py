@@ -25,23 +25,23 @@ class ProceduralSettings(GeneratorSettings):
 
 
 class ProceduralFaces(GeneratedFaces[HeadSubject]):
-    """Parametric heads "p0000", "p0001", ... (see ``glsim.faces.procedural``)."""
+    """A source of parametric heads "p0000", "p0001", ... (see ``glsim.faces.procedural``)."""
 
     name = "procedural"
     letter = "p"
 
     @property
     def topology(self) -> Topology:
-        """Triangles, regions and landmarks of all heads."""
+        """Triangles, regions and landmarks, shared by all heads."""
         model = head_model()
         return Topology(model.triangles, model.regions, REGIONS, model.landmarks)
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Return a subject's (V, 3) float32 vertices without expression, and the triangles."""
+        """Return a subject's neutral vertices (V, 3) float32 mm, and the triangles."""
         return self.person(subject).neutral.astype(np.float32), head_model().triangles
 
     def make_person(self, name: str) -> HeadSubject:
-        """Make a subject."""
+        """Make the head of a subject name."""
         return make_subject(sample_identity(self.seed, name), self.seed, name)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
