@@ -1,4 +1,4 @@
-"""Data sets on disk: generate, resume, verify, read, import and export them.
+"""Data sets on disk: generation, resumption, verification, reading, import and export.
 
 Start at ``driver`` (write) or ``reader`` (read).
 """

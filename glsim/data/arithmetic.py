@@ -1,4 +1,4 @@
-"""Fingerprint of the arithmetic of a machine: processor, libraries and OpenGL driver.
+"""A fingerprint of a machine's arithmetic, which depends on processor, libraries and OpenGL driver.
 
 NumPy and the OpenGL driver choose their code by the processor. Two of them give frames that look
 alike and differ in their bytes, so one data set must not be made on both. Products of matrices do
@@ -23,7 +23,7 @@ from glsim.data.worker_processes import WorkerFailure, WorkerProcess
 
 @dataclass(frozen=True)
 class Machine:
-    """The computer, the OpenGL renderer and the arithmetic of a process.
+    """The host, OpenGL renderer and arithmetic fingerprint of a process.
 
     Attributes:
         host: name of the computer.
@@ -36,7 +36,7 @@ class Machine:
     arithmetic: str
 
     def refuse_other(self, first: Machine) -> None:
-        """Raise ConfigError unless renderer and arithmetic equal the first machine's."""
+        """Raise ConfigError if renderer or arithmetic differ from the first machine's."""
         if (self.renderer, self.arithmetic) != (first.renderer, first.arithmetic):
             raise ConfigError(
                 f"{self.host}: a worker computes differently from the process that started it "
@@ -46,7 +46,7 @@ class Machine:
 
 
 def fingerprint(context: Any) -> str:
-    """Return a hash of fixed computations on this machine, in NumPy and in a GL context."""
+    """Hash the results of fixed computations on this machine, in NumPy and in a GL context."""
     from glsim.gl.draw import shader_arithmetic
 
     digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)
@@ -55,14 +55,14 @@ def fingerprint(context: Any) -> str:
 
 
 def this_machine(context: Any) -> Machine:
-    """Return the host, the renderer and the arithmetic of this process."""
+    """Return the Machine of this process."""
     from glsim.gl.context import describe
 
     return Machine(socket.gethostname(), describe(context)["renderer"], fingerprint(context))
 
 
 def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
-    """Return the machine of a worker with these variables. Raises the errors of the worker."""
+    """Start a worker process with ``environment`` and return its Machine."""
     worker = WorkerProcess(_MachineReport(backend), environment)
     try:
         answer = worker.connection.recv()
@@ -80,7 +80,7 @@ def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> M
 
 @dataclass(frozen=True)
 class _MachineReport:
-    """The job of a worker that reports its machine."""
+    """The job of a worker process that reports its Machine."""
 
     backend: str | None
 
@@ -96,7 +96,7 @@ class _MachineReport:
 
 @lru_cache(maxsize=1)
 def _numpy_arithmetic() -> bytes:
-    """Return functions and sums of fixed numbers, and the triangles of an occluder, as bytes."""
+    """Return the results of fixed NumPy and occluder computations, as bytes."""
     parts: list[Any] = []
     for kind in (np.float32, np.float64):
         # The golden section spreads the fractional parts evenly over [0, 1).

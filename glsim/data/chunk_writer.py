@@ -1,4 +1,4 @@
-"""Render and write chunks, in a worker process or, if there are no workers, in the driver."""
+"""Rendering and writing of chunks, in a worker process or in the driver itself."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from glsim.simulation.plan.tasks import Task
 
 
 class FrameMaker(Protocol):
-    """A function that makes frames, such as ``pipeline.simulate``; picklable by its name.
+    """The protocol of a function that makes frames of tasks, such as ``pipeline.simulate``.
 
     It yields one result per task, in order. It takes tasks as it needs them, and may take a bounded
     number in advance: a request beyond the current chunk makes the iterable fetch the next chunk.
     """
 
     def __call__(self, settings: Settings, tasks: Iterable[Task], /) -> Iterator[Frame | Skipped]:
-        """Yield a Frame per task, or Skipped if it cannot be made."""
+        """Yield a Frame per task, or a Skipped for a task that fails."""
         ...
 
 
 @dataclass(frozen=True)
 class RenderJob:
-    """The job that all workers of a run share: render, write and record chunks.
+    """The job of all workers of a run: render, write and record chunks.
 
     Attributes:
         settings: of the data set.
@@ -53,7 +53,7 @@ class RenderJob:
     inputs: InputHashes | None = None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
-        """Render, write and record chunks: the job of a worker. Raises as ``write_chunks``."""
+        """Render, write and record chunks, yielding their progress. Raises as ``write_chunks``."""
         for event in write_chunks(self, self.state.store, chunks):
             if isinstance(event, ChunkRecord):
                 self.state.save_chunk(event)
@@ -62,13 +62,13 @@ class RenderJob:
                 yield event
 
     def doing(self, chunk: Chunk) -> str:
-        """Name a chunk by its first frame."""
+        """Describe the rendering of a chunk, for messages, by the chunk's first frame."""
         return f"rendering {chunk.tasks[0].stem} and the next frames"
 
 
 @dataclass(frozen=True)
 class ChunkProgress(Interim):
-    """The number of frames of a chunk that are done so far."""
+    """A message with the number of frames of a chunk that are done so far."""
 
     chunk: int
     frames: int
@@ -80,7 +80,7 @@ ChunkEvent = ChunkProgress | ChunkSummary
 def write_chunks(
     job: RenderJob, store: Store, chunks: Iterable[Chunk]
 ) -> Iterator[ChunkProgress | ChunkRecord]:
-    """Render chunks and write their files; yield the record of each chunk that is complete.
+    """Render chunks and write their images; yield progress and each complete chunk's record.
 
     A frame that cannot be made, or has a depth beyond 16 bits, is recorded as skipped.
 
@@ -122,7 +122,7 @@ def write_chunks(
 
 
 class _ChunkWriter:
-    """Writes the frames of a chunk: each image as its own file, or all of them to one shard."""
+    """A writer of a chunk's frames, as one file per image or as one shard for all."""
 
     def __init__(self, settings: Settings, store: Store, chunk: Chunk) -> None:
         self._settings, self._store, self._chunk = settings, store, chunk
@@ -132,7 +132,7 @@ class _ChunkWriter:
         self._shard: _Shard | None = None
 
     def opened(self) -> AbstractContextManager[None]:
-        """Open the shard, if there is one, for a block that adds frames."""
+        """Open the shard (if the format has shards) for a block that adds frames."""
         return self._open_shard() if self._settings.output.format == "webdataset" else nullcontext()
 
     @contextmanager
@@ -190,7 +190,7 @@ def _image_name(task: Task, layer: str) -> str:
 
 @dataclass(frozen=True)
 class _Shard:
-    """A tar file in the layout of the library webdataset.
+    """An open tar file in the layout of the library webdataset.
 
     The key of a member is the index: that library cuts names at the first dot, and the name of a
     sequence may contain one.
@@ -202,11 +202,11 @@ class _Shard:
 
     @property
     def record(self) -> Record:
-        """The name and checksum of the shard."""
+        """Name and checksum of the shard."""
         return {"name": self.name} | self.file.checksum
 
     def add(self, member: str, data: bytes) -> Record:
-        """Append a member with fixed attributes; return its place and checksum."""
+        """Append a member with fixed metadata; return its name, offset and checksum."""
         info = tarfile.TarInfo(member)
         info.size = len(data)
         info.mode = 0o644

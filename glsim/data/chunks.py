@@ -1,4 +1,4 @@
-"""Chunks: how the planned frames of a data set are cut into units of work, and shares of these."""
+"""Chunks: the units of work into which a data set is cut, and the parts that share them out."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CHUNK_FRAMES = {"png": 32, "webdataset": 512}
 
 @dataclass(frozen=True)
 class Chunk:
-    """A unit of work: consecutive frames of one split.
+    """A unit of work: tasks of consecutive frames of one split.
 
     Attributes:
         number: position among all chunks.
@@ -37,13 +37,13 @@ class Chunk:
 
     @property
     def shard(self) -> str:
-        """The name of the shard that holds these frames in the format "webdataset"."""
+        """File name of the chunk's shard in the format "webdataset"."""
         return f"{self.split}-{self.order:06d}.tar"
 
 
 @dataclass(frozen=True)
 class Part:
-    """The chunks whose number modulo ``of`` is ``number`` modulo ``of``.
+    """A share of a data set: the chunks whose number modulo ``of`` equals ``number`` modulo ``of``.
 
     Both 0 to of - 1 and 1 to of name all parts: of/of and 0/of are the same.
     """
@@ -52,12 +52,12 @@ class Part:
     of: int
 
     def chunks(self, count: int) -> range:
-        """Return the numbers of this part's chunks among ``count``."""
+        """Return the numbers of this part's chunks, if the data set has ``count`` chunks."""
         return range(self.number % self.of, count, self.of)
 
     @property
     def name(self) -> str:
-        """The name of its files: the same for every spelling of the part."""
+        """Name of the part in file names, the same for 0/of and of/of."""
         return f"{self.number % self.of}-of-{self.of}"
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class Part:
 
 
 def parse_part(text: str) -> Part:
-    """Parse "3/16". Raises ConfigError."""
+    """Parse the text of a part, such as "3/16". Raises ConfigError."""
     match = re.fullmatch(r"(\d{1,9})/([1-9]\d{0,8})", text, re.ASCII)
     if match is None:
         raise ConfigError(f"--part {text}: give the number of the part and of all, such as 3/16")
@@ -76,7 +76,7 @@ def parse_part(text: str) -> Part:
 
 
 class ChunkPlan:
-    """All frames of a data set, by split and then in the order of the tasks, cut into chunks.
+    """The tasks of a data set, sorted by split and cut into chunks.
 
     It depends only on the tasks and the format, not on the workers or on the files on disk. Chunks
     are made when they are asked for: memory grows with the people, not with their frames. Raises
@@ -118,16 +118,16 @@ class ChunkPlan:
         return (self[number] for number in range(len(self)))
 
     def frames_in(self, number: int) -> int:
-        """Return the number of frames of a chunk, without making their tasks."""
+        """Count the frames of a chunk, without making their tasks."""
         _, _, start, stop = self._place(number)
         return stop - start
 
     def split_of(self, number: int) -> str:
-        """Return the split of a chunk."""
+        """Return the name of a chunk's split."""
         return self._place(number)[0]
 
     def _place(self, number: int) -> tuple[str, int, int, int]:
-        """Return a chunk's split, its position there, and the positions of its frames."""
+        """Return a chunk's split, its number in the split, and its first and last position."""
         if not 0 <= number < len(self):
             raise IndexError(f"there are {len(self)} chunks, not one at {number}")
         split = bisect_right(self._chunks, number) - 1
@@ -137,7 +137,7 @@ class ChunkPlan:
         return SPLIT_NAMES[split], order, start, min(start + self._chunk_frames, end)
 
     def _tasks_between(self, start: int, stop: int) -> list[Task]:
-        """Return the tasks at positions of the data set."""
+        """Return the tasks from position ``start`` to before ``stop`` in the data set."""
         tasks: list[Task] = []
         run = int(np.searchsorted(self._start, start, "right")) - 1
         while start < stop:
@@ -148,7 +148,7 @@ class ChunkPlan:
         return tasks
 
     def fingerprint(self) -> str:
-        """Return a hash that changes with every frame's name, mesh file, seed and device."""
+        """Hash the name, mesh file, seeds and device of every frame."""
         if isinstance(self._tasks, Plan):
             return self._tasks.fingerprint()
         digest = hashlib.blake2b(digest_size=16)

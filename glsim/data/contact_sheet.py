@@ -1,4 +1,4 @@
-"""Preview pictures: shaded depth, differences, reasons, contact sheets; uint8 BGR arrays."""
+"""Preview pictures: shaded depth, differences, reasons and contact sheets, as uint8 BGR arrays."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
 
 
 def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Picture:
-    """Draw noisy minus clean where both have depth, metres: (H, W, 3), blue nearer, red farther."""
+    """Draw noisy minus clean depth in metres as colours (H, W, 3), blue nearer and red farther."""
     share = np.clip((noisy_m - clean_m) * 1000.0 / DIFFERENCE_MM, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
     colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
@@ -71,7 +71,7 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
 
 
 def reasons(codes: NDArray[np.uint8]) -> Picture:
-    """Draw (H, W) reason codes as colours: (H, W, 3) BGR."""
+    """Draw reason codes (H, W) as colours (H, W, 3) BGR."""
     palette: Picture = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], np.uint8)
     picture: Picture = palette[codes]
     return picture
@@ -79,7 +79,7 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
 
 @dataclass(frozen=True, eq=False)
 class PreviewFrame:
-    """A frame to draw: (H, W) clean and noisy depth in metres, reason codes, and a caption.
+    """A frame to draw: clean and noisy depth (H, W) in metres, reason codes, and a caption.
 
     Attributes:
         has_reasons: False if the codes are inferred: why a pixel is lost is then unknown.
@@ -98,13 +98,13 @@ class PreviewFrame:
 
     @classmethod
     def of_frame(cls, frame: Frame, caption: str = "") -> PreviewFrame:
-        """Take a simulated frame, cropped to its window."""
+        """Convert a simulated frame, cropped to its window."""
         camera = frame.intrinsics.cropped(*frame.window)
         return cls(frame.clean_m, frame.noisy_m, frame.reason_codes, camera, caption)
 
     @classmethod
     def of_depth_frame(cls, frame: DepthFrame) -> PreviewFrame:
-        """Take a frame of a data set; without a reason layer, infer reasons from the depths."""
+        """Convert a data set's frame; reasons are inferred if it has no reason layer."""
         noisy_m = frame.noisy_mm / np.float32(1000)
         has_clean, has_reasons = "clean_mm" in frame, "reason" in frame
         clean_m = frame.clean_mm / np.float32(1000) if has_clean else np.zeros_like(noisy_m)
@@ -119,7 +119,7 @@ class PreviewFrame:
 
 
 def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
-    """Draw four cells, cropped to the face: shaded clean, shaded noisy, difference, reasons.
+    """Draw a row of four cells: shaded clean, shaded noisy, difference, and reasons.
 
     Without a clean map two: shaded noisy, infrared.
 
@@ -139,7 +139,7 @@ def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
 
 
 def brightness(infrared: NDArray[np.uint16] | None, shape: tuple[int, ...]) -> Picture:
-    """Draw infrared counts as grey, the root of their share of the 99th percentile; None: empty."""
+    """Draw infrared counts (None: empty) as grey, relative to their 99th percentile."""
     if infrared is None or not infrared.any():
         return np.full((*shape, 3), _BACKGROUND, np.uint8)
     share = infrared / np.percentile(infrared[infrared > 0], 99.0)
@@ -154,7 +154,7 @@ _NARROW_PX = 200
 
 
 def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -> Picture:
-    """Draw one ``frame_row`` per frame under headings, with a legend of colours and reasons.
+    """Draw one ``frame_row`` per frame, with a title, headings, and a legend of the colours.
 
     More than four frames stand in up to three columns, with smaller cells. All frames have a clean
     map, or none has.
@@ -179,7 +179,7 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
 
 
 def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
-    """Put cells of one size into columns, one below the other or, unless ``down``, side by side."""
+    """Arrange cells of equal size in ``columns``, column by column if ``down``, else row by row."""
     cells = cells + [np.full_like(cells[0], _BACKGROUND)] * (-len(cells) % columns)
     height = len(cells) // columns
     groups = [cells[n::height] if down else cells[n * columns :][:columns] for n in range(height)]
@@ -187,7 +187,7 @@ def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
 
 
 def legend_text(code: Reason, known: bool) -> str:
-    """Return the meaning of a reason's colour.
+    """Return the legend's text for a reason code.
 
     Args:
         known: whether the frames have a reason layer.
@@ -200,7 +200,7 @@ def legend_text(code: Reason, known: bool) -> str:
 def gallery(
     faces: Sequence[PreviewFrame], title: str, columns: int = 4, side: int = 240
 ) -> Picture:
-    """Draw the shaded clean maps in a grid, each with its caption."""
+    """Draw shaded clean maps in a grid, each with its caption."""
     columns = max(1, min(columns, len(faces)))
     cells = []
     for face in faces:
@@ -228,7 +228,7 @@ def _legend(width: int, used: Sequence[tuple[Reason, str]]) -> Picture:
 
 
 def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[slice, slice]:
-    """Return the rows and columns that hold any depth, with a margin; all if there is none."""
+    """Return the rows and columns around all pixels with depth; all if there are none."""
     rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
     if len(rows) == 0:
         return slice(None), slice(None)
@@ -239,7 +239,7 @@ def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[s
 
 
 def _fit(picture: Picture, side: int) -> Picture:
-    """Scale a picture by nearest neighbour to fit a square of ``side`` pixels, centred."""
+    """Scale a picture (nearest neighbour) and centre it in a square of ``side`` pixels."""
     scale = side / max(picture.shape[:2])
     size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
     resized = cv2.resize(picture, size, interpolation=cv2.INTER_NEAREST)
@@ -250,5 +250,5 @@ def _fit(picture: Picture, side: int) -> Picture:
 
 
 def _write(picture: Picture, text: str, at: tuple[int, int], size: float) -> None:
-    """Draw text; ``at``: (x, y) of its lower left corner, pixels."""
+    """Draw text with its lower left corner at ``at``, (x, y) in pixels."""
     cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _TEXT, 1, cv2.LINE_AA)

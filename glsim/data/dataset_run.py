@@ -1,4 +1,4 @@
-"""The steps of a run: which chunks are missing, render them, merge their records.
+"""The steps of a run: find missing chunks, render them, and merge their records.
 
 ``run_all`` takes all steps under the lock of the data set. Parts (``run_part``) take the first two,
 each under a lock of its own, and whoever finds all records merges.
@@ -38,7 +38,7 @@ ChunkRenderer = Callable[[RenderJob, Sequence[int], ChunkPlan], Generator[ChunkE
 
 
 def in_processes(count: int, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
-    """Return the renderer that uses worker processes, see ``worker_processes.run_tasks``."""
+    """Return a chunk renderer that uses ``count`` worker processes."""
 
     def render(
         job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
@@ -52,7 +52,7 @@ def in_processes(count: int, environment: Mapping[str, str] | None = None) -> Ch
 
 @dataclass(frozen=True)
 class DatasetRun:
-    """A data set to make and the store that takes it; fields as arguments of ``write_dataset``."""
+    """A data set to make, with its store; the fields are arguments of ``write_dataset``."""
 
     settings: Settings
     tasks: Sequence[Task]
@@ -75,12 +75,12 @@ class DatasetRun:
 
     @cached_property
     def found(self) -> InputHashes | None:
-        """The inputs as they were at the first use."""
+        """Hashes of the inputs, computed at the first access."""
         return self.inputs() if self.inputs is not None else None
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """The entries of the header that decide the bytes, see ``glsim.data.run_identity``."""
+        """Header entries that decide the bytes, see ``glsim.data.run_identity``."""
         identity = make_identity(self.settings, self.plan, self.sensor, self.renderer)
         if self.regions:
             identity["regions"] = dict(self.regions)  # pixel values of the layer; 0 = none
@@ -90,23 +90,23 @@ class DatasetRun:
 
     @property
     def state(self) -> RunState:
-        """The state of the data set, which only ``RunState.locked`` lets one change."""
+        """State folder of the data set; changes need ``RunState.locked``."""
         return RunState(self.store)
 
     def numbers(self, part: Part | None) -> range:
-        """Return the numbers of the chunks of a part; None: of all chunks."""
+        """Return the chunk numbers of a part, or of the whole data set for None."""
         chunks = len(self.plan)
         return range(chunks) if part is None else part.chunks(chunks)
 
     def counts(self, part: Part | None = None, progress: Progress | None = None) -> RunCounts:
-        """Start to count the frames of a part, or of the whole data set."""
+        """Return new counters for the frames of a part, or of the whole data set."""
         if part is None:
             return RunCounts(self.plan.frames, progress)
         return RunCounts(sum(map(self.plan.frames_in, self.numbers(part))), progress)
 
 
 def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -> GenerateSummary:
-    """Make all chunks with ``render`` under the lock of the data set, and merge them."""
+    """Make all chunks of a data set with ``render``, holding its lock, and merge them."""
     counts = run.counts(progress=progress)
     with run.state.locked(run.identity) as state:
         make_missing_chunks(run, state, None, render, counts)
@@ -116,7 +116,7 @@ def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -
 def make_missing_chunks(
     run: DatasetRun, state: RunState, part: Part | None, render: ChunkRenderer, counts: RunCounts
 ) -> None:
-    """Render the chunks that the data set lacks. Raises as ``write_dataset``.
+    """Render the chunks that are missing or damaged. Raises as ``write_dataset``.
 
     Args:
         run: what is made.
@@ -147,7 +147,7 @@ def make_missing_chunks(
 def _find_missing_chunks(
     run: DatasetRun, state: RunState, numbers: range, counts: RunCounts
 ) -> list[int]:
-    """Return the numbers of missing and damaged chunks; count the complete chunks as reused."""
+    """Return the numbers of missing and damaged chunks; count the others as reused."""
     plan, recorded = run.plan, state.recorded_chunks()
 
     def load(number: int) -> ChunkRecord | None:
@@ -180,7 +180,7 @@ def _find_missing_chunks(
 def run_part(
     run: DatasetRun, part: Part, render: ChunkRenderer, progress: Progress | None
 ) -> PartSummary:
-    """Make the chunks of a part with ``render``, and merge if no chunk is missing then."""
+    """Make a part's chunks with ``render``; merge the data set if no chunk is missing then."""
     counts = run.counts(part, progress)
     with run.state.locked(run.identity, part=part) as state:
         make_missing_chunks(run, state, part, render, counts)
@@ -207,7 +207,7 @@ def run_part(
 def finish(
     state: RunState, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
 ) -> GenerateSummary:
-    """Merge the chunk records, unless they are merged already, and return the summary.
+    """Merge the chunk records if necessary, and return the summary of the run.
 
     ``state`` is that of a locked data set.
     """

@@ -1,4 +1,4 @@
-"""The format of a data set on disk: file names and version.
+"""The file names and the format version of a data set on disk.
 
     dataset.json                     header: settings, sensor, counts, checksums of the files below
     manifest.jsonl                   one record per frame, by split and then in the plan's order

@@ -1,4 +1,4 @@
-"""Generate a data set, or a part of one, and resume it.
+"""Functions that generate a data set or a part of it, or resume its generation.
 
 Steps of a run, in the order of the calls:
 
@@ -65,7 +65,7 @@ def generate_part(
     portable: bool = False,
     progress: Progress | None = None,
 ) -> PartSummary:
-    """Generate one part of a data set, and merge all parts if this was the last one.
+    """Generate one part of a data set; the last part to finish also merges all parts.
 
     Parts may be made in any order, on many machines that share the folder ``out``, and again: the
     bytes are those of ``generate``.
@@ -84,7 +84,7 @@ def _simulation(
     portable: bool,
     ray: str | None = None,
 ) -> tuple[DatasetRun, ChunkRenderer]:
-    """Return the run that simulates the data set, and the function that renders its chunks."""
+    """Return the run of a simulated data set, and the function that renders its chunks."""
     # Imported here because reading a data set needs no OpenGL.
     from glsim.data.arithmetic import machine_of_workers, this_machine
     from glsim.data.frame_maker import SameMachineSimulator
@@ -140,7 +140,7 @@ def write_dataset(
     workers: Workers = "auto",
     progress: Progress | None = None,
 ) -> GenerateSummary:
-    """Write the data set of ``tasks`` to the folder ``out``, or the frames that it still lacks.
+    """Write the data set of ``tasks`` to the folder ``out``, or the frames missing there.
 
     Existing files are verified by size and CRC32; missing and damaged files are made again. The
     bytes are the same for any number of workers and interruptions.

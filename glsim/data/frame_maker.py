@@ -1,4 +1,4 @@
-"""The maker of a data set's frames: the simulator, bound to the machine that began the set."""
+"""The frame maker of a data set: a simulator that runs only on machines that compute alike."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from glsim.simulation.plan.tasks import Task
 
 @dataclass
 class SameMachineSimulator:
-    """The maker of frames (``FrameMaker``) of a run: it simulates on one kind of machine alone.
+    """A FrameMaker that simulates only if this machine computes like the first one.
 
     Attributes:
         machine: the one that began the data set.
@@ -35,7 +35,7 @@ class SameMachineSimulator:
     _kept: tuple[Simulator, ExitStack] | None = field(default=None, init=False)
 
     def __call__(self, settings: Settings, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
-        """Yield one result per task, in order.
+        """Yield one Frame or Skipped per task, in order.
 
         Raises ConfigError if this process computes differently, and the errors of ``simulate``.
         """

@@ -1,4 +1,4 @@
-"""Read dataset.json and manifest.jsonl, and compare both with their recorded checksums."""
+"""Reading of dataset.json and manifest.jsonl, with comparison to their recorded checksums."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ REPAIR = "run glsim generate again with the same settings to repair it"
 
 
 class Manifest:
-    """The lines of a manifest; the file is read once when it is opened.
+    """The indexed lines of a manifest; opening it reads the whole file once.
 
     Raises DatasetError if it is missing or cannot be read.
 
@@ -61,11 +61,11 @@ class Manifest:
         return len(self._ends)
 
     def record(self, number: int) -> dict[str, Any]:
-        """Return the checked record in a line, from 0. Raises DatasetError for a bad record."""
+        """Return the checked record of line ``number``, from 0. Raises DatasetError if bad."""
         return self.parse(next(self.lines(number, 1)), number)
 
     def lines(self, first: int, count: int) -> Iterator[bytes]:
-        """Yield consecutive lines; of a line longer than MAX_LINE_BYTES only its start."""
+        """Yield ``count`` lines from ``first`` on, cut after MAX_LINE_BYTES + 1 bytes."""
         start = int(self._ends[first - 1]) if first else 0
         with wrap_read_errors(self.path), self._open() as lines:
             lines.seek(start)
@@ -79,7 +79,7 @@ class Manifest:
                 start += size
 
     def parse(self, line: bytes, number: int) -> dict[str, Any]:
-        """Check a line. Raises DatasetError, which names the file, the line and the field."""
+        """Parse and check a line. Raises DatasetError with file, line and field."""
         if len(line) > MAX_LINE_BYTES:
             raise self.damage(number, f"it has more than {MAX_LINE_BYTES} bytes")
         try:
@@ -88,7 +88,7 @@ class Manifest:
             raise DatasetError(f"{error}: {REPAIR}") from None
 
     def damage(self, number: int, problem: str) -> DatasetError:
-        """Return the error for a bad line."""
+        """Return a DatasetError that reports a damaged line."""
         return DatasetError(f"{self._line(number)} is damaged: {problem}: {REPAIR}")
 
     def _line(self, number: int) -> str:
@@ -99,18 +99,18 @@ class Manifest:
 
 
 def is_dataset(place: Path | str) -> bool:
-    """Return whether a path names a data set of glsim, complete or not; a URL always does."""
+    """Return whether a path holds a data set, complete or not; True for every URL."""
     path = Path(place)
     return cloud_url(place) is not None or (path / HEADER).exists() or (path / STATE).exists()
 
 
 def read_header(place: Path | str) -> dict[str, Any]:
-    """Read and check dataset.json. Raises DatasetError if this version cannot read the data set."""
+    """Read and check dataset.json. Raises DatasetError if it is absent or unreadable."""
     return _read_header(open_store(place))[0]
 
 
 def open_header(store: Store) -> tuple[dict[str, Any], str | None, Manifest]:
-    """Return the header of a data set, the problem with its checksum or None, and the manifest.
+    """Return the header, the problem with its checksum (None if right), and the manifest.
 
     Raises DatasetError as ``read_header``.
     """
@@ -147,7 +147,7 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
 
 
 def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | None:
-    """Return how a manifest differs from its entry in the header; None if they agree."""
+    """Describe how a manifest differs from its entry in the header; None if they agree."""
     recorded = header["files"].get(MANIFEST)
     if recorded is not None and manifest.checksum != {
         "size": recorded["size"],
@@ -161,7 +161,7 @@ def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | Non
 
 
 def header_problem(store: Store, found: Mapping[str, int]) -> str | None:
-    """Return that dataset.json differs from its checksum in .glsim; None if it does not.
+    """Describe how dataset.json differs from its checksum in .glsim; None if they agree.
 
     A data set without the folder .glsim, such as a copy, has no checksum of its header.
     """

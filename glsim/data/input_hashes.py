@@ -1,4 +1,4 @@
-"""Hash the inputs of a data set that its settings only name."""
+"""Hashes of a data set's input files: noise stages, and files of face sources."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from glsim.simulation.plan.tasks import Task, people_of
 
 
 def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
-    """Hash the files of noise stages, as they are now: file -> hash.
+    """Hash the current files of noise stages: file -> hash.
 
     A Python stage is the file that holds its function; what that file imports is not seen. A stage
     of another package is also that package's code.
@@ -43,7 +43,7 @@ def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
 def refuse_other_inputs(
     expected: InputHashes, sources: Sequence[FaceSource], tasks: Sequence[Task], where: str
 ) -> None:
-    """Raise ConfigError if this machine has other files for some tasks than ``expected`` says.
+    """Raise ConfigError if this machine's input files of some tasks differ from ``expected``.
 
     Args:
         expected: the inputs of the whole data set, on the machine that drives it.
@@ -62,7 +62,7 @@ def refuse_other_inputs(
 def source_hashes(
     sources: Sequence[FaceSource], tasks: Sequence[Task]
 ) -> dict[str, dict[str, str]]:
-    """Hash the files that the frames of ``tasks`` are made of: source -> file -> hash.
+    """Hash the files from which the frames of ``tasks`` are made: source -> file -> hash.
 
     A source of another package is also its code: the files of that package.
     """

@@ -1,4 +1,4 @@
-"""Inspect a face set: its format, people, units and problems."""
+"""Inspection of a face set: its format, people, units and problems."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MAX_FOLDERS: Final = 200  # folders searched to recognise a format
 
 @dataclass
 class FaceSetReport:
-    """The contents of a face set.
+    """A report of a face set: its people, frames, units and problems.
 
     Args:
         kind: name of the source that reads it, or "mesh".
@@ -58,12 +58,12 @@ class FaceSetReport:
 
     @property
     def frames(self) -> int:
-        """The number of frames of all people."""
+        """Number of frames of all people."""
         return sum(frames for _, frames in self.people.values())
 
 
 def recognise(path: Path) -> str:
-    """Return the kind of source that reads a folder. ConfigError if it is missing or a data set."""
+    """Return the source kind that fits a folder. ConfigError if it is absent or a data set."""
     root = check_root(path)
     if (root / HEADER).is_file():
         raise ConfigError(f"{root}: is a data set of glsim: look at it with glsim preview")
@@ -76,7 +76,7 @@ def recognise(path: Path) -> str:
 
 
 def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str, FaceSource]:
-    """Open a folder or one mesh file: (kind, source). Raises ConfigError, MeshError."""
+    """Open a folder or a mesh file as (kind, source). Raises ConfigError or MeshError."""
     if path.is_file():
         loaded = load_mesh(path, unit=unit, axes=axes)
         return "mesh", OneMesh(loaded.mesh, path.stem, loaded.notes)
@@ -90,7 +90,7 @@ def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str,
 def inspect(
     path: Path, kind: str, source: FaceSource, sample: int = SAMPLE_FRAMES
 ) -> FaceSetReport:
-    """List all frames, and read ``sample`` of them, evenly spread (0: all). Raises ConfigError."""
+    """List all frames, and read ``sample`` evenly spaced ones (0: all). Raises ConfigError."""
     report = FaceSetReport(kind, path)
     people, frames_each = (3, 4) if generates(kind) else (None, None)
     keys: list[FaceKey] = []
@@ -118,7 +118,7 @@ def inspect(
 def preview_faces(
     source: FaceSource, keys: Sequence[FaceKey], backend: str | None = None
 ) -> Iterator[PreviewFrame]:
-    """Render frames with an ideal sensor at 0.9 m; frames that cannot be rendered are omitted."""
+    """Render frames with an ideal sensor at 0.9 m, leaving out frames that fail."""
     settings = load_settings(overrides={"sensor": "ideal"})
     tasks = [
         Task(number, "train", key.subject, 0, key, DrawKeys(0, 0, 0), 0)
@@ -132,7 +132,7 @@ def preview_faces(
 
 
 def _add_notes(report: FaceSetReport, face: Face) -> None:
-    """Count a face's unit, axes and doubts in the report."""
+    """Add a face's unit, axes and doubts about them to the report's counts."""
     unit, axes = face.notes.get("unit"), face.notes.get("axes")
     if unit is not None:
         detected = face.notes.get("found_by_rule")
@@ -146,7 +146,7 @@ def _add_notes(report: FaceSetReport, face: Face) -> None:
 
 
 def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
-    """Return ``count`` keys at even distances, including the first and the last."""
+    """Return ``count`` evenly spaced keys, including the first and the last."""
     if len(keys) <= count:
         return keys
     last = len(keys) - 1
@@ -154,7 +154,7 @@ def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:
-    """Yield the folders below the root, level by level."""
+    """Yield the folders below a root, level by level."""
     level = [root]
     for _ in range(depth):
         below: list[Path] = []

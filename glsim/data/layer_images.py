@@ -1,4 +1,4 @@
-"""Layer images: their pixel types, decoding with checks, and writing the layers of one frame."""
+"""Layer images: pixel types, checked decoding, and writing of a frame's layers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CHANNELS = {"normals": 3}
 
 
 def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
-    """Decode the bytes of a PNG file to (H, W), or (H, W, 3), in the layer's pixel type.
+    """Decode a PNG file to (H, W) or (H, W, 3) pixels of the layer's type, with checks.
 
     Raises DatasetError for a damaged image, another pixel type, several channels or more than
     ``max_px`` pixels.
@@ -64,7 +64,7 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
 
 
 def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str]) -> list[Path]:
-    """Write ``<stem>_<layer>.png`` for each layer and return the paths; the folder is created.
+    """Write ``<stem>_<layer>.png`` for each layer and return the paths.
 
     Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
     unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
@@ -77,7 +77,7 @@ def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str])
 
 
 def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | None:
-    """Decode a member of a shard: ``WebDataset(shards).decode(webdataset_decoder)``.
+    """Decode a member of a shard, for ``WebDataset(shards).decode(webdataset_decoder)``.
 
     Raises DatasetError for a damaged image or record.
 

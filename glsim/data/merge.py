@@ -1,4 +1,4 @@
-"""Merge chunk records into manifest, metadata and header.
+"""Merging of chunk records into the manifest, the metadata and the header.
 
 Memory does not grow with the number of frames. The chunk records stay where they are: resumed and
 repaired runs read them.
@@ -28,7 +28,7 @@ from glsim.settings.schema import SPLIT_NAMES
 
 
 def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None:
-    """Write all files that describe the whole data set.
+    """Write the files that describe the whole data set: manifest, metadata and header.
 
     The files depend only on the chunk records and ``identity``, not on the clock or the workers.
     Each is on the disk before the next is named; the header comes after all that it describes.
@@ -75,7 +75,7 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
 
 
 def merged_files_are_intact(state: RunState) -> bool:
-    """Check that the header, the manifest and metadata are as they were written."""
+    """Check that header, manifest and metadata have their recorded checksums."""
     store = state.store
     try:
         checksum = parse_checksum(store.read(COMPLETE, MAX_LINE_BYTES) or b"", COMPLETE)
@@ -92,7 +92,7 @@ def merged_files_are_intact(state: RunState) -> bool:
 
 
 def bounded_lines(file: IO[bytes], limit: int) -> Iterator[bytes]:
-    """Yield the lines of a file with their ends; long lines are cut.
+    """Yield the lines of a file with their line ends, cut if they are too long.
 
     Args:
         file: open for reading.

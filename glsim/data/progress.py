@@ -1,4 +1,4 @@
-"""Progress of a run while it goes on, and its results."""
+"""Progress and results of a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PROGRESS_EVERY_S = 0.1
 
 @dataclass(frozen=True)
 class GenerateProgress:
-    """The state of a run. ``done`` of ``total`` frames include skipped and reused ones.
+    """The progress of a run: ``done`` of ``total`` frames, including skipped and reused ones.
 
     Attributes:
         skipped: frames that could not be made.
@@ -36,7 +36,7 @@ Progress = Callable[[GenerateProgress], None]
 
 @dataclass(frozen=True)
 class GenerateSummary:
-    """The results of a run and the contents of the data set.
+    """The results of a run, and the counts of the whole data set.
 
     Attributes:
         frames, subjects: split -> number.
@@ -59,7 +59,7 @@ class GenerateSummary:
 
 @dataclass(frozen=True)
 class PartSummary:
-    """The results of a run of one part.
+    """The results of a run that made one part.
 
     Attributes:
         frames, skipped: numbers of frames of this part.
@@ -80,7 +80,7 @@ class PartSummary:
 
 @dataclass
 class RunCounts:
-    """Counts frames and bytes, and passes them to ``callback``. It starts the clocks."""
+    """Counters of frames, bytes and time of a run, which report to ``callback``."""
 
     total: int
     callback: Progress | None = None
@@ -94,7 +94,7 @@ class RunCounts:
     cpu_started_s: float = field(default_factory=lambda: _cpu_seconds())
 
     def complete(self, summary: ChunkSummary, *, reused: bool = False) -> None:
-        """Count a complete chunk."""
+        """Add the frames and bytes of a complete chunk."""
         self.in_progress.pop(summary.chunk, None)
         self.frames += summary.frames
         self.skipped += summary.skipped
@@ -103,7 +103,7 @@ class RunCounts:
         self.report()
 
     def report(self, *, last: bool = False) -> None:
-        """Call ``callback``, unless it was called just now."""
+        """Call ``callback`` with the progress, unless its last call was very recent."""
         now = time.monotonic()
         if self.callback is None or (not last and now - self.reported_s < _PROGRESS_EVERY_S):
             return
@@ -113,21 +113,21 @@ class RunCounts:
 
     @property
     def rendered(self) -> int:
-        """Number of frames that this run made or skipped."""
+        """Number of frames that this run made or skipped, without reused frames."""
         return self.frames + self.skipped - self.reused
 
     @property
     def seconds(self) -> float:
-        """Wall time since the start."""
+        """Wall time since the start, seconds."""
         return time.monotonic() - self.started_s
 
     @property
     def cpu_seconds(self) -> float:
-        """CPU seconds since the start."""
+        """CPU time since the start, seconds."""
         return _cpu_seconds() - self.cpu_started_s
 
 
 def _cpu_seconds() -> float:
-    """Return the CPU seconds of this process and of all its children that have ended."""
+    """Return the CPU seconds of this process and of its ended children."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime

@@ -1,4 +1,4 @@
-"""A cluster of Ray: connect to it, and hand out tasks with a bounded number under way.
+"""Connection to a Ray cluster, and execution of a bounded number of calls at a time.
 
 Tasks are plain ones: a node that dies takes its tasks with it, and Ray starts them again elsewhere.
 Actors are not used; pinned ones waited for ever when a node died.
@@ -38,7 +38,7 @@ _SILENT_S = 30.0
 
 @contextmanager
 def ray_cluster(address: str) -> Iterator[Any]:
-    """Connect to a cluster, and yield the module ray. A connection that is there is used.
+    """Connect to a Ray cluster, or use the open connection, and yield the module ray.
 
     Raises ConfigError if there is none, or Ray is not installed.
 
@@ -71,7 +71,7 @@ def ray_cluster(address: str) -> Iterator[Any]:
 
 
 def _check_answers(address: str) -> None:
-    """Raise ConfigError if nothing answers at HOST:PORT: Ray itself would try for minutes."""
+    """Raise ConfigError if HOST:PORT does not answer, because Ray would try for minutes."""
     host, separator, port = address.removeprefix("ray://").rpartition(":")
     if not separator or not (port.isascii() and port.isdigit()):
         return
@@ -86,7 +86,7 @@ def _check_answers(address: str) -> None:
 
 
 def _refuse_silent_head(ray: Any) -> None:
-    """Wait until the head of the cluster takes a connection.
+    """Wait until the cluster's head accepts a connection.
 
     Raises ClusterLostError if it does not for a while.
     """
@@ -107,7 +107,7 @@ def _refuse_silent_head(ray: Any) -> None:
 
 
 class ClusterLostError(DatasetError):
-    """The connection to the processes of Ray is lost."""
+    """The error that the connection to the Ray cluster is lost."""
 
 
 def _lost(what: str, error: Exception) -> ClusterLostError:
@@ -120,7 +120,7 @@ def _lost(what: str, error: Exception) -> ClusterLostError:
 
 @contextmanager
 def _connection_errors(ray: Any) -> Iterator[None]:
-    """Turn Ray's errors about a lost connection in the block into a ClusterLostError."""
+    """Convert Ray's connection errors in the block to ClusterLostError."""
     try:
         yield
     except (OSError, ray.exceptions.RayError) as error:
@@ -128,14 +128,14 @@ def _connection_errors(ray: Any) -> Iterator[None]:
 
 
 def cluster_cores(ray: Any) -> int:
-    """Return the number of cores of all nodes. Raises ClusterLostError if the head is gone."""
+    """Return the number of cores of all nodes. Raises ClusterLostError if unreachable."""
     _refuse_silent_head(ray)
     with _connection_errors(ray):
         return int(ray.cluster_resources().get("CPU", 0))
 
 
 def failure_of(error: Exception) -> WorkerFailure:
-    """Turn an exception into a task's result; errors of other libraries get the machine's name."""
+    """Convert an exception to a WorkerFailure; foreign errors get the machine's name."""
     if isinstance(error, GlsimError):
         return WorkerFailure(error)
     failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
@@ -149,7 +149,7 @@ def run_tasks(
     calls: Iterable[tuple[_T, tuple[Any, ...]]],
     environment: Mapping[str, str] | None = None,
 ) -> Generator[tuple[_T, Any], None, None]:
-    """Call a function on the cluster; yield (name, result) as results arrive, in any order.
+    """Call a function on the cluster; yield (name, result) of each call in any order.
 
     Raises the error of a call, which it returns as a ``WorkerFailure``, and DatasetError for a call
     whose processes die again and again.
@@ -201,7 +201,7 @@ def run_tasks(
 
 
 def _count_loss(lost: Counter[_T], name: _T, error: LostResultError) -> None:
-    """Log a warning, or raise DatasetError if the result of a call was lost too often."""
+    """Count a lost result of a call; log it, or raise DatasetError if it was lost too often."""
     lost[name] += 1
     if lost[name] > _CALLS_AGAIN:
         raise DatasetError(
@@ -212,13 +212,13 @@ def _count_loss(lost: Counter[_T], name: _T, error: LostResultError) -> None:
 
 
 class LostResultError(Exception):
-    """The result of a task went with its node."""
+    """The error that a call's result was lost together with its node."""
 
 
 def remote_task(
     ray: Any, function: Callable[..., object], environment: Mapping[str, str] | None = None
 ) -> Any:
-    """Return a function as a task of one core and one thread, which Ray retries."""
+    """Return a function as a Ray task on one core and one thread, with retries."""
     variables = SINGLE_THREADED | dict(environment or {})
     return ray.remote(function).options(
         num_cpus=1, max_retries=_RETRIES, runtime_env={"env_vars": variables}
@@ -226,7 +226,7 @@ def remote_task(
 
 
 def start_task(ray: Any, task: Any, *arguments: object) -> Any:
-    """Start a task; return the reference of its result.
+    """Start a Ray task and return the reference of its result.
 
     Raises ClusterLostError without a cluster.
     """
@@ -235,14 +235,14 @@ def start_task(ray: Any, task: Any, *arguments: object) -> Any:
 
 
 def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
-    """End tasks whose results nobody needs; without a cluster there are none."""
+    """Cancel Ray tasks whose results are no longer needed; do nothing without a cluster."""
     with suppress(OSError, ray.exceptions.RayError):
         for reference in references:
             ray.cancel(reference, force=True)
 
 
 def task_result(ray: Any, reference: Any) -> Any:
-    """Return a task's result; waits for it.
+    """Wait for the result of a Ray task and return it.
 
     Raises LostResultError, the error in its ``WorkerFailure``, or ClusterLostError if the cluster
     is gone.

@@ -1,4 +1,4 @@
-"""Chunks on a cluster of Ray: nodes render them, and the driver writes them to its folder.
+"""Rendering of chunks on a Ray cluster: nodes render, and the driver writes the files.
 
 Nodes need the same glsim and the same files of faces, but no common disk: a task makes its chunk in
 a temporary folder of its node and returns the bytes. Only the driver writes the data set, so a task
@@ -33,7 +33,7 @@ from glsim.data.worker_processes import WorkerFailure
 
 @dataclass(frozen=True)
 class ClusterJob:
-    """The job that all tasks of a run share.
+    """The data that all Ray tasks of a run share.
 
     Attributes:
         folder: the driver's working folder, for relative paths.
@@ -47,14 +47,14 @@ class ClusterJob:
 
 @dataclass(frozen=True)
 class MadeChunk:
-    """A chunk as a node made it: its record and its files, name -> bytes."""
+    """A chunk rendered by a node: its record, and its files as name -> bytes."""
 
     record: bytes
     files: dict[str, bytes]
 
 
 def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
-    """Return the renderer that uses a cluster, see ``glsim.data.ray_cluster.ray_cluster``.
+    """Return a chunk renderer that uses the Ray cluster at ``address``.
 
     Args:
         environment: variables for the processes of the nodes.
@@ -88,7 +88,7 @@ _shared: ClusterJob | None = None  # of this process: its sources and its simula
 
 
 def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk | WorkerFailure:
-    """Make a chunk: the task of the cluster. Errors are returned, for Ray wraps raised ones."""
+    """Render a chunk in a Ray task; return errors as WorkerFailure, since Ray wraps raised ones."""
     global _shared
     try:
         if _shared is None or _shared.token != token:
@@ -103,7 +103,7 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
 
 
 def _prepared(shared: ClusterJob) -> RenderJob:
-    """Return the job for this process, which keeps its simulator. Raises ConfigError."""
+    """Return the RenderJob, set up for this node's process. Raises ConfigError."""
     if version("glsim") != shared.glsim_version:
         raise ConfigError(
             f"{socket.gethostname()} has glsim {version('glsim')}, the driver "

@@ -1,4 +1,4 @@
-"""Read a data set, PNG tree or shards: records, and depth maps in millimetres.
+"""Reading of a data set (PNG files or shards): records, and depth maps in millimetres.
 
 Everything is checked: the header and each record against ``glsim.data.record_schema``, the
 manifest against its checksum in the header, the header against its checksum in ``.glsim``; and
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class Dataset:
-    """A complete data set on disk or in object storage. It is cheap to send to other processes.
+    """A complete data set on disk or in object storage, cheap to pickle.
 
     Opening reads the manifest once for its checksum.
     Raises DatasetError if the folder holds no complete data set, one of a newer version of glsim,
@@ -61,11 +61,11 @@ class Dataset:
         return iter(self.frames())
 
     def frames(self) -> Frames:
-        """Return all frames in the order of the manifest: training, validation, test."""
+        """Return all frames in the order of the manifest: train, val, test."""
         return self._part(0, len(self), "all")
 
     def split(self, name: str) -> Frames:
-        """Return the frames (maybe none) of a split. Raises DatasetError for an unknown split."""
+        """Return the frames of a split, possibly none. Raises DatasetError if unknown."""
         if name not in SPLIT_NAMES:
             raise DatasetError(f"no such split {name!r}: {did_you_mean(name, SPLIT_NAMES)}")
         counts = self.header["frames"]
@@ -84,7 +84,7 @@ class Dataset:
         )
 
     def require(self, layer: str) -> None:
-        """Raise DatasetError if the frames lack a layer."""
+        """Raise DatasetError if the data set has no layer with this name."""
         if layer in self.layers:
             return
         wanted = ",".join(sorted({"clean", "noisy", layer}))
@@ -95,13 +95,13 @@ class Dataset:
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """The layers that each frame has."""
+        """Names of the layers that each frame has."""
         written = self.header["settings"]["output"]["layers"]
         return tuple(layer for layer in WRITABLE if layer in written)
 
     @property
     def protocol(self) -> DepthProtocol:
-        """The depth protocol of the files: as measured, or moved to 1 mm ("paper").
+        """Depth protocol of the files: depths as measured, or shifted to start at 1 mm ("paper").
 
         The maps of a frame in millimetres are as measured either way.
         """
@@ -109,18 +109,18 @@ class Dataset:
 
     @property
     def regions(self) -> dict[str, int]:
-        """Name -> number of the parts of the face; empty without the layer "regions"."""
+        """Numbers of the face regions, name -> number; empty without the layer "regions"."""
         return dict(self.header.get("regions", {}))
 
     @property
     def sensor_title(self) -> str:
-        """The sensor's description in one line; its name if it has none."""
+        """Description of the sensor in one line, or else its name."""
         sensor = self.header.get("sensor", {})
         return str(sensor.get("title", sensor.get("name", "unknown sensor")))
 
     @property
     def is_remote(self) -> bool:
-        """Whether the images lie in object storage: each read takes a request over the network."""
+        """Whether the images are in object storage, where each read is a network request."""
         return self._store.is_remote
 
     def _key(self, first: int, number: int) -> FrameKey:
@@ -128,7 +128,7 @@ class Dataset:
         return FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
 
     def _load(self, first: int, number: int) -> DepthFrame:
-        """Return a frame of a part; its split must agree with the counts in the header."""
+        """Load frame ``first + number``; its split must agree with the counts in the header."""
         number += first
         record = self._manifest.record(number)
         counts = self.header["frames"]

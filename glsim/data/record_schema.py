@@ -1,4 +1,4 @@
-"""The schema of the JSON in a data set: dataset.json, manifest lines, chunk records.
+"""The schema of a data set's JSON: dataset.json, manifest lines and chunk records.
 
 A record is JSON that anybody may have changed. It is parsed and checked in one step by pydantic,
 and nothing of it is used before. Keys that are not listed here are kept as they are.
@@ -26,7 +26,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
 def is_file_name(name: str) -> bool:
-    """Return whether a name stays inside the data set: words with slashes between them."""
+    """Return whether a name is a relative path that stays inside the data set."""
     words = name.split("/")
     return len(name) <= 1024 and not _CONTROL.search(name) and not {"", ".", ".."} & set(words)
 
@@ -61,7 +61,7 @@ class _File(TypedDict):
 
 
 class _Shard(TypedDict):
-    """A shard; its keys are in the order in which the checksum of a chunk record covers them."""
+    """The entry of a shard; the order of its keys is part of a chunk record's checksum."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     name: FileName
@@ -70,7 +70,7 @@ class _Shard(TypedDict):
 
 
 class _Image(TypedDict):
-    """An image file, or a member of a shard at an offset, bytes."""
+    """The entry of an image, either a file or a shard's member at an offset in bytes."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     name: FileName
@@ -98,7 +98,7 @@ class _Landmarks(TypedDict):
 
 
 class FrameRecord(TypedDict):
-    """A line of the manifest, see ``glsim.data.records.frame_record``."""
+    """The schema of a manifest line, see ``glsim.data.records.frame_record``."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     index: Count
@@ -117,7 +117,7 @@ class FrameRecord(TypedDict):
 
 
 class _Summary(TypedDict):
-    """The first line of a chunk record, see ``glsim.data.records.ChunkSummary``."""
+    """The schema of a chunk record's first line, see ``glsim.data.records.ChunkSummary``."""
 
     __pydantic_config__ = _CLOSED  # type: ignore[misc]
     chunk: Count
@@ -145,7 +145,7 @@ class _Settings(TypedDict):
 
 
 class HeaderRecord(TypedDict):
-    """dataset.json, as far as a reader uses it."""
+    """The schema of the entries of dataset.json that readers use."""
 
     __pydantic_config__ = _OPEN  # type: ignore[misc]
     format: Literal["glsim"]
@@ -165,7 +165,7 @@ _FILE: TypeAdapter[_File] = TypeAdapter(_File)
 
 
 def parse_frame(line: bytes | str, where: str) -> dict[str, Any]:
-    """Parse and check a line of a manifest. Raises DatasetError: ``where`` and the field."""
+    """Parse and check a manifest line. Raises DatasetError with ``where`` and the field."""
     return _parse(_FRAME, line, where)
 
 
@@ -196,7 +196,7 @@ def _parse(adapter: TypeAdapter[Any], data: bytes | str, where: str) -> dict[str
 
 
 def _problem(error: ValidationError) -> str:
-    """Describe the first problem in one line: the field and its error."""
+    """Describe the first validation error in one line: its field and its message."""
     problem: Mapping[str, Any] = error.errors(include_url=False)[0]
     field = ".".join(ascii(part).strip("'")[:60] for part in problem["loc"])
     message = str(problem["msg"]).removeprefix("Invalid JSON: ").removeprefix("Value error, ")

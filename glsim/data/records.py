@@ -1,4 +1,4 @@
-"""Records: the JSON lines about frames and about chunks of frames."""
+"""JSON records of frames and chunks."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SEEDS = ("frame", "sequence", "subject")
 
 
 def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, object]]) -> Record:
-    """Return the manifest's record of a frame.
+    """Return the manifest record of a frame.
 
     Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
 
@@ -70,12 +70,12 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
 
 
 def skipped_record(task: Task, skipped: Skipped) -> Record:
-    """Return the record of a frame that could not be made."""
+    """Return the record of a frame that could not be made, with the reason."""
     return _task_fields(task, skipped.source) | {"why": skipped.why}
 
 
 def metadata_row(record: Record) -> Record:
-    """Return a record as a row for the image-folder loader of Hugging Face ``datasets``.
+    """Convert a record to a row for the image-folder loader of Hugging Face ``datasets``.
 
     That loader turns each ``<layer>_file_name`` (relative to the split's folder) into an image
     column, and needs the same columns with the same types in every row and split. Therefore a row
@@ -95,7 +95,7 @@ def metadata_row(record: Record) -> Record:
 
 @dataclass(frozen=True)
 class ChunkSummary:
-    """The contents of a chunk: numbers of frames, bytes of images, name and checksum of its shard.
+    """The counts of a chunk's frames and image bytes, with its shard's name and checksum.
 
     The fields are keys of the chunk record on disk.
     """
@@ -108,20 +108,20 @@ class ChunkSummary:
 
     @property
     def total(self) -> int:
-        """The number of frames, made and skipped."""
+        """Number of frames, made and skipped."""
         return self.frames + self.skipped
 
 
 @dataclass(frozen=True)
 class ChunkRecord:
-    """A chunk's summary, manifest lines and skipped lines (JSON, each with its newline)."""
+    """The record of a complete chunk: its summary, manifest lines and skipped lines."""
 
     summary: ChunkSummary
     frames: list[str]
     skipped: list[str]
 
     def to_bytes(self) -> bytes:
-        """Return the chunk's file: a CRC32 over all lines, the summary, and the lines."""
+        """Encode the record as a file: a CRC32 of all lines, the summary, and the lines."""
         summary = to_json(asdict(self.summary), f"chunk {self.summary.chunk}")
         lines = "".join([*self.frames, *self.skipped])
         crc32 = zlib.crc32(f"{summary}{lines}".encode())
@@ -129,7 +129,7 @@ class ChunkRecord:
 
 
 def parse_chunk_record(data: bytes) -> ChunkRecord:
-    """Invert ``ChunkRecord.to_bytes``. Raises DatasetError if the bytes are damaged."""
+    """Decode the bytes of ``ChunkRecord.to_bytes``. Raises DatasetError if damaged."""
     if len(data) > _MAX_BYTES:
         raise DatasetError(f"a chunk record is damaged: it has more than {_MAX_BYTES} bytes")
     try:

@@ -1,4 +1,4 @@
-"""The identity of a data set: the entries that decide its bytes; a resumed run must have the same.
+"""The identity of a data set: the header entries that decide its bytes and must not change.
 
 A run that is resumed with other settings, or with other contents of the files that the settings
 name, would make one data set of two halves.
@@ -47,7 +47,7 @@ _OPTIONAL_UNITS = {
 
 @dataclass(frozen=True)
 class InputHashes:
-    """Hashes of everything that a data set is made of besides its settings.
+    """Hashes of all inputs of a data set apart from its settings.
 
     Attributes:
         stages: file -> hash of each noise stage, with the files that GLSL includes.
@@ -60,12 +60,12 @@ class InputHashes:
     arithmetic: str = ""
 
     def identity(self) -> dict[str, Any]:
-        """Return the entries for the header: one hash per stage file and per source."""
+        """Return the header's entries: one hash per stage file and one per source."""
         sources = {name: text_hash(json.dumps(dict(files))) for name, files in self.sources.items()}
         return {"stages": dict(self.stages), "sources": sources, "arithmetic": self.arithmetic}
 
     def changed_since(self, before: InputHashes) -> str:
-        """Name the first stage file or source file that differs from ``before``."""
+        """Name the first stage file or source file whose hash differs from ``before``."""
         for file, hash in before.stages.items():
             if self.stages.get(file) != hash:
                 return f"stage file {file}"
@@ -80,7 +80,7 @@ class InputHashes:
 def make_identity(
     settings: Settings, plan: ChunkPlan, sensor: Mapping[str, Any], renderer: str
 ) -> dict[str, Any]:
-    """Return the part of the header that determines the bytes and says how to read them."""
+    """Return the header entries that decide a data set's bytes, or say how to read them."""
     optional = {n: text for n, text in _OPTIONAL_UNITS.items() if n in settings.output.layers}
     return {
         "format": FORMAT,
@@ -98,7 +98,7 @@ def make_identity(
 
 
 def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
-    """Raise ConfigError for the first entry of ``identity`` that differs from ``begun``."""
+    """Raise ConfigError if an entry of ``identity`` differs from the ``begun`` data set's."""
     old, new = _flatten(begun), _flatten(json.loads(to_json(identity, out)))
     for name in [*new, *old]:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
@@ -107,7 +107,7 @@ def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str,
 
 
 def _difference(out: str, name: str, old: Any, new: Any) -> str:
-    """Return the message about an entry that differs from the begun data set's."""
+    """Return the error message for an entry that differs from the begun data set's."""
     table, _, rest = name.removeprefix("inputs.").partition(".")
     if name.startswith("inputs."):
         if table == "arithmetic":
@@ -135,7 +135,7 @@ def _difference(out: str, name: str, old: Any, new: Any) -> str:
 
 
 def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return {dotted name: value} for the leaves of a tree of dictionaries."""
+    """Flatten nested dictionaries to {dotted name: value}."""
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):

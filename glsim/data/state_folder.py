@@ -1,4 +1,4 @@
-"""The state of a run in the store of its data set: locks, plan, chunk records."""
+"""The state of a run, kept in its data set's store: locks, plan.json and chunk records."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MAX_BYTES = 1 << 30
 
 
 class RunState:
-    """The folder ``.glsim`` of a data set.
+    """The state folder ``.glsim`` of a data set.
 
         lock            held by the run that writes here. Parts hold it together, each with
                         part-<number>-of-<parts>.lock
@@ -41,7 +41,7 @@ class RunState:
     def locked(
         self, identity: Mapping[str, Any], *, part: Part | None = None, wait: bool = False
     ) -> Iterator[RunState]:
-        """Lock the data set, or one part of it, and begin or continue it.
+        """Lock the data set or one part of it, and begin it or check that it can be continued.
 
         Args:
             identity: what decides its bytes.
@@ -96,7 +96,7 @@ class RunState:
             self.store.put(PLAN, plan)
 
     def _begun(self) -> dict[str, Any] | None:
-        """Return the identity in the plan; in the header, if the plan is gone or damaged.
+        """Read the identity from plan.json, or from the header if plan.json is gone or damaged.
 
         Raises DatasetError for a damaged plan of a data set without a header.
         """
@@ -115,32 +115,32 @@ class RunState:
     # ---------------------------------------------------------------- chunk records
 
     def save_chunk(self, record: ChunkRecord) -> None:
-        """Record that a chunk is complete; its images must be in place, and flushed."""
+        """Write a chunk's record; the chunk's images must be written and flushed before."""
         self.store.put(_chunk_file(record.summary.chunk), record.to_bytes())
 
     def recorded_chunks(self) -> set[int]:
-        """Return the numbers of the chunks that have a record, good or damaged."""
+        """Return the numbers of the chunks that have a record, intact or damaged."""
         stems = (name.partition(".")[0] for name in self.store.names(_CHUNKS))
         return {int(stem) for stem in stems if stem.isdigit()}
 
     def load_chunk(self, number: int) -> ChunkRecord:
-        """Read a chunk's record. Raises DatasetError if there is none, or it is damaged."""
+        """Read a chunk's record. Raises DatasetError if it is absent or damaged."""
         data = self.store.read(_chunk_file(number), _MAX_BYTES)
         if data is None:
             raise DatasetError(f"{self.store}: the record of chunk {number} is gone")
         return parse_chunk_record(data)
 
     def discard_chunks(self, numbers: Iterable[int]) -> None:
-        """Remove the records of chunks, so that the next run renders them again."""
+        """Delete the records of chunks, so that the next run renders the chunks again."""
         self.store.delete(map(_chunk_file, numbers))
 
     @property
     def is_merged(self) -> bool:
-        """Whether a run has completed the data set."""
+        """Whether the data set is complete, its records merged into the manifest."""
         return self.store.size(COMPLETE) is not None
 
     def chunk_problem(self, record: ChunkRecord, number: int, frames: int) -> str | None:
-        """Compare a record with the plan and with the files in the store.
+        """Check a chunk's record against the ChunkPlan and the files in the store.
 
         Args:
             record: of the chunk.
@@ -164,18 +164,18 @@ class RunState:
         return None
 
     def withdraw(self) -> None:
-        """Mark the data set as incomplete: remove its header, then the header's checksum."""
+        """Mark the data set as incomplete: delete its header, then the header's checksum."""
         self.store.delete([HEADER])
         self.store.delete([COMPLETE])
 
     def discard_part_locks(self) -> None:
-        """Remove the locks of parts; none is in use while the whole set is locked."""
+        """Delete the lock files of parts, while the whole data set is locked."""
         names = self.store.names(STATE)
         self.store.delete(f"{STATE}/{name}" for name in names if name.endswith(".lock"))
 
 
 def _images_of(record: ChunkRecord) -> Iterator[Mapping[str, Any]]:
-    """Yield the name, size and CRC32 of the files of a chunk: a shard, or each image.
+    """Yield the name, size and CRC32 of each file of a chunk: the shard, or all images.
 
     Raises DatasetError if a line of the record is damaged.
     """

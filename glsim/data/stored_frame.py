@@ -1,4 +1,4 @@
-"""Read a frame of a data set: its images, checked against its record, as a ``DepthFrame``."""
+"""Reading of a data set's frame as a ``DepthFrame``, with images checked against the record."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DEPTH_LAYERS = ("clean", "expected", "noisy")
 
 
 def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> DepthFrame:
-    """Return a frame of a data set; its images are read and checked when they are first used.
+    """Return a frame of a data set, which reads and checks its images at their first use.
 
     Args:
         store: of the data set.
@@ -57,7 +57,7 @@ def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> Dep
 
 
 class StoredImages:
-    """Reads the images of one frame; those in object storage by one request.
+    """A reader of one frame's images, which fetches remote images by one request.
 
     Args:
         store: of the data set.
@@ -70,7 +70,7 @@ class StoredImages:
         self._fetched: dict[str, bytes] = {}  # layer -> bytes, of a data set in object storage
 
     def read(self, layer: str) -> LayerImage:
-        """Read a layer as stored: (H, W) uint16, or uint8; "normals" (H, W, 3) uint16.
+        """Read a layer's pixels: (H, W) uint16 or uint8; "normals" (H, W, 3) uint16.
 
         Raises DatasetError if the file is missing, was changed, or is no image of the right type
         and size.
@@ -97,15 +97,15 @@ class StoredImages:
         return image
 
     def depth_mm(self, layer: str) -> NDArray[np.float32]:
-        """Read a layer of depth, (H, W) float32 millimetres from the camera, 0 = none."""
+        """Read a depth layer as (H, W) float32 mm from the camera, 0 = no depth."""
         return to_mm(self.read(layer), self._step_mm, float(self._record["depth_offset_mm"]))
 
     def normals(self) -> NDArray[np.float32]:
-        """Read the normals, (H, W, 3) float32."""
+        """Read the unit normals, (H, W, 3) float32."""
         return decode_normals(np.asarray(self.read("normals"), np.uint16))
 
     def _bytes(self, layer: str) -> bytes:
-        """Read a whole file or a member of a shard; a truncated member is returned truncated."""
+        """Read a layer's file or shard member, which may be shorter than recorded."""
         if self._store.is_remote:
             if not self._fetched:
                 self._fetched = _fetch_images(self._store, self._record["files"])
@@ -120,7 +120,7 @@ class StoredImages:
 
 
 def _fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
-    """Read the images of a frame: layer -> bytes, truncated if the file ends before.
+    """Read the bytes of a frame's remote images, layer -> bytes, short if a file ends early.
 
     Those that lie one after another in a shard take one request, for its latency exceeds their
     transfer.

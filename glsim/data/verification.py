@@ -1,4 +1,4 @@
-"""Verify a complete data set: compare its files with its header and manifest."""
+"""Verification of a complete data set: its files against its header and manifest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Record = Mapping[str, Any]
 
 
 def verify(path: Path | str, deep: bool = False) -> list[str]:
-    """Return the problems of a data set, one line each; an empty list if there are none.
+    """Return the problems of a data set, one line each; [] if there are none.
 
     Checks the header and the manifest against their schema and their checksums, the counts, that no
     subject is in two splits (by records and by folders), that every file is a regular one inside
@@ -66,11 +66,11 @@ class _Verification:
         yield from self._stray_entries()
 
     def _line(self, error: DatasetError) -> str:
-        """Return an error of the store, which names the whole path, with the name of the file."""
+        """Return a store error's message, with the path relative to the data set."""
         return str(error).removeprefix(f"{self._store}/")
 
     def _records(self, damaged: list[str]) -> Iterator[_Record]:
-        """Yield the record of each sound line; append problems of lines to ``damaged``."""
+        """Yield the records of valid lines; append the errors of others to ``damaged``."""
         indices: set[int] = set()
         for number, line in enumerate(self._manifest.lines(0, len(self._manifest))):
             try:
@@ -84,7 +84,7 @@ class _Verification:
             yield record
 
     def _listed_files(self) -> Iterator[str]:
-        """Check the files that the header lists: manifest, skipped, metadata, shards."""
+        """Yield problems of the files listed in the header, such as the manifest and shards."""
         for name, expected in self._header["files"].items():
             whole = self._deep or not name.endswith(".tar")
             problems = list(self._file_problems(name, expected, whole))
@@ -93,7 +93,7 @@ class _Verification:
                 self._bad_files.add(name)
 
     def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
-        """Compare a file with its recorded size and, if ``whole``, its CRC32.
+        """Yield differences of a file's size and, if ``whole``, CRC32 from the record.
 
         Object storage knows the CRC32 of a file without reading it.
         """
@@ -113,7 +113,7 @@ class _Verification:
     def _frame_problems(
         self, split: str, subject: str, records: Sequence[_Record]
     ) -> Iterator[str]:
-        """Check the images of consecutive frames of one subject."""
+        """Yield problems of the images of one subject's consecutive frames."""
         images: set[tuple[str, int | None]] = set()
         for record in records:
             stored = StoredImages(self._store, record, float(self._header["depth_unit_mm"]))
@@ -134,7 +134,7 @@ class _Verification:
             yield from self._unrecorded(f"{split}/{subject}", names)
 
     def _place_problems(self, file: _Record) -> Iterator[str]:
-        """Check that an image is a file of its size, or lies in a shard that the header lists."""
+        """Yield problems of an image's place: its file's size, or its range in a shard."""
         if "offset" not in file:
             yield from self._file_problems(file["name"], file, whole=False)
             return
@@ -153,7 +153,7 @@ class _Verification:
         yield from (f"{name} is in no record" for name in names if name not in images)
 
     def _stray_entries(self) -> Iterator[str]:
-        """Find unrecorded files in the splits; other files at the top are allowed."""
+        """Yield unrecorded files in the splits; other top-level files are allowed."""
         listed = self._header["files"].keys() | {MANIFEST, SKIPPED}
         seen: dict[str, str] = {}
         top = self._store.names("")

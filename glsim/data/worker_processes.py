@@ -1,4 +1,4 @@
-"""Worker processes, each with its own socket to the parent, and their number.
+"""Worker processes, each connected to the parent by its own socket, and their number.
 
 They are started with ``python -c``. Their environment makes libraries single-threaded (it is read
 before NumPy is loaded, and the parent's is unchanged), a script needs no ``if __name__ ==
@@ -54,7 +54,7 @@ _AFTER_HASWELL = ("AVX512", "X86_V4")
 
 
 def portable_environment() -> dict[str, str]:
-    """Return the variables with which workers compute alike on all x86-64 since Haswell (2013).
+    """Return the variables that make workers compute alike on x86-64 processors since 2013.
 
     NumPy and llvmpipe choose their code by the processor, unless these say otherwise. Empty on a
     processor that needs none, or that is no x86-64.
@@ -81,7 +81,7 @@ _REPORT_EVERY_S = 0.2
 
 
 def available_workers(workers: Workers = "auto") -> int:
-    """Return the number of worker processes; "auto" counts the cores this process may use.
+    """Return the number of worker processes; "auto" is the number of usable cores.
 
     Raises ConfigError for a number below 1.
     """
@@ -95,7 +95,7 @@ def available_workers(workers: Workers = "auto") -> int:
 
 
 def worker_count(text: str) -> int:
-    """Parse the option ``--workers``: a number of at least 1, or "auto". Raises ConfigError."""
+    """Parse the option ``--workers``, an integer of at least 1 or "auto". Raises ConfigError."""
     if text == "auto":
         return available_workers()
     if not (text.isascii() and text.isdigit()) or int(text) < 1:
@@ -104,41 +104,41 @@ def worker_count(text: str) -> int:
 
 
 class Job(Protocol[_Given, _Made]):
-    """The work of a worker process; it is pickled and sent to each worker once."""
+    """The protocol of a worker process's work, pickled and sent to each worker once."""
 
     def run(self, tasks: Iterator[_Given], /) -> Iterator[_Made]:
-        """Yield the results of tasks in order: any number of ``Interim``, then another object.
+        """Yield the results of tasks (such as Chunks) in order, with any ``Interim`` before each.
 
         It may ask for the next tasks before it is done with one.
         """
         ...
 
     def doing(self, task: _Given, /) -> str:
-        """Describe the work on a task, for the message about the death of its worker."""
+        """Describe a task in work, for the message that reports its worker's death."""
         ...
 
 
 class Interim:
-    """The base class of results that do not complete a task: some may be left out."""
+    """The base class of intermediate results of a task, some of which may be dropped."""
 
 
 @dataclass(frozen=True)
 class WorkerFailure:
-    """The message of a worker that cannot continue; unexpected errors carry their traceback."""
+    """The message that a worker cannot continue, with its error."""
 
     error: GlsimError
 
 
 @dataclass(frozen=True)
 class _TaskRequest:
-    """The message that asks for a task; the answer is a list with a task, or an empty list."""
+    """The message by which a worker asks for a task; the answer is a list of one task or none."""
 
 
 class WorkerProcess:
-    """The parent's side of a worker; ``connection`` receives its results and WorkerFailure."""
+    """The parent's handle of a worker process; ``connection`` receives its messages."""
 
     def __init__(self, job: Job[Any, Any], environment: Mapping[str, str] | None = None) -> None:
-        """Start a process that runs ``job``; its environment has SINGLE_THREADED and yours."""
+        """Start a process that runs ``job`` with SINGLE_THREADED and ``environment``."""
         self.connection: Connection[object, object]
         self.connection, theirs = Pipe()
         self.tasks: deque[Any] = deque()  # being done, the oldest first
@@ -160,13 +160,13 @@ class WorkerProcess:
             self.connection.send(message)
 
     def give(self, tasks: list[Any]) -> None:
-        """Send the next task in a list; an empty one says that there is none."""
+        """Send a list with the next task; an empty list means that no task is left."""
         self.tasks.extend(tasks)
         self.dismissed = not tasks
         self.send(tasks)
 
     def stop(self) -> int:
-        """Kill the process if it still runs; return its exit status."""
+        """Kill the process if it still runs, and return its exit status."""
         self.connection.close()
         self.process.kill()
         return self.process.wait()
@@ -178,7 +178,7 @@ def run_tasks(
     processes: int,
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[_Result]:
-    """Yield the results of worker processes as they arrive; closing the iterator ends them.
+    """Yield the results of worker processes as they arrive; closing the iterator stops the workers.
 
     A worker that dies is replaced, once per task.
 
@@ -230,7 +230,7 @@ def run_tasks(
 
 
 def _report_death(job: Job[_Task, Any], worker: WorkerProcess, deaths: Counter[str]) -> None:
-    """Log a warning, or raise DatasetError if the task has used up its attempts."""
+    """Log the death of a worker, or raise DatasetError if its task has no attempts left."""
     status = worker.process.wait()
     if status == 0:
         how = "ended early"
@@ -252,7 +252,7 @@ def _report_death(job: Job[_Task, Any], worker: WorkerProcess, deaths: Counter[s
 
 
 def serve(descriptor: int) -> None:
-    """Run the job that arrives first, in the worker, and report its results and errors.
+    """Run, inside a worker process, the job that arrives first; send its results and errors.
 
     Args:
         descriptor: file descriptor of this end of the socket.

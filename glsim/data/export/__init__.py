@@ -1,4 +1,4 @@
-"""Exports: the frames of a data set in the formats of other programs.
+"""Export of a data set's frames to file formats of other programs.
 
 ``frames`` reads what is exported, ``formats`` holds the formats, ``write`` finds them by name;
 ``hub`` pushes a data set as it is.

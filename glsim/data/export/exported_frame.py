@@ -1,4 +1,4 @@
-"""The frames that are exported: metric layers, camera and lens, and the record of each."""
+"""The frames to export: depth in metres, camera, lens, and the manifest's record."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DEPTH_LAYERS = ("clean", "noisy", "expected")
 
 @dataclass(frozen=True, eq=False)
 class ExportFrame:
-    """One frame in metres.
+    """One frame to export, with depth in metres.
 
     Args:
         stem: split/subject/sequence_frame.
@@ -49,16 +49,16 @@ class ExportFrame:
 
     @cached_property
     def rays(self) -> NDArray[np.float32]:
-        """(H, W, 2) float32: x/z and y/z of the true ray of each pixel, lens included."""
+        """Slopes x/z and y/z of each pixel's ray, (H, W, 2) float32, including lens distortion."""
         return SensorRig(self.camera, distortion=self.lens, deliver="raw").rays()
 
     def points(self, layer: str) -> NDArray[np.float32]:
-        """(H, W, 3) float32 camera-frame metres, x right, y down, z forward; 0 without depth."""
+        """Return points (H, W, 3) float32 in camera-frame metres (y down), 0 without depth."""
         z = self.depth_m[layer][..., None]
         return np.concatenate([self.rays * z, z], axis=-1)
 
     def normals(self, layer: str) -> NDArray[np.float32]:
-        """(H, W, 3) float32 unit normals towards the camera; 0 without depth.
+        """Return unit normals (H, W, 3) float32 towards the camera, 0 without depth.
 
         Of clean depth those of the mesh if the data set has them; else by differences of the depth,
         so that normals of noisy depth are as noisy as it.
@@ -72,7 +72,7 @@ class ExportFrame:
 
 @dataclass(frozen=True)
 class Export:
-    """A format for the frames of a data set.
+    """A file format for exported frames.
 
     Args:
         name: as in ``--to``.
@@ -112,7 +112,7 @@ def export_frames(
 
 
 def depth_layers(dataset: Dataset, layers: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the chosen depth layers in a fixed order. Raises ConfigError."""
+    """Return the chosen depth layers in a fixed order. Raises ConfigError for absent layers."""
     there = [layer for layer in DEPTH_LAYERS if layer in dataset.layers]
     for layer in layers or ():
         if layer not in there:
@@ -126,7 +126,7 @@ def depth_layers(dataset: Dataset, layers: Sequence[str] | None = None) -> tuple
 
 
 def kept_lens(header: Mapping[str, Any]) -> Distortion:
-    """Return the distortion that the images of a data set keep: none if they are undistorted."""
+    """Return the lens distortion in the images of a data set; none if they are undistorted."""
     sensor = header.get("sensor", {})
     if sensor.get("deliver") != "raw":
         return Distortion()

@@ -1,4 +1,4 @@
-"""Push a data set to the Hugging Face Hub, as a repository of its files."""
+"""Upload of a data set to the Hugging Face Hub."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ for pair in open_dataset("PATH OF THIS FOLDER").split("train"):
 
 
 def push_dataset(place: Path | str, repository: str, *, public: bool = False) -> str:
-    """Push a complete data set to a repository of the Hub, which is made if there is none.
+    """Upload a complete data set to a repository of the Hub, which is created if necessary.
 
     The files go as they are, with a card (``write_card``) unless README.md is there: the Hub reads
     it and shows the splits. A second push sends what has changed. The token is that of ``hf auth
@@ -89,7 +89,7 @@ def _first_line(error: Exception) -> str:
 
 
 def write_card(place: Path) -> Path:
-    """Write README.md into a complete data set, with the fields that the Hub reads.
+    """Write the README.md of a complete data set, with the metadata that the Hub reads.
 
     It is no part of the data set. Raises ConfigError without huggingface_hub, DatasetError if the
     data set is not complete.
@@ -100,7 +100,7 @@ def write_card(place: Path) -> Path:
 
 
 def licence_of(header: Mapping[str, Any]) -> str:
-    """Return the licence of the frames as the Hub names it, "other" if owners of faces decide."""
+    """Return the Hub's name of the frames' licence, "other" if owners of faces decide."""
     kinds = {str(source["kind"]) for source in header["settings"].get("source", [])}
     recorded = "clean" not in header["settings"]["output"]["layers"]
     if recorded or not kinds or kinds - _LICENCES.keys():

@@ -1,4 +1,4 @@
-"""Find the formats by name, and write the files of each frame."""
+"""Selection of export formats by name, and writing of each frame's files."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ FORMATS: Final[Mapping[str, Export]] = {
 
 
 def format_names() -> list[str]:
-    """Return the names of the shipped formats and of those that other packages bring."""
+    """Return the names of all export formats, shipped and from plug-ins."""
     return [*FORMATS, *plugin_names("exports", FORMATS)]
 
 
 def _find(name: str) -> Export:
-    """Return a format by its name. Raises ConfigError."""
+    """Return the export format with a name. Raises ConfigError if it is unknown."""
     if name not in format_names():
         raise ConfigError(f"no such format {name!r}: it is one of {', '.join(format_names())}")
     if name not in FORMATS:
@@ -53,7 +53,7 @@ def export_dataset(
     count: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> int:
-    """Write the frames of a data set to a folder in other formats.
+    """Write the frames of a data set to a folder in the chosen export formats.
 
     Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set. They
     replace older ones.

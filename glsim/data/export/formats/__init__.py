@@ -1,1 +1,1 @@
-"""The formats of ``glsim export``: every ``Export`` in the files of this folder."""
+"""The export formats of ``glsim export``: each ``Export`` in this folder's files."""

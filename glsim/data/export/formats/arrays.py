@@ -1,4 +1,4 @@
-"""Depth as floating arrays: NPY, NPZ with everything of a frame, and OpenEXR."""
+"""Export formats of floating-point depth: NPY, NPZ with all data of a frame, and OpenEXR."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_npz(frame: ExportFrame) -> bytes:
-    """Return an NPZ file with all that is known of a frame.
+    """Encode all data of a frame as an NPZ file.
 
     Of each depth layer LAYER: LAYER_m, LAYER_points_m (H, W, 3) and LAYER_normals (H, W, 3).
     infrared, reason, regions as stored. K: (3, 3) with the first pixel's centre at (0, 0);
@@ -51,7 +51,7 @@ def encode_npz(frame: ExportFrame) -> bytes:
 
 
 def geometry_arrays(frame: ExportFrame) -> dict[str, NDArray[Any]]:
-    """Return head_to_camera, landmarks_m and landmarks_px of a record that has them.
+    """Return the arrays head_to_camera, landmarks_m and landmarks_px, as far as recorded.
 
     Pixels are those of programs that give the first pixel's centre the coordinates (0, 0).
     """

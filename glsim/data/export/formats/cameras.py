@@ -1,4 +1,4 @@
-"""Camera files: Open3D's JSON and the YAML of ROS, with their principal points.
+"""Export formats of cameras: Open3D's JSON and ROS's YAML, with their pixel conventions.
 
 glsim's image coordinates are continuous, the first pixel's centre is at (0.5, 0.5). OpenCV, ROS
 and Open3D's point clouds give the first pixel's centre the coordinates (0, 0): their cx and cy are
@@ -21,7 +21,7 @@ HALF_PIXEL = 0.5
 
 
 def centre_at_zero(camera: Intrinsics) -> NDArray[np.float64]:
-    """Return (3, 3) K for programs that give the first pixel's centre the coordinates (0, 0)."""
+    """Return the camera matrix K (3, 3) for programs whose first pixel centre is (0, 0)."""
     k = np.eye(3)
     k[0, 0], k[1, 1] = camera.fx, camera.fy
     k[0, 2], k[1, 2] = camera.cx - HALF_PIXEL, camera.cy - HALF_PIXEL
@@ -29,13 +29,13 @@ def centre_at_zero(camera: Intrinsics) -> NDArray[np.float64]:
 
 
 def coefficients(lens: Distortion) -> list[float]:
-    """Return k1, k2, p1, p2, k3, and k4, k5, k6 of a rational lens: the order of OpenCV and ROS."""
+    """Return distortion coefficients in OpenCV's order: k1, k2, p1, p2, k3, and maybe k4 to k6."""
     simple = [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
     return [*simple, lens.k4, lens.k5, lens.k6] if lens.is_rational else simple
 
 
 def open3d_json(camera: Intrinsics) -> bytes:
-    """Return a PinholeCameraParameters file of Open3D (columns first), camera at the origin."""
+    """Encode a camera as Open3D's PinholeCameraParameters (JSON), placed at the origin."""
     content = {
         "class_name": "PinholeCameraParameters",
         "extrinsic": np.eye(4).T.ravel().tolist(),
@@ -51,7 +51,7 @@ def open3d_json(camera: Intrinsics) -> bytes:
 
 
 def ros_yaml(camera: Intrinsics, lens: Distortion, name: str) -> bytes:
-    """Return the calibration file of ROS's camera_calibration_parsers (camera_info_manager)."""
+    """Encode a camera as a calibration file (YAML) of ROS's camera_calibration_parsers."""
     k = centre_at_zero(camera)
 
     def matrix(title: str, rows: int, columns: int, values: list[float]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Point clouds: binary PLY in metres, with normals, region and infrared.
+"""Export of point clouds: binary PLY in metres, with normals, regions and infrared.
 
 G. Turk, "The PLY Polygon File Format", 1994.
 """
@@ -16,7 +16,7 @@ _PLY = {"f4": "float", "u1": "uchar", "u2": "uint16"}
 
 
 def point_cloud(frame: ExportFrame, layer: str) -> NDArray[np.void]:
-    """Return (N,) records of the pixels with depth, in the order of rows.
+    """Return a record array (N,) of the pixels with depth, row by row.
 
     Fields: x, y, z float32 metres in the camera frame (x right, y down, z forward); nx, ny, nz
     float32 unit normal towards the camera; region uint8 and infrared uint16 counts if there are.
@@ -39,7 +39,7 @@ def point_cloud(frame: ExportFrame, layer: str) -> NDArray[np.void]:
 
 
 def encode_ply(cloud: NDArray[np.void], frame: ExportFrame) -> bytes:
-    """Return a binary PLY file; its comments give unit, axes and the names of the regions."""
+    """Encode a point cloud as binary PLY; comments state unit, axes and region names."""
     kinds = {name: cloud.dtype[name].str.lstrip("<|") for name in cloud.dtype.names or ()}
     regions = np.unique(cloud["region"]).tolist() if "region" in kinds else []
     named = [(n, frame.region_names[n]) for n in regions if n in frame.region_names]
