@@ -43,7 +43,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Part:
-    """A share of a data set: the chunks whose number modulo ``of`` equals ``number`` modulo ``of``.
+    """The chunks of a data set whose number modulo ``of`` equals ``number`` modulo ``of``.
 
     Both 0 to of - 1 and 1 to of name all parts: of/of and 0/of are the same.
     """

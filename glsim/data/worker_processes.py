@@ -252,7 +252,7 @@ def _report_death(job: Job[_Task, Any], worker: WorkerProcess, deaths: Counter[s
 
 
 def serve(descriptor: int) -> None:
-    """Run, inside a worker process, the job that arrives first; send its results and errors.
+    """Run the first received job inside a worker process; send its results and errors.
 
     Args:
         descriptor: file descriptor of this end of the socket.

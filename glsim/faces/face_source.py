@@ -54,7 +54,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
     @abstractmethod
     def _key(self, number: int) -> FaceKey:
-        """Compute the key of the frame with a number, from 0."""
+        """Compute the key of frame ``number``, from 0."""
 
     @overload
     def __getitem__(self, number: int) -> FaceKey: ...

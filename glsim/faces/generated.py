@@ -82,7 +82,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
 
     @abstractmethod
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles."""
+        """Return a subject's resting vertices (V, 3) float32 mm and triangles (F, 3)."""
 
     @abstractmethod
     def make_person(self, name: str) -> _Person:
@@ -152,7 +152,7 @@ class PerformanceKeys(ComputedKeys):
         return self._last[1][frame]
 
     def _sequence(self, number: int) -> list[FaceKey]:
-        """Compute the keys of the sequence with a number."""
+        """Compute the keys of all frames in sequence ``number``."""
         length = min(self._length, self._count - number * self._length)
         performance = performance_for(self._seed, self._subject, number)
         name = sequence_name(number, performance)

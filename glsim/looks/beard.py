@@ -107,7 +107,7 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
 def make_beard(
     beard: BeardGrid, rest_mm: Array, style: BeardStyle, length_mm: float, seed: int
 ) -> Shell:
-    """Make the mesh of a subject's beard as a shell over the skin.
+    """Make a subject's beard: a shell over the skin, ``length_mm`` thick.
 
     Args:
         rest_mm: (V, 3) the subject at rest.

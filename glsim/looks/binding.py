@@ -31,7 +31,7 @@ class Motion(NamedTuple):
         return all(map(np.array_equal, self[:2], other[:2]))
 
     def turned(self, offsets: Points) -> Points:
-        """Rotate (N, 3) offsets; a motion at rest returns the array itself."""
+        """Rotate offsets (N, 3) like the skull; a motion at rest returns the same array."""
         return offsets if self.is_rest else product(offsets, self.rotation.T)
 
 

@@ -1,4 +1,4 @@
-"""The table of garments as numbers, all chosen from photographs of clothes."""
+"""A table of garment types: their dimensions and shares, chosen from photographs of clothes."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Scalp(NamedTuple):
 
 
 class Hair(NamedTuple):
-    """The mesh of a subject's hair.
+    """The hair mesh of a subject, rooted on the scalp.
 
     Args:
         faces: (F, 3) int32.

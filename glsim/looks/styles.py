@@ -1,4 +1,4 @@
-"""The table of hair styles as numbers, all chosen from portraits."""
+"""A table of hair styles: their dimensions and shares, chosen from portraits."""
 
 from __future__ import annotations
 

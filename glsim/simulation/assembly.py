@@ -85,7 +85,7 @@ def assemble_frame(
 
 
 def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
-    """Return the landmarks of a face, given as (68, 3) camera-frame metres, with their pixels.
+    """Project the landmarks (68, 3), camera-frame metres, into a frame and test their visibility.
 
     One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
     surface, which changes by less within a pixel unless it is seen edge on. Chosen.
@@ -101,7 +101,7 @@ def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
 
 
 def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
-    """Crop a layer; a layer with finer pixels is cropped to the same part of the image."""
+    """Crop a layer to a part of ``window``, also if the layer's pixels are finer."""
     factor = max(layer.shape[1] // window.width, 1)
     rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
     return layer[rows, columns]

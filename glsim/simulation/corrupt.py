@@ -49,7 +49,7 @@ class _Graphics:
 
 
 class Corrupter:
-    """A sensor's noise chain for depth maps of one size. Use it as a context manager.
+    """The noise chain of a sensor for depth maps of one size, used as a context manager.
 
     It may be sent to other processes, such as the workers of a DataLoader, forked or spawned: each
     opens a GL context of its own with its first map.
@@ -102,7 +102,7 @@ class Corrupter:
         first_pixel: float,
         backend: str | None = None,
     ) -> Corrupter:
-        """Make a Corrupter for the camera of another simulator.
+        """Make a Corrupter for the images of another simulator's camera.
 
         sensor: the name of a shipped sensor, a .toml file, or whole settings. It gives the noise,
             the emitters and the clip planes; the camera replaces its intrinsics.
@@ -133,7 +133,7 @@ class Corrupter:
         self._opened = None
 
     def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
-        """Return a Frame with noise for (H, W) uint16 depth in steps of depth_unit_mm, 0 = none.
+        """Add noise to depth (H, W) uint16 in steps of depth_unit_mm, 0 = none; return a Frame.
 
         Raises ConfigError.
 

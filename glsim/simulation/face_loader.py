@@ -38,7 +38,7 @@ class FaceLoader:
         dressers: Sequence[Dresser] | None = None,
         others: OtherPeople | None = None,
     ) -> None:
-        """Store the sources; ``dressers`` (one per source) and ``others`` can be shared."""
+        """Store settings and sources; ``dressers``, one per source, can be given to share them."""
         self.settings, self.sources, self.rig = settings, sources, rig
         self.dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
         self.others = others or OtherPeople(settings, sources, self.dressers, rig)

@@ -192,7 +192,7 @@ class Frame:
 
     @property
     def expected(self) -> NDArray[np.uint16]:
-        """Depth with the device's systematic error alone, (H, W) uint16 like ``clean``.
+        """Clean depth with the device's systematic error only, (H, W) uint16 like ``clean``.
 
         Raises ConfigError if it was not requested.
         """
@@ -220,7 +220,7 @@ class Frame:
 
     @property
     def regions(self) -> NDArray[np.uint8]:
-        """Parts of the face, (H, W) uint8, 0 = none. Raises ConfigError if they were not drawn."""
+        """Region numbers, (H, W) uint8, 0 = none. Raises ConfigError if they were not drawn."""
         return self._paste(self._requested("regions", self.region_codes))
 
     @property

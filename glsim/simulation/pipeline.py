@@ -156,7 +156,7 @@ class Simulator:
         *,
         cache: RenderCache | None = None,
     ) -> None:
-        """Compile the shaders. Raises ConfigError or ShaderError.
+        """Compile the shaders of a sensor. Raises ConfigError or ShaderError.
 
         Args:
             sources: the open face sources of ``settings``.
@@ -209,7 +209,7 @@ class Simulator:
 
     @property
     def settings(self) -> Settings:
-        """The settings that determine the frames, with the values of ``with_values``."""
+        """Settings of the frames, including changes by ``with_values``."""
         return self._settings
 
     def with_values(self, values: Mapping[str, Any]) -> Simulator:

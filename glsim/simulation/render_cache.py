@@ -42,7 +42,7 @@ class RenderCache:
 
     @cached_property
     def sub_frames(self) -> SubFrames:
-        """Combiner of the sub-frames of moving scenes."""
+        """Composer of frames from sub-frames, for moving scenes."""
         return SubFrames(self._context)
 
     def renderer(self, rig: SensorRig) -> Renderer:

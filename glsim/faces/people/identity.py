@@ -239,7 +239,7 @@ class BodyIdentity:
 
 
 def sample_identity(seed: int, subject: str) -> BodyIdentity:
-    """Draw a person; a pure function of (seed, subject)."""
+    """Draw the identity of a person; a pure function of (seed, subject)."""
     rng = rng_for(seed, "people", subject)
     share, low, high = zip(*_AGES, strict=True)
     group = int(rng.choice(len(_AGES), p=share))

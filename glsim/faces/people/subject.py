@@ -93,7 +93,7 @@ class BodySubject:
 
 
 def draw_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:
-    """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments."""
+    """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments."""
     rng = rng_for(seed, "people", "albedo", subject)
 
     skin, hair = clipped_normal(rng, *SKIN_ALBEDO), clipped_normal(rng, *HAIR_ALBEDO)

@@ -25,7 +25,7 @@ OVERLAP_MM: Final = 0.25  # distance of the closed upper lid's edge below the lo
 
 @dataclass(frozen=True, eq=False)
 class Lids:
-    """The lid vertices of both eyes; C columns of LID_ROWS vertices each, margin first.
+    """The lid vertices of both eyes: C columns of LID_ROWS vertices, each from the margin outwards.
 
     Args:
         index: (L,) vertices.

@@ -139,7 +139,7 @@ def clipped_normal(
 
 
 def draw_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
-    """Draw a subject's (V,) reflectivity in [0, 1]; a pure function of its arguments.
+    """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments.
 
     Args:
         hair_mm: thickness of the hair.

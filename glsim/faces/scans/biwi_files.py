@@ -1,4 +1,4 @@
-"""Read the files of the Biwi Kinect Head Pose set: depth, pose and calibration."""
+"""Readers of the Biwi Kinect Head Pose set's files: depth, pose and calibration."""
 
 from __future__ import annotations
 

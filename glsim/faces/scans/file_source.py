@@ -103,7 +103,7 @@ def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
 
 @contextmanager
 def one_bad_file(file: Path | str) -> Iterator[None]:
-    """Turn any exception of the block into a MeshError that names ``file``.
+    """Convert any exception in the block to a MeshError that names ``file``.
 
     Errors of glsim pass. A file can do anything to the libraries that read it: ask for more memory
     than there is, nest deeper than Python's stack, name a file that cannot exist.

@@ -14,7 +14,7 @@ from glsim.faces.face_source import ComputedKeys, Face, FaceKey, FaceSettings, F
 
 
 class BoardSettings(FaceSettings):
-    """Flat boards in place of faces, to test cameras as on a calibration target."""
+    """Flat boards in place of faces, as calibration targets of cameras."""
 
     endless: ClassVar[bool] = True
 

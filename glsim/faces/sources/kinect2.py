@@ -14,5 +14,5 @@ class Kinect2Settings(FaceSettings):
     every: int | None = Field(None, ge=1, description="take every n-th frame")
 
     def open(self, seed: int) -> FaceSource:
-        """Raise ConfigError, as recorded frames have no face geometry."""
+        """Raise ConfigError: recorded frames hold no face geometry."""
         raise ConfigError("source 'kinect2' holds recorded frames, no faces: glsim import kinect2")

@@ -93,7 +93,7 @@ class People(GeneratedFaces[BodySubject]):
         return Topology(model.triangles, model.regions, REGIONS, model.landmarks)
 
     def neutral(self, subject: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """Return a subject's (V, 3) float32 vertices at rest, mm, and the (F, 3) triangles.
+        """Return a subject's resting vertices (V, 3) float32 mm and triangles (F, 3).
 
         At rest a person stands upright with a closed mouth and the arms apart, in the body's axes.
         """

@@ -44,7 +44,7 @@ _EARTH_MM = 245.0
 
 @lru_cache(maxsize=1)
 def catalogue() -> Mapping[str, Any]:
-    """Read furniture.toml: "things" by name, their shares in "rooms", and material "albedos"."""
+    """Read furniture.toml: furniture by name, its shares by kind of room, and material albedos."""
     return tomllib.loads(files("glsim.looks.room").joinpath("furniture.toml").read_text("utf-8"))
 
 
@@ -54,7 +54,7 @@ def draw_albedo(rng: Rng, material: str) -> float:
 
 
 def choose(rng: Rng, shares: Mapping[str, float]) -> str:
-    """Draw a name with a probability in proportion to its share."""
+    """Draw a name at random, in proportion to its share."""
     weights = np.array(list(shares.values()))
     return list(shares)[int(rng.choice(len(weights), p=weights / weights.sum()))]
 

@@ -47,7 +47,7 @@ _SCOPES = ("frame", "sequence", "subject", "device")
 
 
 class Prop(NamedTuple):
-    """A mesh of the scenery.
+    """A mesh of the scenery, with its view matrix and region.
 
     Args:
         mesh: millimetres.
@@ -135,7 +135,7 @@ def build_scenery(
     rig: SensorRig,
     body: Body | None = None,
 ) -> Scenery:
-    """Return the scenery of a frame; a pure function of the arguments.
+    """Build the scenery of a frame; a pure function of the arguments.
 
     Args:
         body: floor and seat of the person; None for a head without a body, whose height is

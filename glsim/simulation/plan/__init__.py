@@ -1,1 +1,1 @@
-"""The plan of a data set: the subject, source, split and seeds of each frame."""
+"""The Plan of a data set: the subject, source, split and seeds of each frame."""

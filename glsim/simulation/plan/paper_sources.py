@@ -43,7 +43,7 @@ def paper_counts(images: int) -> dict[str, int]:
 
 
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
-    """Return the number of images each source kind is short of the paper's mix.
+    """Count how many images of each source kind are missing from the paper's mix.
 
     Kinds short by at most one image, which is rounding, are left out.
 

@@ -202,7 +202,7 @@ class Plan(Sequence[Task]):
         return Task(index, split, subject, number, key, seeds, device, repeat)
 
     def people(self) -> Iterator[PersonFrames]:
-        """Yield the frames of each person who has any, in order."""
+        """Yield each person's run of tasks, in order, leaving out people without frames."""
         first = self._first.tolist()
         for person, (start, end) in enumerate(pairwise(first)):
             if start < end:
