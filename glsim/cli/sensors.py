@@ -30,9 +30,7 @@ def sensors(
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the shipped sensors and sensors of installed packages, with their noise stages.
-
-    Stages in brackets are switched off.
+    """List the shipped sensors and sensors of installed packages; print or copy one.
 
     Args:
         name: Print the file of this sensor, or copy it with -o.
@@ -51,18 +49,16 @@ def sensors(
     if as_json:
         print_json([_described(load_sensor(name)) for name in sensor_names()])
         return
-    table = Table("sensor", "image", "focal px", "baseline", "description", "stages", box=None)
+    table = Table("sensor", "image", "focal px", "baseline", "description", box=None)
     for name in sensor_names():
         sensor = load_sensor(name)
         image = sensor.rig.intrinsics
-        off = _switched_off(sensor)
         table.add_row(
             name,
             f"{image.width}x{image.height}",
             f"{image.fx:g}",
             f"{sensor.rig.baseline_m * 1000:g} mm" if sensor.rig.emitters else "none",
             sensor.title,
-            ", ".join(f"({s.name})" if s.name in off else s.name for s in sensor.stages),
         )
     print_table(table)
 

@@ -26,6 +26,8 @@ def stages(
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file.
 
+    A .glsl file is compiled as well.
+
     Args:
         name: The name of a stage, a .glsl file, or file.py:function.
     """
@@ -36,17 +38,18 @@ def stages(
         print_json([_described(describe_stage(each)) for each in names])
         return
     if name is None:
-        table = Table("stage", "parameter", "type", "default", "range", "unit", box=None)
+        table = Table("stage", "what it does", box=None)
         for spec in map(find_stage, stage_names()):
-            for number, p in enumerate(spec.parameters.values()):
-                bounds = "" if p.type == "bool" else f"{p.low:g} to {p.high:g}"
-                first = spec.name if number == 0 else ""
-                table.add_row(first, p.name, p.type, f"{p.default:g}", bounds, _unit(p.unit))
-            if not spec.parameters:
-                table.add_row(spec.name, "(none)")
+            table.add_row(spec.name, spec.title.removeprefix(f"{spec.name}: "))
         print_table(table)
         return
     spec = describe_stage(name)
+    if spec.source is not None and name.endswith(".glsl"):
+        from glsim.gl.context import borrowed_context
+        from glsim.gl.program import link
+
+        with borrowed_context(None) as context:
+            link(context, spec.source).release()
     out = make_console()
     out.print(spec.title, style="bold")
     out.print(f"file: {spec.file}", soft_wrap=True)

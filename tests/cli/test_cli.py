@@ -133,7 +133,7 @@ def test_a_shader_that_does_not_compile_is_named_with_its_line(
 def test_tables_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     for command, words in (
         (["sensors"], "kinect-v2-paper"),
-        (["stages"], "base_sigma_mm"),
+        (["stages"], "white Gaussian noise"),
         (["stages", "axial"], "noise/axial.glsl:"),
         (["info"], "osmesa"),
     ):
