@@ -62,7 +62,7 @@ def this_machine(context: Any) -> Machine:
 
 
 def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
-    """Start a worker process with ``environment`` and return its Machine."""
+    """Start a worker process and return its Machine. Raises the errors of the worker."""
     worker = WorkerProcess(_MachineReport(backend), environment)
     try:
         answer = worker.connection.recv()

@@ -122,7 +122,7 @@ class Folder(FileFaces):
         return {}
 
     def _alignment_of(self, key: FaceKey) -> Alignment:
-        """Combine the subject's unit, axes and winding with the sequence's own origin."""
+        """Combine the subject's alignment with the sequence's own origin. Raises MeshError."""
         keys = self.frames(key.subject, None)
         subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes)
         keys = [other for other in keys if other.sequence == key.sequence]
