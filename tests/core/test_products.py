@@ -78,7 +78,7 @@ def test_a_system_whose_diagonal_dominates_is_solved() -> None:
 _DECISIONS = {
     "faces/meshes/nose_template.py": 6,
     "faces/meshes/alignment.py": 5,
-    "faces/meshes/load.py": 1,
+    "faces/meshes/gltf.py": 1,
     "faces/scans/biwi_files.py": 2,
     "faces/sources/d3dfacs.py": 7,
 }

@@ -8,13 +8,13 @@ infrared, where skins differ less. Textures and files of a single colour are ign
 
 from __future__ import annotations
 
+import io
 import logging
-import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,23 +30,28 @@ from glsim.faces.meshes.alignment import (
     check_unit,
     estimate_alignment,
 )
+from glsim.faces.meshes.gltf import read_gltf
 from glsim.faces.meshes.obj import (
     EXTENSIONS,
     check_count,
     check_size,
+    read_bytes,
     read_material_colours,
     read_obj,
 )
+from glsim.faces.meshes.ply_off import read_off, read_ply
 
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair has 0.05-0.3; nothing on a face is whiter than a wall
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
 
+#: Readers of polygons.
+_READERS: Final = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
+
 _LOG = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """One geometry of a file: (V, 3) vertices, (F, 3) faces, (V, 3) RGB in [0, 1] or None."""
+class _Part(NamedTuple):
+    """One geometry: (V, 3) vertices, (F, 3) faces, (V, 3) RGB (NaN: without) or None."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
@@ -172,19 +177,25 @@ def read_mesh(path: Path) -> FileMesh:
             f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
         )
     check_size(path)
-    parts = [_read_obj_part(path)] if suffix == ".obj" else _read_scene(path)
-    vertices = np.concatenate([part.vertices for part in parts])
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
+    read = {".stl": _read_stl, ".glb": read_gltf, ".gltf": read_gltf}.get(suffix, _read_polygons)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            parts = [_weld(_Part(*part)) for part in read(path)]
+    except MeshError:
+        raise
+    except Exception as error:  # what a parser meets in a damaged file
+        reason = " ".join(str(error).split())[:120] or "no reason given"
+        raise MeshError(
+            f"{path}: damaged, cut short or not {suffix[1:].upper()} "
+            f"({type(error).__name__}: {reason}); export it again"
+        ) from error
+    if not parts:
+        raise MeshError(f"{path}: no triangles in it; export the surface, not points or lines")
+    vertices, faces = _join(parts)
     if len(faces) == 0:
         raise MeshError(f"{path}: no triangles ({len(vertices)} points); export the surface too")
     check_count(path, len(faces))
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        wrong = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))[0]
-        raise MeshError(
-            f"{path}: triangle {wrong} uses vertex {faces[wrong].max()}, but there are "
-            f"{len(vertices)} vertices; the file is damaged, export it again"
-        )
     return drop_degenerate(path, vertices, faces, _albedo_from_colours(parts))
 
 
@@ -192,15 +203,23 @@ def merge_patches(patches: Sequence[FileMesh]) -> FileMesh:
     """Concatenate the patches of one surface, in order."""
     if len(patches) == 1:
         return patches[0]
-    starts = np.cumsum([0, *(len(patch.vertices) for patch in patches[:-1])])
-    faces = [patch.faces + np.int32(start) for patch, start in zip(patches, starts, strict=True)]
+    vertices, faces = _join(patches)
     albedos = [patch.albedo for patch in patches if patch.albedo is not None]
     return FileMesh(
-        np.concatenate([patch.vertices for patch in patches]),
-        np.concatenate(faces),
+        vertices,
+        faces.astype(np.int32),
         np.concatenate(albedos) if len(albedos) == len(patches) else None,
         sum(patch.degenerate for patch in patches),
     )
+
+
+def _join(
+    parts: Sequence[_Part] | Sequence[FileMesh],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Concatenate vertices and triangles."""
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]
+    return np.concatenate([part.vertices for part in parts]), np.concatenate(faces)
 
 
 def drop_degenerate(
@@ -257,90 +276,43 @@ def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
         )
 
 
-def _read_obj_part(path: Path) -> _Part:
-    """Read an OBJ as one part, with the colours of its vertices or materials if it has any."""
-    obj = read_obj(path)
-    triangles, polygon = obj.triangles()
-    if obj.colours is not None:
-        return _Part(obj.vertices, triangles, obj.colours)
+def _read_polygons(path: Path) -> list[_Part]:
+    """Read an OBJ, PLY or OFF, with the colours of its vertices or materials if it has any."""
+    file = _READERS[path.suffix.lower()](path)
+    triangles, polygon = file.triangles()
+    if file.colours is not None or file.materials is None:
+        return [_Part(file.vertices, triangles, file.colours)]
     colours: dict[str, tuple[float, float, float]] = {}
-    for library in obj.libraries:
+    for library in file.libraries:
         colours |= read_material_colours(path.parent / Path(library.replace("\\", "/")).name)
-    materials = obj.materials[polygon]
-    if any(obj.material_names[index] not in colours for index in np.unique(materials)):
-        return _Part(obj.vertices, triangles, None)
+    materials = file.materials[polygon]
+    if any(file.material_names[index] not in colours for index in np.unique(materials)):
+        return [_Part(file.vertices, triangles, None)]
     # A vertex on the border of two materials gets the colour of the later triangle.
-    by_material = np.array([colours.get(name, (0.0, 0.0, 0.0)) for name in obj.material_names])
-    vertex_colours = np.zeros((len(obj.vertices), 3))
+    by_material = np.array([colours.get(name, (0.0, 0.0, 0.0)) for name in file.material_names])
+    vertex_colours = np.zeros((len(file.vertices), 3))
     vertex_colours[triangles.ravel()] = np.repeat(by_material[materials], 3, axis=0)
-    return _Part(obj.vertices, triangles, vertex_colours)
+    return [_Part(file.vertices, triangles, vertex_colours)]
 
 
-def _read_scene(path: Path) -> list[_Part]:
-    """Read all triangles of a file by trimesh, placed by its scene graph. Raises MeshError.
-
-    ``process=False``: trimesh merges and drops nothing.
-    """
+def _read_stl(path: Path) -> list[_Part]:
     import trimesh  # takes 0.2 s, and only some sources need it
 
-    suffix = path.suffix[1:].lower()
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise it prints to stderr
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            scene: Any = trimesh.load_scene(path, process=False)
-            placed = [(*scene.graph[node],) for node in scene.graph.nodes_geometry]
-            meshes = [
-                (scene.geometry[name], transform)
-                for transform, name in placed
-                if isinstance(scene.geometry[name], trimesh.Trimesh)
-            ]
-            count = sum(len(mesh.faces) for mesh, _ in meshes)
-            check_count(path, count)
-            if suffix == "off" and count < _promised_faces(path):
-                raise MeshError(f"{path}: cut short: it has {count} faces of those it promises")
-            parts = [_part(mesh, np.asarray(transform)) for mesh, transform in meshes]
-    except MeshError:
-        raise
-    except Exception as error:  # trimesh's parsers raise exceptions of any type
-        reason = " ".join(str(error).split())[:120] or "no reason given"
-        raise MeshError(
-            f"{path}: damaged, cut short or not {suffix.upper()} "
-            f"({type(error).__name__}: {reason}); export it again"
-        ) from error
-    if not parts:
-        raise MeshError(f"{path}: no triangles in it; export the surface, not points or lines")
-    return parts
+    scene: Any = trimesh.load_scene(io.BytesIO(read_bytes(path)), file_type="stl", process=False)
+    meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
+    return [_Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), None) for mesh in meshes]
 
 
-def _promised_faces(path: Path) -> int:
-    """Return the number of faces in the head of an OFF file, which trimesh does not compare."""
-    numbers = re.findall(rb"^\s*(?:[A-Z]*OFF)?\s*\d+\s+(\d+)", path.read_bytes()[:1000])
-    return int(numbers[0]) if numbers else 0
+def _weld(part: _Part) -> _Part:
+    """Merge equal vertices if there is one for each corner, as in STL."""
+    if len(part.vertices) != 3 * len(part.faces):
+        return part
+    from trimesh.grouping import unique_rows
 
-
-def _part(geometry: Any, transform: NDArray[np.float64]) -> _Part:
-    """Convert a trimesh geometry; a (4, 4) transform that mirrors also reverses the winding."""
-    if len(geometry.vertices) == 3 * len(geometry.faces):  # STL: a vertex for each corner
-        geometry.merge_vertices()
-    vertices = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
-    faces = np.asarray(geometry.faces, dtype=np.int64).reshape(-1, 3)
-    vertices = product(vertices, transform[:3, :3].T) + transform[:3, 3]
-    if np.linalg.det(transform[:3, :3]) < 0:
-        faces = faces[:, ::-1]
-    return _Part(vertices, faces, _colours(geometry.visual, len(vertices)))
-
-
-def _colours(visual: Any, count: int) -> NDArray[np.float64] | None:
-    """Return (V, 3) RGB from vertex colours or an untextured material; None without either."""
-    if visual.kind == "vertex":
-        colours = np.asarray(visual.vertex_colors, dtype=np.float64)[:, :3]
-        return colours / 255 if len(colours) == count else None
-    material = getattr(visual, "material", None)
-    textures = ("image", "baseColorTexture")
-    if material is None or any(getattr(material, name, None) is not None for name in textures):
-        return None
-    return np.tile(np.asarray(material.main_color, dtype=np.float64)[:3] / 255, (count, 1))
+    first, number = unique_rows(part.vertices, keep_order=True)
+    colours = None if part.colours is None else part.colours[first]
+    return _Part(part.vertices[first], number[part.faces], colours)
 
 
 def _albedo_from_colours(parts: list[_Part]) -> NDArray[np.float32] | None:
@@ -348,12 +320,13 @@ def _albedo_from_colours(parts: list[_Part]) -> NDArray[np.float32] | None:
 
     None if a part has no colour or all colours are equal.
     """
-    colours = [part.colours for part in parts]
-    if any(colour is None for colour in colours):
+    colours = [part.colours for part in parts if part.colours is not None]
+    if len(colours) < len(parts):
         return None
-    every = np.concatenate([colour for colour in colours if colour is not None])
-    luma = product(every, np.array(LUMA))
-    middle = float(np.median(luma))
-    if not np.isfinite(luma).all() or middle <= 0 or np.ptp(luma) < 1e-3 * middle:
+    luma = product(np.concatenate(colours), np.array(LUMA))
+    coloured = ~np.isnan(luma)
+    middle = float(np.median(luma[coloured])) if coloured.any() else 0.0
+    if np.isinf(luma).any() or middle <= 0 or np.ptp(luma[coloured]) < 1e-3 * middle:
         return None
-    return np.asarray(np.clip(SKIN_ALBEDO * luma / middle, *ALBEDO_RANGE), dtype=np.float32)
+    albedo = np.clip(SKIN_ALBEDO * np.where(coloured, luma / middle, 1.0), *ALBEDO_RANGE)
+    return np.asarray(albedo, dtype=np.float32)

@@ -5,20 +5,23 @@ trimesh splits vertices by texture coordinate; a morphable model needs the verte
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from mapbox_earcut import triangulate_float64
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
 from glsim.core.files.regular import open_regular, read_regular
 
 EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
-"""Readable formats: OBJ by glsim, the others by trimesh without further packages."""
+"""Readable formats: STL by trimesh, the others by glsim."""
 
 MAX_TRIANGLES: Final = 5_000_000
 """Largest number of triangles: a head in 0.3 mm triangles. More would need 0.4 GB of vertices for
@@ -33,12 +36,12 @@ _MAX_MATERIAL_BYTES = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
-class ObjFile:
-    """The content of an OBJ file, without texture coordinates, normals and lines.
+class PolygonFile:
+    """Polygons of an OBJ, PLY or OFF file, in its own unit and vertex order.
 
     Args:
-        vertices: (V, 3) float64, the file's own unit.
-        colours: (V, 3) float64 red, green, blue if the ``v`` lines have them, otherwise None.
+        vertices: (V, 3) float64.
+        colours: (V, 3) float64 red, green, blue, NaN for a vertex without; None for none at all.
         corners: (C,) int64, vertex indices of all polygons, concatenated, from 0.
         counts: (P,) int64, number of corners of each polygon, 3 or more.
         materials: (P,) int64, index into ``material_names`` of each polygon.
@@ -50,18 +53,41 @@ class ObjFile:
     colours: NDArray[np.float64] | None
     corners: NDArray[np.int64]
     counts: NDArray[np.int64]
-    materials: NDArray[np.int64]
-    material_names: tuple[str, ...]
-    libraries: tuple[str, ...]
+    materials: NDArray[np.int64] | None = None
+    material_names: tuple[str, ...] = ()
+    libraries: tuple[str, ...] = ()
 
     def triangles(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Split polygons into fans: (T, 3) vertex indices and (T,) index of the source polygon."""
+        """Split polygons: (T, 3) vertex indices and (T,) index of the source polygon.
+
+        Convex polygons become fans; of hollow ones the ears are clipped, seen along their normal.
+        """
         fans = self.counts - 2
         polygon = np.repeat(np.arange(len(fans)), fans)
-        first = (np.cumsum(self.counts) - self.counts)[polygon]
-        step = np.arange(len(polygon)) - (np.cumsum(fans) - fans)[polygon]
-        corner = np.stack([first, first + step + 1, first + step + 2], axis=1)
-        return self.corners[corner], polygon
+        starts = np.cumsum(self.counts) - self.counts
+        first, fan = starts[polygon], np.cumsum(fans) - fans
+        step = np.arange(len(polygon)) - fan[polygon]
+        triangles = self.corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+        if not len(fans) or fans.max() == 1:
+            return triangles, polygon
+        with np.errstate(all="ignore"):  # NaN and absurd sizes are refused afterwards
+            a, b, c = (self.vertices[triangles[:, corner]] for corner in range(3))
+            normal = np.cross(b - a, c - a)
+            whole = np.add.reduceat(normal, fan)
+            least = -1e-9 * (whole**2).sum(axis=1)
+            hollow = np.unique(polygon[(normal * whole[polygon]).sum(axis=1) < least[polygon]])
+        kept = ~np.isin(polygon, hollow)
+        ears, source = [triangles[kept]], [polygon[kept]]
+        for number in hollow:
+            corners = self.corners[starts[number] : starts[number] + self.counts[number]]
+            axis = int(np.abs(whole[number]).argmax())
+            seen = self.vertices[corners][:, [(axis + 1) % 3, (axis + 2) % 3]]
+            plane = seen if whole[number, axis] > 0 else seen[:, ::-1]
+            ends = np.array([len(corners)], dtype=np.uint32)
+            clipped = triangulate_float64(np.ascontiguousarray(plane), ends).reshape(-1, 3)
+            ears.append(corners[clipped])
+            source.append(np.full(len(clipped), number))
+        return np.concatenate(ears), np.concatenate(source)
 
 
 def check_size(path: Path, max_bytes: int = MAX_BYTES) -> None:
@@ -88,12 +114,22 @@ def check_count(path: Path, triangles: int) -> None:
         )
 
 
+def check_corners(path: Path, corners: NDArray[np.int64], vertices: int, first: int = 0) -> None:
+    """Raise MeshError for an index outside the vertices; the file counts from ``first``."""
+    bad = np.flatnonzero((corners < 0) | (corners >= vertices))
+    if len(bad):
+        raise MeshError(
+            f"{path}: a face uses vertex {corners[bad[0]] + first}, but there are "
+            f"{vertices} vertices; the file is damaged, export it again"
+        )
+
+
 def read_vertices(path: Path) -> NDArray[np.float64]:
     """Read only the ``v`` lines, (V, 3) float64. Raises MeshError."""
     return _vertices(path, _lines(path))[0]
 
 
-def read_obj(path: Path) -> ObjFile:
+def read_obj(path: Path) -> PolygonFile:
     """Read the whole file. Raises MeshError: unreadable, broken line, vertex index out of range.
 
     Relative (negative) vertex numbers become absolute indices.
@@ -128,14 +164,9 @@ def read_obj(path: Path) -> ObjFile:
         raise MeshError(f"{path}: a face line has {sizes.min()} corners; the file is cut short")
     relative = np.repeat(np.array(vertices_before, dtype=np.int64), sizes)
     numbers = np.where(numbers < 0, numbers + relative, numbers - 1)
-    bad = np.flatnonzero((numbers < 0) | (numbers >= len(vertices)))
-    if len(bad):
-        raise MeshError(
-            f"{path}: a face uses vertex {corners[bad[0]].decode()}, but there are "
-            f"{len(vertices)} vertices; the file is damaged, export it again"
-        )
+    check_corners(path, numbers, len(vertices), first=1)
     indices = np.array(materials, dtype=np.int64)
-    return ObjFile(vertices, colours, numbers, sizes, indices, tuple(names), tuple(libraries))
+    return PolygonFile(vertices, colours, numbers, sizes, indices, tuple(names), tuple(libraries))
 
 
 def read_material_colours(path: Path) -> dict[str, tuple[float, float, float]]:
@@ -159,34 +190,68 @@ def read_material_colours(path: Path) -> dict[str, tuple[float, float, float]]:
     return colours
 
 
-def _lines(path: Path, max_bytes: int = MAX_BYTES) -> list[bytes]:
-    """Read the lines, joined at backslashes, with tabs as spaces. Raises MeshError."""
+def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
+    """Read a file; a byte order mark is skipped, UTF-16 becomes UTF-8. Raises MeshError."""
     try:
         data = read_regular(path, max_bytes)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MeshError(f"{path}: cannot be read ({reason})") from None
-    data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").replace(b"\t", b" ")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", errors="replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def _lines(path: Path, max_bytes: int = MAX_BYTES) -> list[bytes]:
+    """Read the lines without comments, joined at backslashes, tabs as spaces. Raises MeshError."""
+    data = read_bytes(path, max_bytes).replace(b"\t", b" ").replace(b"\r\n", b"\n")
+    if b"\\\n" in data:  # one that ends a comment joins nothing
+        data = re.sub(rb"(?m)^([vf ][^#\n]*)?#.*", rb"\1", data).replace(b"\\\n", b" ")
     lines = data.splitlines()
-    return [line.lstrip() for line in lines] if b"\n " in data else lines
+    if b"\n " in data:
+        lines = [line.lstrip() for line in lines]
+    if data.count(b"#") > data.count(b"\n#"):  # names of materials may have a #
+        lines = [line.partition(b"#")[0] if line[:1] in b"vf" else line for line in lines]
+    return lines
 
 
 def _vertices(
     path: Path, lines: list[bytes]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Parse positions and colours of the ``v`` lines: x y z, x y z w or x y z r g b."""
+    """Parse positions and colours of the ``v`` lines: x y z, x y z w, x y z r g b, x y z w r g b.
+
+    Vertices without a colour beside others with one have NaN.
+    """
     rows = [line[2:] for line in lines if line.startswith(b"v ")]
-    if not any(row.partition(b"#")[0].strip() for row in rows):
+    if not any(row.strip() for row in rows):
         raise MeshError(f"{path}: no vertex lines ('v x y z'): this is not an OBJ mesh")
+    table = parse_rows(path, rows, (3, 4, 6, 7))
+    colours = np.where(np.isnan(table[:, 6:7]), table[:, 3:6], table[:, 4:7])
+    coloured = not np.isnan(colours).any(axis=1).all()
+    return table[:, :3].copy(), colours if coloured else None
+
+
+def parse_rows(path: Path, rows: list[bytes], sizes: Container[int]) -> NDArray[np.float64]:
+    """Parse vertex lines as (V, 12), NaN behind the end of a line. Raises MeshError.
+
+    Args:
+        sizes: how many numbers a line may have.
+    """
     try:
         table = np.loadtxt(rows, dtype=np.float64, ndmin=2)
-    except ValueError as error:
-        raise MeshError(f"{path}: a vertex line is broken ({error!s:.80})") from None
-    if len(table) != len(rows) or table.shape[1] not in (3, 4, 6, 7):
+        found = {table.shape[1] if len(table) == len(rows) else 0}
+    except ValueError:  # lines of several lengths, or broken ones
+        words = [row.split() for row in rows]
+        found = {len(line) for line in words}
+        try:
+            table = np.array([line + [b"nan"] * (12 - len(line)) for line in words], np.float64)
+        except ValueError as error:
+            raise MeshError(f"{path}: a vertex line is broken ({error!s:.80})") from None
+    if not all(size in sizes for size in found):
         raise MeshError(
-            f"{path}: a vertex line is empty, or has not 3 (x y z) or 6 (with colour) numbers"
+            f"{path}: a vertex line is broken: it has not 3 (x y z) or 6 (with colour) numbers"
         )
-    return table[:, :3], table[:, -3:] if table.shape[1] >= 6 else None
+    return np.pad(table, ((0, 0), (0, 12 - table.shape[1])), constant_values=np.nan)
 
 
 def _text(data: bytes) -> str:
