@@ -62,6 +62,8 @@ HOMES = {
         "glsim.cli",
     ),
     "trimesh": ("glsim.faces.meshes",),
+    "mapbox_earcut": ("glsim.faces.meshes.obj",),
+    "DracoPy": ("glsim.faces.meshes.gltf",),
     "typer": ("glsim.cli",),
     "rich": ("glsim.cli",),
     "torch": (

@@ -16,6 +16,7 @@ from torch import Tensor
 from glsim.core.camera import Intrinsics
 from glsim.core.files.atomic import without_nan, write_atomic
 from glsim.core.files.png import write_picture
+from glsim.core.files.regular import read_csv
 from glsim.data.contact_sheet import difference, shaded
 
 METRICS_FILE: Final = "metrics.csv"
@@ -37,8 +38,7 @@ class RunLogs:
         self._file = folder / METRICS_FILE
         logged: list[dict[str, str]] = []
         if self._file.is_file():
-            with self._file.open(newline="") as file:
-                logged = list(csv.DictReader(file))
+            logged = read_csv(self._file)
         self._rows = [row for row in logged if int(row["step"]) <= steps]
         if len(self._rows) < len(logged):
             self._save()

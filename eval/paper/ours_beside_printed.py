@@ -7,7 +7,6 @@ which are dense, or BlenSor's: without depth where the noisy map has none.
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
 from collections import Counter
@@ -19,6 +18,7 @@ from typing import Final, Literal, get_args
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import wrap_read_errors, write_atomic
+from glsim.core.files.regular import read_csv
 from glsim.denoise import PAPER_FILTERS
 from glsim.eval.paper.paper_tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
@@ -131,7 +131,7 @@ def read_means(path: Path) -> dict[str, _Means]:
     """
     means: dict[str, _Means] = {}
     with wrap_read_errors(path):
-        rows = list(csv.DictReader(path.read_text().splitlines()))
+        rows = read_csv(path)
     for row in rows:
         try:
             means.setdefault(row["method"], {})[row["metric"]] = float(row["mean"])

@@ -124,9 +124,14 @@ def make_current(context: moderngl.Context) -> None:
 
     A process may hold several contexts; GL calls go to the current one, without an error if it is
     the wrong one. Costs 1 us if the context is already current.
-    Raises DeviceError if another library has ended the context.
+    Raises DeviceError if another thread has opened it, or another library has ended it.
     """
     if not _enter(context):
+        if _threads.get(context) != threading.get_ident():
+            raise DeviceError(
+                "an OpenGL context belongs to the thread that opened it, and this is another: make "
+                "a Simulator or Corrupter in each thread, or call it in its own"
+            )
         raise DeviceError(
             "another library of this process has ended all OpenGL contexts (pyrender does, when "
             "its OffscreenRenderer is deleted): keep its renderer until glsim is done, run it in "
@@ -137,6 +142,9 @@ def make_current(context: moderngl.Context) -> None:
 
 #: The EGL handle of each context that was opened here; 0 after its display was ended.
 _handles: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
+
+#: The thread that opened each of them.
+_threads: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
 
 
 def _enter(context: moderngl.Context) -> bool:
@@ -179,6 +187,7 @@ def _open_egl() -> moderngl.Context:
         if taken == handle:  # an address in use again: that context has gone
             _handles[other] = 0
     _handles[context] = handle
+    _threads[context] = threading.get_ident()
     return context
 
 

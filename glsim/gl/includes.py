@@ -39,7 +39,7 @@ class Line(NamedTuple):
 def read_shader(file: Path) -> str:
     """Read a GLSL file. Raises ShaderError."""
     try:
-        return read_regular(file, _MAX_BYTES).decode()
+        return read_regular(file, _MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise ShaderError(f"{file}: no such file") from None
     except OSError as error:

@@ -32,7 +32,7 @@ class TomlTable(BaseModel):
 def read_toml(file: Path) -> dict[str, Any]:
     """Read a TOML file as nested dicts. Raises ConfigError with the file's name."""
     try:
-        return tomllib.loads(read_regular(file, _MAX_BYTES).decode())
+        return tomllib.loads(read_regular(file, _MAX_BYTES).decode("utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError(f"{file}: no such file") from None
     except OSError as error:

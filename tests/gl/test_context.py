@@ -11,8 +11,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.core.errors import DeviceError
 from glsim.gl.context import borrowed_context, open_context
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.corrupt import Corrupter
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import open_sources, simulate
 
@@ -141,3 +143,23 @@ def test_contexts_that_another_library_ended_are_not_drawn_in() -> None:
     """GL would draw in whichever context is current, over its objects, without an error."""
     done = subprocess.run([sys.executable, "-c", _EGL_ENDS], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_context_of_another_thread_is_told_as_such() -> None:
+    camera = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "cx": 4.0, "cy": 4.0}
+    failed: list[BaseException | None] = []
+    with Corrupter.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
+        corrupt(np.ones((8, 8)))
+
+        def call() -> None:
+            try:
+                corrupt(np.ones((8, 8)))
+            except DeviceError as error:
+                failed.append(error)
+
+        thread = threading.Thread(target=call)
+        thread.start()
+        thread.join()
+        corrupt(np.ones((8, 8)))
+    assert len(failed) == 1
+    assert "belongs to the thread that opened it" in str(failed[0])

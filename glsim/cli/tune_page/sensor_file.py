@@ -69,7 +69,7 @@ def _in_sensor(name: str) -> bool:
 
 def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
     """Return a tuning as TOML; unchanged lines stay as in the original file."""
-    document = tomlkit.parse(sensor.file.read_text(encoding="utf-8"))
+    document = tomlkit.parse(sensor.file.read_text(encoding="utf-8-sig"))
     given = document.get("rig")
     rig = given if isinstance(given, Table) else tomlkit.table()
     entries = document.get("stage", tomlkit.aot())

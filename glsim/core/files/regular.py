@@ -6,6 +6,7 @@ it as it reports a missing file.
 
 from __future__ import annotations
 
+import csv
 import errno
 import io
 import os
@@ -41,6 +42,15 @@ def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes
     if not left:  # files of /proc have a size of 0, and a file may grow
         raise _too_large(limit + 1, limit)
     return whole.getvalue()
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Read the rows of a CSV without a byte order mark, empty lines and lines of comment (#).
+
+    Raises OSError or UnicodeDecodeError.
+    """
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.lstrip().startswith("#")))
 
 
 def _open(path: Path, limit: int | None, inside: Path | None) -> int:

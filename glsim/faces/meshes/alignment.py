@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
-from glsim.faces.meshes.nose_template import NoseMatch, match_nose, sample_surface
+from glsim.faces.meshes.nose_template import NoseMatch, find_tip, match_nose, sample_surface
 
 UNITS_MM: Final = {"m": 1000.0, "dm": 100.0, "cm": 10.0, "mm": 1.0, "inch": 25.4}
 """Length of each named unit, mm; ``unit`` may also be a number of millimetres, such as "125"."""
@@ -123,10 +123,10 @@ def estimate_alignment(
         raise MeshError(
             f"it lies {away:.3g} times its size away from the file's origin: move it there"
         )
-    samples = sample_surface(vertices, faces) * np.float32(mm_per_unit)
+    samples = sample_surface(vertices, faces) * mm_per_unit
     doubts: list[str] = []
     better = ""
-    matches = {name: match_nose(samples @ matrix.T) for name, matrix in _ROTATIONS.items()}
+    matches = {name: match_nose(matrix @ samples) for name, matrix in _ROTATIONS.items()}
     best = max(matches, key=lambda name: matches[name].score)
     if axes == "auto":
         chosen = _best_axes(matches, best, doubts)
@@ -139,18 +139,17 @@ def estimate_alignment(
                 f"better ({matches[best].score:.2f} against {matches[axes].score:.2f})"
             )
     nose = matches[chosen]
-    to_canonical = _ROTATIONS[chosen] * mm_per_unit
-    flip, winding_doubt = _detect_winding(vertices @ to_canonical.T, faces)
+    points_mm = vertices @ (_ROTATIONS[chosen] * mm_per_unit).T
+    flip, winding_doubt = _detect_winding(points_mm, faces)
     if winding_doubt:
         doubts.append(winding_doubt)
     origin = (0.0, 0.0, 0.0)
     if recentre:
         if nose.score >= MIN_MATCH:
-            x, y, z = nose.tip_mm
+            x, y, z = find_tip(points_mm, faces, nose.near_mm)
         else:
-            rotated = samples @ _ROTATIONS[chosen].T
-            x, y = (float(value) for value in (rotated.min(axis=0) + rotated.max(axis=0))[:2] / 2)
-            z = float(rotated[:, 2].max())
+            low, high = points_mm.min(axis=0), points_mm.max(axis=0)
+            x, y, z = (float(value) for value in (*(low + high)[:2] / 2, high[2]))
             doubts.append("no nose is found: centred on the bounding box")
         origin = (x, y, z - ORIGIN_BEHIND_NOSE_MM)
     detected = tuple(name for name, value in (("unit", unit), ("axes", axes)) if value == "auto")

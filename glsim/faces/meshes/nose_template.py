@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 CELL_MM: Final = 5.0  # a nose is 30 mm wide: six cells
-SAMPLES: Final = 40_000  # a head with its inner surfaces has 3000 cm2 or more: 3 per cell
+SAMPLES: Final = 150_000  # a bust with its inner surfaces has 6000 cm2 or more: 6 per cell
+TIP_SAMPLES: Final = 80_000  # 120 per mm2: they place the tip to 0.03 mm
+TIP_MM: Final = 2.0  # depth of the ball of the tip
 SCALES: Final = (0.8, 1.0, 1.25)  # children to the largest adults
 GAIN: Final = (0.5, 2.0)  # a nose is half to twice as deep as the template; others are no nose
 CLIP_MM: Final = (-45.0, 15.0)  # clips hair, ears and background, so that they do not dominate
@@ -29,16 +31,19 @@ _HALF_FACE = 14  # cells, 70 mm: width on each side for the comparison of left a
 
 @dataclass(frozen=True)
 class NoseMatch:
-    """The best match of the template: correlation (-1: none), and position of the nose tip, mm."""
+    """The best match of the template: correlation (-1: none), and (x, y) of its middle cell, mm."""
 
     score: float
-    tip_mm: tuple[float, float, float]
+    near_mm: tuple[float, float]
 
 
 def sample_surface(
-    vertices: NDArray[np.floating], faces: NDArray[np.integer]
-) -> NDArray[np.float32]:
-    """Return (SAMPLES, 3) float32 points spread evenly by area; deterministic.
+    vertices: NDArray[np.floating], faces: NDArray[np.integer], count: int = SAMPLES
+) -> NDArray[np.float64]:
+    """Return (3, count) coordinates of points spread evenly by area; deterministic.
+
+    One point lies at random in each of ``count`` shares of the area: at even steps, the rows of a
+    fine mesh would beat with them and leave stripes without a point.
 
     Args:
         vertices: (V, 3).
@@ -47,24 +52,46 @@ def sample_surface(
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     area = np.linalg.norm(np.cross(second - first, third - first), axis=1)
     cumulative = np.cumsum(area)
-    index = np.arange(SAMPLES)
-    hit = np.searchsorted(cumulative, (index + 0.5) / SAMPLES * cumulative[-1])
+    share, u, v = np.random.default_rng(0).random((3, count))
+    hit = np.searchsorted(cumulative, (np.arange(count) + share) / count * cumulative[-1])
     hit = np.minimum(hit, len(faces) - 1)
-    # The R2 sequence of the plastic number fills the unit square evenly (Roberts 2018).
-    u, v = (index * 0.7548776662466927) % 1, (index * 0.5698402909980532) % 1
     outside = u + v > 1
     u[outside], v[outside] = 1 - u[outside], 1 - v[outside]
     points = first[hit] + (second - first)[hit] * u[:, None] + (third - first)[hit] * v[:, None]
-    return np.asarray(points, dtype=np.float32)
+    return np.ascontiguousarray(points.T, dtype=np.float64)
+
+
+def find_tip(
+    points_mm: NDArray[np.floating], faces: NDArray[np.integer], near_mm: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Return the nose tip: middle of the ball, and its foremost point, whatever the triangles.
+
+    Args:
+        points_mm: (V, 3), z out of the face.
+        faces: (F, 3).
+        near_mm: (x, y) within a few cells of the tip.
+    """
+    x, y, z = near_mm[0], near_mm[1], 0.0
+    corner = points_mm[faces]
+    lower, upper = corner.min(axis=1), corner.max(axis=1)
+    for _ in range(4):  # the ball comes whole into the square round it
+        middle = np.array([x, y])
+        near = (lower[:, :2] <= middle + 2 * CELL_MM) & (upper[:, :2] >= middle - 2 * CELL_MM)
+        samples = sample_surface(points_mm, faces[near.all(axis=1)], TIP_SAMPLES)
+        inside = (np.abs(samples[:2] - middle[:, None]) <= 2 * CELL_MM).all(axis=0)
+        samples = samples[:, inside]
+        z = float(samples[2].max())
+        x, y = samples[:2, samples[2] >= z - TIP_MM].mean(axis=1)
+    return float(x), float(y), z
 
 
 def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
-    """Slide the template over the height map of points (N, 3) seen from +z."""
-    lower = points_mm.min(axis=0)
-    cell = ((points_mm[:, :2] - lower[:2]) / CELL_MM).astype(np.int64)
-    width, height = (int(size) + 1 for size in cell.max(axis=0))
+    """Slide the template over the height map of points (3, N) seen from +z."""
+    lower = points_mm[:2].min(axis=1)
+    column, row = ((points_mm[:2] - lower[:, None]) / CELL_MM).astype(np.int64)
+    width, height = int(column.max()) + 1, int(row.max()) + 1
     flat = np.full(width * height, -np.inf)
-    np.maximum.at(flat, cell[:, 1] * width + cell[:, 0], points_mm[:, 2])
+    np.maximum.at(flat, row * width + column, points_mm[2])
     top = flat.reshape(height, width)
     padded = np.pad(top, ((_BELOW, _ABOVE), (_SIDE, _SIDE)), constant_values=-np.inf)
     rows = slice(_BELOW, _BELOW + height)
@@ -73,7 +100,7 @@ def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
     )
     y, x = np.nonzero(np.isfinite(top) & (top > beside + RIDGE_MM))
     if len(y) == 0:
-        return NoseMatch(-1.0, (0.0, 0.0, 0.0))
+        return NoseMatch(-1.0, (0.0, 0.0))
     windows = np.lib.stride_tricks.sliding_window_view(padded, _X.shape)[y, x]
     depth = windows.reshape(len(y), -1) - top[y, x][:, None]
     surface = np.isfinite(depth)
@@ -87,10 +114,8 @@ def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
     score -= ASYMMETRY_COST * _asymmetry(top, y, x)
     score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, None)
     best = int(np.argmax(score))
-    middle = lower[:2] + (np.array([x[best], y[best]]) + 0.5) * CELL_MM
-    near = points_mm[(np.abs(points_mm[:, :2] - middle) <= 2 * CELL_MM).all(axis=1)]
-    tip = near[near[:, 2] >= near[:, 2].max() - 2.0].mean(axis=0)  # 2 mm: the ball of the tip
-    return NoseMatch(float(score[best]), (float(tip[0]), float(tip[1]), float(near[:, 2].max())))
+    x_mm, y_mm = lower + (np.array([x[best], y[best]]) + 0.5) * CELL_MM
+    return NoseMatch(float(score[best]), (float(x_mm), float(y_mm)))
 
 
 def _asymmetry(

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from mapbox_earcut import triangulate_float64
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
@@ -76,6 +75,10 @@ class PolygonFile:
             whole = np.add.reduceat(normal, fan)
             least = -1e-9 * (whole**2).sum(axis=1)
             hollow = np.unique(polygon[(normal * whole[polygon]).sum(axis=1) < least[polygon]])
+        if not len(hollow):
+            return triangles, polygon
+        from mapbox_earcut import triangulate_float64  # few files have such polygons
+
         kept = ~np.isin(polygon, hollow)
         ears, source = [triangles[kept]], [polygon[kept]]
         for number in hollow:

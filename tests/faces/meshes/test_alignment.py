@@ -9,6 +9,7 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
@@ -81,6 +82,19 @@ def test_origin_lies_behind_the_tip_of_the_nose() -> None:
     assert tip[2] == pytest.approx(ORIGIN_BEHIND_NOSE_MM, abs=0.3)  # of 40,000 samples
     assert np.abs(tip[:2]).max() < 4  # within the ball of the tip
     assert estimate_alignment(FACE, TRIANGLES, recentre=False).origin_mm == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("axes", ["+x+y+z", "+z+x+y"])
+def test_the_pose_does_not_depend_on_the_triangles(axes: str) -> None:
+    points, faces = FACE @ rotation(axes), TRIANGLES
+    alignment = estimate_alignment(points, faces)
+    rng = np.random.default_rng(0)
+    for order in (slice(None), slice(None, None, -1), rng.permutation(16 * len(TRIANGLES))):
+        finer = trimesh.remesh.subdivide(*trimesh.remesh.subdivide(points, faces))
+        other = estimate_alignment(finer[0], finer[1][order])
+        assert other.axes == axes
+        np.testing.assert_allclose(other.origin_mm, alignment.origin_mm, atol=0.1)
+        assert other.nose_match == pytest.approx(alignment.nose_match, abs=0.01)
 
 
 def test_inverted_winding_is_found() -> None:
