@@ -6,7 +6,7 @@ from pathlib import Path
 
 from glsim.core.files.regular import read_csv
 from glsim.settings.schema import load_settings
-from glsim.settings.tables import read_toml
+from glsim.settings.toml_tables import read_toml
 
 
 def test_byte_order_marks_and_comments_are_skipped(tmp_path: Path) -> None:
