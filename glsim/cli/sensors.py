@@ -87,7 +87,7 @@ def _copy(source: Path, out: Path | None) -> None:
     from glsim.settings.toml_tables import read_toml
 
     read_toml(source)  # refuses what is no readable TOML file
-    text = source.read_text(encoding="utf-8-sig")
+    text = source.read_text(encoding="utf-8")
     if out is None:
         sys.stdout.write(text)
         return
