@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from glsim.bench.measures.boards import PATTERN
 from glsim.bench.measures.static import static_pairs
 from glsim.core.depth_frame import Frames
-from glsim.data.recordings.recording import DEFAULT_FRAMES, read_frames
+from glsim.data.recordings.recording import DEFAULT_FRAMES, open_recording
 
 #: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
 #: most pixels of a tile share no input with the next tile.
@@ -98,8 +98,8 @@ class SplitRecording:
 
 
 def split_recording(source: Source) -> SplitRecording:
-    """Read a recording and find its static scenes. Raises the errors of ``read_frames``."""
-    frames = read_frames(source.path, focal_px=source.focal_px, most=source.most)
+    """Read a recording and find its static scenes. Raises the errors of ``open_recording``."""
+    frames = open_recording(source.path).read(source.most, source.focal_px)
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}
     for first, second in static_pairs(frames):

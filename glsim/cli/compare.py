@@ -37,6 +37,7 @@ def compare(
     frames: Annotated[int, typer.Option(min=1, max=2000)] = 60,
     depth_unit_mm: float | None = None,
     focal_px: Annotated[float | None, typer.Option(min=1)] = None,
+    topic: str | None = None,
 ) -> None:
     """Measure two sets of depth frames and tell them apart.
 
@@ -57,21 +58,26 @@ def compare(
         frames: Frames of each set; larger sets are thinned.
         depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
         focal_px: Focal length of both, pixels. Default: stated, or a Kinect V2's.
+        topic: Depth images of bags. Default: native images whose name says depth.
     """
     from glsim.bench.compare.comparison import compare_sets
     from glsim.bench.compare.replay import replay
     from glsim.core.errors import ConfigError, require_package
     from glsim.core.files.atomic import write_atomic
-    from glsim.data.recordings.recording import read_frames
+    from glsim.data.recordings.folders import whole_recording
+    from glsim.data.recordings.recording import open_recording
 
     if (second is None) == (replay_sensor is None):
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
     if assignments and replay_sensor is None:
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
     check_outputs(json_file, out)
-    real = read_frames(first, depth_unit_mm, focal_px, frames)
+    opened = [open_recording(first, depth_unit_mm, topic=topic)]
+    real = opened[0].read(frames, focal_px)
     if second is not None:
-        simulated = read_frames(second, depth_unit_mm, focal_px, frames)
+        own = topic if whole_recording([second]) else None
+        opened.append(open_recording(second, depth_unit_mm, topic=own))
+        simulated = opened[1].read(frames, focal_px)
     else:
         require_package("scipy", "--replay", "eval")
         print_message(f"rendering {len(real)} frames through {replay_sensor}")
@@ -87,3 +93,5 @@ def compare(
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)
+    for note in (note for recording in opened for note in recording.remarks(focal_px)):
+        print_message(note)

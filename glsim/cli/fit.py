@@ -37,6 +37,7 @@ def fit(
     albedo: Annotated[float, typer.Option(min=0.01, max=2)] = 1.0,
     depth_unit_mm: float | None = None,
     base: str | None = None,
+    topic: str | None = None,
     as_json: JsonOption = False,
 ) -> None:
     """Measure a camera's noise on a recording of a static scene and write a sensor file.
@@ -61,6 +62,7 @@ def fit(
         depth_unit_mm: Step of the depth files, mm. Default: as the recording says, or 1.
         base: Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default: what the
             recording's depths say.
+        topic: Depth images of a bag. Default: native images whose name says depth.
     """
     import io
 
@@ -74,7 +76,7 @@ def fit(
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     check_outputs(out)
-    recording = open_recording(frames, depth_unit_mm)
+    recording = open_recording(frames, depth_unit_mm, topic=topic)
     map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
     if (matching := stereo_base(recording, base)) is not None:
         fitted = fit_stereo(recording, matching, focal_px)
@@ -92,9 +94,9 @@ def fit(
         print_json({"sensor": str(out), "results": fitted.lines, **cells})
     elif not options.quiet:
         _print(fitted)
-    for note in fitted.notes:
-        print_message(note)
     print_written(written)
+    for note in (*fitted.notes, *recording.remarks(focal_px, "the base sensor")):
+        print_message(note)
 
 
 def _cells(table: tuple[Cell, ...]) -> list[dict[str, Any]]:

@@ -78,18 +78,20 @@ def kinect2(
     mirror: Annotated[bool, typer.Option("--mirror")] = False,
     every: Annotated[int, typer.Option(min=1)] = 1,
     split: str | None = None,
+    topic: str | None = None,
     workers: WorkersOption = "1",
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps.
 
     Args:
         root: A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of iai_kinect2,
-            16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2.
+            16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2, .bag, .mcap, .mkv.
         out: Folder for the data set.
         depth_unit_mm: Step of integer depth files, mm. Default: as the recording says, or 1.
         mirror: Flip left and right, as libfreenect2's dumps need.
         every: Use every N-th frame.
         split: Shares of train,val,test. Default: 0,0,1 (all test).
+        topic: Depth images of a bag. Default: native images whose name says depth.
     """
     from glsim.cli.progress import generation_progress, print_summary
     from glsim.data.recordings.imports import import_recordings
@@ -103,6 +105,7 @@ def kinect2(
             mirror=mirror,
             every=every,
             split=split,
+            topic=topic,
             workers=worker_count(workers),
             progress=progress,
         )

@@ -97,6 +97,8 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
         console.print(f"skipped {count}: {why}", style="yellow")
+    for note in summary.notes:
+        print_message(note)
     if not sum(summary.frames.values()):
         raise DatasetError(f"{out}: no frame could be made, see {out}/skipped.jsonl")
 

@@ -45,6 +45,7 @@ class GenerateSummary:
         bytes: size of all images.
         seconds: wall time.
         cpu_seconds: of this process and its workers.
+        notes: what was assumed about the input, in lines for the user.
     """
 
     frames: Mapping[str, int]
@@ -55,6 +56,7 @@ class GenerateSummary:
     bytes: int
     seconds: float
     cpu_seconds: float
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

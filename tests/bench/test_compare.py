@@ -18,7 +18,7 @@ from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
-from glsim.data.recordings.recording import read_frames
+from glsim.data.recordings.recording import open_recording
 from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
 
@@ -156,7 +156,7 @@ def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
     for stem in ("0007", "0008", "0020", "0030_sync", "0050", "0060_sync"):
         for layer in ("depth", "ir"):
             (tmp_path / f"{stem}_{layer}.png").symlink_to(REAL / f"{stem}_{layer}.png")
-    frames = read_frames(tmp_path)
+    frames = open_recording(tmp_path).read()
     result = compare_sets(frames, frames)
     measured = result.first
     assert measured.temporal.pairs == 1

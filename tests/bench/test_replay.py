@@ -22,7 +22,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
-from glsim.data.recordings.recording import read_frames
+from glsim.data.recordings.recording import open_recording
 from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
 
 Array = NDArray[np.float32]
@@ -162,13 +162,16 @@ def test_the_command_replays_and_refuses_what_it_cannot(
 @needs_real_cameras
 def test_replays_of_real_frames() -> None:
     """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/comparison.md."""
-    kinect = read_frames(REAL_CAMERAS.parent / "kinect-v2-real", most=16)
+    kinect = open_recording(REAL_CAMERAS.parent / "kinect-v2-real").read(16)
     verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
     assert verdicts["planes"].auc < 0.72
     assert verdicts["silhouettes, lit side"].auc < 0.72
     wall = sorted((REAL_CAMERAS / "d435_wall_2frames").glob("depth*.png"))
     rooms = sorted((REAL_CAMERAS / "d435_robot_room").glob("depth*.png"))[::3]
-    for real in (read_frames(wall, 1, 390.43), read_frames(rooms, 1.0, 381.4)):
+    for real in (
+        open_recording(wall, 1).read(60, 390.43),
+        open_recording(rooms, 1.0).read(60, 381.4),
+    ):
         verdicts = compare_sets(real, replay(real, "realsense-d435-vga")).verdicts
         assert verdicts["planes"].auc < 0.75
         assert verdicts["curved"].auc < 0.75

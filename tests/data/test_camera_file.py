@@ -12,7 +12,7 @@ from glsim.cli import main
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.recording import open_recording, read_frames
+from glsim.data.recordings.recording import open_recording
 
 DEPTH = np.full((48, 64), 9000, np.uint16)
 CAMERA = "width = 64\nheight = 48\nfocal_px = [50.5, 51.5]\n"
@@ -52,7 +52,7 @@ def test_png_files_state_their_step_and_a_camera_file_wins(tmp_path: Path) -> No
 
 def test_options_win_over_the_file(tmp_path: Path) -> None:
     root = _folder(tmp_path, f"unit_mm = 0.1\n{CAMERA}")
-    frames = read_frames(root, 0.25, focal_px=70.0)
+    frames = open_recording(root, 0.25).read(focal_px=70.0)
     assert frames[0].measured_mm[0, 0] == 2250.0
     assert (frames.intrinsics.fx, frames.intrinsics.cx) == (70.0, 32.0)
 

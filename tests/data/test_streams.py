@@ -131,7 +131,7 @@ def test_without_calibration_the_shipped_camera_is_assumed_and_said(
 ) -> None:
     write_mkv(tmp_path / "a.mkv", {"DEPTH": AZURE}, calibration)
     recording = open_recording(tmp_path / "a.mkv")
-    assert recording.camera.fx == 504.5
+    assert (recording.frames.intrinsics.fx, recording.assumed) == (504.5, "azure-kinect")
     assert note in recording.notes[0]
 
 
@@ -191,9 +191,9 @@ def _write_bad(file: Path, case: str) -> None:
         ("a.bag", "random", "is no readable bag"),
         ("a.bag", "empty", "is no readable bag"),
         ("a.bag", "truncated", "repair it by rosbag reindex"),
-        ("a.bag", "no depth", "holds no depth images"),
+        ("a.bag", "no depth", "holds no images whose name says depth"),
         ("a.bag", "cut image", "has 4 x 4 pixels"),
-        ("a.bag", "no frames", "holds no depth images"),
+        ("a.bag", "no frames", "holds no images whose name says depth"),
     ],
 )
 def test_bad_files_get_one_line(

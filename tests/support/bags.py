@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import struct
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -169,3 +170,106 @@ def azure_calibration(
         "Intrinsics": {"ModelParameterCount": 14, "ModelParameters": numbers},
     }
     return {"CalibrationInformation": {"Cameras": [colour, depth]}}
+
+
+def write_topics(
+    file: Path,
+    images: Mapping[str, tuple[Any, str]],
+    infos: Mapping[str, Mapping[str, Any]],
+    frames: Mapping[str, str] | None = None,
+    count: int = 1,
+) -> None:
+    """Write a bag of any topics: a ROS 1 bag, or one ROS 2 file ``*.mcap`` or ``*.db3``.
+
+    Args:
+        file: to write.
+        images: topic -> (H, W) pixels, or bytes of a CompressedImage; and the encoding or format.
+        infos: topic -> size (width, height), focal; p, d, model, binning, roi may be given.
+        frames: topic -> frame_id; "camera" without.
+        count: of images of each topic.
+    """
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    first = file.suffix == ".bag"
+    types = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    message = types.types
+    stamp = message["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
+    folder = file.with_suffix("")
+    if first:
+        bag: Any = rosbag1.Writer(file)
+    else:
+        plugin = rosbag2.StoragePlugin.MCAP if file.suffix == ".mcap" else None
+        bag = rosbag2.Writer(folder, version=8, **({"storage_plugin": plugin} if plugin else {}))
+    with bag:
+
+        def write(topic: str, kind: str, **values: Any) -> None:
+            head = {"stamp": stamp, "frame_id": (frames or {}).get(topic, "camera")}
+            header = message["std_msgs/msg/Header"](**head | ({"seq": 0} if first else {}))
+            one = message[f"sensor_msgs/msg/{kind}"](header=header, **values)
+            data = (types.serialize_ros1 if first else types.serialize_cdr)(one, one.__msgtype__)
+            connection = bag.add_connection(topic, one.__msgtype__, typestore=types)
+            for number in range(count):
+                bag.write(connection, 10**9 + number * 10**7, data)
+
+        for topic, info in infos.items():
+            width, height = info["size"]
+            focal, centre = info.get("focal", 300.0), ((width - 1) / 2, (height - 1) / 2)
+            matrix = [focal, 0, centre[0], 0, focal, centre[1], 0, 0, 1]
+            other = info.get("p", focal)
+            names = "DKRP" if first else "dkrp"
+            values = [
+                info.get("d", [0.0] * 5), matrix, np.eye(3).ravel(),
+                [other, 0, centre[0], 0, 0, other, centre[1], 0, 0, 0, 1, 0],
+            ]  # fmt: skip
+            places = ("x_offset", "y_offset", "width", "height")
+            roi = dict(zip(places, info.get("roi", [0] * 4), strict=True))
+            region = message["sensor_msgs/msg/RegionOfInterest"](**roi, do_rectify=False)
+            binning = {name: info.get("binning", 0) for name in ("binning_x", "binning_y")}
+            numbers = {n: np.array(v, float) for n, v in zip(names, values, strict=True)}
+            model = info.get("model", "plumb_bob")
+            write(topic, "CameraInfo", height=height, width=width, distortion_model=model,
+                  roi=region, **binning, **numbers)  # fmt: skip
+        for topic, (pixels, encoding) in images.items():
+            if isinstance(pixels, bytes):
+                data = np.frombuffer(pixels, np.uint8)
+                write(topic, "CompressedImage", format=encoding, data=data)
+                continue
+            height, width = pixels.shape[:2]
+            rows = np.ascontiguousarray(pixels).view(np.uint8).ravel()
+            write(topic, "Image", height=height, width=width, encoding=encoding, is_bigendian=0,
+                  step=rows.size // height, data=rows)  # fmt: skip
+    if not first:
+        next(folder.glob(f"*{file.suffix}")).rename(file)
+        shutil.rmtree(folder)
+
+
+def rvl(image: Image) -> bytes:
+    """Encode (H, W) uint16 as RVL, as compressed_depth_image_transport does, with its header."""
+    nibbles: list[int] = []
+
+    def put(number: int) -> None:
+        while number > 7:
+            nibbles.append(number & 7 | 8)
+            number >>= 3
+        nibbles.append(number)
+
+    values, at, before = [int(v) for v in image.ravel()], 0, 0
+    while at < len(values):
+        end = next((k for k in range(at, len(values)) if values[k]), len(values))
+        put(end - at)
+        at = end
+        end = next((k for k in range(at, len(values)) if not values[k]), len(values))
+        put(end - at)
+        for value in values[at:end]:
+            step = value - before
+            put(2 * step if step >= 0 else -2 * step - 1)
+            before = value
+        at = end
+    nibbles += [0] * (-len(nibbles) % 8)
+    words = [
+        sum(nibble << 28 - 4 * k for k, nibble in enumerate(nibbles[n : n + 8]))
+        for n in range(0, len(nibbles), 8)
+    ]
+    height, width = image.shape
+    return bytes(12) + struct.pack(f"<ii{len(words)}I", width, height, *words)

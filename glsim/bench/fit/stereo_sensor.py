@@ -259,7 +259,7 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
         *(f"{name}: {text}" for name, text in lines.items()),
         f"All other values are those of {sensor.name}.",
     ]
-    return FittedSensor(fit.text(fit.values, comments), lines, (*recording.notes, *fit.notes))
+    return FittedSensor(fit.text(fit.values, comments), lines, tuple(fit.notes))
 
 
 class _Fit:

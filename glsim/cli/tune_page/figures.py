@@ -16,7 +16,7 @@ from glsim.bench.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.bench.measures.validity import measure_invalid
 from glsim.core.depth_frame import Frames
 from glsim.core.reason import Reason
-from glsim.data.recordings.recording import read_frames
+from glsim.data.recordings.recording import open_recording
 from glsim.simulation.frame import Frame
 
 Array = NDArray[np.float32]
@@ -76,7 +76,7 @@ def _silhouettes(frame: Frame) -> dict[str, Any]:
 
 def recording_figures(folder: Path) -> dict[str, Any]:
     """Measure a recording. Raises ConfigError or DatasetError if it is not readable."""
-    return _compared(read_frames(folder, most=_RECORDED))
+    return _compared(open_recording(folder).read(_RECORDED))
 
 
 def tuned_figures(frame: Frame) -> dict[str, Any]:

@@ -1,16 +1,19 @@
 """ROS bags with depth: those of librealsense and its viewer, of ROS nodes, and of glsim export.
 
-A ROS 1 bag is a file ``*.bag``, a ROS 2 bag a folder with ``metadata.yaml``. librealsense names its
-topics ``/device_0/sensor_0/Depth_0/image/data`` and ``.../Depth_0/info/camera_info``, its options
-``/device_0/sensor_0/option/Depth_Units/value`` (metres) and ``.../Stereo_Baseline/value`` (mm); ROS
-nodes ``/camera/depth/image_rect_raw`` and ``/camera/depth/camera_info`` (REP 118: 16UC1 is
-millimetres, 32FC1 metres).
+A ROS 1 bag is a file ``*.bag``, a ROS 2 bag a folder with ``metadata.yaml`` or one file ``*.mcap``
+or ``*.db3``. librealsense names its topics ``/device_0/sensor_0/Depth_0/image/data`` and
+``.../Depth_0/info/camera_info``, its options ``/device_0/sensor_0/option/Depth_Units/value``
+(metres) and ``.../Stereo_Baseline/value`` (mm). Of ROS nodes 16UC1 is millimetres, 32FC1 metres
+(REP 118), and the camera_info lies beside the images, above them, or has their frame_id.
 """
 
 from __future__ import annotations
 
+import re
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -18,47 +21,97 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics
-from glsim.core.errors import DatasetError
-from glsim.core.files.png import MAX_MAP_PX
+from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.png import MAX_MAP_PX, decode_png
 from glsim.core.files.regular import open_regular
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.streams import FrameStream
 
-_IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+_INFO = "sensor_msgs/msg/CameraInfo"
+_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 #: Encodings of images of one channel -> numpy's types, without byte order.
 _TYPES = {
-    "16UC1": "u2", "mono16": "u2", "Z16": "u2", "32FC1": "f4", "8UC1": "u1", "mono8": "u1",
+    "16UC1": "u2", "mono16": "u2", "Z16": "u2", "32FC1": "f4", "64FC1": "f8", "8UC1": "u1",
+    "mono8": "u1",
 }  # fmt: skip
-#: Words in the names of topics: of infrared images, and of depth images that are taken last.
-_INFRARED = ("infra", "/ir/", "/ir_")
-_LATER = ("aligned", "ground_truth", "clean", "expected", "color", "compressed")
+#: Lens models whose coefficients are OpenCV's; any other is named to the user.
+_LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
+#: Largest difference of the scales along x and y of a camera_info of another size: sizes of
+#: decimated images are rounded to multiples of 4 pixels.
+_UNEQUAL = 0.02
+
+
+def _words(words: str) -> re.Pattern[str]:
+    return re.compile(rf"(?<![a-z])({words})\d*(?![a-z])")
+
+
+#: What a part of a topic's name says of its images, in the order in which the words win.
+_ROLES = {
+    "other": _words(
+        "confidence|conf|disparity|amplitude|intensity|noise|gr[ae]y|thermal|labels?|mask|normals?|"
+        "semantic|segmentation|uncertainty|variance|sigma|std(dev)?|reflectivity|ambient|flow|mono"
+    ),
+    "infrared": _words("infrared|infra|n?ir"),
+    "depth": re.compile("depth"),
+}
+#: Images that were resampled for another camera, or filtered: taken last.
+_RESAMPLED = re.compile(
+    _words("aligned|registered|q?hd|colou?r|rgb|ground_truth|clean|expected|filtered").pattern
+    + "|_to_"
+)
 
 
 class BagStream(FrameStream):
     """The depth images of a bag, and the infrared images of the same moments."""
 
     _LIBRARY = "rosbags"
-    _PROBLEM = "is no readable bag: if its recording was cut off, repair it by rosbag reindex"
+    _PROBLEM = "is no readable bag; one that was cut off: repair it by rosbag reindex, mcap recover"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, topic: str | None = None) -> None:
         self._cursors: dict[str, tuple[int, Iterator[Any]]] = {}
+        self._asked = topic
         super().__init__(path)
 
     def _choose(self) -> tuple[str, str | None]:
-        images = self._topics()
-        depth = [
-            t for t, kind in images.items() if kind in ("u2", "f4") and not _count(t, _INFRARED)
-        ]
-        named = [topic for topic in depth if "depth" in topic.lower()]
-        if not depth:
-            found = f": its images are {', '.join(sorted(images))}" if images else ""
+        firsts = {t: self._first(t) for t in self._names(*_IMAGES)}
+        images = {t: (_encoding(m), m) for t, m in sorted(firsts.items()) if m is not None}
+        known = [t for t, (name, _) in images.items() if _TYPES.get(name, "u1") != "u1"]
+        named = [topic for topic in known if _role(topic) == "depth"]
+        # 16 bits of grey are depth only if the name says so.
+        depth = named or [t for t in known if not _role(t) and images[t][0] != "mono16"]
+        found = ", ".join(f"{t} ({name or m.format})" for t, (name, m) in images.items())
+        if self._asked is not None:
+            if self._asked not in known:
+                raise ConfigError(f"--topic {self._asked}: {self.path} has {found or 'no images'}")
+            depth = [self._asked, *(topic for topic in depth if topic != self._asked)]
+        elif not depth or (len(depth) > 1 and not named):
             raise DatasetError(
-                f"{self.path}: holds no depth images (16UC1, mono16 or 32FC1){found}: record the "
-                "depth stream, not compressed"
+                f"{self.path}: holds no images whose name says depth, of 16UC1, mono16 or 32FC1"
+                f"{f': choose by --topic of {found}' if found else ''}"
             )
-        lights = [t for t, kind in images.items() if kind in ("u1", "u2") and _count(t, _INFRARED)]
-        chosen = min(named or depth, key=lambda topic: (_count(topic, _LATER), topic))
-        return chosen, min(lights, default=None)
+        chosen = self._asked or min(depth, key=_rank)
+        if others := [topic for topic in depth if topic != chosen]:
+            self.notes = (
+                f"{self.path}: the depth is that of {chosen}; --topic chooses {', '.join(others)}",
+            )
+        shape = self._shape(chosen)
+        lights = [
+            topic
+            for topic, (name, message) in images.items()
+            if _TYPES.get(name) in ("u1", "u2")
+            and _role(topic) == "infrared"
+            and (getattr(message, "height", 0), getattr(message, "width", 0)) == shape
+            and _shared(topic, chosen) == max(_shared(topic, other) for other in depth)
+        ]
+        light = min(lights, key=lambda topic: (-_shared(topic, chosen), topic), default=None)
+        return chosen, light
+
+    def _names(self, *kinds: str) -> set[str]:
+        return {c.topic for c in self._open().connections if c.msgtype in kinds}
+
+    def _shape(self, topic: str) -> tuple[int, ...]:
+        """Return (height, width) of the first image of a topic."""
+        return _pixels(self._first(topic), f"{self.path}: {topic}").shape
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file: each process opens its own."""
@@ -85,16 +138,6 @@ class BagStream(FrameStream):
 
     def _of(self, topic: str) -> list[Any]:
         return [c for c in self._open().connections if c.topic == topic]
-
-    def _topics(self) -> dict[str, str]:
-        """Return the topics of images of one channel -> their type, by their first message."""
-        reader = self._open()
-        found = {}
-        for topic in sorted({c.topic for c in reader.connections if c.msgtype == _IMAGE}):
-            first = self._first(topic)
-            if first is not None:
-                found[topic] = _TYPES.get(first.encoding, first.encoding)
-        return found
 
     def _first(self, topic: str) -> Any:
         """Return the first message of a topic, None without one."""
@@ -133,12 +176,8 @@ class BagStream(FrameStream):
         return _pixels(reader.deserialize(data, connection.msgtype), f"{self.path}: {topic}")
 
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
-        reader = self._open()
+        camera, lens, remarks = self._find_camera()
         base = self._depth.partition("/image")[0]
-        places = [f"{base}/info/camera_info", f"{base}/camera_info"]
-        infos = {c.topic for c in reader.connections if c.msgtype == _INFO}
-        info = next((self._first(topic) for topic in places if topic in infos), None)
-        camera, lens = (None, ()) if info is None else _camera(info)
         device = self._depth.partition("/sensor_")[0]
         sensor = f"{base.rpartition('/')[0]}/option"
         unit, baseline = (self._number(f"{sensor}/{n}") for n in ("Depth_Units", "Stereo_Baseline"))
@@ -149,8 +188,45 @@ class BagStream(FrameStream):
             None if baseline is None else round(abs(baseline) / 1000, 7),
             self._device_name(f"{device}/info"),
         )
-        note = f"{self.path}: states no intrinsics of {self._depth}: add a camera.toml"
-        return stated, () if camera is not None else (note,)
+        return stated, tuple(f"{self.path}: {remark}" for remark in remarks)
+
+    def _find_camera(self) -> tuple[Intrinsics | None, tuple[float, ...], list[str]]:
+        """Return intrinsics and lens by the nearest camera_info that can be used, and remarks."""
+        topic, shape = self._depth, self._shape(self._depth)
+        frame = str(self._first(topic).header.frame_id)
+        images, infos = self._names(*_IMAGES), self._names(_INFO)
+        resampled, target = _RESAMPLED.search(topic.lower()), re.search(r"_to_([^/]+)", topic)
+        ranked = []
+        for name in sorted(infos):
+            info = self._first(name)
+            if info is None:
+                continue
+            shared, same = _shared(name, topic), frame == str(info.header.frame_id) != ""
+            parts = _parts(name)[shared:]
+            folders = [part for part in parts[:-1] if part != "info"]
+            foreign = any(
+                _role(part) in ("other", "infrared") or _RESAMPLED.search(part) for part in parts
+            )
+            nearest = shared == max(_shared(name, other) for other in images)
+            if not folders or (len(infos) == len(images) == 1):
+                usable = not foreign
+            elif shared and nearest and not foreign and not resampled:
+                usable = same or "depth" in "/".join(folders)
+            else:
+                usable = False
+            aligned = resampled and (same or (target and target[1].lower() in folders))
+            if usable or aligned:
+                alike = (info.height, info.width) == shape
+                ranked.append(((shared, alike, same, _role(name) == "depth"), name, info))
+        remarks: list[str] = []
+        for _, name, info in sorted(ranked, key=lambda entry: entry[0], reverse=True):
+            camera, lens, remark = _camera(info, shape, topic)
+            remarks += [f"{name} {remark}"] if remark else []
+            if camera is not None:
+                return camera, lens, remarks
+        if infos and not ranked:
+            remarks = [f"{', '.join(sorted(infos))}: none is of {topic}"]
+        return None, (), remarks
 
     def _number(self, option: str) -> float | None:
         """Return the value of one of librealsense's options, if it is recorded and not 0."""
@@ -169,19 +245,59 @@ class BagStream(FrameStream):
         return ""
 
 
-def _count(topic: str, words: Sequence[str]) -> int:
-    """Count which of the words the name of a topic holds."""
-    return sum(word in topic.lower() for word in words)
+def _encoding(message: Any) -> str:
+    """Return the encoding of an image; "" if it is compressed with loss, or of no known kind."""
+    if hasattr(message, "encoding"):
+        return str(message.encoding)
+    name, _, codec = str(message.format).partition(";")
+    return name.strip() if re.search("compresseddepth|png", codec.lower()) else ""
+
+
+def _plain(topic: str) -> str:
+    """Return a topic without the transport of its images."""
+    return re.sub(r"/compressed(depth)?$", "", topic.lower())
+
+
+def _role(topic: str) -> str:
+    """Return what the last telling part of a name says: other, infrared, depth; else ""."""
+    for part in reversed(re.sub(r"_to_[^/]*", "", _plain(topic)).split("/")):
+        for role, words in _ROLES.items():
+            if words.search(part):
+                return role
+    return ""
+
+
+def _rank(topic: str) -> tuple[object, ...]:
+    """Return the place of a depth topic: native, not compressed, not rectified ones first."""
+    last = _plain(topic).rpartition("/")[2]
+    resampled = len(_RESAMPLED.findall(topic.lower()))
+    return resampled, _plain(topic) != topic.lower(), "rect" in last, "raw" not in last, topic
+
+
+def _parts(topic: str) -> list[str]:
+    return _plain(topic).strip("/").split("/")
+
+
+def _shared(topic: str, other: str) -> int:
+    """Count the parts with which two names begin alike."""
+    pairs = zip(_parts(topic), _parts(other), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def _pixels(message: Any, where: str) -> NDArray[np.generic]:
     """Return the (H, W) pixels of an image message. Raises DatasetError."""
-    kind = _TYPES.get(message.encoding)
+    encoding = _encoding(message)
+    kind = _TYPES.get(encoding)
+    if kind is not None and not hasattr(message, "encoding"):
+        try:
+            return _decompressed(bytes(message.data), kind)
+        except (ValueError, IndexError, struct.error) as error:
+            raise DatasetError(f"{where}: a {message.format} image is damaged ({error})") from None
     height, width, step = int(message.height), int(message.width), int(message.step)
     size = np.dtype(kind or "u1").itemsize
     if kind is None or width * height > MAX_MAP_PX or step < width * size:
         raise DatasetError(
-            f"{where}: has images of {width}x{height} in the encoding {message.encoding!r:.40}; "
+            f"{where}: has images of {width}x{height} in the encoding {encoding!r:.40}; "
             f"glsim reads {', '.join(_TYPES)} of at most {MAX_MAP_PX} pixels"
         )
     if len(message.data) < step * height or height * width == 0:
@@ -192,17 +308,82 @@ def _pixels(message: Any, where: str) -> NDArray[np.generic]:
     return pixels.astype(np.dtype(kind))
 
 
-def _camera(info: Any) -> tuple[Intrinsics | None, tuple[float, ...]]:
-    """Return intrinsics and lens of a camera_info; ROS counts from the first pixel's centre."""
-    matrix, lens = (np.asarray(getattr(info, n, getattr(info, n.upper(), []))) for n in "kd")
-    if matrix.size != 9 or not np.isfinite(matrix).all() or min(matrix[0], matrix[4]) < 1:
-        return None, ()
-    fx, _, cx, _, fy, cy = (float(value) for value in matrix[:6])
-    if min(info.width, info.height) < 1:
-        return None, ()
-    image = Intrinsics(int(info.width), int(info.height), fx, fy, cx + 0.5, cy + 0.5)
+def _decompressed(data: bytes, kind: str) -> NDArray[np.generic]:
+    """Decode an image of compressed_depth_image_transport, or a PNG file. Raises ValueError.
+
+    A header of 12 bytes comes first; its floats a and b give metres as a / (code - b).
+    """
+    start = data.find(b"\x89PNG", 0, 16)
+    codes = _decode_rvl(data[12:]) if start < 0 else decode_png(data[start:], MAX_MAP_PX)
+    if codes is None or codes.ndim != 2 or codes.dtype != np.uint16:
+        raise ValueError("no PNG or RVL of 16 bits")
+    if kind == "u2":
+        return codes
+    a, b = struct.unpack_from("<ff", data, 4)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(codes > 0, a / (codes - np.float32(b)), 0).astype(np.float32)
+
+
+def _decode_rvl(data: bytes) -> NDArray[np.uint16]:
+    """Decode RVL: runs of zeros and of differences (Wilson 2017, Fast Lossless Depth Compression).
+
+    A number is nibbles of three bits, the lowest first, whose top bit says that more follow.
+    """
+    width, height = struct.unpack_from("<ii", data)
+    if min(width, height) < 1 or width * height > MAX_MAP_PX:
+        raise ValueError(f"an image of {width}x{height}")
+    words = np.frombuffer(data, "<u4", (len(data) - 8) // 4, 8)
+    nibbles = (words[:, None] >> np.arange(28, -1, -4, dtype=np.uint32) & 15).ravel()
+    ends = np.flatnonzero(nibbles < 8)
+    starts = np.r_[0, ends[:-1] + 1]
+    places = np.arange(ends[-1] + 1) - np.repeat(starts, ends - starts + 1)
+    bits = (nibbles[: ends[-1] + 1] & 7).astype(np.int64) << np.minimum(3 * places, 60)
+    numbers = np.add.reduceat(bits, starts)
+    pixels = np.zeros(width * height, np.int64)
+    at = done = level = 0
+    while done < len(pixels):
+        empty, full = (int(number) for number in numbers[at : at + 2])
+        steps = numbers[at + 2 : at + 2 + full]
+        levels = level + np.cumsum(steps >> 1 ^ -(steps & 1))
+        pixels[done + empty : done + empty + full] = levels
+        level = int(levels[-1]) if full else level
+        at, done = at + 2 + full, done + empty + full
+    return pixels.astype(np.uint16).reshape(height, width)
+
+
+def _camera(
+    info: Any, shape: tuple[int, ...], topic: str
+) -> tuple[Intrinsics | None, tuple[float, ...], str]:
+    """Return intrinsics and lens of (H, W) images by a camera_info, and a remark or "".
+
+    Rectified images go with the projection P and no lens, others with K and D. Sizes, offsets and
+    binning are those of the whole image; ROS counts from the first pixel's centre.
+    """
+    k, d, p = (np.asarray(getattr(info, n, getattr(info, n.upper(), ())), float) for n in "kdp")
+    last = _plain(topic).rpartition("/")[2]
+    rectified = "rect" in last or ("registered" in topic.lower() and "raw" not in last)
+    matrix = p if rectified and p.size == 12 and min(p[0], p[5]) >= 1 else k
+    if matrix.size not in (9, 12) or not np.isfinite(matrix).all():
+        return None, (), "has no usable matrix"
+    (fx, _, cx), (_, fy, cy) = matrix.reshape(3, -1)[:2, :3].tolist()
+    whole, roi, (rows, columns) = (int(info.width), int(info.height)), info.roi, shape
+    if min(fx, fy) < 1 or min(whole) < 1:
+        return None, (), "has no focal lengths or no size"
+    left, top, size = 0, 0, whole
+    if min(roi.width, roi.height) > 0 and whole != (columns, rows):
+        left, top, size = roi.x_offset, roi.y_offset, (int(roi.width), int(roi.height))
+    x, y = columns / size[0], rows / size[1]
+    bins = max(1, info.binning_x), max(1, info.binning_y)
+    if (size[0] // bins[0], size[1] // bins[1]) == (columns, rows):
+        x, y = 1 / bins[0], 1 / bins[1]
+    elif abs(x / y - 1) > _UNEQUAL:
+        return None, (), f"is of {size[0]}x{size[1]}, the images are {columns}x{rows}"
+    remark = f"of {size[0]}x{size[1]} is scaled to {columns}x{rows}" if (x, y) != (1, 1) else ""
+    image = Intrinsics(columns, rows, fx * x, fy * y, (cx + 0.5 - left) * x, (cy + 0.5 - top) * y)
+    if rectified or not d.any():
+        return image, (), remark
+    model = str(info.distortion_model).lower().replace("_", " ")
+    if model not in _LENSES or not np.isfinite(d).all() or d[8:].any():
+        return image, (), f"{remark} has the lens {model!r}, which is not read".strip()
     names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-    model = str(info.distortion_model).lower()
-    known = "equidistant" not in model and np.isfinite(lens).all() and lens.size <= len(names)
-    values = dict(zip(names, (float(v) for v in lens), strict=False)) if known else {}
-    return image, opencv_order(Distortion(**values))
+    return image, opencv_order(Distortion(**dict(zip(names, d.tolist(), strict=False)))), remark

@@ -143,7 +143,7 @@ def opencv_order(lens: Distortion) -> tuple[float, ...]:
     return simple if any(simple) else ()
 
 
-def check_size(camera: StatedCamera, shape: tuple[int, ...], where: Path) -> None:
+def check_size(camera: StatedCamera, shape: tuple[int, ...], where: Path | str) -> None:
     """Raise DatasetError if a stated camera has another size than an (H, W) image."""
     own = camera.intrinsics
     if own is not None and (own.height, own.width) != shape:

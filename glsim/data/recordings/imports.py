@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from glsim.faces.sources.biwi import Biwi
 from glsim.gl.context import describe, open_context
 from glsim.gl.targets import Readback
 from glsim.render.renderer import Renderer
-from glsim.settings.schema import DEFAULT_SENSOR, Settings, load_settings
+from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.assembly import reconcile_reasons
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.tasks import Task, make_tasks
@@ -184,19 +184,28 @@ class RecordingSource(FaceSource):
     name = "kinect2"
 
     def __init__(
-        self, root: Path, unit_mm: float | None = None, mirror: bool = False, every: int = 1
+        self,
+        root: Path,
+        unit_mm: float | None = None,
+        mirror: bool = False,
+        every: int = 1,
+        topic: str | None = None,
     ):
         self.root, self.folder = root, root.parent if root.is_file() else root
+        read = partial(open_recording, unit_mm=unit_mm, mirror=mirror, topic=topic)
+        left_out: list[str] = []
         try:
-            self.recordings = {_word(root.resolve().name): open_recording(root, unit_mm, mirror)}
+            self.recordings = {_word(root.resolve().name): read(root)}
         except DatasetError:
             if root.is_file():
                 raise
             parts = sorted(path for path in root.iterdir() if path.is_dir() or is_stream(path))
             found: list[tuple[str, Recording]] = []
             for path in parts:
-                with suppress(DatasetError):
-                    found.append((_word(path.name), open_recording(path, unit_mm, mirror)))
+                try:
+                    found.append((_word(path.name), read(path)))
+                except DatasetError as error:
+                    left_out += [f"left out: {error}"] if is_stream(path) else []
             if not found:
                 raise
             self.recordings = dict(found)
@@ -207,6 +216,9 @@ class RecordingSource(FaceSource):
         if any(recording.kind == "data set" for recording in self.recordings.values()):
             raise DatasetError(f"{root}: is a data set of glsim already")
         self._every, self._mirror = every, mirror
+        remarks = [line for r in self.recordings.values() for line in r.remarks()]
+        #: What was chosen, assumed or left out, in lines for the user.
+        self.notes = (*left_out, *remarks)
 
     def subjects(self, count: int | None) -> list[str]:
         """Return the names of the recordings."""
@@ -266,13 +278,15 @@ def import_recordings(
     mirror: bool = False,
     every: int = 1,
     split: str | None = None,
+    topic: str | None = None,
     workers: Workers = "auto",
     progress: Callable[[GenerateProgress], None] | None = None,
 ) -> GenerateSummary:
     """Write the recordings in ``root``, or in its sub-folders, as a data set of glsim.
 
     Its layers are noisy and, if every frame has it, infrared. Unreadable frames are skipped with
-    the reason. The camera is the stated one, else a Kinect V2's.
+    the reason. The camera is the stated one, else a Kinect V2's, which notes say: ``summary.notes``
+    and "intrinsics_assumed" of each record.
 
     Args:
         root: a folder that ``open_recording`` reads, or a folder of such folders.
@@ -282,6 +296,7 @@ def import_recordings(
         mirror: flip left and right, as dumps of libfreenect2 need.
         every: use every n-th frame.
         split: shares of train, val and test; default: all test.
+        topic: of the depth images in bags; default: native images named depth.
         workers: number of processes.
         progress: called with the state after each frame.
 
@@ -290,7 +305,7 @@ def import_recordings(
         DatasetError: no frames, or an error of ``write_dataset``.
 
     """
-    source = RecordingSource(root, depth_unit_mm, mirror, every)
+    source = RecordingSource(root, depth_unit_mm, mirror, every, topic)
     layers = ("noisy", "infrared") if source.has_infrared else ("noisy",)
     tree: dict[str, Any] = {
         "source": {"kind": "kinect2", "root": root, "every": every},
@@ -302,7 +317,7 @@ def import_recordings(
     sensor: dict[str, Any] = {"name": "recording", "title": _RECORDING_TITLE, "stages": []}
     sensor |= {"width": camera.width, "height": camera.height}
     tasks = make_tasks(settings, [source])
-    return write_dataset(
+    summary = write_dataset(
         settings,
         tasks,
         out,
@@ -313,6 +328,7 @@ def import_recordings(
         progress=progress,
         inputs=lambda: InputHashes(sources=source_hashes([source], tasks)),
     )
+    return replace(summary, notes=source.notes)
 
 
 def _recorded_frames(
@@ -340,10 +356,12 @@ def _recorded_frame(settings: Settings, task: Task, source: RecordingSource) -> 
     camera = recorded.intrinsics
     nothing = np.zeros_like(noisy_m)
     notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
-    own = recording.camera is not None and camera == recording.camera
-    stated_by = recording.stated_by.name if own and recording.stated_by is not None else ""
-    notes["camera"] = stated_by or f"assumed: {DEFAULT_SENSOR}"
-    if own and recording.distortion:
+    if recording.assumed:
+        notes |= {"camera": f"assumed: {recording.assumed}"}
+        notes["intrinsics_assumed"] = recording.assumed
+    elif recording.stated_by is not None:
+        notes["camera"] = recording.stated_by.name
+    if recording.distortion:
         notes["distortion_not_removed"] = [float(k) for k in recording.distortion]
     reasons = np.where(noisy_m > 0, Reason.VALID, Reason.NO_SURFACE).astype(np.uint8)
     light = nothing if infrared is None else infrared

@@ -22,7 +22,6 @@ from glsim.core.files.png import MAX_MAP_PX
 from glsim.core.files.regular import open_regular
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.streams import FrameStream
-from glsim.sensors.sensor import load_sensor
 
 #: Size of the chip, px, to which the calibration is normalised.
 _CHIP_PX = 1024
@@ -115,24 +114,21 @@ class MkvStream(FrameStream):
         raise DatasetError(f"{self.path}: the frame at {time * float(stream.time_base):.3f} s ends")
 
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
-        """Return the camera by the attached calibration, else that of a shipped sensor."""
         container = self._open()
         context = container.streams[self._depth].codec_context
-        mode = _MODES.get((context.width, context.height))
-        files = [s for s in container.streams if s.type == "attachment"]
-        texts = [bytes(s.data) for s in files if s.name.endswith(".json")]
-        found = _factory_camera(texts[0], mode) if texts and mode else None
-        name = mode[-1] if mode else ""
-        if found is not None:
-            return StatedCamera(*found, 1.0, sensor=name), ()
+        size = context.width, context.height
+        texts = [
+            bytes(s.data)
+            for s in container.streams
+            if s.type == "attachment" and s.name.endswith(".json")
+        ]
+        if (mode := _MODES.get(size)) is None:
+            why = f"{size[0]}x{size[1]} is no mode of an Azure Kinect"
+            return StatedCamera(unit_mm=1.0), (f"{self.path}: {why}",)
+        if texts and (found := _factory_camera(texts[0], size, mode)) is not None:
+            return StatedCamera(*found, 1.0, sensor=mode[-1]), ()
         why = "its calibration.json cannot be used" if texts else "it has no calibration.json"
-        if mode is None:
-            size = f"{context.width}x{context.height}"
-            note = f"{self.path}: {size} is no mode of an Azure Kinect: add a camera.toml"
-            return StatedCamera(unit_mm=1.0), (note,)
-        rig = load_sensor(name).rig
-        note = f"{self.path}: {why}: the intrinsics of {name} are assumed"
-        return StatedCamera(rig.intrinsics, opencv_order(rig.distortion), 1.0, sensor=name), (note,)
+        return StatedCamera(unit_mm=1.0, sensor=mode[-1]), (f"{self.path}: {why}",)
 
 
 def _bytes(context: Any) -> int:
@@ -140,7 +136,7 @@ def _bytes(context: Any) -> int:
 
 
 def _factory_camera(
-    text: bytes, mode: tuple[int, int, int, str]
+    text: bytes, size: tuple[int, int], mode: tuple[int, int, int, str]
 ) -> tuple[Intrinsics, tuple[float, ...]] | None:
     """Return intrinsics and lens of a mode by the factory's JSON; None if it is another file."""
     try:
@@ -150,11 +146,10 @@ def _factory_camera(
         p = dict(zip(_PARAMETERS, numbers, strict=True))
     except (ValueError, KeyError, TypeError, StopIteration, RecursionError):
         return None
-    binning, column, row, sensor = mode
+    binning, column, row, _ = mode
     side = _CHIP_PX / binning
     if not np.isfinite(numbers).all() or min(p["fx"], p["fy"]) * side < 1:
         return None
-    size = next(s for s, m in _MODES.items() if m[-1] == sensor)
     fx, fy = p["fx"] * side, p["fy"] * side
     image = Intrinsics(*size, fx, fy, p["cx"] * side - column, p["cy"] * side - row)
     lens = Distortion(**{n: p[n] for n in ("k1", "k2", "k3", "p1", "p2", "k4", "k5", "k6")})

@@ -31,7 +31,7 @@ from glsim.core.files.png import stated_unit_mm
 from glsim.data.header import is_dataset
 from glsim.data.map_files import open_stack
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, check_size
+from glsim.data.recordings.camera_file import StatedCamera, check_size
 from glsim.data.recordings.files import FrameFiles, FramePlace
 from glsim.data.recordings.folders import depth_files, stated_camera, whole_recording
 from glsim.data.recordings.names import infrared_beside, infrared_files, natural
@@ -49,6 +49,12 @@ DEFAULT_FRAMES = 60
 MOST_STATIC = 256
 #: Most frames of one recording: two hours at 30 Hz are 216,000.
 _MAX_FRAMES = 250_000
+#: Files that another program unpacks -> what to do.
+_PACKED = {
+    ".r3d": "its depth is compressed by LZFSE: export EXR + RGB from Record3D",
+    ".zip": "unpack it, and give its folder of depth maps (of Polycam: keyframes)",
+    ".zstd": "unpack it: zstd -d",
+}
 #: Consecutive frames that are kept together, so that static pairs stay pairs.
 _RUN = 4
 
@@ -64,8 +70,7 @@ class Recording:
         reader: the files of the frames; None of a data set.
         stated: what the recording says about its camera; its distortion is not removed.
         stated_by: the file that says so; None without one.
-        notes: what the recording should say and does not, in lines for the user.
-
+        notes: what is chosen, and what the recording does not say, in lines for the user.
     """
 
     path: Path
@@ -82,20 +87,35 @@ class Recording:
         return self.stated.intrinsics
 
     @property
+    def assumed(self) -> str:
+        """Name of the sensor whose intrinsics the frames have; "" if the recording states them."""
+        return "" if self.camera is not None else self.stated.sensor or DEFAULT_SENSOR
+
+    def remarks(self, focal_px: float | None = None, taken: str = "") -> tuple[str, ...]:
+        """Return the notes, and whose intrinsics are taken if neither file nor option states them.
+
+        taken: a sensor's name, if these are not the assumed ones.
+        """
+        if self.camera is not None or focal_px is not None:
+            return self.notes
+        taken = f"those of {taken or self.assumed} are taken; a camera.toml beside it states them"
+        return (*self.notes, f"{self.path}: states no intrinsics: {taken}")
+
+    @property
     def distortion(self) -> tuple[float, ...]:
         """Coefficients of the lens in OpenCV's order; empty without."""
         return self.stated.distortion
 
-    def read(self, most: int | None = None) -> Frames:
+    def read(self, most: int | None = None, focal_px: float | None = None) -> Frames:
         """Read the frames into memory.
 
         Args:
             most: largest number of frames; a longer recording is thinned evenly, in runs of four
                 consecutive frames. Default: all.
+            focal_px: overrides the camera's focal length, pixels.
 
         Raises:
             DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
-
         """
         numbers = _chosen(len(self.frames), most or len(self.frames))
         frames = [self.frames[number] for number in numbers]
@@ -107,6 +127,9 @@ class Recording:
                 check_sizes(pair, f"{where}: {frame.name}")
         if not any(frame.noisy_mm.any() for frame in frames):
             raise DatasetError(f"{where}: no pixel of any frame has depth (all are 0)")
+        if focal_px is not None:
+            camera = replace(frames[0].intrinsics, fx=focal_px, fy=focal_px)
+            frames = [frame.changed(intrinsics=camera) for frame in frames]
         return Frames.of(frames, self.path.name or where)
 
     def read_static(self, most: int | None = MOST_STATIC) -> Frames:
@@ -151,15 +174,12 @@ class _Loader:
         layers = {"noisy_mm": depth_mm} | ({} if light is None else {"infrared": light})
         if self.mirror:
             layers = {layer: image[:, ::-1].copy() for layer, image in layers.items()}
-        camera = camera_of(self.stated.intrinsics, depth_mm.shape)
+        check_size(self.stated, depth_mm.shape, f"{self.reader.files(number)[0]}: {name}")
+        camera = self.stated.intrinsics
+        if camera is None:
+            rig = load_sensor(self.stated.sensor or DEFAULT_SENSOR).rig
+            camera = rig.for_map((depth_mm.shape[0], depth_mm.shape[1])).intrinsics
         return DepthFrame(FrameKey("", name, number), camera, layers, step_mm=step_mm, name=name)
-
-
-def camera_of(stated: Intrinsics | None, shape: tuple[int, ...]) -> Intrinsics:
-    """Return the stated camera if it fits an (H, W) image, else a Kinect V2's."""
-    if stated is not None and (stated.height, stated.width) == shape:
-        return stated
-    return load_sensor(DEFAULT_SENSOR).rig.for_map((shape[0], shape[1])).intrinsics
 
 
 def open_recording(
@@ -167,6 +187,7 @@ def open_recording(
     unit_mm: float | None = None,
     mirror: bool = False,
     infrared: Path | None = None,
+    topic: str | None = None,
 ) -> Recording:
     """Find the frames of a recording.
 
@@ -176,23 +197,23 @@ def open_recording(
             state their own.
         mirror: flip left and right: libfreenect2 delivers images as in a mirror.
         infrared: folder of the infrared images; default: beside the depth files.
+        topic: of the depth images in a bag; default: native images named depth.
 
     Raises:
-        ConfigError: a path does not exist, a step is not above 0, or ``camera.toml`` is wrong.
+        ConfigError: a path, topic or step is wrong, or ``camera.toml`` is.
         DatasetError: there are no depth frames of a known kind.
-
     """
     if unit_mm is not None and not unit_mm > 0:
         raise ConfigError(f"--depth-unit-mm {unit_mm:g}: must be above 0")
     given = [paths] if isinstance(paths, Path) else list(paths)
-    if missing := next((path for path in given if not path.exists()), None):
-        kind = "file or folder" if missing.suffix or len(given) > 1 else "folder"
-        raise ConfigError(f"{missing}: no such {kind}")
+    _check_paths(given)
     if len(given) == 1 and is_dataset(given[0]):
         return _dataset_recording(given[0])
     if whole := whole_recording(given):
-        return _stream_recording(whole, unit_mm, mirror, infrared)
+        return _stream_recording(whole, unit_mm, mirror, infrared, topic)
     found = [depth_files(path) if path.is_dir() else ("", [path]) for path in given]
+    if topic is not None:
+        raise ConfigError(f"--topic {topic}: {given[0]} is no bag")
     maps = sorted((file for _, files in found for file in files), key=natural)
     folder = given[0] if given[0].is_dir() else given[0].parent
     stated, stated_by = stated_camera(folder, maps[0].parent)
@@ -211,28 +232,19 @@ def open_recording(
     notes = reader.unit_notes() if unit is None else ()
     unit = unit or 1.0
     depth_mm, _ = reader.depth(0, unit)  # a folder of colour pictures is refused here
-    if stated_by is not None and stated_by.name == CAMERA_FILE:
+    if stated_by is not None:
         check_size(stated, depth_mm.shape, stated_by)
     stated = _mirrored(stated, mirror)
     frames = Frames(len(reader), _Loader(reader, unit, mirror, stated))
     return Recording(given[0], found[0][0], frames, reader, stated, stated_by, notes)
 
 
-def read_frames(
-    paths: Path | Sequence[Path],
-    unit_mm: float | None = None,
-    focal_px: float | None = None,
-    most: int | None = DEFAULT_FRAMES,
-) -> Frames:
-    """Read a recording into memory. focal_px: overrides the camera's focal length, pixels.
-
-    See ``open_recording`` and ``Recording.read`` for the rest.
-    """
-    frames = open_recording(paths, unit_mm).read(most)
-    if focal_px is None:
-        return frames
-    camera = replace(frames.intrinsics, fx=focal_px, fy=focal_px)
-    return Frames.of([frame.changed(intrinsics=camera) for frame in frames], frames.title)
+def _check_paths(given: Sequence[Path]) -> None:
+    if missing := next((path for path in given if not path.exists()), None):
+        kind = "file or folder" if missing.suffix or len(given) > 1 else "folder"
+        raise ConfigError(f"{missing}: no such {kind}")
+    if given[0].is_file() and (packed := _PACKED.get(given[0].suffix.lower())):
+        raise DatasetError(f"{given[0]}: {packed}")
 
 
 def _dataset_recording(path: Path) -> Recording:
@@ -246,17 +258,20 @@ def _dataset_recording(path: Path) -> Recording:
 
 
 def _stream_recording(
-    path: Path, unit_mm: float | None, mirror: bool, infrared: Path | None
+    path: Path, unit_mm: float | None, mirror: bool, infrared: Path | None, topic: str | None
 ) -> Recording:
+    kind = STREAMS.get(path.suffix.lower(), "bag")
     stream: FrameStream
-    if path.suffix.lower() == ".mkv":
+    if kind == "mkv":
         from glsim.data.recordings.mkv import MkvStream
 
+        if topic is not None:
+            raise ConfigError(f"--topic {topic}: {path} is no bag")
         stream = MkvStream(path)
     else:
         from glsim.data.recordings.bag import BagStream
 
-        stream = BagStream(path)
+        stream = BagStream(path, topic)
     if infrared is not None:
         raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
     if len(stream) > _MAX_FRAMES:
@@ -265,20 +280,20 @@ def _stream_recording(
     stated = given.over(stream.stated)
     unit = unit_mm or stated.unit_mm or 1.0
     depth_mm, _ = stream.depth(0, unit)
-    if file is not None:
-        check_size(stated, depth_mm.shape, file)
-    kind = STREAMS.get(path.suffix.lower(), "bag")
-    notes = stream.notes if given.intrinsics is None else ()
+    check_size(stated, depth_mm.shape, file or path)
+    notes = stream.notes + (stream.camera_notes if given.intrinsics is None else ())
     stated = _mirrored(stated, mirror)
     frames = Frames(len(stream), _Loader(stream, unit, mirror, stated))
     return Recording(path, kind, frames, stream, stated, file or path, notes)
 
 
 def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:
+    """Flip left and right: of OpenCV's lens p2, s1, s2 and the tilt tau_y change their signs."""
     own = stated.intrinsics
     if own is None or not mirror:
         return stated
-    return replace(stated, intrinsics=replace(own, cx=own.width - own.cx))
+    lens = tuple(-k if n in (3, 8, 9, 13) else k for n, k in enumerate(stated.distortion))
+    return replace(stated, intrinsics=replace(own, cx=own.width - own.cx), distortion=lens)
 
 
 def check_sizes(frames: Sequence[tuple[str, tuple[int, ...]]], where: str) -> None:

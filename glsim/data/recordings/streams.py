@@ -12,7 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError, require_package
+from glsim.core.errors import DatasetError, GlsimError, require_package
 from glsim.data.map_files import depth_in_mm
 from glsim.data.recordings.camera_file import StatedCamera
 from glsim.data.recordings.files import check_least_size
@@ -20,7 +20,9 @@ from glsim.data.recordings.files import check_least_size
 _T = TypeVar("_T")
 
 #: Ends of the names of such files -> what they are called. A ROS 2 bag is a folder.
-STREAMS = {".bag": "bag", ".mkv": "mkv"}
+STREAMS = {".bag": "bag", ".mcap": "bag", ".db3": "bag", ".mkv": "mkv"}
+#: Most frames at the end, without infrared, that count as cut off.
+_CUT = 3
 #: The file of a folder that makes it a ROS 2 bag.
 ROS2_FILE = "metadata.yaml"
 
@@ -31,7 +33,8 @@ class FrameStream:
     Attributes:
         path: of the file.
         stated: what it says about its camera.
-        notes: what it should say and does not, in lines for the user.
+        notes: what is chosen among its images, in lines for the user.
+        camera_notes: what it should say about its camera and does not.
         has_infrared: whether there is infrared beside the depth.
     """
 
@@ -42,17 +45,22 @@ class FrameStream:
     def __init__(self, path: Path) -> None:
         require_package(self._LIBRARY, str(path), "recordings")
         self.path = path
+        self.notes: tuple[str, ...] = ()
         self._file: Any = None
         self._depth, self._light = self._guarded(self._choose)
         tracks = [track for track in (self._depth, self._light) if track is not None]
         self._times = self._guarded(lambda: self._find_times(tracks))
         light_times = self._times.get(self._light, np.zeros(0, np.int64))
         self._light_of = nearest(self._times[self._depth], light_times)
+        paired = [number for number, own in enumerate(self._light_of, 1) if own is not None]
+        if paired and 0 < (more := len(self._light_of) - paired[-1]) <= _CUT:
+            self._light_of = self._light_of[: paired[-1]]
+            self.notes += (f"{path}: its last {more} frames have no infrared: they are left out",)
         self.has_infrared = all(number is not None for number in self._light_of)
-        self.stated, self.notes = self._guarded(self._read_camera)
+        self.stated, self.camera_notes = self._guarded(self._read_camera)
 
     def __len__(self) -> int:
-        return len(self._times[self._depth])
+        return len(self._light_of)
 
     def name(self, number: int) -> str:
         """Return the name of a frame, unique in the file."""
@@ -87,14 +95,14 @@ class FrameStream:
         """Return what ``read`` returns; any error of the library becomes a DatasetError."""
         try:
             return read()
-        except DatasetError:
+        except GlsimError:
             raise
         except Exception as error:  # damaged files raise a dozen kinds
             reason = " ".join(str(error).split()) or repr(error)
             raise DatasetError(f"{self.path}: {self._PROBLEM} ({reason:.200})") from None
 
     def _choose(self) -> tuple[Any, Any]:
-        """Return the track of depth, and that of infrared or None. Raises DatasetError."""
+        """Return the track of depth, and that of infrared or None."""
         raise NotImplementedError
 
     def _find_times(self, tracks: Sequence[Any]) -> dict[Any, NDArray[np.int64]]:
@@ -106,7 +114,7 @@ class FrameStream:
         raise NotImplementedError
 
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
-        """Return what the file says about its camera, and notes."""
+        """Return what the file says about its camera, and what is missing."""
         raise NotImplementedError
 
 
