@@ -1,0 +1,250 @@
+"""Depth maps of other programs: which channel, which unit, what is no surface, what is no map."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.cli import main
+from glsim.core.errors import DatasetError
+from glsim.core.files.exr import depth_channel
+from glsim.core.files.png import encode_png
+from glsim.data.map_files import read_map_mm
+from glsim.data.recordings.names import maps_in
+from glsim.data.recordings.recording import open_recording
+from glsim.denoise.depth_files import find_maps, map_units
+
+METRES = np.full((32, 40), 0.8, np.float32)
+METRES[8:20, 10:25] = 0.6
+UNITS = np.rint(METRES * 1000).astype(np.uint16)
+GREY = np.full_like(METRES, 0.5)
+PICTURE = {"R": GREY, "G": GREY, "B": GREY, "A": GREY * 2}
+
+
+def near(found_mm: NDArray[np.float32]) -> bool:
+    """Whether a map is as written, but for corners that a median rounds."""
+    return bool((np.abs(found_mm - UNITS) < 0.5).mean() > 0.98)
+
+
+@pytest.mark.parametrize(
+    "channels",
+    [
+        {**PICTURE, "ViewLayer.Depth.Z": METRES, "ViewLayer.Mist.Z": GREY},
+        {**PICTURE, "dd.T": METRES},
+        {"N.X": GREY, "N.Y": GREY, "N.Z": GREY, "DEPTH": METRES},
+        {"Combined.A": GREY, "Depth.V": METRES},
+        {"depth.R": METRES, "depth.G": METRES, "depth.B": METRES, "R": GREY},
+        {"V": METRES, "A": GREY},
+        {"Y": METRES},
+        {"Z": METRES, "ZBack": GREY},
+    ],
+)
+def test_the_channel_that_is_named_depth_is_taken(channels: dict[str, NDArray[Any]]) -> None:
+    np.testing.assert_array_equal(depth_channel(channels), METRES)
+
+
+@pytest.mark.parametrize(
+    "channels",
+    [
+        PICTURE, {"A": GREY}, {"N.X": GREY, "N.Y": GREY, "N.Z": GREY}, {"U": GREY, "V": GREY},
+        {"A.Depth.Z": METRES, "B.Depth.Z": GREY},
+    ],
+)  # fmt: skip
+def test_no_channel_is_guessed(channels: dict[str, NDArray[Any]]) -> None:
+    with pytest.raises(ValueError, match=f"surely depth: .*--channel .*: {', '.join(channels)}"):
+        depth_channel(channels)
+    name = next(iter(channels))
+    np.testing.assert_array_equal(depth_channel(channels, name.lower()), channels[name])
+
+
+def test_parts_and_halfs_of_openexr_are_read_and_the_channel_may_be_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    openexr = pytest.importorskip("OpenEXR")
+    monkeypatch.chdir(tmp_path)
+    kind = {"type": openexr.scanlineimage}
+    layers = {"rgba": PICTURE, "Depth": {"V": METRES.astype(np.float16)}}
+    parts = [openexr.Part({**kind, "name": name}, images) for name, images in layers.items()]
+    openexr.File(parts).write("parts.exr")
+    assert near(read_map_mm(Path("parts.exr"), 1.0))
+    openexr.File(kind, {**PICTURE, "depth.left": METRES, "depth.right": GREY}).write("two.exr")
+    for command in (["denoise", "-d", "median"], ["corrupt", "-s", "ideal", "--backend", "numpy"]):
+        arguments = [command[0], "two.exr", "-o", "out.npy", *command[1:]]
+        assert main(arguments) == 1
+        assert "A, B, G, R, depth.left, depth.right" in capsys.readouterr().err
+        assert main([*arguments, "--channel", "depth.LEFT"]) == 0
+        assert near(np.load("out.npy") * 1000)
+
+
+@pytest.mark.parametrize(
+    ("values", "kept"),
+    [
+        (np.where(METRES < 0.7, METRES, 1e10), UNITS < 700),
+        (np.where(METRES < 0.7, METRES, np.inf), UNITS < 700),
+        (np.where(METRES < 0.7, METRES, 100), UNITS < 700),
+        (np.where(METRES < 0.7, METRES * 1000, np.float16(65504)), UNITS < 700),
+        (np.where(METRES < 0.7, UNITS, 65535).astype(np.uint16), UNITS < 700),
+        (METRES * 1000, UNITS > 0),
+        (METRES[None].astype(np.float16), UNITS > 0),
+        (METRES[..., None], UNITS > 0),
+        (np.dstack([METRES] * 3), UNITS > 0),
+        (UNITS.astype(">u2"), UNITS > 0),
+    ],
+)
+def test_units_far_planes_and_axes_of_one(
+    tmp_path: Path, values: NDArray[Any], kept: NDArray[np.bool_]
+) -> None:
+    np.save(tmp_path / "a.npy", values)
+    found = read_map_mm(tmp_path / "a.npy", 1.0)
+    np.testing.assert_allclose(found, np.where(kept, UNITS, 0), atol=0.5)
+
+
+def tiff(bits: int, form: int, data: bytes, big: bool, pages: int = 1) -> bytes:
+    """A grey little-endian TIFF or BigTIFF of one strip, 32 x 40 pixels."""
+    head, word, at = (16, "Q", 8) if big else (8, "I", 4)
+    tags = {256: 40, 257: 32, 258: bits, 259: 1, 262: 1, 273: head, 277: 1, 278: 32}
+    tags |= {279: len(data), 339: form}
+    entries = b"".join(
+        struct.pack(f"<HH2{word}", t, 16 if big else 4, 1, v) for t, v in tags.items()
+    )
+    count = struct.pack("<Q" if big else "<H", len(tags))
+    start = (
+        struct.pack("<2sHHHQ", b"II", 43, at, 0, head + len(data))
+        if big
+        else struct.pack("<2sHI", b"II", 42, head + len(data))
+    )
+    return start + data + count + entries + struct.pack(f"<{word}", pages - 1)
+
+
+@pytest.mark.parametrize("big", [True, False])
+def test_bigtiff_and_halfs_in_tiff_are_read(tmp_path: Path, big: bool) -> None:
+    file, half = tmp_path / "a.tif", METRES.astype("<f2")
+    for form, data in ((1, UNITS.tobytes()), (3, half.tobytes())):
+        whole = tiff(16, form, data, big)
+        file.write_bytes(whole)
+        assert near(read_map_mm(file, 1.0))
+        file.write_bytes(whole[:-300])
+        with pytest.raises(DatasetError, match=r"a\.tif: is no readable image"):
+            read_map_mm(file, 1.0)
+    file.write_bytes(tiff(16, 1, UNITS.tobytes(), big, pages=2))
+    with pytest.raises(DatasetError, match="several images"):
+        read_map_mm(file, 1.0)
+
+
+def test_significant_bits_are_heeded_and_shifted_values_refused(tmp_path: Path) -> None:
+    ramp = np.linspace(500, 1500, 1280).reshape(32, 40).astype(np.uint16)
+    shifted = encode_png(ramp << 4)
+    chunk = b"sBIT\x0c"
+    stated = shifted[:33] + struct.pack(">I", 1) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    (tmp_path / "stated.png").write_bytes(stated + shifted[33:])
+    np.testing.assert_array_equal(read_map_mm(tmp_path / "stated.png", 1.0), ramp)
+    file = tmp_path / "raw.png"
+    for bits in (3, 4):
+        file.write_bytes(encode_png(ramp << bits))
+        with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
+            map_units([file], None)
+        with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
+            open_recording(file)
+        np.testing.assert_array_equal(map_units([file], 1 / (1 << bits)).read(file), ramp)
+
+
+def test_a_folder_has_one_unit_in_every_command(tmp_path: Path) -> None:
+    """One map of a far plane alone would pass for millimetres."""
+    for number in range(3):
+        np.save(tmp_path / f"{number}.npy", METRES)
+    np.save(tmp_path / "3.npy", np.full_like(METRES, 500.0))
+    files = maps_in(tmp_path, "noisy")[0]
+    assert near(map_units(files, None).read(files[0]))
+    assert not map_units(files, None).read(files[3]).any()
+    recording = open_recording(tmp_path)
+    assert near(recording.frames[0].noisy_mm)
+    assert not recording.frames[3].noisy_mm.any()
+    np.save(tmp_path / "stack.npy", np.stack([METRES * 100] * 2))
+    with pytest.raises(DatasetError, match=r"neither metres .* nor millimetres"):
+        _ = open_recording(tmp_path / "stack.npy").frames[0]
+
+
+@pytest.mark.parametrize("listing", ["depth.txt", "associations.txt"])
+def test_folders_of_tum_have_steps_of_a_fifth_of_a_millimetre(tmp_path: Path, listing: str) -> None:
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "rgb").mkdir()
+    file = tmp_path / "depth" / "1.5.png"
+    file.write_bytes(encode_png(UNITS * 5))
+    cv2.imwrite(str(tmp_path / "rgb" / "1.5.png"), np.zeros((32, 40, 3), np.uint8))
+    (tmp_path / listing).write_text("# depth maps\n1.5 depth/1.5.png\n")
+    assert near(open_recording(tmp_path).frames[0].noisy_mm)
+    assert near(open_recording(tmp_path / "depth").frames[0].noisy_mm)
+    files, others = maps_in(tmp_path, "noisy")
+    assert (files, dict(others)) == ([file], {"rgb/*.png": 1})
+    assert near(map_units(files, None).read(file))
+    (tmp_path / listing).write_text("other words\n")
+    assert "nothing states a unit" in open_recording(tmp_path).notes[0]
+
+
+def test_scannet_states_its_camera(tmp_path: Path) -> None:
+    for name in ("depth", "intrinsic"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "depth" / "0.png").write_bytes(encode_png(UNITS))
+    np.savetxt(tmp_path / "intrinsic" / "intrinsic_depth.txt", np.diag([50.0, 51, 1, 1]))
+    recording = open_recording(tmp_path)
+    assert recording.camera is not None
+    assert (recording.camera.width, recording.camera.fy, recording.camera.cx) == (40, 51, 0.5)
+    assert not recording.notes
+
+
+def test_names_sort_by_their_numbers_and_hidden_files_are_none(tmp_path: Path) -> None:
+    for number in range(12):
+        (tmp_path / f"{number}.png").write_bytes(encode_png(UNITS + number))
+        (tmp_path / f"._{number}.png").write_bytes(b"resource fork")
+    numbers = [str(number) for number in range(12)]
+    assert [path.stem for path in maps_in(tmp_path, "noisy")[0]] == numbers
+    recording = open_recording(tmp_path)
+    assert [recording.frames[k].name for k in range(len(recording.frames))] == numbers
+    given = sorted(map(str, tmp_path.glob("[0-9]*.png")))
+    for inputs in (given, [str(tmp_path / "*.png")]):
+        assert [pair[0].stem for pair in find_maps(inputs, tmp_path / "out")] == numbers
+
+
+def test_a_batch_goes_on_behind_what_is_no_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    cv2.imwrite("in/a.tif", np.dstack([UNITS, UNITS + 1, UNITS]))
+    np.save("in/b.npy", np.stack([UNITS] * 5))
+    np.save("in/c.npy", METRES.ravel())
+    np.save("in/d.npy", METRES)
+    for command in (["denoise", "-d", "median"], ["corrupt", "-s", "ideal", "--backend", "numpy"]):
+        assert main([command[0], "in", "-o", command[0], *command[1:]]) == 1
+        error = capsys.readouterr().err
+        assert all(f"in/{name}: is " in error for name in ("a.tif", "b.npy", "c.npy"))
+        assert "3 of 4 maps could not be read" in error
+        assert near(np.load(f"{command[0]}/d.npy") * 1000)
+
+
+def test_the_same_map_has_the_same_noise_in_any_format_and_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    slanted = np.linspace(700, 1100, 1280).reshape(32, 40).astype(np.uint16)
+    Path("in").mkdir()
+    cv2.imwrite("in/a.tiff", slanted)
+    np.save("in/b.npy", (slanted / 1000).astype(np.float32))
+    Path("one.png").write_bytes(encode_png(slanted))
+    noise = ["-s", "kinect-v2", "--backend", "numpy", "-q"]
+    assert main(["corrupt", "one.png", "-o", "x.png", *noise]) == 0
+    assert main(["corrupt", "in/b.npy", "-o", "y.npy", *noise]) == 0
+    assert main(["corrupt", "in", "-o", "out", *noise]) == 0
+    first = cv2.imread("x.png", cv2.IMREAD_UNCHANGED)
+    assert (first != slanted).mean() > 0.5
+    np.testing.assert_array_equal(cv2.imread("out/a.tiff", cv2.IMREAD_UNCHANGED), first)
+    np.testing.assert_array_equal(np.rint(np.load("y.npy") * 1000), first)
+    copy = np.rint(np.load("out/b.npy") * 1000)
+    assert (copy != first).mean() > 0.5  # the second of two copies
