@@ -22,6 +22,7 @@ from glsim.data.disk_format import HEADER
 from glsim.data.header import is_dataset
 from glsim.data.layer_images import decode_layer
 from glsim.data.reader import open_dataset
+from glsim.data.recordings.names import visible
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
 from glsim.denoise.interface import Depth
@@ -61,7 +62,7 @@ def _folder_frames(
     found = {
         str(file.relative_to(path))[: -len(f"_{layer}.png")]
         for layer in (truth, "noisy")
-        for file in path.rglob(f"*_{layer}.png")
+        for file in visible(path, f"**/*_{layer}.png")
     }
     if not found:
         raise DatasetError(

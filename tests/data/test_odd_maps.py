@@ -208,7 +208,8 @@ def test_names_sort_by_their_numbers_and_hidden_files_are_none(tmp_path: Path) -
     recording = open_recording(tmp_path)
     assert [recording.frames[k].name for k in range(len(recording.frames))] == numbers
     given = sorted(map(str, tmp_path.glob("[0-9]*.png")))
-    for inputs in (given, [str(tmp_path / "*.png")]):
+    (tmp_path / ".cache").symlink_to(tmp_path)
+    for inputs in (given, [str(tmp_path / "*.png")], [str(tmp_path / ".cache" / "*.png")]):
         assert [pair[0].stem for pair in find_maps(inputs, tmp_path / "out")] == numbers
 
 

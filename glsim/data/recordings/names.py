@@ -38,11 +38,11 @@ def natural(path: Path | str) -> list[str | int]:
 
 
 def visible(folder: Path, pattern: str = "*") -> list[Path]:
-    """Return the files that match in a folder, in natural order, without hidden ones."""
-    files = (path for path in folder.glob(pattern) if path.is_file())
-    parts = len(folder.parts)
-    shown = (p for p in files if not any(name.startswith(".") for name in p.parts[parts:]))
-    return sorted(shown, key=natural)
+    """Return the files in a folder that match, in natural order; hidden ones only if named so."""
+    named, start = pattern.split("/"), len(folder.parts)
+    found = filter(Path.is_file, folder.glob(pattern))
+    files = [p for p in found if all(n[0] != "." or n in named for n in p.parts[start:])]
+    return sorted(files, key=natural)
 
 
 def maps_in(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
