@@ -48,8 +48,12 @@ def test_signals_are_one_line(
         os.kill(os.getpid(), press)
         signal.pause()
 
+    ignored = signal.signal(signal.SIGINT, signal.default_int_handler)  # by a shell's "&"
     before = signal.getsignal(signal.SIGTERM)
-    assert run_command_line(command, []) == 1
+    try:
+        assert run_command_line(command, []) == 1
+    finally:
+        signal.signal(signal.SIGINT, ignored)
     assert capsys.readouterr().err == f"{text}: run the same command again to go on\n"
     assert signal.getsignal(signal.SIGTERM) == before
 
