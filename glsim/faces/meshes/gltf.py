@@ -155,7 +155,7 @@ class _Scene:
                 placed = (matrix[:, :, :3] * vertices[:, None]).sum(axis=2) + matrix[:, :, 3]
                 moved += weight * placed
                 total += weight
-        return moved / total
+        return np.asarray(moved / total)
 
     def _colours(self, primitive: dict[str, Any]) -> _Array | None:
         """Return (V, 3) RGB from vertex colours and an untextured material; None without."""
@@ -171,7 +171,7 @@ class _Scene:
         factor = look.get("diffuseFactor") or look.get("baseColorFactor") or (1.0, 1.0, 1.0)
         if colours is None:
             colours = np.ones((len(self._raw(names["POSITION"])), 3))
-        return colours * np.array(factor[:3])
+        return np.asarray(colours * np.array(factor[:3]))
 
     def _decode(self, primitive: dict[str, Any], draco: dict[str, Any]) -> None:
         """Decode the accessors of a primitive. Raises MeshError."""
@@ -190,7 +190,7 @@ class _Scene:
             ) from None
         except Exception as error:  # of any type
             raise MeshError(
-                f"{self._path}: its {_DRACO} cannot be decoded ({error!s:.80}); export it without"
+                f"{self._path}: its {_DRACO} cannot be decoded ({error!r:.80}); export it without"
             ) from None
 
     def _values(self, index: int) -> NDArray[np.float64]:

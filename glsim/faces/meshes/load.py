@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -177,7 +177,9 @@ def read_mesh(path: Path) -> FileMesh:
             f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
         )
     check_size(path)
-    read = {".stl": _read_stl, ".glb": read_gltf, ".gltf": read_gltf}.get(suffix, _read_polygons)
+    read: Callable[[Path], Any] = {".stl": _read_stl, ".glb": read_gltf, ".gltf": read_gltf}.get(
+        suffix, _read_polygons
+    )
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -214,7 +216,7 @@ def merge_patches(patches: Sequence[FileMesh]) -> FileMesh:
 
 
 def _join(
-    parts: Sequence[_Part] | Sequence[FileMesh],
+    parts: Sequence[_Part | FileMesh],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Concatenate vertices and triangles."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
@@ -310,7 +312,7 @@ def _weld(part: _Part) -> _Part:
         return part
     from trimesh.grouping import unique_rows
 
-    first, number = unique_rows(part.vertices, keep_order=True)
+    first, number = unique_rows(part.vertices, keep_order=True)  # type: ignore[no-untyped-call]
     colours = None if part.colours is None else part.colours[first]
     return _Part(part.vertices[first], number[part.faces], colours)
 
