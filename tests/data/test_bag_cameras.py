@@ -200,6 +200,8 @@ def test_two_cameras_are_said_and_chosen(tmp_path: Path, capfd: pytest.CaptureFi
     record = json.loads((tmp_path / "left" / "manifest.jsonl").read_text())
     assert "intrinsics_assumed" not in record["notes"]
     assert (record["intrinsics"]["fx"], sorted(record["files"])) == (58.0, ["infrared", "noisy"])
+    (data / "dataset.json").unlink()
+    assert main(["import", "kinect2", str(file), "-o", str(data), *other]) == 2  # not two cameras
     with pytest.raises(ConfigError, match=r"has /back/depth/image_raw \(16UC1\)"):
         open_recording(file, topic="/front")
     with pytest.raises(ConfigError, match="is no bag"):

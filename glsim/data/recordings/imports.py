@@ -67,17 +67,13 @@ def import_biwi(
         root: folder with NN.obj and NN/frame_*_depth.bin.
         out: folder of the data set.
         every: use every n-th frame.
-        subjects: number of people; default: all.
-        frames_per_subject: default: all.
+        subjects, frames_per_subject: numbers; default: all.
         split: shares of train, val and test.
         workers: number of processes.
         backend: of OpenGL.
         progress: called with the state after each frame.
 
-    Raises:
-        ConfigError: the root holds no recordings.
-        DatasetError: an error of ``write_dataset``.
-
+    Raises ConfigError for a root without recordings, DatasetError by ``write_dataset``.
     """
     options = {"kind": "biwi", "root": root, "every": every}
     options |= {"subjects": subjects, "frames_per_subject": frames_per_subject}
@@ -215,7 +211,7 @@ class RecordingSource(FaceSource):
                 ) from None
         if any(recording.kind == "data set" for recording in self.recordings.values()):
             raise DatasetError(f"{root}: is a data set of glsim already")
-        self._every, self._mirror = every, mirror
+        self._every, self._facts = every, {"mirror": str(mirror), "topic": str(topic)}
         remarks = [line for r in self.recordings.values() for line in r.remarks()]
         #: What was chosen, assumed or left out, in lines for the user.
         self.notes = (*left_out, *remarks)
@@ -248,7 +244,7 @@ class RecordingSource(FaceSource):
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
         """Hash the files of recordings, and what else decides their frames: name -> hash."""
-        hashes = {"mirror": str(self._mirror)}
+        hashes = dict(self._facts)
         for subject in subjects:
             stated_by = self.recordings[subject].stated_by
             paths = [] if stated_by is None else [stated_by]
@@ -291,19 +287,13 @@ def import_recordings(
     Args:
         root: a folder that ``open_recording`` reads, or a folder of such folders.
         out: folder of the data set.
-        depth_unit_mm: step of integer files, mm, kept in the data set; default: as the recording
-            says, else 1.
-        mirror: flip left and right, as dumps of libfreenect2 need.
+        depth_unit_mm, mirror, topic: as in ``open_recording``.
         every: use every n-th frame.
         split: shares of train, val and test; default: all test.
-        topic: of the depth images in bags; default: native images named depth.
         workers: number of processes.
         progress: called with the state after each frame.
 
-    Raises:
-        ConfigError: no such folder.
-        DatasetError: no frames, or an error of ``write_dataset``.
-
+    Raises ConfigError without such a folder, DatasetError without frames or by ``write_dataset``.
     """
     source = RecordingSource(root, depth_unit_mm, mirror, every, topic)
     layers = ("noisy", "infrared") if source.has_infrared else ("noisy",)
@@ -357,8 +347,7 @@ def _recorded_frame(settings: Settings, task: Task, source: RecordingSource) -> 
     nothing = np.zeros_like(noisy_m)
     notes: dict[str, object] = {"real": f"{recording.kind}, frame {recorded.name}", "clean": "none"}
     if recording.assumed:
-        notes |= {"camera": f"assumed: {recording.assumed}"}
-        notes["intrinsics_assumed"] = recording.assumed
+        notes |= {"camera": f"assumed: {(name := recording.assumed)}", "intrinsics_assumed": name}
     elif recording.stated_by is not None:
         notes["camera"] = recording.stated_by.name
     if recording.distortion:
