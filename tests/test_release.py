@@ -17,7 +17,8 @@ from tests.support.imports import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 #: Name on PyPI -> name on conda-forge, where they differ.
-CONDA_NAMES = {"isal": "python-isal", "opencv-contrib-python-headless": "py-opencv"}
+CONDA_NAMES = {"isal": "python-isal", "mapbox-earcut": "mapbox_earcut",
+               "opencv-contrib-python-headless": "py-opencv"}  # fmt: skip
 
 
 def text(name: str) -> str:

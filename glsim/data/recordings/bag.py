@@ -321,7 +321,8 @@ def _decompressed(data: bytes, kind: str) -> NDArray[np.generic]:
         return codes
     a, b = struct.unpack_from("<ff", data, 4)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(codes > 0, a / (codes - np.float32(b)), 0).astype(np.float32)
+        steps = codes.astype(np.float32)
+        return np.where(steps > 0, a / (steps - np.float32(b)), 0).astype(np.float32)
 
 
 def _decode_rvl(data: bytes) -> NDArray[np.uint16]:

@@ -140,7 +140,7 @@ def _gltf(path: Path, tree: dict[str, Any], *blobs: bytes) -> Path:
         views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(blob)})
         data += blob + b"\0" * (-len(blob) % 4)
     primitive = {"attributes": {"POSITION": 0}, "indices": 1} | tree.pop("primitive", {})
-    whole = {
+    whole: dict[str, Any] = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [primitive]} | tree.pop("mesh", {})],
         "buffers": [{"byteLength": len(data)}],
