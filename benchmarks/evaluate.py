@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from glsim.data.worker_processes import available_workers
-from glsim.denoise import PAPER_FILTERS
+from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.report.score_tables import table_markdown
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import evaluate

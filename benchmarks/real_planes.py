@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.data.map_files import read_map_mm
-from glsim.denoise import GRIDS, Denoiser, load_denoiser
-from glsim.denoise.registry import tuning_specs
+from glsim.denoise.denoiser import Denoiser
+from glsim.denoise.registry import GRIDS, load_denoiser, tuning_specs
 
 #: Side of the tiles that planes are fitted to, px: wider than any noise, narrower than what the
 #: calibration of the cameras bends. Chosen.

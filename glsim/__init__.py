@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from glsim.data.layer_images import webdataset_decoder
     from glsim.data.reader import open_dataset
     from glsim.data.verification import verify
-    from glsim.denoise import load_denoiser
+    from glsim.denoise.registry import load_denoiser
     from glsim.eval.metrics.metric import Metric
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.evaluate import evaluate
@@ -44,51 +44,38 @@ if TYPE_CHECKING:
 
 __version__: str
 
-_HOME = {
-    "Band": "glsim.bench.validate.report",
-    "Check": "glsim.bench.validate.report",
-    "Corrupter": "glsim.simulation.corrupt",
-    "Export": "glsim.data.export.exported_frame",
-    "Face": "glsim.faces.face_source",
-    "FaceKey": "glsim.faces.face_source",
-    "FaceSettings": "glsim.faces.face_source",
-    "FaceSource": "glsim.faces.face_source",
-    "Frame": "glsim.simulation.frame",
-    "GlsimError": "glsim.core.errors",
-    "Intrinsics": "glsim.core.camera",
-    "Measurement": "glsim.bench.validate.report",
-    "Mesh": "glsim.core.mesh",
-    "Metric": "glsim.eval.metrics.metric",
-    "OneMesh": "glsim.faces.one_mesh",
-    "Reason": "glsim.core.reason",
-    "ScoringJob": "glsim.eval.scoring.blocks",
-    "Sensor": "glsim.sensors.sensor",
-    "SensorRig": "glsim.core.camera",
-    "Settings": "glsim.settings.schema",
-    "Simulator": "glsim.simulation.pipeline",
-    "Skipped": "glsim.simulation.frame",
-    "array_stage": "glsim.noise.stage",
-    "evaluate": "glsim.eval.scoring.evaluate",
-    "export_dataset": "glsim.data.export",
-    "filter_sequence": "glsim.noise.realsense_filters",
-    "frames": "glsim.simulation.pipeline",
-    "generate": "glsim.data.driver",
-    "load_denoiser": "glsim.denoise",
-    "load_mesh": "glsim.faces.meshes",
-    "load_sensor": "glsim.sensors.sensor",
-    "load_settings": "glsim.settings.schema",
-    "make_tasks": "glsim.simulation.plan.tasks",
-    "open_context": "glsim.gl.context",
-    "open_dataset": "glsim.data.reader",
-    "open_sources": "glsim.simulation.pipeline",
-    "push_dataset": "glsim.data.export",
-    "remove_fixed_pattern": "glsim.sensors.images",
-    "sensor_names": "glsim.sensors.sensor",
-    "simulate": "glsim.simulation.pipeline",
-    "validation_check": "glsim.bench.validate.report",
-    "verify": "glsim.data.verification",
-    "webdataset_decoder": "glsim.data.layer_images",
+#: Module -> the public names that it holds.
+_NAMES = {
+    "glsim.bench.validate.report": "Band Check Measurement validation_check",
+    "glsim.core.camera": "Intrinsics SensorRig",
+    "glsim.core.errors": "GlsimError",
+    "glsim.core.mesh": "Mesh",
+    "glsim.core.reason": "Reason",
+    "glsim.data.driver": "generate",
+    "glsim.data.export": "export_dataset push_dataset",
+    "glsim.data.export.exported_frame": "Export",
+    "glsim.data.layer_images": "webdataset_decoder",
+    "glsim.data.reader": "open_dataset",
+    "glsim.data.verification": "verify",
+    "glsim.denoise.registry": "load_denoiser",
+    "glsim.eval.metrics.metric": "Metric",
+    "glsim.eval.scoring.blocks": "ScoringJob",
+    "glsim.eval.scoring.evaluate": "evaluate",
+    "glsim.faces.face_source": "Face FaceKey FaceSettings FaceSource",
+    "glsim.faces.meshes": "load_mesh",
+    "glsim.faces.one_mesh": "OneMesh",
+    "glsim.gl.context": "open_context",
+    "glsim.noise.realsense_filters": "filter_sequence",
+    "glsim.noise.stage": "array_stage",
+    "glsim.sensors.images": "remove_fixed_pattern",
+    "glsim.sensors.sensor": "Sensor load_sensor sensor_names",
+    "glsim.settings.schema": "Settings load_settings",
+    "glsim.simulation.corrupt": "Corrupter",
+    "glsim.simulation.frame": "Frame Skipped",
+    "glsim.simulation.pipeline": "Simulator frames open_sources simulate",
+    "glsim.simulation.plan.tasks": "make_tasks",
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
     "Band",

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from glsim import Frame, load_settings, simulate
 from glsim.core.errors import GlsimError
 from glsim.core.files.markdown import markdown_table
-from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise.denoiser import Denoiser
+from glsim.denoise.registry import load_denoiser
 from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.scored_map import Truth
 

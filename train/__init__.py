@@ -22,20 +22,17 @@ if TYPE_CHECKING:
     from glsim.train.models.registry import build_model
     from glsim.train.recipe import Recipe, load_recipe, recipe_names
 
-_HOME = {
-    "Augmentation": "glsim.train.data.stored",
-    "Recipe": "glsim.train.recipe",
-    "SimulatedPairs": "glsim.train.data.simulated",
-    "StoredPairs": "glsim.train.data.stored",
-    "build_loss": "glsim.train.losses",
-    "build_model": "glsim.train.models.registry",
-    "fit": "glsim.train.loop",
-    "load_recipe": "glsim.train.recipe",
-    "randomised": "glsim.train.data.simulated",
-    "recipe_names": "glsim.train.recipe",
-    "simulated_batches": "glsim.train.batches",
-    "stored_batches": "glsim.train.batches",
+#: Module -> the public names that it holds.
+_NAMES = {
+    "glsim.train.batches": "simulated_batches stored_batches",
+    "glsim.train.data.simulated": "SimulatedPairs randomised",
+    "glsim.train.data.stored": "Augmentation StoredPairs",
+    "glsim.train.loop": "fit",
+    "glsim.train.losses": "build_loss",
+    "glsim.train.models.registry": "build_model",
+    "glsim.train.recipe": "Recipe load_recipe recipe_names",
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
     "Augmentation",

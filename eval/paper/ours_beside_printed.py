@@ -19,7 +19,7 @@ from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import wrap_read_errors, write_atomic
 from glsim.core.files.regular import read_csv
-from glsim.denoise import PAPER_FILTERS
+from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.paper.paper_tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network, with_twins

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from glsim.core.depth_protocol import MEANING
-from glsim.denoise import COMPOSITES, PAPER_FILTERS
+from glsim.denoise.composites import COMPOSITES
+from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.ssim import PRESETS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.trained_networks import SeedGroup, TrainedRun, group_by_network, with_twins

@@ -9,7 +9,7 @@ from pathlib import Path
 from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.data.disk_format import HEADER
 from glsim.data.reader import open_dataset
-from glsim.denoise import PAPER_FILTERS
+from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.paper.paper_tables import PAPER_ROWS, paper_table
 from glsim.eval.paper.trained_networks import data_note, find_trained_runs, group_by_network
 from glsim.eval.report.results import write_results

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.core.files.atomic import read_json
 from glsim.data.reader import Dataset
-from glsim.denoise import load_denoiser
+from glsim.denoise.registry import load_denoiser
 from glsim.simulation.plan.paper_sources import PAPER_SOURCES, STAND_IN, missing_counts
 
 

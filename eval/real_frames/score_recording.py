@@ -10,8 +10,8 @@ import numpy as np
 
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.data.worker_processes import available_workers, run_tasks
-from glsim.denoise import GRIDS, Denoiser, load_denoiser
-from glsim.denoise.registry import tuning_specs
+from glsim.denoise.denoiser import Denoiser
+from glsim.denoise.registry import GRIDS, load_denoiser, tuning_specs
 from glsim.eval.real_frames.frame_truth import FrameTruth
 from glsim.eval.real_frames.halves import Source, SplitRecording, split_recording
 from glsim.eval.real_frames.totals import RealScores, ScoredFrame, add_up

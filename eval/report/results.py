@@ -10,8 +10,8 @@ from typing import Final
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
-from glsim.denoise import load_denoiser
 from glsim.denoise.interface import Depth
+from glsim.denoise.registry import load_denoiser
 from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
 from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels

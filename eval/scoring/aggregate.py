@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise import COMPOSITES, DEFAULT_COMPOSITE
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.scored_map import psnr_db

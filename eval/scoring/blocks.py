@@ -16,10 +16,10 @@ import numpy as np
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError, DenoiserError
-from glsim.denoise import Denoiser, load_denoiser
-from glsim.denoise.denoiser import Estimate
+from glsim.denoise.denoiser import Denoiser, Estimate
 from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
+from glsim.denoise.registry import load_denoiser
 from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.scored_map import Truth

@@ -23,7 +23,8 @@ from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
 from glsim.data.worker_processes import available_workers, run_tasks
-from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise.denoiser import Denoiser
+from glsim.denoise.registry import load_denoiser
 from glsim.eval.metrics.frame_score import metrics_with_regions
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.scoring.aggregate import ScoreSummary

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from glsim.denoise import GRIDS
-from glsim.denoise.registry import CLEANUPS, tuning_specs
+from glsim.denoise.registry import CLEANUPS, GRIDS, tuning_specs
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate, write_csv
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from glsim.core.errors import DatasetError
-from glsim.denoise import DEFAULT_COMPOSITE, GRIDS, load_denoiser
+from glsim.denoise.composites import DEFAULT_COMPOSITE
+from glsim.denoise.registry import GRIDS, load_denoiser
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import evaluate

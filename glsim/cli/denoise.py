@@ -12,7 +12,7 @@ from glsim.cli.common import MORE, CalibratedDeviceOption, console, print_messag
 from glsim.core.errors import ConfigError, DatasetError, DepthRangeError, did_you_mean
 
 if TYPE_CHECKING:
-    from glsim.denoise import Denoiser
+    from glsim.denoise.denoiser import Denoiser
     from glsim.denoise.frames import MapReader
 
 EXAMPLES = """
@@ -84,7 +84,6 @@ def denoise(
     from glsim.core.files.atomic import flush_outputs
     from glsim.data.map_files import FORMATS
     from glsim.data.recordings.names import left_out, left_out_text
-    from glsim.denoise import load_denoiser
     from glsim.denoise.depth_files import (
         find_maps,
         infrared_files,
@@ -92,6 +91,7 @@ def denoise(
         output_step_mm,
     )
     from glsim.denoise.frames import MapReader
+    from glsim.denoise.registry import load_denoiser
 
     if form is not None and form not in FORMATS:
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")

@@ -87,7 +87,7 @@ def figures_wanted(asked: bool) -> bool:
 def _print_list(asked: bool) -> None:
     if not asked:
         return
-    from glsim.denoise import denoiser_names, describe_denoiser
+    from glsim.denoise.registry import denoiser_names, describe_denoiser
 
     for name in denoiser_names():
         help, parameters = describe_denoiser(name)
@@ -186,7 +186,7 @@ def score_and_write(
 
 def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
     """Tune the classical filters on the validation split, and add them to the job."""
-    from glsim.denoise import GRIDS
+    from glsim.denoise.registry import GRIDS
     from glsim.eval.scoring.grid_search import tune_filters
 
     if job.split == "val":

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.denoise import COMPOSITES
+from glsim.denoise.composites import COMPOSITES
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.dataset_fakes import make, make_settings, make_tasks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from glsim.denoise import load_denoiser
+from glsim.denoise.registry import load_denoiser
 from scripts.model_card import SECTIONS, CardRow, score_row
 
 

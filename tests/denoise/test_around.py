@@ -11,9 +11,9 @@ from glsim import Frame, load_settings, simulate
 from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_depth_png
-from glsim.denoise import load_denoiser
 from glsim.denoise.interface import Depth
 from glsim.denoise.record import AROUND_PX
+from glsim.denoise.registry import load_denoiser
 from glsim.denoise.tiles import GRID_PX, box_around, head_box
 
 

@@ -14,10 +14,11 @@ from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.camera import Intrinsics
 from glsim.core.files.png import read_depth_png
-from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.composites import BESIDE_PX, composed
+from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.network import NetworkFunction
+from glsim.denoise.registry import load_denoiser
 from tests.support.runners import Runs
 
 #: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.

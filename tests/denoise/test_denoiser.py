@@ -14,9 +14,10 @@ import glsim
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.png import encode_png
-from glsim.denoise import Denoiser, load_denoiser
 from glsim.denoise.calibration import DeviceCalibration
+from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.interface import Depth
+from glsim.denoise.registry import load_denoiser
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import evaluate
 from glsim.sensors.sensor import SENSOR_FOLDER

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from glsim.core.errors import ConfigError, DenoiserError
-from glsim.denoise import (
-    COMPOSITES,
-    DEFAULT_COMPOSITE,
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
+from glsim.denoise.registry import (
+    CLEANUPS,
     GRIDS,
     PAPER_FILTERS,
     denoiser_names,
     describe_denoiser,
     load_denoiser,
+    tuning_specs,
 )
-from glsim.denoise.registry import CLEANUPS, tuning_specs
 from tests.support.eval_scenes import Array, dome, noisy
 
 CLEAN, NOISY = dome(), noisy(dome())

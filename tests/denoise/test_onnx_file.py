@@ -17,10 +17,10 @@ from glsim.cli import main
 from glsim.core.errors import DenoiserError
 from glsim.core.files.png import encode_png, read_depth_png
 from glsim.data.reader import open_dataset
-from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.onnx_file import Runtime, load_onnx, read_content, read_onnx
-from glsim.denoise.registry import shipped_file
+from glsim.denoise.registry import load_denoiser, shipped_file
 from glsim.eval.scoring.blocks import FrameBlock, ScoringJob
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.networks import INPUTS, frames, write_checkpoint

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
-from glsim.denoise import COMPOSITES
+from glsim.denoise.composites import COMPOSITES
 from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run

@@ -13,7 +13,7 @@ import pytest
 from glsim.bench.measures.boards import find_board, find_corners
 from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
-from glsim.denoise import DEFAULT_COMPOSITE
+from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.eval.real_frames import RealScores, score_recording, split_recording, tune_on_pairs
 from glsim.eval.real_frames.halves import Source
 from glsim.eval.report.figures.real_frames import measures_figure

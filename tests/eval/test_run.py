@@ -13,7 +13,8 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.denoise import COMPOSITES, PAPER_FILTERS
+from glsim.denoise.composites import COMPOSITES
+from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS, score
 from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.report.score_tables import format_number

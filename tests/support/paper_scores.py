@@ -6,7 +6,7 @@ import csv
 from collections.abc import Mapping
 from pathlib import Path
 
-from glsim.denoise import PAPER_FILTERS
+from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.paper.ours_beside_printed import case_folder
 from glsim.eval.paper.paper_tables import PAPER_COLUMNS
 from tests.support.checkpoint_stand_in import write_run

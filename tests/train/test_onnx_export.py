@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from glsim.cli import main
 from glsim.core.errors import DenoiserError, TrainError
-from glsim.denoise import Denoiser, load_denoiser
+from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.inference import TorchNetwork
 from glsim.denoise.inputs import DEPTH_ALONE
 from glsim.denoise.network import NetworkFunction
@@ -29,7 +29,7 @@ from glsim.denoise.onnx_file import (
     read_onnx,
 )
 from glsim.denoise.record import DEFAULT_RECORD
-from glsim.denoise.registry import shipped_file
+from glsim.denoise.registry import load_denoiser, shipped_file
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import TOLERANCE_MM, export_onnx, onnx_bytes, weights_of_onnx

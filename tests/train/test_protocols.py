@@ -12,10 +12,11 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.atomic import read_json
 from glsim.data.reader import open_dataset
-from glsim.denoise import checkpoint, load_denoiser
+from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
 from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.onnx_file import load_onnx
+from glsim.denoise.registry import load_denoiser
 from glsim.train import StoredPairs, stored_batches
 from glsim.train.data.checks import moved_pair
 from glsim.train.data.simulated import SimulatedPairs

@@ -12,7 +12,7 @@ import numpy as np
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
-from glsim.denoise import load_denoiser
+from glsim.denoise.registry import load_denoiser
 from glsim.eval.paper.figures.solids import (
     FigureFrame,
     choose_frame,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from glsim.bench.measures.depth_noise import Cell
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
+from glsim.settings.toml_tables import toml_value
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +90,4 @@ def sensor_toml(
 
 
 def _entries(table: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_toml_value(value)}" for key, value in table.items()]
-
-
-def _toml_value(value: Any) -> str:
-    """Format a TOML value: string, number, boolean, array or inline table."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(_entries(value)) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
-    return json.dumps(value)
+    return [f"{key} = {toml_value(value)}" for key, value in table.items()]
