@@ -131,7 +131,7 @@ def test_a_missing_or_broken_model_gives_one_clear_line(tmp_path: Path, small_mo
     (folder / "jawOpen.obj").write_bytes(content[: len(content) // 4])
     assert "jawOpen.obj" in message(MeshError)
     (folder / "jawOpen.obj").write_bytes(content.replace(b"v ", b"v nan ", 1))
-    assert "jawOpen.obj: a vertex line is broken" in message(MeshError)
+    assert "jawOpen.obj: a vertex is NaN or infinite" in message(MeshError)
     (folder / "jawOpen.obj").write_bytes(content)
     for text, part in (('{"expressions": ["jawOpen"]}', "no expression browDown_L"), ("{", "")):
         (folder / "vertex_indices.json").write_text(text)

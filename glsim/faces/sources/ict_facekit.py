@@ -291,8 +291,8 @@ def _build(files: list[Path]) -> Arrays:
     nose_tip = mean[np.argmax(mean[:, 2])] * _MM_PER_UNIT
     origin = nose_tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
     basis[0] = (mean * _MM_PER_UNIT - origin).ravel()
-    if not np.isfinite(basis).all():
-        raise MeshError(f"{files[0].parent}: a vertex is NaN or infinite; {_GET}")
+    if not (finite := np.isfinite(basis).all(axis=1)).all():
+        raise MeshError(f"{files[int(finite.argmin())]}: a vertex is NaN or infinite; {_GET}")
     place = np.full(len(neutral.vertices), -1, dtype=np.int32)
     place[kept] = np.arange(len(kept))
     return {
