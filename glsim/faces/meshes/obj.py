@@ -56,18 +56,21 @@ class PolygonFile:
     material_names: tuple[str, ...] = ()
     libraries: tuple[str, ...] = ()
 
-    def triangles(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Split polygons: (T, 3) vertex indices and (T,) index of the source polygon.
-
-        Convex polygons become fans; of hollow ones the ears are clipped, seen along their normal.
-        """
+    def fans(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Split polygons into fans: (T, 3) vertex indices and (T,) index of the source polygon."""
         fans = self.counts - 2
         polygon = np.repeat(np.arange(len(fans)), fans)
         starts = np.cumsum(self.counts) - self.counts
         first, fan = starts[polygon], np.cumsum(fans) - fans
         step = np.arange(len(polygon)) - fan[polygon]
-        triangles = self.corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-        if not len(fans) or fans.max() == 1:
+        return self.corners[np.stack([first, first + step + 1, first + step + 2], axis=1)], polygon
+
+    def triangles(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Split polygons as ``fans``, but clip the ears of hollow ones, seen along their normal."""
+        triangles, polygon = self.fans()
+        starts, fan = np.cumsum(self.counts) - self.counts, np.cumsum(self.counts - 2)
+        fan -= self.counts - 2
+        if self.counts.max(initial=3) == 3:
             return triangles, polygon
         with np.errstate(all="ignore"):  # NaN and absurd sizes are refused afterwards
             a, b, c = (self.vertices[triangles[:, corner]] for corner in range(3))

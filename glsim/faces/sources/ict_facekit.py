@@ -274,7 +274,7 @@ def _build(files: list[Path]) -> Arrays:
     with np.load(DRAWN) as stored:
         drawn = {name: stored[name] for name in stored.files}
     neutral = read_obj(files[0])
-    triangles, _ = neutral.triangles()
+    triangles, _ = neutral.fans()  # as the drawn ones were chosen
     if [len(neutral.vertices), len(triangles)] != drawn["size"].tolist():
         raise MeshError(f"{files[0]}: damaged or of another model; {_GET}")
     kept = drawn["vertices"]
