@@ -82,7 +82,7 @@ def cut_everywhere(
     with monkeypatch.context() as patch:
         PowerCuts(patch, folder / "out", folder / "kept", cut)
         make(folder / "out", make_settings(format=format), TASKS, skip_every=5)
-    assert len(states) > 60
+    assert len(states) > 50
     expected = contents(folder / "out")
     for state in states[:: max(1, len(states) // resumes)] if resumes else []:
         make(state, make_settings(format=format), TASKS, skip_every=5)
