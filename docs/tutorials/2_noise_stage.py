@@ -80,5 +80,5 @@ plt.show()
 # Next
 # ----
 # - Switch stages off to see one alone: ``--set tof_edge.enabled=false``.
-# - All shipped stages with their source: :doc:`/reference/stages`.
+# - All shipped stages, with links to their source: :doc:`/reference/stages`.
 # - Layers, includes and stages in Python: :doc:`/howto/noise_stage`.

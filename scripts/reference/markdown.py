@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from glsim.core.files.markdown import markdown_table
 
@@ -29,8 +29,3 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def block(text: str, language: str = "text") -> str:
     """Return a block of code."""
     return f"```{language}\n{text.strip(chr(10))}\n```\n\n"
-
-
-def toctree(names: Iterable[str]) -> str:
-    """Return a table of contents that only the side bar shows."""
-    return block(":hidden:\n\n" + "\n".join(names), "{toctree}")

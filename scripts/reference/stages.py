@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
 from itertools import takewhile
 from pathlib import Path
 
+import glsim
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage import StageSpec
 from glsim.sensors.sensor import load_sensor, sensor_names
-from scripts.reference.markdown import block, code, plain, table, toctree
+from scripts.reference.markdown import block, code, plain, table
 
 _INTRODUCTION = """\
 # Noise stages
@@ -25,18 +25,15 @@ parameter with `--set STAGE.PARAMETER=VALUE`, to a number or a distribution; eve
 
 
 def pages() -> dict[str, str]:
-    """Return page name -> Markdown: an overview, and one page per shipped stage."""
+    """Return page name -> Markdown: one page with an overview and a section per shipped stage."""
     users = _users()
     specs = shipped_stages()
     rows = [
-        [f"[`{spec.name}`](stages/{spec.name}.md)", plain(_summary(spec)), _names(users[spec.name])]
+        [f"[`{spec.name}`](#{spec.name})", plain(_summary(spec)), _names(users[spec.name])]
         for spec in specs.values()
     ]
     overview = _INTRODUCTION + table(["stage", "what it does", "used by"], rows)
-    overview += toctree(f"stages/{name}" for name in specs)
-    return {"stages": overview} | {
-        f"stages/{spec.name}": _page(spec, users[spec.name]) for spec in specs.values()
-    }
+    return {"stages": overview + "".join(_section(s, users[s.name]) for s in specs.values())}
 
 
 def header_text(source: str) -> str:
@@ -61,15 +58,14 @@ def _runs(lines: list[str]) -> list[tuple[bool, list[str]]]:
     return groups
 
 
-def _page(spec: StageSpec, users: list[str]) -> str:
-    text = Path(spec.file).read_text(encoding="utf-8")
-    language = "python" if spec.function else "glsl"
-    parts = [f"# `{spec.name}`\n\n"]
+def _section(spec: StageSpec, users: list[str]) -> str:
+    path = Path(spec.file).relative_to(Path(glsim.__file__).parents[1])
+    parts = [f"## `{spec.name}`\n\n"]
     if spec.function is not None:
         parts.append(plain(inspect.getdoc(spec.function) or spec.title) + "\n\n")
-        text = _function_text(text, spec.name)
     else:
-        header = header_text(text).removeprefix(f"{plain(spec.name)}: ")
+        header = header_text(Path(spec.file).read_text(encoding="utf-8"))
+        header = header.removeprefix(f"{plain(spec.name)}: ")
         parts.append(header[:1].upper() + header[1:])
     facts = [f"- Used by: {_names(users) or 'no shipped sensor'}"]
     if spec.source is not None:
@@ -78,32 +74,22 @@ def _page(spec: StageSpec, users: list[str]) -> str:
             for layer in spec.source.writes
         )
         facts += [f"- Reads: {_names(spec.source.reads)}", f"- Writes: {layers}"]
-        folder = Path(spec.file).parent.name
-        facts.append(f"- File: `shaders/{folder}/{spec.name}.glsl`")
-    parts.append("\n".join(facts) + "\n\n## Parameters\n\n")
+    facts.append(f"- Source: [`{path}`](../../{path})")
+    parts.append("\n".join(facts) + "\n\n")
     rows = [
         [code(p.name), p.type, f"{p.default:g}", _range(p.type, p.low, p.high), _unit(p.unit),
          plain(p.help)]
         for p in spec.parameters.values()
     ]  # fmt: skip
-    rows.append(["`enabled`", "bool", "1", "", "", "0 switches the stage off"])
-    parts.append(table(["parameter", "type", "default", "range", "unit", "meaning"], rows))
-    parts.append("## Source\n\n" + block(text, language))
+    if rows:
+        head = ["parameter", "type", "default", "range", "unit", "meaning"]
+        parts.append(table(head, rows))
     return "".join(parts)
 
 
 def _summary(spec: StageSpec) -> str:
     """Return the title without the name before it."""
     return re.sub(rf"^{spec.name}:\s*", "", spec.title)
-
-
-def _function_text(module: str, name: str) -> str:
-    """Return the source of a function of a module, with its decorators."""
-    for node in ast.parse(module).body:
-        if isinstance(node, ast.FunctionDef) and node.name == name:
-            first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
-            return "\n".join(module.splitlines()[first - 1 : node.end_lineno])
-    raise LookupError(name)
 
 
 def _users() -> dict[str, list[str]]:
