@@ -25,7 +25,7 @@ from glsim.core.files.png import (
     read_image,
     stated_unit_mm,
 )
-from glsim.core.files.regular import read_regular
+from glsim.core.files.regular import read_data
 from glsim.simulation.frame import encode_depth, to_mm
 
 #: Suffixes of the files that are read and written.
@@ -269,12 +269,11 @@ def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
 
 def _read_exr(path: Path, channel: str | None) -> NDArray[Any]:
     require_exr(f"{path}: reading it")
+    data = read_data(path, 4 * MAX_IMAGE_BYTES)
     try:
-        channels = decode_exr(read_regular(path, 4 * MAX_IMAGE_BYTES), MAX_MAP_PX)
+        channels = decode_exr(data, MAX_MAP_PX)
         if channels is None:
             raise ValueError(f"has more than {MAX_MAP_PX} pixels")
         return depth_channel(channels, channel)
-    except OSError as error:
-        raise DatasetError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
         raise DatasetError(f"{path}: {error}") from None

@@ -84,7 +84,7 @@ def connected_nodes() -> Iterator[Nodes]:
 
 @contextmanager
 def ray_nodes() -> Iterator[Nodes]:
-    """Run a cluster during a block."""
+    """Start a Ray cluster, and stop it at the end of the ``with`` block."""
     nodes = Nodes()
     try:
         yield nodes

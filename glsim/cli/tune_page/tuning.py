@@ -98,7 +98,7 @@ class History:
 
     @property
     def now(self) -> Tuning:
-        """Current tuning."""
+        """The tuning that the page shows now."""
         return self._steps[self._at]
 
     def change(self, tuning: Tuning, what: str = "") -> bool:

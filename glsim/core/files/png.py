@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
-from glsim.core.files.regular import open_regular, read_regular
+from glsim.core.files.regular import open_regular, read_data
 
 #: Largest width and height of an image, pixels: those of the largest camera that a sensor file may
 #: have. An image of this size takes 134 MB in 16 bits.
@@ -199,10 +199,7 @@ def read_image(path: Path, *, inside: Path | None = None) -> NDArray[np.generic]
 
     Raises DatasetError. inside: a folder that no link may lead out of.
     """
-    try:
-        data = read_regular(path, 2 * MAX_IMAGE_BYTES, inside=inside)
-    except OSError as error:
-        raise DatasetError(f"{path}: {error.strerror or error}") from None
+    data = read_data(path, 2 * MAX_IMAGE_BYTES, inside=inside)
     image = decode_png(data, MAX_MAP_PX)
     if image is None:
         raise DatasetError(f"{path}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}")

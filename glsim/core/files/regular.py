@@ -14,6 +14,8 @@ import stat
 from pathlib import Path
 from typing import IO
 
+from glsim.core.errors import DatasetError
+
 _BLOCK_BYTES = 1 << 22
 
 
@@ -42,6 +44,14 @@ def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes
     if not left:  # files of /proc have a size of 0, and a file may grow
         raise _too_large(limit + 1, limit)
     return whole.getvalue()
+
+
+def read_data(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
+    """Read a whole file of a recording as ``read_regular`` does. Raises DatasetError."""
+    try:
+        return read_regular(path, limit, inside=inside)
+    except OSError as error:
+        raise DatasetError(f"{path}: {error.strerror or error}") from None
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:

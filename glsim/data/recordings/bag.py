@@ -10,7 +10,6 @@ or ``*.db3``. librealsense names its topics ``/device_0/sensor_0/Depth_0/image/d
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import takewhile
@@ -22,18 +21,13 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.png import MAX_MAP_PX, decode_png
 from glsim.core.files.regular import open_regular
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
+from glsim.data.recordings.ros_images import TYPES, encoding_of, read_pixels
 from glsim.data.recordings.streams import FrameStream
 
 _INFO = "sensor_msgs/msg/CameraInfo"
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-#: Encodings of images of one channel -> numpy's types, without byte order.
-_TYPES = {
-    "16UC1": "u2", "mono16": "u2", "Z16": "u2", "32FC1": "f4", "64FC1": "f8", "8UC1": "u1",
-    "mono8": "u1",
-}  # fmt: skip
 #: Lens models whose coefficients are OpenCV's; any other is named to the user.
 _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
 #: Largest difference of the scales along x and y of a camera_info of another size: sizes of
@@ -74,8 +68,8 @@ class BagStream(FrameStream):
 
     def _choose(self) -> tuple[str, str | None]:
         firsts = {t: self._first(t) for t in self._names(*_IMAGES)}
-        images = {t: (_encoding(m), m) for t, m in sorted(firsts.items()) if m is not None}
-        known = [t for t, (name, _) in images.items() if _TYPES.get(name, "u1") != "u1"]
+        images = {t: (encoding_of(m), m) for t, m in sorted(firsts.items()) if m is not None}
+        known = [t for t, (name, _) in images.items() if TYPES.get(name, "u1") != "u1"]
         named = [topic for topic in known if _role(topic) == "depth"]
         # 16 bits of grey are depth only if the name says so.
         depth = named or [t for t in known if not _role(t) and images[t][0] != "mono16"]
@@ -98,7 +92,7 @@ class BagStream(FrameStream):
         lights = [
             topic
             for topic, (name, message) in images.items()
-            if _TYPES.get(name) in ("u1", "u2")
+            if TYPES.get(name) in ("u1", "u2")
             and _role(topic) == "infrared"
             and (getattr(message, "height", 0), getattr(message, "width", 0)) == shape
             and _shared(topic, chosen) == max(_shared(topic, other) for other in depth)
@@ -111,7 +105,7 @@ class BagStream(FrameStream):
 
     def _shape(self, topic: str) -> tuple[int, ...]:
         """Return (height, width) of the first image of a topic."""
-        return _pixels(self._first(topic), f"{self.path}: {topic}").shape
+        return read_pixels(self._first(topic), f"{self.path}: {topic}").shape
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file: each process opens its own."""
@@ -173,7 +167,7 @@ class BagStream(FrameStream):
             place += 1
         connection, _, data = next(messages)
         self._cursors[topic] = (number + 1, messages)
-        return _pixels(reader.deserialize(data, connection.msgtype), f"{self.path}: {topic}")
+        return read_pixels(reader.deserialize(data, connection.msgtype), f"{self.path}: {topic}")
 
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
         camera, lens, remarks = self._find_camera()
@@ -245,14 +239,6 @@ class BagStream(FrameStream):
         return ""
 
 
-def _encoding(message: Any) -> str:
-    """Return the encoding of an image; "" if it is compressed with loss, or of no known kind."""
-    if hasattr(message, "encoding"):
-        return str(message.encoding)
-    name, _, codec = str(message.format).partition(";")
-    return name.strip() if re.search("compresseddepth|png", codec.lower()) else ""
-
-
 def _plain(topic: str) -> str:
     """Return a topic without the transport of its images."""
     return re.sub(r"/compressed(depth)?$", "", topic.lower())
@@ -282,74 +268,6 @@ def _shared(topic: str, other: str) -> int:
     """Count the parts with which two names begin alike."""
     pairs = zip(_parts(topic), _parts(other), strict=False)
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-
-
-def _pixels(message: Any, where: str) -> NDArray[np.generic]:
-    """Return the (H, W) pixels of an image message. Raises DatasetError."""
-    encoding = _encoding(message)
-    kind = _TYPES.get(encoding)
-    if kind is not None and not hasattr(message, "encoding"):
-        try:
-            return _decompressed(bytes(message.data), kind)
-        except (ValueError, IndexError, struct.error) as error:
-            raise DatasetError(f"{where}: a {message.format} image is damaged ({error})") from None
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    size = np.dtype(kind or "u1").itemsize
-    if kind is None or width * height > MAX_MAP_PX or step < width * size:
-        raise DatasetError(
-            f"{where}: has images of {width}x{height} in the encoding {encoding!r:.40}; "
-            f"glsim reads {', '.join(_TYPES)} of at most {MAX_MAP_PX} pixels"
-        )
-    if len(message.data) < step * height or height * width == 0:
-        raise DatasetError(f"{where}: an image of {width}x{height} is cut off")
-    rows = np.asarray(message.data, np.uint8)[: step * height].reshape(height, step)
-    order = ">" if message.is_bigendian else "<"
-    pixels = np.ascontiguousarray(rows[:, : width * size]).view(f"{order}{kind}")
-    return pixels.astype(np.dtype(kind))
-
-
-def _decompressed(data: bytes, kind: str) -> NDArray[np.generic]:
-    """Decode an image of compressed_depth_image_transport, or a PNG file. Raises ValueError.
-
-    A header of 12 bytes comes first; its floats a and b give metres as a / (code - b).
-    """
-    start = data.find(b"\x89PNG", 0, 16)
-    codes = _decode_rvl(data[12:]) if start < 0 else decode_png(data[start:], MAX_MAP_PX)
-    if codes is None or codes.ndim != 2 or codes.dtype != np.uint16:
-        raise ValueError("no PNG or RVL of 16 bits")
-    if kind == "u2":
-        return codes
-    a, b = struct.unpack_from("<ff", data, 4)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        steps = codes.astype(np.float32)
-        return np.where(steps > 0, a / (steps - np.float32(b)), 0).astype(np.float32)
-
-
-def _decode_rvl(data: bytes) -> NDArray[np.uint16]:
-    """Decode RVL: runs of zeros and of differences (Wilson 2017, Fast Lossless Depth Compression).
-
-    A number is nibbles of three bits, the lowest first, whose top bit says that more follow.
-    """
-    width, height = struct.unpack_from("<ii", data)
-    if min(width, height) < 1 or width * height > MAX_MAP_PX:
-        raise ValueError(f"an image of {width}x{height}")
-    words = np.frombuffer(data, "<u4", (len(data) - 8) // 4, 8)
-    nibbles = (words[:, None] >> np.arange(28, -1, -4, dtype=np.uint32) & 15).ravel()
-    ends = np.flatnonzero(nibbles < 8)
-    starts = np.r_[0, ends[:-1] + 1]
-    places = np.arange(ends[-1] + 1) - np.repeat(starts, ends - starts + 1)
-    bits = (nibbles[: ends[-1] + 1] & 7).astype(np.int64) << np.minimum(3 * places, 60)
-    numbers = np.add.reduceat(bits, starts)
-    pixels = np.zeros(width * height, np.int64)
-    at = done = level = 0
-    while done < len(pixels):
-        empty, full = (int(number) for number in numbers[at : at + 2])
-        steps = numbers[at + 2 : at + 2 + full]
-        levels = level + np.cumsum(steps >> 1 ^ -(steps & 1))
-        pixels[done + empty : done + empty + full] = levels
-        level = int(levels[-1]) if full else level
-        at, done = at + 2 + full, done + empty + full
-    return pixels.astype(np.uint16).reshape(height, width)
 
 
 def _camera(

@@ -12,7 +12,7 @@ import numpy as np
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError, MeshError
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
-from glsim.core.files.regular import read_regular
+from glsim.core.files.regular import read_data, read_regular
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
 from glsim.data.recordings.files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, IMAGES
 from glsim.data.recordings.names import other_kind, visible
@@ -97,10 +97,7 @@ def _biwi_calibration(file: Path) -> StatedCamera:
 
 def _tum_list(file: Path) -> StatedCamera:
     """Return the unit of depth, 1/5000 m, if a text lists images depth/*.png, as TUM's do."""
-    try:
-        text = read_regular(file, _MAX_LIST_BYTES)
-    except OSError as error:
-        raise DatasetError(f"{file}: {error.strerror or error}") from None
+    text = read_data(file, _MAX_LIST_BYTES)
     listed = re.search(rb"^[\d.]+[ \t](.*[ \t])?depth/\S+\.png", text, re.MULTILINE)
     return StatedCamera(unit_mm=0.2) if listed else StatedCamera()
 

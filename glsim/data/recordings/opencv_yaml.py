@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from glsim.bench.measures.boards import find_corners
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import DatasetError
-from glsim.core.files.regular import read_regular
+from glsim.core.files.regular import read_data
 
 #: Largest file, bytes: hundreds of times a calibration or a board.
 _MAX_BYTES = 1 << 20
@@ -65,8 +65,6 @@ def board_corners(
 
 def _text(file: Path) -> str:
     try:
-        return read_regular(file, _MAX_BYTES).decode()
-    except OSError as error:
-        raise DatasetError(f"{file}: {error.strerror or error}") from None
+        return read_data(file, _MAX_BYTES).decode()
     except UnicodeDecodeError:
         raise DatasetError(f"{file}: is no text: repair or remove it") from None
