@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.plugins import load_plugin, plugin_names
+from glsim.core.plugins import each_usable, load_plugin, plugin_names
 from glsim.eval.metrics.definitions import SHIPPED_METRICS
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.regions import REGION_METRICS, region_column
@@ -22,10 +22,13 @@ from glsim.eval.metrics.scored_map import ScoredMap, Truth
 
 def _all_metrics() -> dict[str, Metric]:
     found: dict[str, Metric] = {metric.name: metric for metric in SHIPPED_METRICS}
-    for name in plugin_names("metrics", found):
-        metric = load_plugin("metrics", name, _is_metric)
-        found[name] = replace(metric, name=name)
-    return found
+    plugins = each_usable(plugin_names("metrics", found), _plugin_metric)
+    return found | {name: replace(metric, name=name) for name, metric in plugins}
+
+
+def _plugin_metric(name: str) -> Metric:
+    metric: Metric = load_plugin("metrics", name, _is_metric)
+    return metric
 
 
 def _is_metric(value: Any) -> bool:

@@ -87,10 +87,10 @@ def figures_wanted(asked: bool) -> bool:
 def _print_list(asked: bool) -> None:
     if not asked:
         return
+    from glsim.core.plugins import each_usable
     from glsim.denoise.registry import denoiser_names, describe_denoiser
 
-    for name in denoiser_names():
-        help, parameters = describe_denoiser(name)
+    for name, (help, parameters) in each_usable(denoiser_names(), describe_denoiser):
         typer.echo(f"{name}: {help}")
         for parameter, (default, text) in parameters.items():
             value = "" if default is None else f"={default:g}"

@@ -77,7 +77,13 @@ def _push(source: Path, repository: str, public: bool) -> None:
 
     if not source.is_dir():
         raise ConfigError(f"{source}: no such folder: --hf pushes a data set on this machine")
-    print_message(f"pushed {source} to {push_dataset(source, repository, public=public)}")
+    pushed = push_dataset(source, repository, public=public)
+    print_message(f"pushed {pushed.files} files, {pushed.size_bytes / 1e6:.1f} MB, to {pushed.url}")
+    if left := pushed.left_out:
+        more = ", ..." if len(left) > 5 else ""
+        print_message(
+            f"left out {len(left)} that the data set does not name: {', '.join(left[:5])}{more}"
+        )
 
 
 def _export_frames(

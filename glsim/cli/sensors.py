@@ -36,6 +36,7 @@ def sensors(
         name: Print the file of this sensor, or copy it with -o.
         out: New .toml file for the copy.
     """
+    from glsim.core.plugins import each_usable
     from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names
 
     if name is not None:
@@ -47,11 +48,11 @@ def sensors(
         raise ConfigError(f"-o {out}: name the sensor to copy, as in glsim sensors kinect-v2 -o")
 
     if as_json:
-        print_json([_described(load_sensor(name)) for name in sensor_names()])
+        usable = each_usable(sensor_names(), load_sensor)
+        print_json([_described(sensor) for _, sensor in usable])
         return
     table = Table("sensor", "image", "focal px", "baseline", "description", box=None)
-    for name in sensor_names():
-        sensor = load_sensor(name)
+    for name, sensor in each_usable(sensor_names(), load_sensor):
         image = sensor.rig.intrinsics
         table.add_row(
             name,

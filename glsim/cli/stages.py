@@ -31,15 +31,18 @@ def stages(
     Args:
         name: The name of a stage, a .glsl file, or file.py:function.
     """
+    from glsim.core.plugins import each_usable
     from glsim.noise.registry import describe_stage, find_stage, stage_names
 
     if as_json:
-        names = stage_names() if name is None else [name]
-        print_json([_described(describe_stage(each)) for each in names])
+        specs = (
+            each_usable(stage_names(), find_stage) if name is None else [("", describe_stage(name))]
+        )
+        print_json([_described(spec) for _, spec in specs])
         return
     if name is None:
         table = Table("stage", "what it does", box=None)
-        for spec in map(find_stage, stage_names()):
+        for _, spec in each_usable(stage_names(), find_stage):
             table.add_row(spec.name, spec.title.removeprefix(f"{spec.name}: "))
         print_table(table)
         return

@@ -12,7 +12,7 @@ The names cost nothing; an entry is imported when something of it is used.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -20,11 +20,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, GlsimError
 
 log = logging.getLogger(__name__)
+_T = TypeVar("_T")
 
 #: What a group "glsim.NAME" of entry points holds, for messages.
 GROUPS: Final = {
@@ -120,7 +121,9 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
     entry = _entry_points(group)[name]
     try:
         found = entry.load()
-    except Exception as error:  # the code of another package may raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the code of another package may raise anything, and exit
         reason = " ".join(str(error).split())[:200]
         raise ConfigError(
             f"{_place(entry)}: {entry.value} cannot be loaded ({type(error).__name__}: {reason}): "
@@ -132,6 +135,20 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
             "uninstall the package"
         )
     return found
+
+
+def each_usable(names: Iterable[str], load: Callable[[str], _T]) -> Iterator[tuple[str, _T]]:
+    """Yield each name with what ``load`` gives for it, but broken plug-ins: a warning names them.
+
+    Args:
+        names: of entries of a registry.
+        load: returns the entry of a name, and raises GlsimError for a broken plug-in.
+    """
+    for name in names:
+        try:
+            yield name, load(name)
+        except GlsimError as error:
+            log.warning("left out: %s", error)
 
 
 def plugin_file(package: object, name: str) -> Path | None:

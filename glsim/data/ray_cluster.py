@@ -7,6 +7,7 @@ Actors are not used; pinned ones waited for ever when a node died.
 from __future__ import annotations
 
 import logging
+import os
 import socket
 import time
 import traceback
@@ -54,6 +55,7 @@ def ray_cluster(address: str) -> Iterator[Any]:
         yield ray
         return
     _check_answers(address)
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a "local" cluster reports to its vendor
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, TimeoutError):

@@ -18,7 +18,7 @@ from glsim.settings.schema import SPLIT_NAMES
 _Record = Mapping[str, Any]
 
 
-def verify(path: Path | str, deep: bool = False) -> list[str]:
+def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list[str]:
     """Return the problems of a data set, one line each; [] if there are none.
 
     Checks the header and the manifest against their schema and their checksums, the counts, that no
@@ -28,6 +28,7 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
 
     Args:
         deep: also checks the CRC32 of every shard, and reads every image as a reader does.
+        strays: also lists files in the splits that no record names.
     """
     store = open_store(path)
     try:
@@ -35,14 +36,15 @@ def verify(path: Path | str, deep: bool = False) -> list[str]:
     except DatasetError as error:
         return [str(error)]
     wrong = [] if problem is None else [f"{HEADER} {problem}"]
-    return wrong + list(_Verification(store, header, manifest, deep).problems())
+    return wrong + list(_Verification(store, header, manifest, deep, strays).problems())
 
 
 class _Verification:
     def __init__(
-        self, store: Store, header: Mapping[str, Any], manifest: Manifest, deep: bool
+        self, store: Store, header: Mapping[str, Any], manifest: Manifest, deep: bool, strays: bool
     ) -> None:
-        self._store, self._header, self._manifest, self._deep = store, header, manifest, deep
+        self._store, self._header, self._manifest = store, header, manifest
+        self._deep, self._strays = deep, strays
         self._folders: set[str] = set()
         self._bad_files: set[str] = set()
 
@@ -63,7 +65,8 @@ class _Verification:
         for split, count in counts.items():
             if count != self._header["frames"][split]:
                 yield f"{split} has {count} frames, the header says {self._header['frames'][split]}"
-        yield from self._stray_entries()
+        if self._strays:
+            yield from self._stray_entries()
 
     def _line(self, error: DatasetError) -> str:
         """Return a store error's message, with the path relative to the data set."""
@@ -130,7 +133,8 @@ class _Verification:
                         stored.read(layer)
                     except DatasetError as error:
                         yield self._line(error)
-        if names := {name for name, offset in images if offset is None}:
+        names = {name for name, offset in images if offset is None}
+        if names and self._strays:
             yield from self._unrecorded(f"{split}/{subject}", names)
 
     def _place_problems(self, file: _Record) -> Iterator[str]:

@@ -11,6 +11,7 @@ onnx.proto of ONNX 1.17), since OpenCV does not tell them and the package onnx n
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
@@ -151,6 +152,9 @@ class OnnxRuntimeNetwork:
     """A ``Runner`` by onnxruntime, with as many threads as OpenCV uses."""
 
     def __init__(self, data: bytes, content: OnnxContent) -> None:
+        # From 1.29 its library reports to its vendor from the moment of the import on Linux and
+        # macOS (onnxruntime, pull request 27379); a user who wants that sets the variable to 0.
+        os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
         import onnxruntime
 
         self.inputs, self.record = content

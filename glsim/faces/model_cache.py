@@ -14,19 +14,28 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.errors import ConfigError
+from glsim.core.files.cache_folder import cache_folder
+
 Arrays = Mapping[str, NDArray[Any]]
 
 _CHECKSUM: Final = "checksum"
 _LOG = logging.getLogger(__name__)
 
 
-def cached_arrays(cache: Path, build: Callable[[], Arrays]) -> Arrays:
+def cached_arrays(name: str, build: Callable[[], Arrays]) -> Arrays:
     """Map a cache's arrays read-only; an absent or damaged cache is built and written first.
 
     Args:
-        cache: the folder, one file per array.
+        name: of the folder in ``cache_folder``, one file per array. Without such a folder the
+            arrays are built for each process.
         build: makes the arrays, name -> array.
     """
+    try:
+        cache = cache_folder() / name
+    except ConfigError as error:
+        _LOG.warning("a face model is built again for each process: %s", error)
+        return build()
     if cache.is_dir():
         try:
             return _read(cache)

@@ -8,6 +8,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
@@ -28,6 +29,8 @@ from glsim.cli.tune_page.access import (
 )
 from glsim.cli.tune_page.tuning import StageCode, Tuning
 from glsim.core.errors import ConfigError
+from glsim.core.files.cache_folder import cache_folder
+from glsim.faces.model_cache import cached_arrays
 
 START = Tuning("kinect-v1")
 
@@ -161,3 +164,19 @@ def test_the_last_settings_are_kept_in_a_private_file(
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "no folder"))
     keep_tuning(START, "", changed)
     assert len(cookie_secret()) == 32
+
+
+def test_a_user_without_a_home_keeps_nothing_and_may_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("GLSIM_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+
+    def home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", home)
+    with pytest.raises(ConfigError, match="set GLSIM_CACHE to a folder"):
+        cache_folder()
+    assert cookie_secret() != cookie_secret()
+    keep_tuning(START, "tune", START)
+    assert kept_tuning(START, "tune") is None
+    assert cached_arrays("model", lambda: {"points": np.ones(3)})["points"].sum() == 3

@@ -127,8 +127,6 @@ def test_settings_of_a_packages_source_are_checked_as_any(lab: Path) -> None:
         ("glsim.stages", {"axe": "lab_extras.worst:WORST"}, ("stages", "axe"),
          "lab_extras.worst:WORST is not a function decorated with @glsim.array_stage, or a"),
         ("glsim.sensors", {"kinect-v2": "lab_extras"}, ("sensors",), "glsim has one of this name"),
-        ("glsim.checks", {"c": "lab_extras.clay:Clay"}, ("validate", "ideal", "--frames", "8"),
-         "lab_extras.clay:Clay is not a function decorated with @glsim.validation_check"),
     ],
 )  # fmt: skip
 def test_a_broken_package_is_one_line_that_names_it(
@@ -178,3 +176,25 @@ def test_adding_a_file_to_a_folder_of_glsim_is_enough(tmp_path: Path) -> None:
     output_of(tmp_path, "eval", "data", "-o", "scores", "-d", "nearest")
     done = glsim_in(tmp_path, "validate", "lab-cam", "--frames", "8")
     assert "lab-cam: 1 checks: 1 pass" in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("code", ["import sys; sys.exit(0)", "raise BaseException('no')", "1 / 0"])
+def test_a_broken_plugin_is_left_out_of_lists_and_refused_by_name(lab: Path, code: str) -> None:
+    for module in ("ripple_stage", "worst"):
+        (lab / "lab_extras" / f"{module}.py").write_text(code)
+    distribution(
+        lab, "broken",
+        {"glsim.stages": {"gone": "lab_extras.ripple_stage:gone"},
+         "glsim.sensors": {"gone-cam": "lab_extras.ripple_stage:gone"},
+         "glsim.denoisers": {"gone": "lab_extras.ripple_stage:gone"}},
+    )  # fmt: skip
+    for command, kept in (("stages", "tof_light"), ("sensors", "kinect-v2"), ("eval", "face")):
+        done = glsim_in(lab, command, *(["--list"] if command == "eval" else []))
+        assert done.returncode == 0, done.stderr
+        assert kept in done.stdout
+        lines = [line for line in done.stderr.splitlines() if "left out" in line]
+        assert len(lines) == len(done.stderr.splitlines()) == 1, done.stderr
+    done = glsim_in(lab, "sensors", "gone-cam")
+    assert done.returncode == 2
+    assert "package broken: entry point glsim.sensors: gone-cam: " in done.stderr
+    assert "Traceback" not in done.stderr

@@ -48,7 +48,8 @@ def push(
 def test_a_data_set_is_pushed_byte_for_byte_and_only_once(data: Path, hub: HubStandIn) -> None:
     done = push(data, hub.url, "--hf", "me/faces")
     assert done.returncode == 0, done.stderr + str(hub.requests)
-    assert f"pushed {data} to {hub.url}/datasets/me/faces" in done.stderr
+    assert f"MB, to {hub.url}/datasets/me/faces" in done.stderr
+    assert "left out" not in done.stderr
     assert hub.repositories == {"me/faces": True}, "private"
     expected = {
         path.relative_to(data).as_posix(): path.read_bytes()
@@ -62,6 +63,41 @@ def test_a_data_set_is_pushed_byte_for_byte_and_only_once(data: Path, hub: HubSt
     assert again.returncode == 0, again.stderr
     assert hub.objects == stored
     assert hub.files == expected
+
+
+def test_only_what_the_manifest_names_is_pushed(data: Path, hub: HubStandIn) -> None:
+    secret = data.parent / "secret.txt"
+    secret.write_text("of another folder")
+    named = {p.relative_to(data).as_posix() for p in data.rglob("*") if p.is_file()}
+    image = next(data.rglob("*_clean.png"))
+    (data / ".env").write_text("TOKEN=1")
+    (image.parent / ".image.png.tmp").write_bytes(b"half")
+    (data / "train" / "link").symlink_to(secret)
+    (data / "folder").symlink_to(data.parent)
+    done = push(data, hub.url, "--hf", "me/faces")
+    assert done.returncode == 0, done.stderr
+    assert hub.files.keys() == {n for n in named if not n.startswith(".glsim/")} | {"README.md"}
+    assert f"pushed {len(hub.files)} files" in done.stderr
+    assert "left out 4 that the data set does not name: .env" in done.stderr
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "link", "card"])
+def test_a_damaged_data_set_is_not_pushed(data: Path, hub: HubStandIn, damage: str) -> None:
+    image = next(data.rglob("*_clean.png"))
+    content = image.read_bytes()
+    if damage == "card":
+        (data / "README.md").symlink_to("/etc/hostname")
+    elif damage == "link":
+        (data.parent / "outside.png").write_bytes(content)
+        image.unlink()
+        image.symlink_to(data.parent / "outside.png")
+    else:
+        image.write_bytes(content[:-9] if damage == "cut" else content[:-20] + bytes(20))
+    done = push(data, hub.url, "--hf", "me/faces")
+    assert done.returncode == 1
+    assert ("README.md" if damage == "card" else image.name) in done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert hub.files == {}
 
 
 def test_a_public_repository_is_asked_for(data: Path, hub: HubStandIn) -> None:

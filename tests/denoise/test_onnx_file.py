@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -216,3 +219,20 @@ def test_every_shipped_network_states_what_it_sees() -> None:
     for name, inputs in (("face", NetworkInputs()), ("face-video", NetworkInputs(before=4))):
         path = shipped_file(name)
         assert read_content(path.read_bytes()).inputs == inputs
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reports differ on each system")
+def test_onnxruntime_reports_nothing(tmp_path: Path) -> None:
+    """Without the switch it keeps a number of the machine and events to send in the cache."""
+    network = "from glsim import load_denoiser; load_denoiser('face')(numpy.ones((64, 64)) * 700)"
+    written = {}
+    for switch, code in (("0", "import onnxruntime"), ("", f"import numpy; {network}")):
+        home = tmp_path / f"home{switch}"
+        names = ("CI", "ORT_DISABLE_TELEMETRY", "GITHUB_ACTIONS")
+        environment = {k: v for k, v in os.environ.items() if k not in names}
+        environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
+        subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=300)
+        written[switch] = [f.name for f in home.rglob("*") if f.is_file()]
+    if "deviceid" not in written["0"]:
+        pytest.skip("this onnxruntime does not report")
+    assert written[""] == []

@@ -19,7 +19,7 @@ from glsim.bench.validate.report import (
 )
 from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.errors import ConfigError
-from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
+from glsim.core.plugins import each_usable, load_plugin, plugin_names, shipped_objects
 from glsim.gl.context import borrowed_context
 from glsim.sensors.sensor import Sensor
 from glsim.settings.toml_tables import read_toml
@@ -45,7 +45,8 @@ class ValidationSheet:
 def sheets() -> dict[str, ValidationSheet]:
     """Return the sheets by sensor name: checks of glsim and of other packages."""
     functions = shipped_objects("bench/validate/checks", _is_check)
-    functions += [load_plugin("checks", name, _is_check) for name in plugin_names("checks")]
+    plugins = each_usable(plugin_names("checks"), lambda n: load_plugin("checks", n, _is_check))
+    functions += [function for _, function in plugins]
     names = [file.stem for file in sorted(_SHEETS.glob("*.toml"))]
     return {
         name: _sheet(name, tuple(f for f in functions if f.sheet == name))

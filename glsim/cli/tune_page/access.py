@@ -66,8 +66,10 @@ class PageAddress:
 
         Everybody on the machine can read the arguments of a process.
         """
-        page = cache_folder() / "tune.html"
-        if _write_private(page, f"<script>location.replace({json.dumps(self.url)})</script>"):
+        page = _write_private(
+            "tune.html", f"<script>location.replace({json.dumps(self.url)})</script>"
+        )
+        if page is not None:
             threading.Thread(target=webbrowser.open, args=(page.as_uri(),), daemon=True).start()
 
 
@@ -110,7 +112,7 @@ class AccessCheck:
     def _answer(self, scope: Scope) -> Response | None:
         """Return a refusal or a redirection; None for a request that may reach the page."""
         request = HTTPConnection(scope)
-        if self._is_own(request):
+        if self._is_own(request) and self._is_own_user(request):
             if _equal(request.cookies.get(self._cookie, ""), self._secret):
                 return None
             if _equal(request.query_params.get("token", ""), self._address.token):
@@ -135,6 +137,19 @@ class AccessCheck:
             return False
         known = name in (*_LOOPBACK, self._address.host) or self._address.host in _EVERY_HOST
         return known and origin == host
+
+    def _is_own_user(self, request: HTTPConnection) -> bool:
+        """Whether no other user of this machine connects (Linux).
+
+        Browsers send a cookie to every port of a host, hence also to servers of other users.
+        """
+        if request.client is None or not Path("/proc/net/tcp").is_file():
+            return True
+        ends = f":{request.client.port:04X}", f":{self._address.port:04X}"
+        tables = (Path("/proc/net", name) for name in ("tcp", "tcp6"))
+        lines = (line.split() for t in tables if t.is_file() for line in t.read_text().splitlines())
+        users = {int(f[7]) for f in lines if f[1].endswith(ends[0]) and f[2].endswith(ends[1])}
+        return users <= {os.getuid(), 0}  # root owns sockets that nobody holds any more
 
 
 def _equal(given: str, wanted: str) -> bool:
@@ -175,29 +190,30 @@ def _texts(value: Any) -> Iterator[str]:
             yield from _texts(part)
 
 
-def _write_private(path: Path, text: str) -> bool:
-    """Write a file of mode 0600; return False if the cache folder is not writable."""
+def _write_private(name: str, text: str) -> Path | None:
+    """Write a file of mode 0600 in the cache folder; return None if there is none to write to."""
     try:
+        path = cache_folder() / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(dir=path.parent)
+        descriptor, written = tempfile.mkstemp(dir=path.parent)
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
-        Path(name).replace(path)
-    except OSError:
-        return False
-    return True
+        Path(written).replace(path)
+    except (OSError, ConfigError):
+        return None
+    return path
 
 
 def _read_state() -> dict[str, Any]:
     try:
         state = json.loads(read_regular(cache_folder() / "tune.json", _LARGEST))
-    except (OSError, ValueError):
+    except (OSError, ValueError, ConfigError):
         return {}
     return state if isinstance(state, dict) else {}
 
 
 def _write_state(state: dict[str, Any]) -> None:
-    _write_private(cache_folder() / "tune.json", json.dumps(state))
+    _write_private("tune.json", json.dumps(state))
 
 
 def cookie_secret() -> str:

@@ -218,6 +218,7 @@ def serve(session: TuneSession, address: PageAddress) -> None:
             reconnect_timeout=_PATIENCE_S, title="glsim tune", favicon=ASSETS / "icon.svg",
             # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
             gzip_middleware_factory=None, timeout_graceful_shutdown=1,
+            proxy_headers=False,  # else a local user forges the address that AccessCheck looks up
         )  # fmt: skip
     finally:
         # The interpreter would wait for a frame that is being drawn, or measured.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from glsim.core.errors import ConfigError, DatasetError, require_package
 from glsim.core.files.atomic import write_atomic
-from glsim.data.disk_format import README, STATE
-from glsim.data.header import read_header
+from glsim.core.files.store import Store
+from glsim.data.disk_format import HEADER, MANIFEST, README, SKIPPED, STATE
+from glsim.data.header import open_header, read_header
+from glsim.data.verification import verify
 from glsim.settings.schema import SPLIT_NAMES
 
 #: Names of splits on the Hub.
@@ -35,24 +38,31 @@ for pair in open_dataset("PATH OF THIS FOLDER").split("train"):
 """
 
 
-def push_dataset(place: Path | str, repository: str, *, public: bool = False) -> str:
-    """Upload a complete data set to a repository of the Hub, which is created if necessary.
+class Pushed(NamedTuple):
+    """What an upload sent: address of the repository, number of files, their bytes, files kept."""
 
-    The files go as they are, with a card (``write_card``) unless README.md is there: the Hub reads
-    it and shows the splits. A second push sends what has changed. The token is that of ``hf auth
-    login``, or HF_TOKEN; HF_ENDPOINT names another server than the Hub.
+    url: str
+    files: int
+    size_bytes: int
+    left_out: list[str]
+
+
+def push_dataset(place: Path | str, repository: str, *, public: bool = False) -> Pushed:
+    """Upload a verified data set to a repository of the Hub, which is created if necessary.
+
+    Only the files that the header and the manifest name go, and README.md, the card that the Hub
+    reads (written by ``write_card`` if it is missing). Links are not followed. A second push sends
+    what has changed. The token is that of ``hf auth login``, or HF_TOKEN; HF_ENDPOINT names another
+    server than the Hub.
 
     Args:
         place: folder of the data set.
         repository: "owner/name".
         public: whether a new repository can be seen by everybody.
 
-    Returns:
-        The address of the repository.
-
     Raises:
         ConfigError: without huggingface_hub or a token, or for a wrong name.
-        DatasetError: the data set is not complete, or the Hub refuses or cannot be reached.
+        DatasetError: the data set is damaged, or the Hub refuses or cannot be reached.
     """
     place = Path(place)
     read_header(place)
@@ -65,23 +75,49 @@ def push_dataset(place: Path | str, repository: str, *, public: bool = False) ->
         raise ConfigError(f"--hf {repository}: no token: run hf auth login, or set HF_TOKEN")
     if repository.count("/") != 1:
         raise ConfigError(f"--hf {repository}: give owner/name")
-    if not (place / README).is_file():
+    if problems := verify(place, deep=True, strays=False):
+        raise DatasetError(
+            f"{place}: {problems[0]}: glsim verify {place} --deep lists all problems"
+        )
+    if not os.path.lexists(place / README):
         write_card(place)
+    sizes = dict(_named_files(Store(place)))
     api = hub.HfApi(token=token, library_name="glsim")
     try:
         url = api.create_repo(repository, repo_type="dataset", private=not public, exist_ok=True)
-        api.upload_folder(
-            repo_id=repository,
-            folder_path=place,
+        api.create_commit(
+            repository,
+            [hub.CommitOperationAdd(name, place / name) for name in sizes],
             repo_type="dataset",
             commit_message="Data set of glsim",
-            ignore_patterns=[f"{STATE}/**"],
         )
     except HFValidationError as error:
         raise ConfigError(f"--hf {repository}: {_first_line(error)}") from None
     except Exception as error:  # of its HTTP library, which is another one from version to version
         raise DatasetError(f"--hf {repository}: was not pushed: {_first_line(error)}") from None
-    return str(url)
+    left = (name for name in _all_files(place) if name not in sizes)
+    return Pushed(str(url), len(sizes), sum(sizes.values()), sorted(left))
+
+
+def _named_files(store: Store) -> Iterator[tuple[str, int]]:
+    """Yield the name and size, bytes, of each file of a data set. Raises DatasetError for links."""
+    header, _, manifest = open_header(store)
+    names = dict.fromkeys((HEADER, MANIFEST, SKIPPED, README, *header["files"]))
+    for number, line in enumerate(manifest.lines(0, len(manifest))):
+        record = manifest.parse(line, number)
+        names |= dict.fromkeys(str(file["name"]) for file in record["files"].values())
+    for name in names:
+        if (size := store.size(name)) is not None:
+            yield name, size
+
+
+def _all_files(place: Path) -> Iterator[str]:
+    """Yield the names of all files and links below a folder, but for glsim's own state."""
+    for folder, folders, files in os.walk(place):
+        if Path(folder) == place and STATE in folders:
+            folders.remove(STATE)
+        links = (name for name in folders if Path(folder, name).is_symlink())
+        yield from (Path(folder, name).relative_to(place).as_posix() for name in (*files, *links))
 
 
 def _first_line(error: Exception) -> str:

