@@ -43,7 +43,7 @@ def landmark_vertices(template: Template) -> NDArray[np.int64]:
     contour = [*right.contour(), chin, *left.contour()[::-1]]
     brows = [*right.brow(), *left.brow()[::-1]]
     bridge = [middle(0.0, NASION_Y + share * (tip_y - NASION_Y)) for share in _BRIDGE]
-    base = [*right.nose_base(), middle(0.0, SUBNASALE_Y), *left.nose_base()[::-1]]
+    base = [*right.nose_base(), right.subnasale(), *left.nose_base()[::-1]]
     upper = [right.upper_lip(x) for x in (0.62 * CORNER_X, CUPID_X)]
     upper += [middle(0.0, float(upper_border(np.zeros(1))[0]))]
     upper += [left.upper_lip(x) for x in (CUPID_X, 0.62 * CORNER_X)]
@@ -69,6 +69,12 @@ class _Half:
         self._skin = np.flatnonzero((template.part == PART_SKIN) & (points[:, 0] * side > -1e-6))
         front = (points[self._skin, 2] > -50) & (template.ring[self._skin] == 0)
         self._front = self._skin[front]
+
+    def subnasale(self) -> int:
+        """Return the vertex where the columella, which hangs over it, meets the upper lip."""
+        points = self._template.points[self._front]
+        near = np.hypot(points[:, 0], points[:, 1] - SUBNASALE_Y) < 1.0
+        return int(self._front[near][points[near, 2].argmin()])
 
     def nearest(self, x: float, y: float) -> int:
         """Return the vertex of the face's front nearest to a place in the frontal view, mm."""
