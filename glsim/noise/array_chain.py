@@ -103,7 +103,7 @@ def _twin_of(stage: Stage) -> ArrayFunction | None:
 
     A user's file may have the name of a shipped stage.
     """
-    from glsim.noise.numpy_twins import find_twin
+    from glsim.noise.twins import find_twin
 
     ours = shipped_stage(stage.spec.name) is stage.spec
     return find_twin(stage.spec.name) if ours else None

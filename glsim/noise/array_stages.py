@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Layers
-from glsim.noise.numpy_twins.layers import random_bits
 from glsim.noise.stage import array_stage
 from glsim.noise.stereo_matching import is_other_surface
+from glsim.noise.twins.layers import random_bits
 
 __all__ = ["despeckle", "fill_from_points"]
 

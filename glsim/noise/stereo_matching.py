@@ -26,9 +26,9 @@ from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import DISPARITY_LAYER
-from glsim.noise.numpy_twins.layers import normal_pair, pixels, random_bits
 from glsim.noise.semi_global import NO_MATCH, STEPS_PER_PX, match, reject_unlit
 from glsim.noise.stage import array_stage
+from glsim.noise.twins.layers import normal_pair, pixels, random_bits
 
 __all__ = ["match_stereo"]
 

@@ -18,8 +18,8 @@ from glsim.gl.declarations import Layer
 from glsim.gl.program import link
 from glsim.gl.shader_source import load_source
 from glsim.gl.targets import TargetPool
-from glsim.noise.numpy_twins import values as fields
-from glsim.noise.numpy_twins.layers import normal_pair, random_bits, uniform01
+from glsim.noise.twins import values as fields
+from glsim.noise.twins.layers import normal_pair, random_bits, uniform01
 from tests.support.stage_harness import (
     WHOLE,
     Z_MAX,

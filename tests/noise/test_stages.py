@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from glsim.core.reason import Reason
-from glsim.noise.numpy_twins.edges import dot_place, place_pixel
+from glsim.noise.twins.edges import dot_place, place_pixel
 from tests.support.stage_harness import (
     FOCAL_BASELINE,
     HEIGHT,

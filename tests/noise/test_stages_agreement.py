@@ -10,9 +10,9 @@ import pytest
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.numpy_twins import find_twin
-from glsim.noise.numpy_twins.edges import cells
 from glsim.noise.registry import shipped_stages
+from glsim.noise.twins import find_twin
+from glsim.noise.twins.edges import cells
 from tests.support.stage_harness import FRAME, Image, crop, frame, run_shader, run_twin, scene
 
 #: Stages of time of flight and of imagers have layers of their own: test_tof_frames and

@@ -10,8 +10,8 @@ import pytest
 
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.numpy_twins.layers import pcg_word
-from glsim.noise.numpy_twins.stereo import dots
+from glsim.noise.twins.layers import pcg_word
+from glsim.noise.twins.stereo import dots
 from tests.support.stage_harness import (
     FOCAL_PX,
     Z_MAX,

@@ -10,8 +10,8 @@ import pytest
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.noise.numpy_twins.tof_decode import CONTRAST_MULTIPLIER, companded
-from glsim.noise.numpy_twins.tof_light import unwrapped_cycles
+from glsim.noise.twins.tof_decode import CONTRAST_MULTIPLIER, companded
+from glsim.noise.twins.tof_light import unwrapped_cycles
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 from tests.support.tof_harness import QUIET, Camera, Image, Placed, merged, quad
 

@@ -17,8 +17,8 @@ from glsim.core.rect import Rect
 from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.numpy_twins.tof_light import tof_shadow
 from glsim.noise.registry import find_stage
+from glsim.noise.twins.tof_light import tof_shadow
 from glsim.render.renderer import Renderer
 from tests.support.scenes import V2, face_mesh, layers_of, rectangle, rig, sheet
 

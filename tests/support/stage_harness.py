@@ -17,10 +17,10 @@ from glsim.gl.declarations import Layer
 from glsim.gl.targets import Readback, Target, TargetPool
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import IMAGE_CONSTANTS
-from glsim.noise.numpy_twins import find_twin
-from glsim.noise.numpy_twins.edges import cells
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage_pass import StagePass
+from glsim.noise.twins import find_twin
+from glsim.noise.twins.edges import cells
 
 Image = NDArray[np.float32]
 Layers = Mapping[str, Image]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.core.camera import Point
-from glsim.noise.frame_context import FrameContext, Layers
+from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import PROJECTOR_LAYER
-from glsim.noise.numpy_twins.layers import (
+from glsim.noise.twins.layers import (
     Image,
+    Layers,
     Parameters,
     Words,
-    beside,
+    around,
     normal_pair,
     pcg_word,
     pixels,
@@ -169,10 +170,10 @@ def _blurred(view: FrameContext, light: Image, p: Parameters) -> Image:
     psf = p["psf_sigma_px"]
     one = np.float32(1)
     side = np.exp(np.float32(-0.5) / (psf * psf)) if psf > 0 else np.float32(0)
-    total = np.zeros_like(light)
+    total, there = np.zeros_like(light), around(view, light, 1)
     for dx, dy in square(1):
         weight = (side if dx else one) * (side if dy else one)
-        total += weight * beside(view, light, dx, dy)
+        total += weight * there(dx, dy)
     whole = one + np.float32(2) * side
     return total / (whole * whole)
 

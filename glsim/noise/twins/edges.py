@@ -1,4 +1,4 @@
-"""NumPy twins of the stages that read neighbouring pixels: at edges, and of structured light."""
+"""Twins of the stages that read neighbouring pixels: at edges, and of structured light."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
-from glsim.noise.frame_context import FrameContext, Layers
-from glsim.noise.numpy_twins.layers import (
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.twins.arrays import of
+from glsim.noise.twins.layers import (
     Image,
+    Layers,
     Parameters,
-    beside,
+    around,
     disparity_px,
     fetch,
     mix,
@@ -26,62 +28,60 @@ from glsim.noise.numpy_twins.layers import (
     uniform01,
     without,
 )
-from glsim.noise.numpy_twins.values import angle_ratio, angle_to_axis
+from glsim.noise.twins.values import angle_ratio, angle_to_axis
 
 CELL_PX = 3
 _CELLS = Layer("dot_match", "float", Fraction(1, CELL_PX))
 Whole = NDArray[np.int64]
 _REACH_PX = 4  # 9x9
 _REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of its cell
-_MM = np.float32(0.001)
 
 
 def lateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Samples the depth at a jittered position, which moves edges."""
     here = layers["depth"]
-    x, y = pixels(view.window)
-    growth = np.minimum(angle_ratio(angle_to_axis(layers["normal"])), np.float32(20.0))
-    sigma = np.clip(p["sigma_px"] + p["angle_px"] * growth, 0.0, 4.0)
+    xp, (x, y) = of(here), pixels(view.window, view.seed)
+    growth = xp.minimum(angle_ratio(angle_to_axis(layers["normal"])), 20.0)
+    sigma = xp.clip(p["sigma_px"] + p["angle_px"] * growth, 0.0, 4.0)
     first, second, _, _ = random_bits(x, y, view.seed, 0)
     at_x, at_y = (
-        place.astype(np.float32) + np.clip(sigma * noise, -8.0, 8.0)
+        xp.floats(place) + xp.clip(sigma * noise, -8.0, 8.0)
         for place, noise in zip((x, y), normal_pair(first, second), strict=True)
     )
-    left, top = np.floor(at_x), np.floor(at_y)
+    left, top = xp.floor(at_x), xp.floor(at_y)
     tx, ty = at_x - left, at_y - top
-    column, row = left.astype(np.int64), top.astype(np.int64)
+    column, row = xp.integers(left), xp.integers(top)
     d00, d10, d01, d11 = (
         fetch(here, view.window, column + dx, row + dy) for dy in (0, 1) for dx in (0, 1)
     )
-    low = np.minimum(np.minimum(d00, d10), np.minimum(d01, d11))
-    high = np.maximum(np.maximum(d00, d10), np.maximum(d01, d11))
-    edge = _MM * p["edge_mm"]
-    half = np.float32(0.5)
+    low = xp.minimum(xp.minimum(d00, d10), xp.minimum(d01, d11))
+    high = xp.maximum(xp.maximum(d00, d10), xp.maximum(d01, d11))
+    edge = 0.001 * p["edge_mm"]
     blend = mix(mix(d00, d10, tx), mix(d01, d11, tx), ty)
-    nearest = np.where(ty < half, np.where(tx < half, d00, d10), np.where(tx < half, d01, d11))
-    depth = np.where((low > 0) & (high - low <= edge), blend, nearest)
+    nearest = xp.where(ty < 0.5, xp.where(tx < 0.5, d00, d10), xp.where(tx < 0.5, d01, d11))
+    depth = xp.where((low > 0) & (high - low <= edge), blend, nearest)
     reason = reasons_of_taken(layers, depth, Reason.EDGE)
-    moved = (depth > 0) & (here > 0) & (np.abs(depth - here) > edge)
-    reason = np.where(moved, np.float32(Reason.MOVED), reason)
-    return {"depth": depth, "reason": reason}
+    moved = (depth > 0) & (here > 0) & (xp.abs(depth - here) > edge)
+    return {"depth": depth, "reason": xp.where(moved, float(Reason.MOVED), reason)}
 
 
 def edge_dropout(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes pixels beside depth edges at random."""
-    depth = layers["depth"]
-    chosen = uniform01(random_bits(*pixels(view.window), view.seed, 0)[0]) < p["probability"]
-    at_edge = np.zeros(depth.shape, np.bool_)
-    for dx, dy in square(int(p["radius_px"])):
-        there = beside(view, depth, dx, dy)
-        at_edge |= (there <= 0) | (np.abs(there - depth) > _MM * p["threshold_mm"])
-    return without(layers, chosen & at_edge, Reason.EDGE)
+    depth, reach = layers["depth"], int(p["radius_px"])
+    words = random_bits(*pixels(view.window, view.seed), view.seed, 0)[0]
+    there, at_edge = around(view, depth, reach), depth <= 0
+    for dx, dy in square(reach):
+        other = there(dx, dy)
+        at_edge = at_edge | (other <= 0) | (abs(other - depth) > 0.001 * p["threshold_mm"])
+    return without(layers, (uniform01(words) < p["probability"]) & at_edge, Reason.EDGE)
 
 
 def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Replaces each depth by the largest depth in a square window."""
-    depth = layers["depth"]
-    for dx, dy in square(int(p["radius_px"])):
-        depth = np.maximum(depth, beside(view, layers["depth"], dx, dy))
+    depth, reach = layers["depth"], int(p["radius_px"])
+    there = around(view, depth, reach)
+    for dx, dy in square(reach):
+        depth = of(depth).maximum(depth, there(dx, dy))
     return {"depth": depth, "reason": reasons_of_taken(layers, depth, Reason.EDGE)}
 
 
@@ -104,9 +104,9 @@ def cells(window: Rect, around: int = 0) -> Rect:
 
 def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Matches each dot in a 9x9 window; returns 1 + its place in its cell, or 0 without a match."""
-    around = cells(view.window, _REACH_CELLS)
-    place = dot_place(*pixels(around))
-    x, y = place_pixel(*pixels(around), place)
+    wider = cells(view.window, _REACH_CELLS)
+    place = dot_place(*pixels(wider))
+    x, y = place_pixel(*pixels(wider), place)
     depth = fetch(layers["depth"], view.window, x, y)
     seen = depth > 0
     disparity = disparity_px(depth, view.focal_baseline_px_m)
@@ -137,12 +137,12 @@ def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dic
 def dot_spread(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Gives each pixel the depth of the nearest matched dot, or 0."""
     window, here = view.window, layers["depth"]
-    around = cells(window, 1)
-    match = fetch(layers["dot_match"], cells(window), *pixels(around)).astype(np.int64)
-    dot_x, dot_y = place_pixel(*pixels(around), match - 1)
+    wider = cells(window, 1)
+    match = fetch(layers["dot_match"], cells(window), *pixels(wider)).astype(np.int64)
+    dot_x, dot_y = place_pixel(*pixels(wider), match - 1)
     value, surface = (fetch(layers[name], window, dot_x, dot_y) for name in ("depth", "clean"))
     x, y = pixels(window)
-    column, row = x // CELL_PX - around.left, y // CELL_PX - around.top
+    column, row = x // CELL_PX - wider.left, y // CELL_PX - wider.top
     nearest = np.full(here.shape, p["radius_px"] * p["radius_px"], np.float32)
     depth, taken = (np.zeros(here.shape, np.float32) for _ in range(2))
     for dx, dy in square(1):

@@ -1,13 +1,15 @@
-"""NumPy twins of the stages that read no neighbours, and of perlin, simplex and field.glsl."""
+"""Twins of the stages that read no neighbours, and of perlin, simplex and field.glsl."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
 from glsim.core.reason import Reason
-from glsim.noise.frame_context import FrameContext, Layers
-from glsim.noise.numpy_twins.layers import (
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.twins.arrays import of
+from glsim.noise.twins.layers import (
     Image,
+    Layers,
     Parameters,
     Words,
     correlated_noise,
@@ -24,10 +26,10 @@ from glsim.noise.numpy_twins.layers import (
 )
 
 #: pi/2 - a is at least _FROM_POLE, rad: the angle term has a pole at 90 degrees.
-_HALF_PI, _FROM_POLE = np.float32(1.57079632679), np.float32(1e-3)
+_HALF_PI, _FROM_POLE = 1.57079632679, 1e-3
 
 #: Steps of the slow error of fixed_pattern down the image.
-_PROFILE_STEPS = np.float32(6.0)
+_PROFILE_STEPS = 6.0
 
 #: A point or a vector: its three coordinates, which broadcast.
 Vector = tuple[Image, Image, Image]
@@ -35,34 +37,36 @@ Vector = tuple[Image, Image, Image]
 
 def angle_to_axis(normal: Image) -> Image:
     """Compute the angle between surface normal and optical axis, rad."""
-    return np.arccos(np.clip(-normal[..., 2], np.float32(0.0), np.float32(1.0)))
+    xp = of(normal)
+    return xp.arccos(xp.clip(-normal[..., 2], 0.0, 1.0))
 
 
 def angle_ratio(angle: Image) -> Image:
     """Compute a / (pi/2 - a) of an angle; axial and lateral noise grow with this ratio."""
-    ratio: Image = angle / np.maximum(_HALF_PI - angle, _FROM_POLE)
-    return ratio
+    return angle / of(angle).maximum(_HALF_PI - angle, _FROM_POLE)
 
 
 def axial(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds white noise along the axis; sigma grows with distance and angle."""
     z = layers["depth"]
+    xp = of(z)
     angle = angle_to_axis(layers["normal"])
     beyond = z - p["quadratic_from_m"]
     sigma = p["base_sigma_mm"] + p["linear_mm_per_m"] * z
     sigma = sigma + p["quadratic_mm_per_m2"] * beyond * beyond
-    tilted = (z > 0) & (np.degrees(angle) >= p["angle_from_deg"])
-    ratio = angle_ratio(np.where(tilted, angle, np.float32(0.0)))
-    power = np.power(np.where(tilted, z, np.float32(1.0)), p["angle_power"])
+    degrees = xp.rad2deg(angle)
+    tilted = (z > 0) & (degrees >= p["angle_from_deg"])
+    ratio = angle_ratio(xp.where(tilted, angle, 0.0))
+    power = xp.where(tilted, z, 1.0) ** p["angle_power"]
     sigma = sigma + p["angle_mm"] * power * ratio * ratio
-    first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
+    first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 0)
     noise = normal_pair(first, second)[0]
-    return {"depth": moved_by_mm(z, np.clip(sigma, np.float32(0.0), p["max_sigma_mm"]) * noise)}
+    return {"depth": moved_by_mm(z, xp.clip(sigma, 0.0, p["max_sigma_mm"]) * noise)}
 
 
 def gaussian(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds white noise in depth or in disparity."""
-    first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
+    first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 0)
     mm, px = normal_pair(first, second)
     by_mm, by_px = p["sigma_mm"] * mm, p["sigma_px"] * px
     return {"depth": displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)}
@@ -70,29 +74,27 @@ def gaussian(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds an error per pixel that is the same in every frame of a device."""
-    x, y = pixels(view.window)
-    own = correlated_noise(view.window, view.device_seed)
-    first, second, _, _ = random_bits(x, 0, view.device_seed, 1)
-    column = normal_pair(first, second)[0]
-    first, second, _, _ = random_bits(0, y, view.device_seed, 2)
-    row = normal_pair(first, second)[0]
-    half_sign = np.where(2 * y < view.height, np.float32(-1.0), np.float32(1.0))
-    place = _PROFILE_STEPS * (y.astype(np.float32) + np.float32(0.5)) / np.float32(view.height)
-    step = np.floor(place)
-    ends = [
-        normal_pair(*random_bits(1, step.astype(np.int64) + k, view.device_seed, 3)[:2])[0]
-        for k in (0, 1)
-    ]
-    share = uniform01(pcg_word(np.array([view.device_seed], np.uint32)))
-    profile = p["row_profile_mm"] * share * (ends[0] + (ends[1] - ends[0]) * (place - step))
-    odd = np.where(y % 2 == 1, np.float32(1.0), np.float32(-1.0))
+    seed = view.device_seed
+    xp, (x, y) = of(seed), pixels(view.window, seed)
+    own = correlated_noise(view, seed)
+    column = normal_pair(*random_bits(x, 0, seed, 1)[:2])[0]
+    row = normal_pair(*random_bits(0, y, seed, 2)[:2])[0]
+    half_sign = xp.where(2 * y < view.height, -1.0, 1.0)
+    place = _PROFILE_STEPS * (xp.floats(y) + 0.5) / view.height
+    step = xp.floor(place)
+    above, below = (
+        normal_pair(*random_bits(1, xp.words(step) + xp.word(k), seed, 3)[:2])[0] for k in (0, 1)
+    )
+    share = uniform01(pcg_word(xp.words(seed, seed)))
+    profile = p["row_profile_mm"] * share * (above + (below - above) * (place - step))
+    odd = xp.where(y % 2 == 1, 1.0, -1.0)
     alternation = p["row_alternation_mm"] * half_sign + profile
-    alternation = alternation + np.float32(0.5) * p["row_step_mm"]
+    alternation = alternation + 0.5 * p["row_step_mm"]
     error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column
     error = error + p["row_sigma_mm"] * row + odd * alternation
     if "pattern_map" in layers:  # of the whole frame, as on the GPU
         measured = layers["pattern_map"][view.window.slices]
-        error = np.where(measured < np.float32(1e5), measured, error)
+        error = xp.where(measured < 1e5, measured, error)
     return {"depth": moved_by_mm(layers["depth"], error)}
 
 
@@ -101,9 +103,9 @@ def perlin(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image
     seed = field_seed(view, p["drift_hz"])
     at = field_position(view, p["lattice_x_px"], p["lattice_y_px"], p["drift_hz"])
     if p["drift_hz"] <= 0:  # a static field lies on a plane of nodes
-        at = (at[0], at[1], np.float32(0.0) * at[2])
+        at = (at[0], at[1], 0.0 * at[2])
     lacunarity, persistence = p["lacunarity"], p["persistence"]
-    total, weight = np.zeros(1, np.float32), np.float32(1.0)
+    total, weight = 0.0, 1.0
     for octave in range(int(p["octaves"])):
         total = total + weight * perlin_at(at, seed + octave)
         at = (at[0] * lacunarity, at[1] * lacunarity, at[2] * lacunarity)
@@ -121,18 +123,18 @@ def simplex(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Imag
 def disparity_quantise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Rounds the disparity to multiples of a step."""
     depth, step = layers["depth"], p["step_px"]
-    steps = np.floor(disparity_px(depth, view.focal_baseline_px_m) / step + np.float32(0.5))
-    rounded = disparity_px(np.maximum(steps, np.float32(1.0)) * step, view.focal_baseline_px_m)
-    return {"depth": np.where(depth > 0, rounded, depth)}
+    xp = of(depth)
+    steps = xp.floor(disparity_px(depth, view.focal_baseline_px_m) / step + 0.5)
+    rounded = disparity_px(xp.maximum(steps, 1.0) * step, view.focal_baseline_px_m)
+    return {"depth": xp.where(depth > 0, rounded, depth)}
 
 
 def millimetre_quantise(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Rounds the depth to multiples of a step."""
     depth, step = layers["depth"], p["step_mm"]
-    steps = np.maximum(
-        np.floor(np.float32(1000.0) * depth / step + np.float32(0.5)), np.float32(1.0)
-    )
-    return {"depth": np.where(depth > 0, np.float32(0.001) * step * steps, depth)}
+    xp = of(depth)
+    steps = xp.maximum(xp.floor(1000.0 * depth / step + 0.5), 1.0)
+    return {"depth": xp.where(depth > 0, 0.001 * step * steps, depth)}
 
 
 def _with_field(
@@ -145,21 +147,21 @@ def _with_field(
 def infrared(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Computes infrared light, by Lambert's law and the inverse square of the distance."""
     depth, normal = layers["clean"], layers["normal"]
+    xp = of(depth)
     x, y = layers["rays"][..., 0], layers["rays"][..., 1]
-    squared = x * x + y * y + np.float32(1.0)
-    length = np.sqrt(squared)
+    squared = x * x + y * y + 1.0
+    length = xp.sqrt(squared)
     towards = normal[..., 0] * (x / length) + normal[..., 1] * (y / length)
-    cosine = -(towards + normal[..., 2] * (np.float32(1.0) / length))
+    cosine = -(towards + normal[..., 2] * (1.0 / length))
     distance_squared = squared * depth * depth
-    light = p["gain_counts"] * layers["albedo"] * np.maximum(cosine, np.float32(0.0))
-    light = light / np.where(depth > 0, distance_squared, np.float32(1.0))
-    lit = np.where(depth > 0, light * layers["lit"], np.float32(0.0))
-    return {"infrared": p["ambient_counts"] + lit}
+    light = p["gain_counts"] * layers["albedo"] * xp.maximum(cosine, 0.0)
+    light = light / xp.where(depth > 0, distance_squared, 1.0)
+    return {"infrared": p["ambient_counts"] + xp.where(depth > 0, light * layers["lit"], 0.0)}
 
 
 def low_signal(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes pixels that return too little infrared light."""
-    first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
+    first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 0)
     limit = p["min_counts"] + p["spread_counts"] * normal_pair(first, second)[0]
     return without(layers, layers["infrared"] < limit, Reason.LOW_SIGNAL)
 
@@ -171,110 +173,103 @@ def shadow(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Imag
 
 def range_gate(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes depth outside the measuring range."""
-    depth_mm = np.float32(1000.0) * layers["depth"]
+    depth_mm = 1000.0 * layers["depth"]
     outside = (depth_mm < p["near_mm"]) | (depth_mm > p["far_mm"])
     return without(layers, outside, Reason.OUT_OF_RANGE)
 
 
-def _hash(node: tuple[Words, Words, Words], seed: int) -> Words:
-    """Hash a lattice node and a seed to a 32-bit word; the seed wraps at 2^32."""
+def _hash(node: tuple[Words, Words, Words], seed: Words) -> Words:
+    """Hash a lattice node and a seed to a 32-bit word."""
     x, y, z = node
-    return pcg_word(pcg_word(pcg_word(np.uint32(seed % 2**32) ^ pcg_word(z)) + y) + x)
+    return pcg_word(pcg_word(pcg_word(seed ^ pcg_word(z)) + y) + x)
 
 
 def _gradient(bits: Words, offset: Vector) -> Image:
     """Compute the dot product of an offset and a random gradient, one of 12 edges of a cube."""
-    h = bits >> np.uint32(28)
+    xp = of(bits)
+    h = xp.shifted(bits, 28)
     x, y, z = offset
-    a = np.where(h < 8, x, y)
-    b = np.where(h < 4, y, np.where((h == 12) | (h == 14), x, z))
-    return np.where(h & 1, -a, a) + np.where(h & 2, -b, b)
+    a = xp.where(h < 8, x, y)
+    b = xp.where(h < 4, y, xp.where((h == 12) | (h == 14), x, z))
+    return xp.where((h & 1) > 0, -a, a) + xp.where((h & 2) > 0, -b, b)
 
 
 def _fade(t: Image) -> Image:
     """Compute Perlin's quintic weight, 0 to 1 over a lattice cell, flat at both ends."""
-    slope = t * (t * np.float32(6.0) - np.float32(15.0)) + np.float32(10.0)
-    quintic: Image = t * t * t * slope
-    return quintic
+    return t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 
 
-def _words(whole: Image) -> Words:
-    """Convert integers of any sign to 32-bit words, modulo 2^32."""
-    return whole.astype(np.int64).astype(np.uint32)
-
-
-def perlin_at(at: Vector, seed: int) -> Image:
+def perlin_at(at: Vector, seed: Any) -> Image:
     """Compute Perlin noise on a cubic lattice, about -1 to 1.
 
     Args:
         at: float32, in lattice cells.
+        seed: wraps at 2^32.
     """
-    whole = [np.floor(part) for part in at]
+    xp = of(at[0])
+    whole = [xp.floor(part) for part in at]
     f = [part - start for part, start in zip(at, whole, strict=True)]
-    n = [_words(part) for part in whole]
+    n, key = [xp.words(part) for part in whole], xp.words(seed, at[0])
     tx, ty, tz = (_fade(part) for part in f)
-    low, high = np.uint32(0), np.uint32(1)
     rows = []
-    for y, z in ((low, low), (high, low), (low, high), (high, high)):
+    for y, z in ((0, 0), (1, 0), (0, 1), (1, 1)):
         left, right = (
             _gradient(
-                _hash((n[0] + x, n[1] + y, n[2] + z), seed),
-                (f[0] - np.float32(x), f[1] - np.float32(y), f[2] - np.float32(z)),
+                _hash((n[0] + xp.word(x), n[1] + xp.word(y), n[2] + xp.word(z)), key),
+                (f[0] - x, f[1] - y, f[2] - z),
             )
-            for x in (low, high)
+            for x in (0, 1)
         )
         rows.append(mix(left, right, tx))
     return mix(mix(rows[0], rows[1], ty), mix(rows[2], rows[3], ty), tz)
 
 
 def _total(vector: Vector, factor: float) -> Image:
-    by = np.float32(factor)
-    total: Image = vector[0] * by + vector[1] * by + vector[2] * by
-    return total
+    return vector[0] * factor + vector[1] * factor + vector[2] * factor
 
 
-def simplex_at(at: Vector, seed: int) -> Image:
+def simplex_at(at: Vector, seed: Any) -> Image:
     """Compute simplex noise on a lattice of tetrahedra, about -1 to 1.
 
     Args:
         at: float32, in lattice cells.
+        seed: wraps at 2^32.
     """
+    xp = of(at[0])
     skew = _total(at, 1 / 3)
-    cell = [np.floor(part + skew) for part in at]
+    cell = [xp.floor(part + skew) for part in at]
     unskew = _total((cell[0], cell[1], cell[2]), 1 / 6)
     x0, y0, z0 = (part - low + unskew for part, low in zip(at, cell, strict=True))
-    xy, yz, xz = (ge.astype(np.int8) for ge in (x0 >= y0, y0 >= z0, x0 >= z0))
+    xy, yz, xz = (xp.floats(ge) for ge in (x0 >= y0, y0 >= z0, x0 >= z0))
     ranks = xy + xz, 1 - xy + yz, 2 - yz - xz
-    n = [_words(part) for part in cell]
-    total = np.zeros(1, np.float32)
+    n, key = [xp.words(part) for part in cell], xp.words(seed, at[0])
+    total = 0.0
     # The corners follow the coordinates by rank: a step along no axis, one, two, all three.
     for least, back in ((3, 0.0), (2, 1 / 6), (1, 1 / 3), (0, 0.5)):
-        step = [rank >= least for rank in ranks]
-        x, y, z = (
-            part - one.astype(np.float32) + np.float32(back)
-            for part, one in zip((x0, y0, z0), step, strict=True)
+        step = [xp.floats(rank >= least) for rank in ranks]
+        x, y, z = (part - one + back for part, one in zip((x0, y0, z0), step, strict=True))
+        t = xp.maximum(0.5 - (x * x + y * y + z * z), 0.0)
+        bits = _hash(
+            (n[0] + xp.words(step[0]), n[1] + xp.words(step[1]), n[2] + xp.words(step[2])), key
         )
-        t = np.maximum(np.float32(0.5) - (x * x + y * y + z * z), np.float32(0.0))
-        bits = _hash((n[0] + step[0], n[1] + step[1], n[2] + step[2]), seed)
         total = total + t * t * t * t * _gradient(bits, (x, y, z))
-    return np.float32(76.0) * total
+    return 76.0 * total
 
 
-def field_seed(view: FrameContext, drift_hz: np.float32) -> int:
+def field_seed(view: FrameContext, drift_hz: float) -> Any:
     """Return the seed of a noise field: the frame's without drift, the sequence's with drift."""
     return view.sequence_seed if drift_hz > 0 else view.seed
 
 
 def field_position(
-    view: FrameContext, lattice_x_px: np.float32, lattice_y_px: np.float32, drift_hz: np.float32
+    view: FrameContext, lattice_x_px: Any, lattice_y_px: Any, drift_hz: Any
 ) -> Vector:
     """Return the position of each pixel of the window in the noise field, in lattice cells."""
-    x, y = pixels(view.window)
-    bits = random_bits(0, 0, field_seed(view, drift_hz), 0xF1E1D)
-    start = [np.float32(3.0) * uniform01(word) for word in bits[:3]]
-    time = np.float32(view.time_s) * drift_hz
+    seed = field_seed(view, drift_hz)
+    xp, (x, y) = of(seed), pixels(view.window, seed)
+    start = [3.0 * uniform01(word) for word in random_bits(0, 0, seed, 0xF1E1D)[:3]]
     return (
-        start[0] + (x.astype(np.float32) + np.float32(0.5)) / lattice_x_px,
-        start[1] + (y.astype(np.float32) + np.float32(0.5)) / lattice_y_px,
-        start[2] + time,
+        start[0] + (xp.floats(x) + 0.5) / lattice_x_px,
+        start[1] + (xp.floats(y) + 0.5) / lattice_y_px,
+        start[2] + view.time_s * drift_hz,
     )

@@ -1,0 +1,38 @@
+"""Twins of the shader stages in arrays: references for their tests, and a simulator without OpenGL.
+
+A twin does the same float32 arithmetic in the same order, mostly with the shader's names. Results
+differ only as a driver's log, cos, acos, pow and division differ from NumPy's. All but those of
+structured light also take batches of maps as tensors of PyTorch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.twins import any_camera, edges, stereo, tof_decode, tof_light, values
+from glsim.noise.twins.layers import Image, Layers
+
+Twin = Callable[[FrameContext, Layers, Mapping[str, Any]], dict[str, Image]]
+
+_MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera)
+
+
+def find_twin(stage: str) -> Twin | None:
+    """Return the twin of a shader stage, given the stem of its GLSL file, else None."""
+    module = next((m for m in _MODULES if hasattr(m, stage)), None)
+    if module is None:
+        return None
+    own: Twin = getattr(module, stage)
+
+    def run(view: FrameContext, layers: Layers, p: Mapping[str, Any]) -> dict[str, Image]:
+        # Parameter values become float32, as a shader gets them.
+        if not view.batched:
+            with np.errstate(under="ignore"):
+                return own(view, layers, {name: np.float32(value) for name, value in p.items()})
+        return own(view, layers, p)
+
+    return run

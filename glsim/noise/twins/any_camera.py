@@ -1,0 +1,302 @@
+"""Twins of any_camera_edges, _noise and _losses, and of shaders/lib/lattice_noise.glsl."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from glsim.core.reason import Reason
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.twins.arrays import of
+from glsim.noise.twins.layers import (
+    Image,
+    Layers,
+    Parameters,
+    Words,
+    around,
+    fetch,
+    has_depth,
+    mix,
+    moved_by_mm,
+    normal_pair,
+    pcg_word,
+    pixels,
+    random_bits,
+    select,
+    square,
+    uniform01,
+    without,
+)
+
+_TWO_PI, _FAR, _MOST_HAZE_M = 6.28318530718, 1e4, 0.04
+_SKIN_ALBEDO, _USUAL_M, _DARKEST = 0.6, 0.9, 0.04
+
+
+def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Simulates silhouettes, shadows and infrared light of an unknown depth camera."""
+    x, y = pixels(view.window, view.seed)
+    clean = layers["clean"]
+    xp, zero = of(clean), of(clean).zeros_like(clean)
+    step = 0.001 * p["step_mm_per_m"] * clean
+    bumps = lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
+    growth = p["growth_px"] + p["rough_px"] * bumps + (normal_share(bumps) - 0.5)
+
+    depths = around(view, clean, 2, clamped=True)
+    to_front = to_behind = front = zero + _FAR
+    behind = zero
+    for dx, dy in square(2):
+        away = math.sqrt(dx * dx + dy * dy) - 0.5
+        there = depths(dx, dy)
+        nearer = (there > 0) & ((clean <= 0) | (there < clean - step))
+        farther = (clean > 0) & ((there <= 0) | (there > clean + step))
+        front = xp.where(nearer & (away <= growth), xp.minimum(front, there), front)
+        to_front = xp.where(nearer, xp.minimum(to_front, away), to_front)
+        behind = xp.where(farther & (away < to_behind), there, behind)
+        to_behind = xp.where(farther, xp.minimum(to_behind, away), to_behind)
+    chance = [uniform01(word) for word in random_bits(x, y, view.seed, 1)]
+    grows = front < _FAR
+    shrinks = ~grows & (to_behind <= -growth)
+    band = xp.maximum(growth, 0.0) + p["cut_px"]
+    cut = ~grows & (clean > 0) & (p["cut_px"] > 0) & (to_front <= band)
+    lost = shrinks & ((behind <= 0) | (chance[0] < p["edge_holes"]))
+    own = xp.where(grows, front, xp.where(shrinks, behind, clean))
+
+    own_step = 0.001 * p["step_mm_per_m"] * own
+    mixes = (xp.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
+    bright = _facing_light(clean, layers["albedo"])
+    blended, mixed, light = _mixed(view, depths, bright, own, own_step, p)
+    blended, mixed = xp.where(mixes, blended, own), xp.where(mixes & (own > 0), mixed, 0.0)
+    light = xp.where(mixes, light, bright)
+    z = xp.where(mixed > 0, xp.maximum(blended, 0.05), own)
+    z, least = _hazed(view, clean, bright, z, own, light, p)
+
+    shadowed = ~grows & (clean > 0) & (layers["lit"] < p["shadow_lit"])
+    between = shadowed & (chance[2] < p["shadow_between"])
+    z = xp.where(between, mix(z, least, chance[3]), z)
+
+    other = xp.abs(z - clean) > xp.maximum(own_step, step)
+    hidden = shadowed & ~(chance[1] < p["shadow_kept"])
+    reason = select(
+        [
+            ((own <= 0) & (clean > 0), float(Reason.EDGE)),
+            (own <= 0, float(Reason.NO_SURFACE)),
+            (hidden, float(Reason.SHADOW)),
+            (lost | cut, float(Reason.EDGE)),
+            (mixed > p["max_mixed"], float(Reason.MIXED)),
+            (clean <= 0, float(Reason.GROWN)),
+            (other, float(Reason.MOVED)),
+        ],
+        zero + float(Reason.VALID),
+    )
+    return {
+        "depth": xp.where(has_depth(reason), z, 0.0),
+        "reason": reason,
+        "infrared": _infrared(view, layers, p, light),
+    }
+
+
+def _facing_light(depth: Image, albedo: Image) -> Image:
+    """Compute the light of surfaces, as if they faced the camera on its axis."""
+    return skin_signal(depth, albedo, 1.0, 1.0)
+
+
+def _mixed(
+    view: FrameContext, depths: Any, bright: Image, own: Image, own_step: Image, p: Parameters
+) -> tuple[Image, Image, Image]:
+    """Mix depths under the point spread: depth, m, share of other surfaces, and collected light."""
+    xp, lights = of(own), around(view, bright, 2, clamped=True)
+    total = alike = light = cosines = sines = xp.zeros_like(own)
+    area = 0.0
+    falls = -0.5 / xp.maximum(p["psf_px"] * p["psf_px"], 1e-6)
+    for dx, dy in square(2):
+        there, lit = depths(dx, dy), lights(dx, dy)
+        share = xp.exp(falls * float(dx * dx + dy * dy))
+        weight = xp.where(there > 0, share * (1.0 + p["light_mix"] * (lit - 1.0)), 0.0)
+        angle = _TWO_PI * (there - own) / p["wavelength_m"]
+        cosines = cosines + weight * xp.cos(angle)
+        sines = sines + weight * xp.sin(angle)
+        total = total + weight
+        alike = alike + xp.where(xp.abs(there - own) <= own_step, weight, 0.0)
+        area = area + share
+        light = light + share * lit
+    blended = own + xp.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
+    return blended, 1.0 - alike / xp.maximum(total, 1e-6), light / area
+
+
+def _hazed(
+    view: FrameContext, clean: Image, bright: Image, z: Image, own: Image, light: Image,
+    p: Parameters,
+) -> tuple[Image, Image]:  # fmt: skip
+    """Pull depth towards the surroundings by stray light; return also the least depth around, m."""
+    xp, (x, y) = of(z), pixels(view.window, view.seed)
+    around_ = pull = xp.zeros_like(z)
+    least = clean
+    for n in range(8):
+        angle, reach = 0.785398163 * n, 1.0 * p["haze_px"] * (1.0 if n % 2 == 0 else 0.6)
+        dx, dy = (xp.floor(reach * way + 0.5) for way in (math.cos(angle), math.sin(angle)))
+        column = xp.clip(x + xp.integers(dx), 0, view.width - 1)
+        row = xp.clip(y + xp.integers(dy), 0, view.height - 1)
+        there, lit = (fetch(layer, view.window, column, row) for layer in (clean, bright))
+        around_ = around_ + 0.125 * lit
+        pull = pull + 0.125 * lit * (there - z)
+        least = xp.where(there > 0, xp.minimum(least, there), least)
+    moved = p["haze"] * pull / xp.maximum(light + p["haze"] * around_, 0.001)
+    return z + xp.where(own > 0, xp.clip(moved, -_MOST_HAZE_M, _MOST_HAZE_M), 0.0), least
+
+
+def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -> Image:
+    """Compute infrared counts with read noise and shot noise, 0 to 65535."""
+    xp = of(light)
+    cosine, squared = _cosine(layers["normal"], layers["rays"])
+    lambert = xp.maximum(cosine, 0.0) * layers["lit"]
+    counts = p["gain_counts"] * light * xp.where(layers["clean"] > 0, lambert, 1.0) / squared
+    first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 2)
+    sigma = xp.sqrt(p["read_counts"] * p["read_counts"] + p["shot_counts"] * counts)
+    noisy = xp.floor(counts + sigma * normal_pair(first, second)[0] + 0.5)
+    return xp.clip(noisy, 0.0, 65535.0)
+
+
+def _cosine(normal: Image, rays: Image) -> tuple[Image, Image]:
+    """Compute the cosines of angles of incidence, and the square of the ray's length at z = 1."""
+    x, y = rays[..., 0], rays[..., 1]
+    squared = x * x + y * y + 1.0
+    facing = -(normal[..., 0] * x + normal[..., 1] * y + normal[..., 2])
+    return facing / of(x).sqrt(squared), squared
+
+
+def skin_signal(depth: Image, albedo: Image, lambert: Image, squared: Image) -> Image:
+    """Compute the returned light, 1 for skin that faces the camera at 0.9 m; as skin_signal.glsl.
+
+    Args:
+        lambert: the cosine of the angle of incidence, at least 0.
+        squared: of the ray's length at z = 1.
+    """
+    xp = of(depth)
+    near = _USUAL_M / xp.maximum(depth, 0.001)
+    light = albedo / _SKIN_ALBEDO * lambert * near * near / squared
+    return xp.where(depth > 0, light, 0.0)
+
+
+def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Adds noise and a systematic error, as of an unknown depth camera."""
+    z, normal = layers["depth"], layers["normal"]
+    xp = of(z)
+    cosine, squared = _cosine(normal, layers["rays"])
+    usual, lambert = xp.zeros_like(z) + _USUAL_M, xp.maximum(cosine, 0.0)
+    light = skin_signal(usual, layers["albedo"], lambert, squared)
+    light = xp.where(_known(normal), xp.maximum(light, _DARKEST), 1.0)
+    ratio = xp.maximum(z, 0.001) / _USUAL_M
+    by_light = p["light_mm"] * ratio ** p["distance_power"]
+    by_light = by_light * light ** -p["light_power"]
+    by_inverse = 1000.0 * p["inverse_per_m"] * z * z
+    sigma = p["floor_mm"] * p["floor_mm"] + by_light * by_light + by_inverse * by_inverse
+    sigma = xp.minimum(xp.sqrt(sigma), p["max_sigma_mm"])
+    bits = random_bits(*pixels(view.window, view.seed), view.seed, 0)
+    white, scale = normal_pair(bits[0], bits[1])
+    spacing, device = (p["length_x_px"], p["length_y_px"]), view.device_seed
+    field = xp.sqrt(1.0 - p["static_share"]) * lattice_noise(view, spacing, view.seed)
+    field = field + xp.sqrt(p["static_share"]) * lattice_noise(view, spacing, device + 1)
+    noise = xp.sqrt(p["white_share"]) * white + xp.sqrt(1.0 - p["white_share"]) * field
+    noise = noise * xp.exp(p["tail"] * scale - p["tail"] * p["tail"])
+    smooth = lattice_noise(view, (p["smooth_px"],) * 2, view.seed + 1)
+    error = sigma * noise + p["smooth_mm"] * smooth
+    far_off = uniform01(pcg_word(bits[0])) < p["outlier_share"]
+    second = normal_pair(bits[2], bits[3])[0]
+    error = error + xp.where(far_off, p["outlier_mm"] * second, 0.0)
+    written = {"depth": moved_by_mm(z, error + _systematic_mm(view, p, z))}
+    if "expected" in layers:
+        right = layers["expected"]
+        written["expected"] = moved_by_mm(right, _systematic_mm(view, p, right))
+    return written
+
+
+def _known(normal: Image) -> Any:
+    """Return whether pixels have a normal."""
+    x, y, z = (normal[..., k] for k in range(3))
+    return x * x + y * y + z * z > 0
+
+
+def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
+    """Compute the systematic depth error at the depths ``z`` (m), mm; positive measures too far."""
+    xp, seed = of(z), view.device_seed
+    phase = uniform01(pcg_word(xp.words(seed, seed)))
+    x, y = (xp.floats(n) + 0.5 for n in pixels(view.window, seed))
+    beside_x = 2.0 * x / view.width - 1.0
+    beside_y = 2.0 * y / view.height - 1.0
+    turns = z / p["wiggle_period_m"] + phase
+    wave = xp.sin(_TWO_PI * (turns - xp.floor(turns)))
+    linear = p["offset_mm"] + p["scale_mm_per_m"] * z
+    tilted = p["tilt_x_mm"] * beside_x + p["tilt_y_mm"] * beside_y
+    return linear + tilted + p["wiggle_mm"] * wave
+
+
+def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes pixels and rounds disparities, as an unknown depth camera does."""
+    depth, normal = layers["depth"], layers["normal"]
+    xp, known, (cosine, squared) = of(depth), _known(normal), _cosine(normal, layers["rays"])
+    signal = skin_signal(depth, layers["albedo"], xp.maximum(cosine, 0.0), squared)
+    signal, cosine = xp.where(known, signal, 1.0), xp.where(known, cosine, 1.0)
+    bits = random_bits(*pixels(view.window, view.seed), view.seed, 0)
+    white, second = normal_pair(bits[0], bits[1])
+    spacing = (p["cluster_px"],) * 2
+    clusters = normal_share(lattice_noise(view, spacing, view.seed))
+    more = lattice_noise(view, spacing, view.seed + 1)
+    limit = p["dark_signal"] * xp.exp(p["dark_spread"] * 0.70710678 * (white + more))
+    grazing = cosine < p["grazing_cosine"] + p["grazing_spread"] * second
+    dropped = (clusters < p["cluster_share"]) | (uniform01(bits[2]) < p["single_share"])
+    reason = select(
+        [
+            ((signal < limit) | grazing, float(Reason.LOW_SIGNAL)),
+            (signal > p["saturated_signal"], float(Reason.SATURATED)),
+            (dropped, float(Reason.DROPPED)),
+        ],
+        xp.zeros_like(depth) + float(Reason.VALID),
+    )
+    per_m = 1000.0 * p["step_px"] / p["focal_baseline_px_mm"]
+    rounds = (depth > 0) & (per_m > 0)
+    per_m = xp.where(rounds, per_m, 1.0)
+    steps = xp.maximum(xp.floor(1.0 / (xp.where(rounds, depth, 1.0) * per_m) + 0.5), 1.0)
+    depth = xp.where(rounds, 1.0 / (per_m * steps), depth)
+    return without({**layers, "depth": depth}, reason != Reason.VALID, reason)
+
+
+def _node(word: Words) -> Image:
+    """Convert a random word to a lattice node's number: the sum of four bytes, variance 1."""
+    xp, byte = of(word), of(word).word(255)
+    total = (word & byte) + (xp.shifted(word, 8) & byte) + (xp.shifted(word, 16) & byte)
+    return (xp.floats(total + xp.shifted(word, 24)) - 510.0) * 6.76583e-3
+
+
+def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) -> Image:
+    """Return an (h, w) smooth random field of variance 1, interpolated between lattice nodes.
+
+    Args:
+        spacing_px: distances of the nodes along x and y.
+        seed: wraps at 2^32.
+    """
+    xp = of(seed)
+    key = pcg_word(xp.words(seed, seed))
+    starts = uniform01(key), uniform01(pcg_word(key))
+    weights, firsts, norms = [], [], []
+    places = pixels(view.window, seed)
+    for place, spacing, start in zip(places, spacing_px, starts, strict=True):
+        at = xp.floats(place) / spacing + start
+        node = xp.floor(at + 0.5)
+        t = at - node
+        before = 0.5 * (0.5 - t) * (0.5 - t)
+        after = 0.5 * (0.5 + t) * (0.5 + t)
+        middle = 0.75 - t * t
+        weights.append((before, middle, after))
+        norms.append(before * before + middle * middle + after * after)
+        firsts.append(xp.words(node - 1.0))
+    total = 0.0
+    for j in range(3):
+        row = pcg_word(key ^ pcg_word(firsts[1] + xp.word(j)))
+        along = sum(weights[0][i] * _node(pcg_word(row + firsts[0] + xp.word(i))) for i in range(3))
+        total = total + weights[1][j] * along
+    return total / xp.sqrt(norms[0] * norms[1])
+
+
+def normal_share(n: Image) -> Image:
+    """Compute the cumulative normal distribution at ``n``, within 0.0003."""
+    return 0.5 + 0.5 * of(n).tanh(0.7978846 * (n + 0.044715 * n * n * n))

@@ -1,0 +1,153 @@
+"""The functions that twins take from NumPy or PyTorch, under NumPy's names.
+
+Random words are uint32 in NumPy and int32 in PyTorch, whose uint32 has no arithmetic: sums and
+products wrap around alike, so that their bits are the same. Numbers that meet a tensor are Python's
+(a ``numpy.float32`` to the left of a tensor would make an array of it).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+#: Functions of one argument; PyTorch's take no numbers.
+_OF_ONE = ("sqrt", "exp", "log", "cos", "sin", "tanh", "floor", "abs", "sign", "arccos")
+
+
+class _NumPy:
+    """NumPy's functions; results of float32 arrays and Python numbers are float32."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+    def where(self, condition: Any, one: Any, other: Any) -> Any:
+        """Choose from numbers and float32 arrays, as float32."""
+        chosen = np.where(condition, one, other)
+        return chosen.astype(np.float32) if chosen.dtype == np.float64 else chosen
+
+    def vector(self, numbers: Sequence[float], like: Any) -> Any:
+        """Return a 1D float32 array on the device of ``like``."""
+        return np.array(numbers, np.float32)
+
+    def floats(self, whole: Any) -> Any:
+        """Convert integers or truth values to float32."""
+        return np.asarray(whole).astype(np.float32)
+
+    def integers(self, whole: Any) -> Any:
+        """Convert whole float numbers to integers that index."""
+        return np.asarray(whole).astype(np.int64)
+
+    def words(self, numbers: Any, like: Any = None) -> Any:
+        """Convert whole numbers of any sign to an array of 32-bit words on the device of ``like``.
+
+        Always an array: NumPy warns when scalars overflow.
+        """
+        return np.atleast_1d(np.asarray(numbers).astype(np.int64)).astype(np.uint32)
+
+    def word(self, number: int) -> Any:
+        """Return a 32-bit word of a Python integer, for arithmetic with words."""
+        return np.uint32(number % 2**32)
+
+    def shifted(self, words: Any, by: Any) -> Any:
+        """Shift 32-bit words to the right; zeros come in."""
+        return words >> (np.uint32(by) if isinstance(by, int) else by)
+
+    def range(self, start: int, stop: int, like: Any) -> Any:
+        """Return the integers from ``start`` up to ``stop`` on the device of ``like``."""
+        return np.arange(start, stop)
+
+    def plus(self, total: Any, weight: Any, part: Any) -> Any:
+        """Compute total + weight * part."""
+        return total + weight * part
+
+
+class _Torch(_NumPy):
+    """PyTorch's functions under NumPy's names, also for Python numbers beside tensors."""
+
+    def __init__(self) -> None:
+        self._torch: Any = sys.modules["torch"]  # loaded, since there is a tensor
+        for name in _OF_ONE:
+            setattr(self, name, partial(self._of_one, name))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._torch, name)
+
+    def _of_one(self, name: str, x: Any) -> Any:
+        if isinstance(x, float):
+            return float(getattr(np, name)(np.float32(x)))
+        return getattr(self._torch, name)(x)
+
+    def minimum(self, one: Any, other: Any) -> Any:
+        return self._bounded("max", one, other)
+
+    def maximum(self, one: Any, other: Any) -> Any:
+        return self._bounded("min", one, other)
+
+    def _bounded(self, bound: str, one: Any, other: Any) -> Any:
+        """Clamp a tensor to the bound that the other argument is, a number or a tensor."""
+        if not isinstance(one, self._torch.Tensor):
+            one, other = other, one
+        if not isinstance(one, self._torch.Tensor):
+            return max(one, other) if bound == "min" else min(one, other)
+        return one.clamp(**{bound: other})
+
+    def clip(self, x: Any, low: Any, high: Any) -> Any:
+        return self.minimum(self.maximum(x, low), high)
+
+    def where(self, condition: Any, one: Any, other: Any) -> Any:
+        if isinstance(condition, bool):
+            return one if condition else other
+        return self._torch.where(condition, one, other)
+
+    def stack(self, arrays: Sequence[Any], axis: int = 0) -> Any:
+        """Stack with each array's pixels together in memory, wherever the new axis is."""
+        return self._torch.stack(self._torch.broadcast_tensors(*arrays)).movedim(0, axis)
+
+    def vector(self, numbers: Sequence[float], like: Any) -> Any:
+        # Filled, not copied from the CPU, for which a GPU would be waited for.
+        f32 = self._torch.float32
+        return self._torch.stack([like.new_full((), float(n), dtype=f32) for n in numbers])
+
+    def floats(self, whole: Any) -> Any:
+        return whole.to(self._torch.float32)
+
+    def integers(self, whole: Any) -> Any:
+        return int(whole) if isinstance(whole, float) else whole.to(self._torch.int64)
+
+    def words(self, numbers: Any, like: Any = None) -> Any:
+        if isinstance(numbers, int):
+            return like.new_full((1,), self.word(numbers), dtype=self._torch.int32)
+        return numbers.to(self._torch.int32)
+
+    def word(self, number: int) -> int:
+        return (number + 2**31) % 2**32 - 2**31
+
+    def shifted(self, words: Any, by: Any) -> Any:
+        if isinstance(by, int):
+            return (words >> by) & (2 ** (32 - by) - 1)
+        return (words >> by) & ~(-2 << (31 - by))
+
+    def range(self, start: int, stop: int, like: Any) -> Any:
+        return self._torch.arange(start, stop, dtype=self._torch.int32, device=like.device)
+
+    def plus(self, total: Any, weight: Any, part: Any) -> Any:
+        if isinstance(weight, float) and isinstance(total, self._torch.Tensor):
+            return self._torch.add(total, part, alpha=weight)
+        return total + weight * part
+
+
+_NUMPY = _NumPy()
+_TORCH: list[_Torch] = []
+
+
+def of(array: Any) -> Any:
+    """Return the functions for an array of NumPy, a tensor of PyTorch, or a number."""
+    if isinstance(array, np.ndarray | np.generic | float | int):
+        return _NUMPY
+    if not _TORCH:
+        _TORCH.append(_Torch())
+    return _TORCH[0]

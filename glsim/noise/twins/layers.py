@@ -1,0 +1,225 @@
+"""Twins of shaders/lib: layers, depth, disparity, random, kernel and correlated_noise.glsl.
+
+Random numbers are functions of (pixel, seed, draw), bit for bit those of the shaders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.twins.arrays import of
+
+#: Float32 numbers of pixels: (h, w) or (h, w, components) of NumPy, (B, h, w) or (B, h, w,
+#: components) of PyTorch.
+Image = Any
+#: 32-bit words, see ``glsim.noise.twins.arrays``.
+Words = Any
+#: Layers by name, and parameter values by their GLSL names: numbers, or (B, 1, 1) one per map.
+Layers = Mapping[str, Image]
+Parameters = Mapping[str, Any]
+
+#: The smallest depth that a pixel with depth can be moved to, m.
+_LEAST_M = 1e-4
+
+#: libfreenect2's 3x3 Gaussian: |dx| + |dy| of a neighbour -> weight.
+KERNEL = {0: 0.1195716, 1: 0.1131098, 2: 0.1069973}
+KERNEL_UNIT = 2.99791
+
+
+def pixels(window: Rect, like: Any = 0) -> tuple[Any, Any]:
+    """Return columns (1, w) and rows (h, 1) of a window's pixels, counted in the whole frame.
+
+    Args:
+        like: an array of their kind, or a number for NumPy.
+    """
+    left, top, width, height = window
+    xp = of(like)
+    return (
+        xp.range(left, left + width, like)[None, :],
+        xp.range(top, top + height, like)[:, None],
+    )
+
+
+def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
+    """Read a layer at integer pixels of the frame (x and y broadcast); 0 outside its window."""
+    xp = of(layer)
+    column, row = x - window.left, y - window.top
+    inside = (column >= 0) & (column < window.width) & (row >= 0) & (row < window.height)
+    column, row = xp.clip(column, 0, window.width - 1), xp.clip(row, 0, window.height - 1)
+    if layer.ndim == 2:
+        return xp.where(inside, layer[row, column], 0.0)
+    at = xp.integers(row * window.width + column).expand(len(layer), -1, -1)
+    there = layer.flatten(1).gather(1, at.flatten(1)).reshape(at.shape)
+    return xp.where(inside, there, 0.0)
+
+
+def around(
+    view: FrameContext, layer: Image, reach: int, *, clamped: bool = False
+) -> Callable[[int, int], Image]:
+    """Return a function that gives each pixel's neighbour (dx, dy) in a layer; read only.
+
+    Args:
+        reach: the largest offset.
+        clamped: beyond the frame, take the frame's nearest pixel; otherwise, and beyond the window,
+            0.
+    """
+    left, top, width, height = view.window
+    if view.batched:  # the window is the frame
+        planes = layer.movedim(3, 0) if layer.ndim == 4 else layer[None]
+        mode = "replicate" if clamped else "constant"
+        wide = of(layer).nn.functional.pad(planes, (reach,) * 4, mode=mode)
+        wide = wide.movedim(0, 3) if layer.ndim == 4 else wide[0]
+    else:
+        xp = of(layer)
+        x, y = (
+            xp.arange(start - reach, start + side + reach)
+            for start, side in ((left, width), (top, height))
+        )
+        if clamped:
+            x, y = xp.clip(x, 0, view.width - 1), xp.clip(y, 0, view.height - 1)
+        x, y = x - left, y - top
+        wide = layer[xp.clip(y, 0, height - 1)][:, xp.clip(x, 0, width - 1)]
+        wide[(y < 0) | (y >= height)] = 0.0
+        wide[:, (x < 0) | (x >= width)] = 0.0
+    maps = (slice(None),) * view.batched
+
+    def neighbour(dx: int, dy: int) -> Image:
+        row, column = reach + dy, reach + dx
+        return wide[(*maps, slice(row, row + height), slice(column, column + width))]
+
+    return neighbour
+
+
+def square(reach: int) -> Iterator[tuple[int, int]]:
+    """Yield the offsets (dx, dy) of the pixels within ``reach``, in reading order."""
+    side = range(-reach, reach + 1)
+    return ((dx, dy) for dy in side for dx in side)
+
+
+def mix(a: Image, b: Image, t: Image) -> Image:
+    """Interpolate linearly from ``a`` at t = 0 to ``b`` at t = 1."""
+    return a + t * (b - a)
+
+
+def select(choices: Sequence[tuple[Any, Any]], other: Any) -> Image:
+    """Return for each pixel the number of the first (condition, number) that holds."""
+    for condition, number in reversed(choices):
+        other = of(condition).where(condition, number, other)
+    return other
+
+
+def has_depth(reason: Image) -> Any:
+    """Return whether reason codes go with a depth."""
+    codes = [float(r) for r in Reason if r.has_depth]
+    found = reason == codes[0]
+    for code in codes[1:]:
+        found = found | (reason == code)
+    return found
+
+
+def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
+    """Return the reason codes of pixels with new depth; code ``lost`` where the new depth is 0."""
+    xp, here = of(depth_m), layers["depth"]
+    new = xp.where(layers["clean"] > 0, float(Reason.MOVED), float(Reason.GROWN))
+    reason = xp.where((depth_m <= 0) & (here > 0), float(lost), layers["reason"])
+    return xp.where((depth_m > 0) & (here <= 0), new, reason)
+
+
+def moved_by_mm(depth_m: Image, by_mm: Image) -> Image:
+    """Add millimetres to depth (metres); 0, no depth, stays 0."""
+    xp = of(depth_m)
+    return xp.where(depth_m > 0, xp.maximum(depth_m + 0.001 * by_mm, _LEAST_M), 0.0)
+
+
+def disparity_px(depth_m: Image, focal_baseline_px_m: Any) -> Image:
+    """Convert depth, m, to disparity, px, or disparity to depth; undefined where depth is 0."""
+    return focal_baseline_px_m / of(depth_m).where(depth_m > 0, depth_m, 1.0)
+
+
+def displaced(depth_m: Image, by_mm: Image, by_px: Image, focal_baseline_px_m: Any) -> Image:
+    """Add millimetres to depth (metres), and pixels to its disparity."""
+    xp = of(depth_m)
+    shifted = disparity_px(depth_m, focal_baseline_px_m) + by_px
+    moved = focal_baseline_px_m / xp.maximum(shifted, 1e-3)
+    return moved_by_mm(xp.where((depth_m > 0) & (by_px != 0), moved, depth_m), by_mm)
+
+
+def without(layers: Layers, lost: Any, reason: Any) -> dict[str, Image]:
+    """Return depth and reason after the pixels ``lost`` lost their depth."""
+    depth = layers["depth"]
+    xp, lost = of(depth), lost & (depth > 0)
+    return {
+        "depth": xp.where(lost, 0.0, depth),
+        "reason": xp.where(
+            lost, float(reason) if isinstance(reason, int) else reason, layers["reason"]
+        ),
+    }
+
+
+def random_bits(x: Any, y: Any, seed: Any, draw: Any) -> tuple[Words, Words, Words, Words]:
+    """Return four 32-bit random words per pixel, seed and draw; the arguments broadcast."""
+    xp = of(seed)
+    # One step of a linear congruential generator.
+    a, b, c, d = (
+        xp.words(n, seed) * xp.word(1664525) + xp.word(1013904223) for n in (x, y, seed, draw)
+    )
+    a, b, c, d = _scramble(a, b, c, d)
+    return _scramble(*(word ^ xp.shifted(word, 16) for word in (a, b, c, d)))
+
+
+def _scramble(a: Words, b: Words, c: Words, d: Words) -> tuple[Words, Words, Words, Words]:
+    a = a + b * d
+    b = b + c * a
+    c = c + a * b
+    return a, b, c, d + b * c
+
+
+def pcg_word(word: Words) -> Words:
+    """Return the next 32-bit word of the random generator PCG (RXS-M-XS 32)."""
+    xp = of(word)
+    state = word * xp.word(747796405) + xp.word(2891336453)
+    by = xp.shifted(state, 28) + xp.word(4)
+    mixed = (xp.shifted(state, by) ^ state) * xp.word(277803737)
+    return xp.shifted(mixed, 22) ^ mixed
+
+
+def uniform01(bits: Words) -> Image:
+    """Convert 32-bit words to uniform numbers in the open interval (0, 1), with 23 bits."""
+    xp = of(bits)
+    return (xp.floats(xp.shifted(bits, 9)) + 0.5) * (1.0 / 8388608.0)
+
+
+def normal_pair(first: Words, second: Words) -> tuple[Image, Image]:
+    """Convert two random words to two independent standard normal numbers (Box-Muller)."""
+    xp = of(first)
+    radius = xp.sqrt(-2.0 * xp.log(uniform01(first)))
+    angle = 6.28318530718 * uniform01(second)
+    return radius * xp.cos(angle), radius * xp.sin(angle)
+
+
+def correlated_noise(view: FrameContext, seed: Any) -> Image:
+    """Draw (h, w) noise of variance 1, smoothed by the 3x3 filter of the Kinect's decoder."""
+    xp = of(seed)
+    left, top, width, height = view.window
+    x, y = pixels(Rect(left - 1, top - 1, width + 2, height + 2), seed)
+    row = pcg_word(xp.words(seed, seed) ^ pcg_word(xp.words(y)))
+    bits = pcg_word(row + xp.words(x))
+    white = xp.floats(xp.shifted(bits, 16) + (bits & xp.word(0xFFFF))) - 65535.0
+    noise = 0.0
+    for dx, dy in square(1):
+        part = white[..., 1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
+        noise = xp.plus(noise, KERNEL[abs(dx) + abs(dy)], part)
+    return _CORRELATED_UNIT * noise
+
+
+#: sqrt(6) / 65536, times KERNEL_UNIT: for variance 1. Rounded to float32 one after the other.
+_CORRELATED_UNIT = float(of(0).float32(KERNEL_UNIT) * of(0).float32(3.73772e-5))
+
+
+def deep(value: Any) -> Any:
+    """Give numbers per map a last axis, so that they meet arrays with components."""
+    return value if isinstance(value, float) else value[..., None]

@@ -1,0 +1,437 @@
+"""Twins of time-of-flight stages that decode light: taps, filters, unwrapping, tof_fast."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from glsim.core.reason import Reason
+from glsim.noise.frame_context import FrameContext
+from glsim.noise.twins.arrays import of
+from glsim.noise.twins.layers import (
+    KERNEL,
+    KERNEL_UNIT,
+    Image,
+    Layers,
+    Parameters,
+    around,
+    correlated_noise,
+    deep,
+    moved_by_mm,
+    normal_pair,
+    pixels,
+    random_bits,
+    select,
+    square,
+    without,
+)
+from glsim.noise.twins.tof_light import (
+    HALF_WAVE_M_MHZ,
+    TWO_PI,
+    along_axis,
+    distance_of,
+    expected_depth,
+    frequencies,
+    phases,
+    phasors,
+    unwrapped_cycles,
+)
+
+#: libfreenect2's ab_multiplier_per_frq, and the phases of the taps.
+CONTRAST_MULTIPLIER = np.array([1.322581, 1.0, 1.612903], np.float32)
+TAP_COS, TAP_SIN = (1.0, -0.5, -0.5), (0.0, 0.86602540378, -0.86602540378)
+#: The largest value of the 11-bit code (libfreenect2's lookup table).
+LARGEST_TAP = 16320.0
+_COUNTS_PER_AMPLITUDE, _LIMIT = 16.0, 65535.0
+#: The halo: weights per axis within 3x3, of the four pixels at a distance of 2.
+_HALO = {0: 0.332485, 1: 0.234939}
+_HALO_OUTER = 0.0891
+#: Weights per axis of tof_fast's blur.
+_BLUR = {0: 0.8, 1: 0.1}
+_STEEPEST = 12.0
+_LOG2_E, _LOG10_2, _LOG2_10 = 1.442695, 0.301030, 3.321928
+_TINY, _HALF_ROOT_3 = 1e-20, 0.86602540378
+
+
+def _parts(layers: Layers) -> tuple[Image, Image]:
+    """Return the real and the imaginary parts of the phasors, (..., 3) each."""
+    a, b = layers["phasor_a"], layers["phasor_b"]
+    xp = of(a)
+    real = xp.stack([a[..., 0], a[..., 2], b[..., 0]], -1)
+    return real, xp.stack([a[..., 1], a[..., 3], b[..., 1]], -1)
+
+
+def _layers(real: Image, imaginary: Image, counts: Image, flags: Image) -> dict[str, Image]:
+    """Pack phasors, infrared counts and flags (1 edge, 2 saturated) into two (..., 4) layers."""
+    xp = of(counts)
+    parts = [part[..., k] for k in range(3) for part in (real, imaginary)]
+    a, b = xp.stack(parts[:4], -1), xp.stack([*parts[4:], counts, flags], -1)
+    return {"phasor_a": a, "phasor_b": b}
+
+
+def _alike(
+    view: FrameContext, p: Parameters, real: Image, imaginary: Image, reach: int, clamped: bool
+) -> Iterator[tuple[int, int, Image, Image, Image, Image, Image]]:
+    """Yield for each neighbour: dx, dy, its phasor, whether it is bright enough, phase distances.
+
+    The first distance is 0 for the same phase and 1 for the opposite one; the second is 0 at pixels
+    that are too dark themselves.
+    """
+    xp = of(real)
+    norm = real * real + imaginary * imaginary
+    unit = 1.0 / xp.sqrt(xp.maximum(norm, _TINY))
+    limit = deep(p["min_amplitude"]) * deep(p["min_amplitude"])
+    bright = xp.floats(norm >= limit)
+    least = bright * limit
+    reals, imaginaries, norms, units = (
+        around(view, part, reach, clamped=clamped) for part in (real, imaginary, norm, unit)
+    )
+    for dx, dy in square(reach):
+        r, i = reals(dx, dy), imaginaries(dx, dy)
+        away = 0.5 - 0.5 * ((real * r + imaginary * i) * unit * units(dx, dy))
+        yield dx, dy, r, i, xp.floats(norms(dx, dy) >= least), away, bright * away
+
+
+def _filtered(
+    layers: Layers, kept: Any, marked: Any, real: Image, imaginary: Image
+) -> dict[str, Image]:
+    """Return the phasor layers after a filter; pixels in ``kept`` stay as they were before it."""
+    xp, b, keep = of(real), layers["phasor_b"], kept[..., None]
+    own_real, own_imaginary = _parts(layers)
+    return _layers(
+        xp.where(keep, own_real, real),
+        xp.where(keep, own_imaginary, imaginary),
+        b[..., 2],
+        b[..., 3] + xp.floats(marked & ~kept),
+    )
+
+
+def companded(taps: Image) -> Image:
+    """Round taps to the values that the Kinect's 11-bit code can represent."""
+    xp = of(taps)
+    size = xp.minimum(xp.abs(taps), LARGEST_TAP)
+    # The exponent's bits alone are the power of 2 below; the code has 7 bits besides.
+    power = (size.view(xp.int32) & 0x7F800000).view(xp.float32)
+    step = xp.maximum(power / 128.0, 1.0)
+    rounded = xp.minimum(xp.floor(size / step + 0.5) * step, LARGEST_TAP)
+    return xp.sign(taps) * rounded
+
+
+def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Simulates noisy taps, and combines them into one phasor per frequency."""
+    light, beside_light = _blurred(view, layers, p)
+    amplitude, (x, y) = light[..., 6], pixels(view.window, view.seed)
+    xp = of(amplitude)
+    seen = beside_light | (layers["clean"] > 0)
+    saturated, real, imaginary = seen & False, [], []
+    for k, m in enumerate(CONTRAST_MULTIPLIER.tolist()):
+        bits = random_bits(x, y, view.seed, k)
+        sigma = xp.sqrt(
+            p["read_variance"] + p["shot_variance"] * (amplitude / m + p["ambient_lsb"])
+        )
+        taps = []
+        noise = *normal_pair(*bits[:2]), normal_pair(*bits[2:])[0]
+        for c, s, white in zip(TAP_COS, TAP_SIN, noise, strict=True):
+            tap = (light[..., 2 * k] * c - light[..., 2 * k + 1] * s) / m + sigma * white
+            saturated = saturated | (xp.abs(tap) > p["saturation_lsb"])
+            taps.append(companded(tap) if p["companding"] else tap)
+        scale = float(np.float32(m) * np.float32(2.0) / np.float32(3.0))
+        real.append(scale * (taps[0] * TAP_COS[0] + taps[1] * TAP_COS[1] + taps[2] * TAP_COS[2]))
+        imaginary.append(-scale * (taps[0] * 0.0 + taps[1] * TAP_SIN[1] + taps[2] * TAP_SIN[2]))
+    border = ((x == 0) | (x == view.width - 1)) & (p["dead_border"] > 0)
+    read = seen & ~border
+    sizes = [xp.sqrt(r * r + i * i) for r, i in zip(real, imaginary, strict=True)]
+    mean = (sizes[0] + sizes[1] + sizes[2]) / 3.0
+    infrared = xp.where(saturated, _LIMIT, xp.minimum(_COUNTS_PER_AMPLITUDE * mean, _LIMIT))
+    valid = (read & ~saturated)[..., None]
+    counts = xp.where(read, infrared, 0.0)
+    flags = xp.where(read & saturated, 2.0, 0.0)
+    both = (xp.where(valid, xp.stack(part, -1), 0.0) for part in (real, imaginary))
+    return _layers(*both, counts, flags)
+
+
+def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Any]:
+    """Blur light by the optics; return also whether a pixel or one of its 8 neighbours has light.
+
+    0 outside the window, clamped at the frame. (..., 7): phasors of three frequencies, amplitude.
+    """
+    a, b = layers["light_a"], layers["light_b"]
+    xp = of(a)
+    planes = [*(a[..., k] for k in range(4)), *(b[..., k] for k in range(3))]
+    light = around(view, xp.stack(planes, -1), 4, clamped=True)
+    side = 0.5 * p["psf_sigma_px"] * p["psf_sigma_px"]
+    weight = {0: 1.0 - 2.0 * side, 1: side}
+    core = 1.0 - p["halo"] - p["haze"]
+    total = late = haze = xp.zeros_like(light(0, 0))
+    for dx, dy in square(1):
+        part = light(dx, dy)
+        total = xp.plus(total, deep(core * weight[abs(dx)] * weight[abs(dy)]), part)
+        late = xp.plus(late, deep(p["halo"] * _HALO[abs(dx)] * _HALO[abs(dy)]), part)
+    beside_light = total[..., 6] + late[..., 6] > 0
+    for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2)):
+        late = xp.plus(late, deep(_HALO_OUTER * p["halo"]), light(dx, dy))
+    for dx, dy in ((-4, -4), (4, -4), (-4, 4), (4, 4)):
+        haze = xp.plus(haze, deep(0.25 * p["haze"]), light(dx, dy))
+    f = xp.vector(frequencies(view), total)
+    later = deep(TWO_PI * 0.001 * p["halo_delay_mm"]) * f / HALF_WAVE_M_MHZ
+    c, s = xp.cos(later), xp.sin(later)
+    late = _turned(late, c, s)
+    real, imaginary = deep(core) + deep(p["halo"]) * c, deep(p["halo"]) * s
+    size = xp.sqrt(real * real + imaginary * imaginary)
+    return _turned(total + late, real / size, -imaginary / size) + haze, beside_light
+
+
+def _turned(light: Image, c: Image, s: Image) -> Image:
+    """Rotate the phasors of (..., 7) light by angles, given as cosine and sine per frequency."""
+    turned = []
+    for k in range(3):
+        real, imaginary = light[..., 2 * k], light[..., 2 * k + 1]
+        turned += [
+            real * c[..., k] - imaginary * s[..., k],
+            real * s[..., k] + imaginary * c[..., k],
+        ]
+    return of(light).stack([*turned, light[..., 6]], -1)
+
+
+def tof_bilateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Averages phasors over 3x3 pixels; neighbours of different phase weigh less."""
+    real, imaginary = _parts(layers)
+    xp, sharpness = of(real), deep(-_LOG2_E * p["sharpness"])
+    sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
+    total = apart = xp.zeros_like(real)
+    total = total + KERNEL[0]
+    for dx, dy, r, i, counts, away, bright_away in _alike(view, p, real, imaginary, 1, False):
+        if dx or dy:
+            weight = counts * KERNEL[abs(dx) + abs(dy)] * xp.exp(sharpness * bright_away)
+            apart = apart + counts * away
+            sum_real = sum_real + weight * r
+            sum_imaginary = sum_imaginary + weight * i
+            total = total + weight
+    kept = ~(layers["phasor_b"][..., 2] > 0) | _border(view)
+    marked = xp.amax(apart, -1) >= p["max_edge"]
+    return _filtered(layers, kept, marked, sum_real / total, sum_imaginary / total)
+
+
+def tof_smooth(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Averages phasors over 7x7 pixels; neighbours of different phase weigh less."""
+    real, imaginary = _parts(layers)
+    xp, sharpness = of(real), deep(p["sharpness"])
+    falloff = deep(-0.5 / (p["width_px"] * p["width_px"]))
+    sum_real = sum_imaginary = total = apart = xp.zeros_like(real)
+    near = apart + 1e-6
+    for dx, dy, r, i, counts, away, bright_away in _alike(view, p, real, imaginary, 3, True):
+        weight = counts * xp.exp(falloff * float(dx * dx + dy * dy) - sharpness * bright_away)
+        sum_real = sum_real + weight * r
+        sum_imaginary = sum_imaginary + weight * i
+        total = total + weight
+        apart = apart + counts * away
+        near = near + counts
+    kept = ~(layers["phasor_b"][..., 2] > 0) | (total <= 0).any(-1)
+    marked = xp.amax(apart / near, -1) >= p["max_apart"]
+    safe = xp.where(total > 0, total, 1.0)
+    return _filtered(layers, kept, marked, sum_real / safe, sum_imaginary / safe)
+
+
+def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Unwraps the phases of three frequencies to depth along the axis."""
+    b = layers["phasor_b"]
+    z, reason, sums = decoded(view, layers, p, *_parts(layers))
+    xp, flags = of(z), b[..., 3]
+    reason = xp.where(flags >= 2, float(Reason.SATURATED), reason)
+    depth = xp.where((reason == Reason.VALID) | (reason == Reason.GROWN), z, 0.0)
+    usable = xp.where((flags == 1) | (flags == 3), 0.0, depth)
+    return {
+        "depth": depth,
+        "reason": reason,
+        "infrared": b[..., 2],
+        "decoded": xp.stack([usable, sums], -1),
+    }
+
+
+def decoded(
+    view: FrameContext, layers: Layers, p: Parameters, real: Image, imaginary: Image
+) -> tuple[Image, Image, Image]:
+    """Decode phasor parts (..., 3) to depth (m), reason code and sum of the three amplitudes."""
+    xp, f = of(real), frequencies(view)
+    amplitude = xp.sqrt(real * real + imaginary * imaginary)
+    fast, slow, third = unwrapped_cycles(phases(real, imaginary), f)
+    x, y, w = (f / np.sqrt((f * f).sum())).tolist()
+    u, v, t = TWO_PI * fast, TWO_PI * slow, TWO_PI * third
+    cross = v * w - t * y, t * x - u * w, u * y - v * x
+    disagreement = cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]
+    most = xp.maximum(xp.amax(amplitude, -1), 1e-6)
+    power = (xp.log(most) * p["slope"] * _LOG10_2 + p["offset"]) * _LOG2_10
+    allowed = xp.clip(xp.exp(power), p["min_disagreement"], p["max_disagreement"])
+    z = along_axis(view, layers["rays"], distance_of(fast, slow, third, f))
+    clean, sums = layers["clean"], amplitude[..., 0] + amplitude[..., 1] + amplitude[..., 2]
+    dark = (xp.amin(amplitude, -1) < p["min_amplitude"]) | (sums < p["min_sum"])
+    wrong = (disagreement > allowed * allowed) | (z <= 0)
+    empty, unlit = clean <= 0, layers["lit"] < 0.5
+    reason = select(
+        [
+            (dark & empty, float(Reason.NO_SURFACE)),
+            ((dark | wrong) & ~empty & unlit, float(Reason.SHADOW)),
+            (dark, float(Reason.LOW_SIGNAL)),
+            (wrong, float(Reason.UNWRAP)),
+            (empty, float(Reason.GROWN)),
+        ],
+        xp.zeros_like(z) + float(Reason.VALID),
+    )
+    return z, reason, sums
+
+
+def tof_edge(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes pixels between two surfaces and pixels that the bilateral filter marked."""
+    own, z = layers["decoded"], layers["depth"]
+    xp, sums, low, high = of(z), own[..., 1], z, z
+    depths, amplitudes = (around(view, own[..., k], 1) for k in (0, 1))
+    squares = sums * sums
+    for dx, dy in (to for to in square(1) if to != (0, 0)):
+        amplitude, there = amplitudes(dx, dy), depths(dx, dy)
+        sums = sums + amplitude
+        squares = squares + amplitude * amplitude
+        there = xp.where(there > 0, there, z)
+        low, high = xp.minimum(low, there), xp.maximum(high, there)
+    spread = xp.sqrt(xp.maximum(9.0 * squares - sums * sums, 0.0)) / 9.0
+    contrast = spread / xp.maximum(sums / 9.0, p["min_mean"])
+    near, far = 1000.0 * (z - low), 1000.0 * (high - z)
+    between = (contrast >= p["min_contrast"]) & (near > p["nearest_mm"])
+    between = between & (far > p["farthest_mm"]) & (xp.maximum(near, far) > p["larger_mm"])
+    lost = ~_border(view) & (between | ((own[..., 0] <= 0) & (p["remove_mixed"] > 0)))
+    return without(layers, lost, xp.where(between, float(Reason.EDGE), float(Reason.MIXED)))
+
+
+def tof_floor(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Adds noise that does not depend on the light and is correlated between neighbours."""
+    depth = layers["depth"]
+    sigma = of(depth).sqrt(floor_variance(view, layers, p, depth))
+    return {"depth": moved_by_mm(depth, sigma * correlated_noise(view, view.seed))}
+
+
+def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: Image) -> Image:
+    """Compute the variance of the noise that does not depend on the light, mm^2."""
+    normal, rays, xp = layers["normal"], layers["rays"], of(depth_m)
+    facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
+    aside = xp.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
+    slope = xp.minimum(aside / xp.maximum(-facing, 1e-3), _STEEPEST)
+    slanted = p["lateral_px"] * slope * 1000.0 * depth_m / view.focal_px
+    return p["sigma_mm"] * p["sigma_mm"] + slanted * slanted
+
+
+def _border(view: FrameContext) -> Any:
+    """Return a mask of the frame's outermost pixels, which the decoder does not filter."""
+    x, y = pixels(view.window, view.seed)
+    return (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+
+
+def field_stop(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Removes depth and infrared outside the lens's field of view."""
+    x, y = layers["rays"][..., 0], layers["rays"][..., 1]
+    xp, r2, lens = of(x), x * x + y * y, view.lens
+    upper, lower = (
+        1.0 + r2 * (a + r2 * (b + r2 * c))
+        for a, b, c in ((lens.k1, lens.k2, lens.k3), (lens.k4, lens.k5, lens.k6))
+    )
+    across = xp.abs(x * (upper / lower) - p["centre_x"])
+    down = xp.abs(y * (upper / lower) - p["centre_y"])
+    out_by = xp.maximum(down, _HALF_ROOT_3 * across + 0.5 * down)
+    outside = (p["side"] > 0) & (out_by > p["side"])
+    lost = outside | (r2 >= p["widest_tan"] * p["widest_tan"])
+    known = layers["reason"] == Reason.NO_SURFACE
+    why = xp.where(known, layers["reason"], float(Reason.LOW_SIGNAL))
+    return {
+        "depth": xp.where(lost, 0.0, layers["depth"]),
+        "reason": xp.where(lost, why, layers["reason"]),
+        "infrared": xp.where(lost, 0.0, layers["infrared"]),
+    }
+
+
+def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
+    """Adds noise of known statistics on even surfaces; adds up phasors beside depth steps."""
+    clean, lit = layers["clean"], layers["lit"]
+    xp, low, high = of(clean), clean, clean
+    depths = around(view, clean, 1, clamped=True)
+    for dx, dy in square(1):
+        low, high = xp.minimum(low, depths(dx, dy)), xp.maximum(high, depths(dx, dy))
+    at_step = high - low > 0.001 * p["step_mm"]
+    seen = phasors(view, p, clean, layers["normal"], layers["rays"], lit)
+    there = [around(view, part, 1, clamped=True) for part in seen]
+    blurred = [xp.zeros_like(part) for part in seen]
+    for dx, dy in square(1):
+        weight = float(np.float32(_BLUR[abs(dx)]) * np.float32(_BLUR[abs(dy)]))
+        blurred = [
+            xp.plus(total, weight, part(dx, dy)) for total, part in zip(blurred, there, strict=True)
+        ]
+    step = at_step[..., None]
+    own_real, own_imaginary, amplitude = (
+        xp.where(at_step if part.ndim == clean.ndim else step, total, part)
+        for total, part in zip(blurred, seen, strict=True)
+    )
+    real, imaginary, marked = _filtered_fast(p, own_real, own_imaginary, amplitude, there)
+    m = xp.vector(CONTRAST_MULTIPLIER, clean)
+    variance = deep(p["read_variance"]) + deep(p["shot_variance"]) * (amplitude[..., None] / m)
+    sigma = xp.sqrt(2 / 3 * m * m * variance) / KERNEL_UNIT
+    noise = [
+        normal_pair(*random_bits(*pixels(view.window, view.seed), view.seed, 1 + k)[:2])
+        for k in range(3)
+    ]
+    real = real + sigma * xp.stack([pair[0] for pair in noise], -1)
+    imaginary = imaginary + sigma * xp.stack([pair[1] for pair in noise], -1)
+    dimmed = amplitude + xp.amax(sigma, -1) * noise[0][0]
+    kept = xp.where(dimmed < 1.1 * p["min_amplitude"], 0.0, 1.0)[..., None]
+    real = xp.where(step, real, kept * own_real)
+    imaginary = xp.where(step, imaginary, kept * own_imaginary)
+    z, reason, sums = decoded(view, layers, p, real, imaginary)
+    reason = xp.where((amplitude <= 0) & (clean <= 0), float(Reason.NO_SURFACE), reason)
+    reason = xp.where(amplitude > p["saturation_lsb"], float(Reason.SATURATED), reason)
+    valid = (reason == Reason.VALID) | (reason == Reason.GROWN)
+    turns = xp.sqrt((sigma * sigma).sum(-1)) / xp.maximum(amplitude, 1.0) / TWO_PI
+    light_mm = 1000.0 * turns * HALF_WAVE_M_MHZ / float(frequencies(view).sum())
+    x, y = layers["rays"][..., 0], layers["rays"][..., 1]
+    light_mm = light_mm / xp.sqrt(x * x + y * y + 1.0)  # along z, not along the ray
+    light_mm = xp.where(at_step, 0.0, light_mm)
+    spread = xp.sqrt(floor_variance(view, layers, p, z) + light_mm * light_mm)
+    z = xp.where(valid, z, 0.0)
+    noisy = xp.where(valid, spread, 0.0) * correlated_noise(view, view.seed)
+    depth = moved_by_mm(z, noisy)
+    usable = xp.where(at_step & marked, 0.0, depth)
+    return {
+        "depth": depth,
+        "reason": reason,
+        "infrared": xp.minimum(16.0 * amplitude, 65535.0),
+        "decoded": xp.stack([usable, sums], -1),
+        **expected_depth(view, p, layers),
+    }
+
+
+def _filtered_fast(
+    p: Parameters, real: Image, imaginary: Image, amplitude: Image, seen: Any
+) -> tuple[Image, Image, Any]:
+    """Filter phasors by a 3x3 bilateral filter; return real part, imaginary part and edge mask.
+
+    Args:
+        seen: functions that give the neighbours' phasors, real and imaginary, and amplitudes.
+    """
+    xp, least = of(real), deep(p["min_amplitude"])
+    sharpness = deep(-_LOG2_E * p["sharpness"])
+    unit = 1.0 / xp.sqrt(xp.maximum(real * real + imaginary * imaginary, _TINY))
+    bright = amplitude[..., None] >= least
+    apart = xp.zeros_like(real)
+    total = apart + KERNEL[0]
+    sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
+    for dx, dy in (offset for offset in square(1) if offset != (0, 0)):
+        light = seen[2](dx, dy)[..., None]
+        safe = xp.where(light > 0, light, 1.0)
+        r, i = seen[0](dx, dy) / safe, seen[1](dx, dy) / safe
+        away = 0.5 - 0.5 * (real * r + imaginary * i) * unit
+        counts = xp.where((light >= least) | ~bright, 1.0, 0.0)
+        falls = xp.where(bright, xp.exp(sharpness * away), 1.0)
+        weight = counts * KERNEL[abs(dx) + abs(dy)] * falls
+        apart = apart + counts * away
+        sum_real = sum_real + weight * light * r
+        sum_imaginary = sum_imaginary + weight * light * i
+        total = total + weight
+    marked = xp.amax(apart, -1) >= p["max_edge"]
+    return sum_real / total, sum_imaginary / total, marked
