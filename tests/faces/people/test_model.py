@@ -64,6 +64,7 @@ def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], BodyMo
     """Load the small model through the cache, as another process would."""
     monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(loading, "data_folder", lambda: tmp_path)
+    monkeypatch.setattr(loading, "checked_folder", lambda folder: folder)
     monkeypatch.setattr(loading, "baked_arrays", lambda: BAKED)
     monkeypatch.setattr(loading, "read_shapes", read_small)
     return loading.load_model.__wrapped__
