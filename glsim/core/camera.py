@@ -267,12 +267,43 @@ class Exposure:
 
 
 @dataclass(frozen=True)
+class ColourCamera:
+    """The colour camera of a rig, a pinhole camera, to whose image depth is registered.
+
+    Args:
+        position_m: its place, depth camera's frame, metres.
+        turn_deg: axis times angle, degrees: turns directions of the depth camera's frame into its.
+    """
+
+    intrinsics: Intrinsics
+    position_m: Point
+    turn_deg: Point = (0.0, 0.0, 0.0)
+
+    def from_depth(self) -> NDArray[np.float64]:
+        """Return the (4, 4) matrix from the depth camera's frame to this camera's, both metres."""
+        import cv2
+
+        matrix = np.eye(4)
+        matrix[:3, :3] = cv2.Rodrigues(np.radians(self.turn_deg))[0]
+        matrix[:3, 3] = -matrix[:3, :3] @ np.array(self.position_m)
+        return matrix
+
+    def corner_points(self, window: Rect, z_m: float) -> NDArray[np.float64]:
+        """Return (4, 3), m, depth camera's frame: a window's corners ``z_m`` before this camera."""
+        i = self.intrinsics
+        corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * window[2:] + window[:2]
+        rays = np.column_stack([(corners - (i.cx, i.cy)) / (i.fx, i.fy), np.ones(4)])
+        return z_m * rays @ self.from_depth()[:3, :3] + self.position_m
+
+
+@dataclass(frozen=True)
 class SensorRig:
     """The hardware of a depth camera: intrinsics, lens, emitters and imagers.
 
     Args:
         near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
-        deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens.
+        deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens;
+            "colour" registers it to the colour camera.
         supersample: samples per pixel along each axis, for stages that sum up light; odd.
         modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
         shadow_map: whether the renderer casts shadows (if not, all is lit, and a stage casts them).
@@ -283,6 +314,7 @@ class SensorRig:
         exposure: when the parts of a frame are exposed.
         projector_tan: tangents of half the field of view of the image that the emitters throw,
             columns and rows; 0 without an image.
+        colour: the colour camera, if the rig has one.
     """
 
     intrinsics: Intrinsics
@@ -298,6 +330,25 @@ class SensorRig:
     border_px: tuple[int, int, int, int] = (0, 0, 0, 0)
     exposure: Exposure = field(default_factory=Exposure)
     projector_tan: tuple[float, float] = (0.0, 0.0)
+    colour: ColourCamera | None = None
+
+    @property
+    def registered(self) -> ColourCamera | None:
+        """The colour camera, if frames are delivered in its view."""
+        return self.colour if self.deliver == "colour" else None
+
+    @property
+    def delivered(self) -> Intrinsics:
+        """The intrinsics of the delivered frames."""
+        return self.intrinsics if self.registered is None else self.registered.intrinsics
+
+    def colour_rig(self) -> SensorRig:
+        """Return a rig that sees what the colour camera sees, without light of its own."""
+        if self.colour is None:
+            raise ConfigError("the rig has no colour camera: give it a table [rig.colour]")
+        return SensorRig(
+            self.colour.intrinsics, near_m=self.near_m, far_m=self.far_m, shadow_map=False
+        )
 
     def canvas(self) -> SensorRig:
         """Return this rig with its image enlarged by ``border_px``, as imagers are rendered."""
@@ -309,9 +360,23 @@ class SensorRig:
         return replace(self, intrinsics=wide, border_px=(0, 0, 0, 0))
 
     def on_canvas(self, window: Rect) -> Rect:
-        """Convert a window of the delivered image to pixels of the canvas."""
+        """Convert a window of the delivered image to pixels of the canvas.
+
+        Of registered frames it is all that can be seen in the window from ``near_m`` to ``far_m``.
+        """
+        if self.registered is not None:
+            window = self._seen_in_colour(self.registered, window)
         left, top = self.border_px[:2]
         return window._replace(left=window.left + left, top=window.top + top)
+
+    def _seen_in_colour(self, colour: ColourCamera, window: Rect) -> Rect:
+        """Return the part of the depth image that holds what a window of the colour image shows."""
+        ends = [colour.corner_points(window, z_m) for z_m in (self.near_m, self.far_m)]
+        pixels = self.intrinsics.project(np.concatenate(ends))
+        left, top = np.floor(pixels.min(axis=0)).astype(int).tolist()
+        right, bottom = np.ceil(pixels.max(axis=0)).astype(int).tolist()
+        whole = Rect(0, 0, self.intrinsics.width, self.intrinsics.height)
+        return Rect(left - 1, top - 1, right - left + 2, bottom - top + 2).intersection(whole)
 
     @property
     def keeps_distortion(self) -> bool:
@@ -389,6 +454,11 @@ class SensorRig:
         if centre_px is None:
             whole = (width, height) == (own.width, own.height)
             centre_px = (own.cx, own.cy) if whole else (width / 2, height / 2)
+        if self.registered is not None:
+            raise ConfigError(
+                "this sensor registers depth to colour, but a map's noise arises in the depth "
+                'camera: choose a sensor without deliver = "colour"'
+            )
         focal = focal_px or (own.fx, own.fy)
         if not all(0 < length < np.inf for length in focal):
             raise ConfigError(f"focal length {focal}: must be above 0 px")

@@ -40,7 +40,8 @@ class Reason(IntEnum):
 _HELP = {
     Reason.VALID: "measured (with noise)",
     Reason.NO_SURFACE: "nothing there within the clip planes",
-    Reason.SHADOW: "seen by the camera, not lit by the emitter or not seen by the second imager",
+    Reason.SHADOW: "seen by the camera, not lit by the emitter, or not seen by the second imager "
+    "or by the depth camera whose frame is registered",
     Reason.OUT_OF_RANGE: "nearer or farther than the sensor's measuring range",
     Reason.LOW_SIGNAL: "too little infrared came back",
     Reason.EDGE: "removed at a depth edge",

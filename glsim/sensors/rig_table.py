@@ -22,6 +22,10 @@ shares = [0.2, 0.4, 0.4]  optional: of the light, near end, centre, far end
 path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
 [[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
 position_m = [0, 0, 0]
+deliver = "colour"        registers the frame to the camera of
+[rig.colour]              width, height, focal_px, centre_px as above
+position_m = [-0.015, 0, 0]   in the depth camera's frame
+turn_deg = [0, 0, 0]      optional: axis times angle from the depth camera's axes to its own
 """
 
 from __future__ import annotations
@@ -30,7 +34,14 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_config
 
-from glsim.core.camera import Distortion, Emitter, Exposure, Intrinsics, SensorRig
+from glsim.core.camera import (
+    ColourCamera,
+    Distortion,
+    Emitter,
+    Exposure,
+    Intrinsics,
+    SensorRig,
+)
 from glsim.sensors.images import half_tan
 from glsim.sensors.wiggling import Wave
 from glsim.settings.toml_tables import TomlTable
@@ -39,6 +50,8 @@ from glsim.settings.toml_tables import TomlTable
 _Metres = Annotated[float, Field(ge=-100, le=100)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Border = Annotated[int, Field(ge=0, le=1024)]
+_FocalPx = Annotated[float, Field(ge=1, le=1e6)]
+_Degrees = Annotated[float, Field(ge=-180, le=180)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _ViewDeg = Annotated[float, Field(ge=1, le=170)]
 
@@ -58,6 +71,15 @@ class _EmitterTable(TomlTable, allow_inf_nan=False):
 
 class _ImagerTable(TomlTable, allow_inf_nan=False):
     position_m: tuple[_Metres, _Metres, _Metres]
+
+
+class _ColourTable(TomlTable, allow_inf_nan=False):
+    width: int = Field(ge=8, le=8192)
+    height: int = Field(ge=8, le=8192)
+    focal_px: tuple[_FocalPx, _FocalPx]
+    centre_px: tuple[_Pixels, _Pixels]
+    position_m: tuple[_Metres, _Metres, _Metres]
+    turn_deg: tuple[_Degrees, _Degrees, _Degrees] = (0.0, 0.0, 0.0)
 
 
 def _check_limit(lens: Distortion) -> Distortion:
@@ -89,7 +111,8 @@ class RigTable(TomlTable, allow_inf_nan=False):
     imager: tuple[_ImagerTable, ...] = ()
     border_px: tuple[_Border, _Border, _Border, _Border] = (0, 0, 0, 0)
     distortion: _Lens = Distortion()
-    deliver: Literal["undistorted", "raw"] = "undistorted"
+    deliver: Literal["undistorted", "raw", "colour"] = "undistorted"
+    colour: _ColourTable | None = None
     near_m: float = Field(0.1, gt=0)
     far_m: float = Field(12.0, gt=0)
     supersample: int = Field(1, ge=1, le=5)
@@ -107,6 +130,8 @@ class RigTable(TomlTable, allow_inf_nan=False):
             raise ValueError("focal_px must be at least 1")
         if strange := {w.modulation_mhz for w in self.wiggling} - {*self.modulation_mhz}:
             raise ValueError(f"wiggling: {min(strange):g} MHz is none of modulation_mhz")
+        if self.deliver == "colour" and self.colour is None:
+            raise ValueError('deliver = "colour" needs the camera of a table [rig.colour]')
         if self.near_m >= self.far_m:
             raise ValueError(f"near_m {self.near_m} must be less than far_m {self.far_m}")
         if any(e.position_m == (0.0, 0.0, 0.0) for e in self.emitter):
@@ -140,6 +165,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
             self.border_px,
             Exposure(**self.exposure.model_dump()),
             self._projector_tan(),
+            None if self.colour is None else _colour_camera(self.colour),
         )
 
     def _projector_tan(self) -> tuple[float, float]:
@@ -147,3 +173,8 @@ class RigTable(TomlTable, allow_inf_nan=False):
             return 0.0, 0.0
         across_deg, down_deg = self.projector_view_deg
         return half_tan(across_deg), half_tan(down_deg)
+
+
+def _colour_camera(table: _ColourTable) -> ColourCamera:
+    image = Intrinsics(table.width, table.height, *table.focal_px, *table.centre_px)
+    return ColourCamera(image, table.position_m, table.turn_deg)

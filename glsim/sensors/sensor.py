@@ -128,6 +128,7 @@ class Sensor:
                 if value or name in ("k1", "k2", "k3", "p1", "p2")
             },
             "deliver": self.rig.deliver,
+            **({"colour": asdict(self.rig.registered)} if self.rig.registered else {}),
             "emitters_m": [list(e.position_m) for e in self.rig.emitters],
             "emitter_spreads_m": [e.spread_m for e in self.rig.emitters],
             "emitter_shares": [list(e.shares) for e in self.rig.emitters],

@@ -9,6 +9,7 @@ simulate(settings)       opens the sources and the context; per task of the plan
     ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
     Readback.arrays      -> the same as float32 arrays
     run_array_stages     -> depth and reason after the Python stages
+    register             -> both in the view of the colour camera, if the rig delivers that
     assemble_frame       -> Frame, in the order of the tasks (or Skipped for a bad face)
 """
 
@@ -23,11 +24,13 @@ from typing import Any
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.seeds import stable_seed
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceSource
+from glsim.faces.regions import to_camera
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import array_reach_px, run_array_stages
@@ -37,7 +40,7 @@ from glsim.noise.layer_names import INFRARED_RIGHT
 from glsim.noise.registry import find_stage, shader_stage
 from glsim.noise.stage import ENABLED, draw_values
 from glsim.render.region_pass import REGION
-from glsim.render.renderer import NORMAL, Rendered
+from glsim.render.renderer import NORMAL, Rendered, Renderer
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
 from glsim.settings.schema import Settings, with_assignments
 from glsim.simulation.assembly import assemble_frame, seen_landmarks
@@ -45,6 +48,7 @@ from glsim.simulation.face_loader import unusable
 from glsim.simulation.frame import LAYERS, Frame, Skipped
 from glsim.simulation.motion import MovingFrames, exposure_parts, settle_reasons
 from glsim.simulation.plan.tasks import Task, make_tasks
+from glsim.simulation.registration import register
 from glsim.simulation.render_cache import RenderCache
 from glsim.simulation.scenes import FrameScene
 
@@ -55,7 +59,10 @@ _RING_ON_GPU = 4
 
 @dataclass(eq=False)
 class _InFlight:
-    """A frame between drawing and readback; ``rolled`` marks a rolling-shutter frame."""
+    """A frame between drawing and readback.
+
+    ``true`` are the layers that the colour camera sees; ``rolled`` marks a rolling-shutter frame.
+    """
 
     readback: Readback
     task: Task
@@ -63,6 +70,7 @@ class _InFlight:
     frame: FrameContext
     values: dict[str, dict[str, float]]
     drawn: dict[str, float]
+    true: dict[str, NDArray[np.float32]]
     rolled: bool = False
 
 
@@ -171,9 +179,18 @@ class Simulator:
         self._cache = cache or RenderCache(context)
         self._canvas = self.sensor.rig.canvas()
         self._renderer = self._cache.renderer(self._canvas)
+        self._colour: Renderer | None = None
+        if self.sensor.rig.registered is not None:
+            self._colour = self._cache.renderer(self.sensor.rig.colour_rig())
+            of_depth = {"expected", "infrared_right"} & set(layers) | set(self._extra)
+            if of_depth:
+                raise ConfigError(
+                    f"{settings.sensor}: frames registered to colour have no layer "
+                    f"{min(of_depth)!r}: leave it out of output.layers"
+                )
         read_back = (
             *self._extra,
-            *((REGION.name,) if "regions" in layers else ()),
+            *((REGION.name,) if "regions" in layers and self._colour is None else ()),
             *((INFRARED_RIGHT,) if "infrared_right" in layers else ()),
             *((NORMAL.name,) if "normals" in layers and NORMAL.name not in self._extra else ()),
         )
@@ -201,7 +218,7 @@ class Simulator:
             self._moving = MovingFrames(self._renderer, self._chain, self._cache.sub_frames, parts)
         self._readbacks = [Readback(context) for _ in range(ring)]
         crop = settings.output.crop
-        image = self.sensor.rig.intrinsics
+        image = self.sensor.rig.delivered
         if crop is not None and crop > min(image.width, image.height):
             raise ConfigError(
                 f"output.crop {crop} is larger than the sensor's {image.width}x{image.height}"
@@ -324,11 +341,28 @@ class Simulator:
                 drawn |= self._scenes.speeds(task)
                 still, *parts = (replace(each, crop=crop) for each in (scene, *moved))
                 frame = self._moving.draw(still, parts, reach_px, frame_of, values, readback)
-                return _InFlight(readback, task, scene, frame, values, drawn, self._moving.rolls)
+                true = self._seen_in_colour(scene)
+                rolls = self._moving.rolls
+                return _InFlight(readback, task, scene, frame, values, drawn, true, rolls)
         rendered, owner = self._cache.rendered(self._renderer, scene, crop, reach_px)
         frame = frame_of(rendered)
         self._chain.run(rendered, frame, values, readback, owner)
-        return _InFlight(readback, task, scene, frame, values, drawn)
+        return _InFlight(readback, task, scene, frame, values, drawn, self._seen_in_colour(scene))
+
+    def _seen_in_colour(self, scene: FrameScene) -> dict[str, NDArray[np.float32]]:
+        """Draw the crop of a scene in the colour camera's view; {} if no such view is delivered."""
+        colour = self.sensor.rig.registered
+        if self._colour is None or colour is None:
+            return {}
+        turn = colour.from_depth()
+        meshes = [(mesh, (turn @ view).astype(np.float32)) for mesh, view in scene.meshes]
+        with self._colour.render(meshes, labels=scene.labels, window=scene.crop) as rendered:
+            names = ["clean", *(["region"] if scene.labels else [])]
+            if "normals" in self._layers:
+                names.append(NORMAL.name)
+            copy = Readback(self._context)
+            copy.request(rendered.pool, {n: rendered.layers[n] for n in names}, scene.crop)
+            return copy.arrays()
 
     def _deliver(self, item: _InFlight | Skipped) -> Frame | Skipped:
         """Wait for a frame's layers, run its array stages, and assemble the Frame."""
@@ -342,12 +376,20 @@ class Simulator:
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
         if item.rolled:
             settle_reasons(layers)
-        task, scene = item.task, item.scene
+        task, scene, rig = item.task, item.scene, self.sensor.rig
+        window, crop, image = item.frame.window, rig.on_canvas(scene.crop), self._canvas.intrinsics
+        head_to_camera, landmarks_m = scene.head_to_camera_m, scene.landmarks_m
+        if (colour := rig.registered) is not None:
+            layers = register(layers, window, image, colour, item.true, scene.crop)
+            window, crop, image = scene.crop, scene.crop, rig.delivered
+            head_to_camera = colour.from_depth() @ head_to_camera
+            if landmarks_m is not None:
+                landmarks_m = to_camera(landmarks_m, colour.from_depth())
         made = assemble_frame(
             layers,
-            item.frame.window,
-            self.sensor.rig.on_canvas(scene.crop),
-            self._canvas.intrinsics,
+            window,
+            crop,
+            image,
             self._settings.output,
             self._extra,
             key=task.key,
@@ -358,8 +400,8 @@ class Simulator:
             parameters={**item.drawn, **scene.drawn},
             notes=scene.face.notes,
             region_numbers=self._scenes.region_numbers,
-            head_to_camera=scene.head_to_camera_m,
+            head_to_camera=head_to_camera,
         )
-        if scene.landmarks_m is None:
+        if landmarks_m is None:
             return made
-        return replace(made, landmarks=seen_landmarks(scene.landmarks_m, made))
+        return replace(made, landmarks=seen_landmarks(landmarks_m, made))

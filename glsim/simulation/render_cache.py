@@ -34,7 +34,7 @@ class RenderCache:
     def __init__(self, context: moderngl.Context) -> None:
         self.linked = LinkedStages(context)
         self._context = context
-        self._renderer: tuple[SensorRig, Renderer] | None = None
+        self._renderers: dict[SensorRig, Renderer] = {}
         self._scenes: deque[FrameScenes] = deque(maxlen=_KEPT_SCENES)
         self._last: tuple[tuple[FrameScene, int], Rendered] | None = None
         self._rendering = ExitStack()
@@ -46,10 +46,10 @@ class RenderCache:
         return SubFrames(self._context)
 
     def renderer(self, rig: SensorRig) -> Renderer:
-        """Return the renderer of a rig, made anew only if the rig changed."""
-        if self._renderer is None or self._renderer[0] != rig:
-            self._renderer = rig, Renderer(self._context, rig)
-        return self._renderer[1]
+        """Return the renderer of a rig: those of the last depth and colour camera are kept."""
+        renderer = self._renderers.pop(rig, None) or Renderer(self._context, rig)
+        self._renderers = dict([*self._renderers.items(), (rig, renderer)][-2:])
+        return renderer
 
     def scenes(
         self, settings: Settings, sources: Sequence[FaceSource], rig: SensorRig, *, regions: bool

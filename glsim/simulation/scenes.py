@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.camera import Intrinsics
+from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
@@ -154,7 +154,7 @@ class FrameScenes:
                 *((prop.mesh, prop.view) for prop in further),
             ),
             labels=labels,
-            crop=crop_window(rig.intrinsics, still, settings.output.crop),
+            crop=crop_window(rig, still, settings.output.crop),
             pose=pose,
             drawn=drawn,
             head_to_camera_m=head_to_camera,
@@ -162,17 +162,21 @@ class FrameScenes:
         )
 
 
-def crop_window(image: Intrinsics, pose: Mapping[str, float], side: int | None) -> Rect:
+def crop_window(rig: SensorRig, pose: Mapping[str, float], side: int | None) -> Rect:
     """Return the delivered square: centred on the face, then shifted to lie in the image.
 
     Args:
         side: pixels; None delivers the whole image.
     """
+    image = rig.delivered
     if side is None:
         return Rect(0, 0, image.width, image.height)
     # A face at or behind the camera has no place in the image; the renderer reports it.
     depth_mm = max(pose["distance_mm"], 1.0)
-    centre = image.project(np.array([[pose["x_mm"], pose["y_mm"], depth_mm]]))[0]
+    place = np.array([[pose["x_mm"], pose["y_mm"], depth_mm]])
+    if rig.registered is not None:
+        place = to_camera(place / 1000.0, rig.registered.from_depth())
+    centre = image.project(place)[0]
     left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
     top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))
     return Rect(left, top, side, side)

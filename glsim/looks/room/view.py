@@ -12,6 +12,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import product
+from glsim.core.rect import Rect
 from glsim.looks.room.shapes import Shape, without_slivers
 
 Points = NDArray[np.float64]
@@ -139,15 +140,23 @@ def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
 
 def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
     """Return the planes (normal, offset) that bound the view; inside is normal . p >= offset."""
-    left, right = sight.columns.min() - _BESIDE, sight.columns.max() + _BESIDE
-    top, bottom = sight.rows.min() - _BESIDE, sight.rows.max() + _BESIDE
+    columns, rows, rig = sight.columns, sight.rows, sight.rig
+    if rig.registered is not None:  # what its colour camera sees beside it, from 0.5 m on
+        image = Rect(0, 0, rig.delivered.width, rig.delivered.height)
+        ends = np.concatenate(
+            [rig.registered.corner_points(image, z_m) for z_m in (0.5, rig.far_m)]
+        )
+        columns = np.append(columns, ends[:, 0] / ends[:, 2])
+        rows = np.append(rows, ends[:, 1] / ends[:, 2])
+    left, right = columns.min() - _BESIDE, columns.max() + _BESIDE
+    top, bottom = rows.min() - _BESIDE, rows.max() + _BESIDE
     return [
         (np.array([0.0, 0.0, 1.0]), _NEAREST_M),
         (np.array([1.0, 0.0, -left]), 0.0),
         (np.array([-1.0, 0.0, right]), 0.0),
         (np.array([0.0, 1.0, -top]), 0.0),
         (np.array([0.0, -1.0, bottom]), 0.0),
-        (np.array([0.0, 0.0, -1.0]), -sight.rig.far_m),
+        (np.array([0.0, 0.0, -1.0]), -rig.far_m),
     ]
 
 
