@@ -27,10 +27,11 @@ LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
     "regions": np.dtype(np.uint8),
     "expected": np.dtype(np.uint16),
     "normals": np.dtype(np.uint16),
+    "color": np.dtype(np.uint8),
 }
 
 #: Channels of the layers that have several.
-CHANNELS = {"normals": 3}
+CHANNELS = {"normals": 3, "color": 3}
 
 
 def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
@@ -82,10 +83,10 @@ def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | N
     Raises DatasetError for a damaged image or record.
 
     Returns (H, W) uint16 as stored for a layer of depth or infrared, uint8 for "reason" and
-    "regions", (H, W, 3) uint16 for "normals"; the checked record for "json" (its
-    ``depth_offset_mm`` is to be added to depths times the set's ``depth_unit_mm``); None for any
-    other member, which leaves it to the next decoder. The library's own ``decode("pil")`` gives 8
-    bits, and 255 for every depth above 255.
+    "regions", (H, W, 3) uint16 for "normals" and uint8 for "color"; the checked record for "json",
+    whose ``depth_offset_mm`` is to be added to depths times the set's ``depth_unit_mm``; None for
+    any other member, which leaves it to the next decoder. The library's own ``decode("pil")`` gives
+    8 bits, and 255 for every depth above 255.
 
     Args:
         key: what follows the sample's number, as that library gives it: ".noisy.png", ".json".

@@ -41,6 +41,7 @@ _UNITS = {
 _OPTIONAL_UNITS = {
     "normals": "uint16, three channels: unit normal of the mesh in the camera frame (x right, y "
     "down, z forward), (code - 32768) / 32767; 0, 0, 0 = no surface",
+    "color": "uint8, three channels: sRGB; 0, 0, 0 = no surface",
     "expected": "as clean, with the sensor's systematic error: wiggling, offset, delay in skin",
 }
 

@@ -70,7 +70,7 @@ class StoredImages:
         self._fetched: dict[str, bytes] = {}  # layer -> bytes, of a data set in object storage
 
     def read(self, layer: str) -> LayerImage:
-        """Read a layer's pixels: (H, W) uint16 or uint8; "normals" (H, W, 3) uint16.
+        """Read a layer's pixels: (H, W) uint16 or uint8; "normals" and "color" (H, W, 3).
 
         Raises DatasetError if the file is missing, was changed, or is no image of the right type
         and size.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,11 @@ KNOWN_REGIONS: Final = (
 )  # fmt: skip
 _KEPT_LABELS: Final = 64  # arrays; a room has ten, one for each of its meshes
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
+
+
+def has_regions(sources: Sequence[FaceSource]) -> bool:
+    """Return whether any source knows the regions of its faces."""
+    return any(source.topology and source.topology.region_names for source in sources)
 
 
 def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
@@ -124,6 +129,8 @@ def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
     return topology.landmarks
 
 
-def to_camera(vertices_mm: NDArray[np.float32], view: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_camera(
+    vertices_mm: NDArray[np.floating[Any]], view: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Transform head vertices (N, 3) mm by a view (4, 4) to camera-frame metres."""
     return product(vertices_mm.astype(np.float64), view[:3, :3].T) + view[:3, 3]

@@ -61,8 +61,9 @@ from glsim.settings.toml_tables import (
 )
 
 LayerName = Literal[
-    "clean", "noisy", "infrared", "infrared_right", "reason", "regions", "expected", "normals"
-]
+    "clean", "noisy", "infrared", "infrared_right", "reason", "regions", "expected", "normals",
+    "color",
+]  # fmt: skip
 DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10

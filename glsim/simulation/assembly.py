@@ -22,7 +22,7 @@ _HAS_DEPTH = np.array([Reason(r).has_depth for r in sorted(Reason)])
 
 
 def assemble_frame(
-    layers: Mapping[str, NDArray[np.float32]],
+    layers: Mapping[str, NDArray[Any]],
     window: Rect,
     crop: Rect,
     image: Intrinsics,
@@ -36,7 +36,7 @@ def assemble_frame(
 
     Args:
         layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally
-            expected (metres), infrared (counts) and region (numbers).
+            expected (metres), infrared (counts), region (numbers), normal, and color (uint8).
         window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
         extra: names of layers to copy to ``Frame.extra``.
         identity: the other fields of Frame.
@@ -78,6 +78,7 @@ def assemble_frame(
         expected_m=expected,
         depth_unit_mm=output.depth_unit_mm,
         depth_offset_mm=offset_mm,
+        color_rgb=layers["color"][inside] if "color" in layers else None,
         normal=layers["normal"][inside][..., :3] if "normal" in layers else None,
         extra={name: _cut(layers[name], window, inside) for name in extra if name in layers},
         **identity,

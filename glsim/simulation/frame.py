@@ -28,9 +28,9 @@ _ZERO, _STEPS = 32768, 32767
 #: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
 #: The images that can be written to files; regions (uint8) and expected (uint16) are drawn on
-#: request only, and so are normals (uint16, three channels) and, of stereo cameras, the second
-#: infrared image (uint16).
-WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right")
+#: request only, and so are normals (uint16, three channels), color (uint8, three channels) and, of
+#: stereo cameras, the second infrared image (uint16).
+WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right", "color")
 
 
 def encode_depth(
@@ -143,6 +143,7 @@ class Frame:
         of the face), metres, to the camera frame, metres; None if there is no head.
     landmarks: the 68 points of the face; None if not requested or not known.
     infrared_counts: float32, in counts of the 16-bit image.
+    color_rgb: (h, w, 3) uint8, see glsim.simulation.color_image; None if not requested.
     infrared_right_counts: the same of a stereo camera's second imager; None if not requested.
     reason_codes: uint8 codes of glsim.core.reason.Reason.
     region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
@@ -168,6 +169,7 @@ class Frame:
     region_codes: NDArray[np.uint8] | None = None
     expected_m: NDArray[np.float32] | None = None
     normal: NDArray[np.float32] | None = None
+    color_rgb: NDArray[np.uint8] | None = None
     infrared_right_counts: NDArray[np.float32] | None = None
     head_to_camera: NDArray[np.float64] | None = None
     landmarks: Landmarks | None = None
@@ -231,6 +233,11 @@ class Frame:
         """
         normal = self._requested("normals", self.normal)
         return self._paste(encode_normals(normal, self.clean_m > 0))
+
+    @property
+    def color(self) -> NDArray[np.uint8]:
+        """Colour image, (H, W, 3) uint8 sRGB. Raises ConfigError if it was not requested."""
+        return self._paste(self._requested("color", self.color_rgb))
 
     @property
     def seen_regions(self) -> dict[str, int]:

@@ -30,7 +30,7 @@ from glsim.core.errors import ConfigError, MeshError
 from glsim.core.seeds import stable_seed
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceSource
-from glsim.faces.regions import to_camera
+from glsim.faces.regions import has_regions, to_camera
 from glsim.gl.context import borrowed_context, is_software, make_current
 from glsim.gl.targets import Readback
 from glsim.noise.array_chain import array_reach_px, run_array_stages
@@ -44,6 +44,7 @@ from glsim.render.renderer import NORMAL, Rendered, Renderer
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
 from glsim.settings.schema import Settings, with_assignments
 from glsim.simulation.assembly import assemble_frame, seen_landmarks
+from glsim.simulation.color_image import color_image
 from glsim.simulation.face_loader import unusable
 from glsim.simulation.frame import LAYERS, Frame, Skipped
 from glsim.simulation.motion import MovingFrames, exposure_parts, settle_reasons
@@ -188,11 +189,13 @@ class Simulator:
                     f"{settings.sensor}: frames registered to colour have no layer "
                     f"{min(of_depth)!r}: leave it out of output.layers"
                 )
+        normals = {"normals", "color"} & set(layers) and NORMAL.name not in self._extra
+        labelled = "regions" in layers or ("color" in layers and has_regions(sources))
         read_back = (
             *self._extra,
-            *((REGION.name,) if "regions" in layers and self._colour is None else ()),
+            *((REGION.name,) if labelled and self._colour is None else ()),
             *((INFRARED_RIGHT,) if "infrared_right" in layers else ()),
-            *((NORMAL.name,) if "normals" in layers and NORMAL.name not in self._extra else ()),
+            *((NORMAL.name,) if normals else ()),
         )
         if "infrared_right" in layers and len(self.sensor.rig.imagers_m) < 2:
             raise ConfigError(
@@ -208,9 +211,7 @@ class Simulator:
             images=self.sensor.images,
             linked=self._cache.linked,
         )
-        self._scenes = self._cache.scenes(
-            settings, sources, self.sensor.rig, regions="regions" in layers
-        )
+        self._scenes = self._cache.scenes(settings, sources, self.sensor.rig, regions=labelled)
         ring = 1 if is_software(context) else _RING_ON_GPU
         self._moving: MovingFrames | None = None
         if settings.motion.within_exposure:
@@ -358,7 +359,7 @@ class Simulator:
         meshes = [(mesh, (turn @ view).astype(np.float32)) for mesh, view in scene.meshes]
         with self._colour.render(meshes, labels=scene.labels, window=scene.crop) as rendered:
             names = ["clean", *(["region"] if scene.labels else [])]
-            if "normals" in self._layers:
+            if {"normals", "color"} & set(self._layers):
                 names.append(NORMAL.name)
             copy = Readback(self._context)
             copy.request(rendered.pool, {n: rendered.layers[n] for n in names}, scene.crop)
@@ -385,8 +386,14 @@ class Simulator:
             head_to_camera = colour.from_depth() @ head_to_camera
             if landmarks_m is not None:
                 landmarks_m = to_camera(landmarks_m, colour.from_depth())
+        shown: dict[str, NDArray[Any]] = dict(layers)
+        if "color" in self._layers:
+            shown["color"] = color_image(layers, self._scenes.region_numbers, task.seeds)
+        for name, layer in (("region", "regions"), (NORMAL.name, "normals")):
+            if layer not in self._layers and name not in self._extra:  # drawn for colours alone
+                shown.pop(name, None)
         made = assemble_frame(
-            layers,
+            shown,
             window,
             crop,
             image,
