@@ -22,6 +22,7 @@ _COMMANDS = {
     "fetch": ("Make data", "fetch:fetch", "Fetch what glsim does not bring, once."),
     "import": ("Make data", "import_:app", "Convert real depth maps to a data set."),
     "sensors": ("Sensors", "sensors:sensors", "List the sensors, or print one."),
+    "presets": ("Make data", "presets:presets", "List shipped settings, or print some."),
     "stages": ("Sensors", "stages:stages", "List the noise stages and their parameters."),
     "validate": ("Sensors", "validate:validate", "Check a sensor against published noise."),
     "compare": ("Sensors", "compare:compare", "Measure two sets of depth frames."),
@@ -71,7 +72,7 @@ def load_command(name: str) -> Any:
     imported = import_module(f"glsim.cli.{module}")
     found = getattr(imported, attribute)
     if not isinstance(found, typer.Typer):
-        own = typer.Typer(add_completion=False, rich_markup_mode="rich")
+        own = typer.Typer(add_completion=False, rich_markup_mode=None)
         own.command(name, epilog=epilog(imported.EXAMPLES))(with_messages(found))
         found = own
     return typer.main.get_command(found)

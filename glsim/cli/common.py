@@ -47,9 +47,6 @@ def make_console(
     return made if width is None or made.is_terminal else plain(width=width)
 
 
-#: Heading of the options in a command's help that are rarely needed.
-MORE = "More options"
-
 #: Messages go to stderr; stdout is for the output that the user asked for.
 console = make_console(stderr=True)
 
@@ -64,23 +61,16 @@ class MessageOptions:
 
 
 options = MessageOptions()
+_QUIET = "Print errors only."
+_VERBOSE = "Log detected units, axes and decisions."
+_DEBUG = "Show tracebacks and all log messages."
 
 
 def _set_messages(
     *,
-    quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print errors only.", rich_help_panel=MORE)
-    ] = False,
-    verbose: Annotated[
-        bool,
-        typer.Option(
-            "-v", "--verbose", help="Log detected units, axes and decisions.", rich_help_panel=MORE
-        ),
-    ] = False,
-    debug: Annotated[
-        bool,
-        typer.Option("--debug", help="Show tracebacks and all log messages.", rich_help_panel=MORE),
-    ] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", hidden=True, help=_QUIET)] = False,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", hidden=True, help=_VERBOSE)] = False,
+    debug: Annotated[bool, typer.Option("--debug", hidden=True, help=_DEBUG)] = False,
 ) -> None:
     options.quiet, options.verbose, options.debug = quiet, verbose, debug
     if verbose or debug:
@@ -129,13 +119,18 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
 
 
 def epilog(examples: str) -> str:
-    """Format the end of a command's help: a heading, then each line as a paragraph."""
-    return "\n\n".join(["[bold]Examples[/bold]", *examples.strip().splitlines()])
+    """Format the end of a command's help: examples, and the options that all commands have."""
+    shared = "All commands take -q (errors only), -v (decisions), --debug (tracebacks)."
+    return f"\b\nExamples:\n{examples.strip()}\n\n{shared}"
 
 
 SensorOption = Annotated[
     str | None,
-    typer.Option("--sensor", "-s", help="A shipped sensor (glsim sensors) or a .toml file."),
+    typer.Option(
+        "--sensor",
+        "-s",
+        help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2.",
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -143,35 +138,28 @@ SetOption = Annotated[
         "--set",
         metavar="NAME=VALUE",
         help="Set a parameter, such as stage.parameter=2.5, 'pose.yaw_deg={uniform=[-30,30]}', "
-        "scene.wall_mm=1500, rig.deliver=raw. Repeatable.",
+        "scene.wall_mm=1500. Repeatable.",
     ),
 ]
 SeedOption = Annotated[
-    int | None, typer.Option(help="Random seed; the same seed gives the same bytes.")
+    int | None, typer.Option(help="Random seed; the same seed gives the same bytes. Default: 0.")
 ]
 ConfigOption = Annotated[
     Path | None,
-    typer.Option("--config", help="Read settings from a TOML file.", rich_help_panel=MORE),
+    typer.Option("--config", help="Read settings from a TOML file. Default: none."),
 ]
 PresetOption = Annotated[
     str | None,
-    typer.Option(
-        "--preset",
-        help="Start from shipped settings: living-room, office, paper, randomised or sample. "
-        "--config, --set and options change them.",
-    ),
+    typer.Option("--preset", help="Start from shipped settings (glsim presets). Default: none."),
 ]
 WorkersOption = Annotated[
     str,
-    typer.Option(
-        help="Number of worker processes; auto starts one per core.", rich_help_panel=MORE
-    ),
+    typer.Option(help="Number of worker processes; auto starts one per core."),
 ]
 BackendOption = Annotated[
     str | None,
     typer.Option(
         help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works.",
-        rich_help_panel=MORE,
     ),
 ]
 
@@ -179,7 +167,7 @@ CalibratedDeviceOption = Annotated[
     Path | None,
     typer.Option(
         help="Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted "
-        "before denoising."
+        "before denoising. Default: none."
     ),
 ]
 #: Exit status that Typer returns for Ctrl-C.
@@ -326,7 +314,7 @@ JsonFileOption = Annotated[
     typer.Option(
         "--json",
         metavar="FILE",
-        help="Write all numbers as JSON; - prints them instead of a table.",
+        help="Write all numbers as JSON; - prints them instead of a table. Default: no file.",
     ),
 ]
 #: The FILE of JsonFileOption that means stdout.

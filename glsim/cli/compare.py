@@ -53,8 +53,9 @@ def compare(
         first: A data set of glsim, or a folder of depth frames as glsim import kinect2 reads.
         second: The same, real or simulated.
         replay_sensor: In place of SIMULATED: render the surfaces of REAL through this sensor.
-        assignments: Set a parameter of that sensor.
-        out: Write the table as Markdown.
+            Default: none.
+        assignments: Set a parameter of that sensor. Repeatable.
+        out: Write the table as Markdown. Default: print it.
         frames: Frames of each set; larger sets are thinned.
         depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
         focal_px: Focal length of both, pixels. Default: stated, or a Kinect V2's.

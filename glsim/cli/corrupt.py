@@ -62,7 +62,7 @@ def corrupt(
         depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         focal_px: Focal length of the maps, pixels. Default: the sensor's.
         centre_px: Principal point x,y of the maps, pixels. Default: the sensor's, or the centre.
-        backend: egl, osmesa, or numpy, which needs no OpenGL.
+        backend: egl, osmesa, or numpy, which needs no OpenGL. Default: the first that works.
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
     from glsim.core.files.atomic import flush_outputs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import MORE, CalibratedDeviceOption, console, print_message
+from glsim.cli.common import CalibratedDeviceOption, console, print_message
 from glsim.core.errors import ConfigError, DatasetError, DepthRangeError, did_you_mean
 
 if TYPE_CHECKING:
@@ -16,16 +16,12 @@ if TYPE_CHECKING:
     from glsim.denoise.frames import MapReader
 
 EXAMPLES = """
-glsim denoise noisy.png -o clean.png                     the shipped network
-glsim denoise recording/ -o denoised/ -d face-azure-kinect    the network of one camera
-glsim denoise noisy.png -o clean.png --uncertainty sigma.png
-glsim denoise noisy.png -o clean.png --denoiser quadric:sigma_px=2.5,cleanup=5
-glsim denoise recording/ -o denoised/ -d temporal_median
-glsim denoise recording/ -o denoised/ --device my_kinect.toml    calibrated by glsim fit
-glsim denoise noisy.png -o clean.png -d runs/face-ir/best.pt --infrared infrared.png
-glsim denoise noisy.png -o clean.png --out-unit-mm 0.1   whole millimetres cost accuracy
-glsim denoise recording/ -o denoised/ --format npy       float32 metres
-glsim denoise 'maps/*_noisy.png' -o denoised/ -d run/best.pt
+glsim denoise noisy.png -o clean.png
+glsim denoise recording/ -o denoised/ -d face-azure-kinect   one camera's network
+glsim denoise recording/ -o denoised/ -d quadric:sigma_px=2.5,cleanup=5
+glsim denoise recording/ -o denoised/ --device my_kinect.toml    by glsim fit
+glsim denoise noisy.png -o clean.png -d run/best.pt --infrared infrared.png
+glsim denoise 'maps/*_noisy.png' -o denoised/ --format npy   float32 metres
 """
 
 
@@ -38,46 +34,38 @@ def denoise(
     infrared: Path | None = None,
     uncertainty: Path | None = None,
     composite: str = "measured",
-    around: Annotated[str | None, typer.Option(rich_help_panel=MORE)] = None,
+    around: str | None = None,
     depth_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
     out_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
-    form: Annotated[str | None, typer.Option("--format", rich_help_panel=MORE)] = None,
+    form: Annotated[str | None, typer.Option("--format")] = None,
     protocol: str | None = None,
-    channel: Annotated[str | None, typer.Option(rich_help_panel=MORE)] = None,
+    channel: str | None = None,
 ) -> None:
     """Denoise depth maps; 0 means no depth, in and out.
 
-    Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres, or
-    millimetres if the median of a folder says so; .npy and .exr are written as float32 metres, PNG
-    and TIFF with 16 bits in steps of --out-unit-mm. PNG files state their step.
-
-    Maps keep their names, and their folders where two have the same name; unreadable ones are
-    reported and skipped. For denoisers that use neighbours in time, the maps of a folder are a
-    sequence in the order of their names. Of a folder that glsim wrote, only the noisy depth is
-    used. Maps of a data set with an offset (--protocol paper) are denoised at their distance from
-    the camera and written with the same offset.
+    Whole numbers are steps of --depth-unit-mm; floats are metres, or millimetres if the median of a
+    folder says so. Unreadable maps are reported and skipped. For denoisers that use neighbours in
+    time a folder is one sequence. Of a folder that glsim wrote, only the noisy depth is used.
 
     Args:
         noisy: Depth maps (16-bit PNG or TIFF, .npy, .exr), folders, or a glob pattern.
         out: The denoised map, or a folder for them.
         denoiser: A name of glsim eval --list, or a checkpoint. face is a network for any camera;
-            face-kinect-v2, face-azure-kinect and face-stereo know one kind and are better there.
+            face-kinect-v2, face-azure-kinect and face-stereo know one kind.
         infrared: 16-bit infrared PNG, or a folder of them named as the maps, for networks that use
-            it. Default: those beside the maps (*_infrared.png, or *_ir.png of *_depth.png).
-        uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm, 0
-            where there is no depth; only for networks that estimate it.
-        composite: Use of a network's probability of depth: measured (the input's pixels without
-            flying and unlikely ones, small holes closed), soft, hard or 'input mask'.
-        around: face: denoise only around the nearest head, found by its depth; the rest stays as
-            measured.
-        depth_unit_mm: Step of the depth files, mm. Default: what their data set or they state, else
-            1.
+            it. Default: those beside the maps.
+        uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm,
+            of networks that estimate it. Default: none.
+        composite: Pixels that get depth: measured (the input's without unlikely ones, small holes
+            closed), soft, hard or 'input mask'.
+        around: face: denoise only around the nearest head. Default: everywhere.
+        depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         out_unit_mm: Step of the denoised maps, mm; 0.1 holds 6.5 m. Default: 0.1 for PNG of inputs
-            that state their step (data sets, maps of this command), else that of the input.
-        form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (float32
-            metres). Default: by the suffix.
-        protocol: Depth for the denoiser: depth (as measured) or paper (moved so that the nearest
-            point of each map is at 1 mm, and back). Default: as the network was trained.
+            that state their step, else that of the input.
+        form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (metres).
+            Default: by the suffix.
+        protocol: Depth for the denoiser: depth (as measured) or paper (nearest point of each map at
+            1 mm). Default: as the network was trained.
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
     from glsim.core.depth_protocol import check_protocol

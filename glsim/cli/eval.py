@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from glsim.cli.common import MORE, WorkersOption, check_outputs, print_message, print_written
+from glsim.cli.common import WorkersOption, check_outputs, print_message, print_written
 from glsim.cli.progress import scoring_progress
 from glsim.core.errors import ConfigError, did_you_mean
 
@@ -52,17 +52,15 @@ ProtocolOption = Annotated[
     ),
 ]
 RunsOption = Annotated[
-    Path | None, typer.Option(help="Score the networks that glsim train wrote to RUNS/*/.")
+    Path | None,
+    typer.Option(help="Score the networks of glsim train in RUNS/*/. Default: none."),
 ]
-FiguresOption = Annotated[
-    bool, typer.Option(help="Draw figures and report.html.", rich_help_panel=MORE)
-]
+FiguresOption = Annotated[bool, typer.Option(help="Draw figures and report.html.")]
 FocalOption = Annotated[
     float | None,
     typer.Option(
         min=1,
         help="Focal length of plain depth files, pixels. Default: the Kinect V2's.",
-        rich_help_panel=MORE,
     ),
 ]
 
@@ -110,24 +108,22 @@ def evaluate(
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
     focal_px: FocalOption = None,
-    device: Annotated[Path | None, typer.Option(rich_help_panel=MORE)] = None,
+    device: Path | None = None,
     _list_denoisers: Annotated[
         bool, typer.Option("--list", callback=_print_list, is_eager=True)
     ] = False,
 ) -> None:
     """Score denoisers; write rows.csv, table.md, table.csv and report.html with figures.
 
-    The noisy input is the first row. Maps are scored unrounded, as denoisers return them.
-
-    Frames that cannot be scored are reported and skipped; the exit status is then 1. Without
-    --denoiser the paper's filters are scored. Nothing is trained.
+    The noisy input is the first row. Maps are scored unrounded, as denoisers return them. Frames
+    that cannot be scored are reported and skipped; the exit status is then 1.
 
     Args:
         truth: What predictions are compared with: clean, or expected (clean with the sensor's
             systematic error, which a denoiser leaves).
         tune_filters: Add the classical filters, tuned on the validation split.
         device: Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the
-            input of all denoisers.
+            input of all denoisers. Default: none.
         _list_denoisers: Print the shipped denoisers and exit.
     """
     from glsim.core.depth_protocol import check_protocol

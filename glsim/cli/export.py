@@ -40,14 +40,15 @@ def export(
 
     Args:
         source: A data set, or best.pt or last.pt of a run of glsim train.
-        out: Folder for the files; an .onnx or .safetensors file of a network.
-        to: Formats of a data set's frames, several with commas: npz (default), ply, exr, ... A
-            wrong name lists them all.
+        out: Folder for the files; an .onnx or .safetensors file of a network. Default: none; --hf
+            needs no folder.
+        to: Formats of a data set's frames, several with commas: ply, exr, ...; a wrong name lists
+            them all. Default: npz.
         layers: Depth layers: clean, noisy, expected. Default: all.
         split: Only train, val or test. Default: all.
-        frames: Only the first N frames.
-        hf: Push the data set as it is to this repository of the Hugging Face Hub, with the token of
-            hf auth login or HF_TOKEN.
+        frames: Only the first N frames. Default: all.
+        hf: Push what the data set names to this repository of the Hugging Face Hub, with the token
+            of hf auth login or HF_TOKEN. Default: nothing is pushed.
         public: Everybody can see a new repository of --hf.
     """
     chosen = any(option is not None for option in (to, layers, split, frames))

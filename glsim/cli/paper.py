@@ -22,7 +22,9 @@ from glsim.cli.progress import study_displays
 from glsim.core.errors import ConfigError
 
 app = typer.Typer(
-    help="Reproduce the paper: its data, networks, tables and figures.", no_args_is_help=True
+    help="Reproduce the paper: its data, networks, tables and figures.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 REPRODUCE_EXAMPLES = """
@@ -46,7 +48,7 @@ glsim paper values reproduced                 each printed value beside ours
 
 RootOption = Annotated[
     Path | None,
-    typer.Option(help="Folder of this face set of the paper. Without it: embedded heads."),
+    typer.Option(help="Folder of this face set of the paper. Default: embedded heads."),
 ]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder of glsim paper reproduce.")]
 

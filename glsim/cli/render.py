@@ -48,8 +48,8 @@ def render(
     Args:
         face: A mesh file: OBJ, PLY, STL, GLB or OFF.
         out: Folder for the images.
-        crop: Side of the centre crop, pixels.
-        depth_unit_mm: Step of the depth files, mm.
+        crop: Side of the centre crop, pixels. Default: the whole image.
+        depth_unit_mm: Step of the depth files, mm. Default: 1.
         unit: Unit of the mesh file: mm, cm, dm, m or inch; overrides detection.
         axes: File axes that become x, y, z, such as +x+y+z; overrides detection.
     """

@@ -34,7 +34,7 @@ def sensors(
 
     Args:
         name: Print the file of this sensor, or copy it with -o.
-        out: New .toml file for the copy.
+        out: New .toml file for the copy. Default: print it.
     """
     from glsim.core.plugins import each_usable
     from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names

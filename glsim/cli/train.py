@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import (
-    MORE,
     SeedOption,
     console,
     options,
@@ -51,16 +50,14 @@ def train(
     recipe: Annotated[str | None, typer.Argument(metavar="RECIPE")] = None,
     data: Annotated[list[Path] | None, typer.Option("--data", metavar="DIR")] = None,
     simulate: Annotated[bool, typer.Option("--simulate")] = False,
-    ray: Annotated[str | None, typer.Option(metavar="ADDRESS", rich_help_panel=MORE)] = None,
+    ray: Annotated[str | None, typer.Option(metavar="ADDRESS")] = None,
     minutes: float | None = None,
     steps: int | None = None,
-    start: Annotated[
-        Path | None, typer.Option("--from", metavar="BEST.PT", rich_help_panel=MORE)
-    ] = None,
+    start: Annotated[Path | None, typer.Option("--from", metavar="BEST.PT")] = None,
     assignment: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE")] = None,
     resume: Annotated[bool, typer.Option("--resume")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out")] = None,
-    protocol: Annotated[str | None, typer.Option(rich_help_panel=MORE)] = None,
+    protocol: str | None = None,
     seed: SeedOption = None,
     list_recipes: Annotated[bool, typer.Option("--list")] = False,
 ) -> None:
@@ -72,10 +69,12 @@ def train(
             Repeatable; data sets are joined.
         simulate: Render pairs during training instead of reading a data set.
         ray: With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.
-        minutes: Training time, minutes, including earlier runs that are resumed.
-        steps: Number of steps.
+            Default: render here.
+        minutes: Training time, minutes, including earlier runs that are resumed. Default: the
+            recipe's.
+        steps: Number of steps. Default: the recipe's.
         start: Start from the weights of a checkpoint, an ONNX file or a shipped network (face);
-            weights of further inputs start at 0.
+            weights of further inputs start at 0. Default: random weights.
         assignment: Override the recipe, such as optimiser.lr=1e-3 or training.max_epochs=20.
             Repeatable.
         resume: Continue the training in the folder, if there is one.

@@ -48,7 +48,7 @@ def transfer(
             others. Repeatable.
         study: full (ten sensors), small (some minutes, to try the command), or your own .toml file
             like those of eval/studies/transfers/.
-        ict_root: ICT-FaceKit's FaceXModel. Without it: no such faces.
+        ict_root: ICT-FaceKit's FaceXModel. Default: no such faces.
     """
     from glsim.data.worker_processes import worker_count
     from glsim.eval.studies.runner import Runner

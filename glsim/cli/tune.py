@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import (
-    MORE,
     ConfigOption,
     PresetOption,
     SeedOption,
@@ -36,9 +35,9 @@ def tune(
     seed: SeedOption = None,
     preset: PresetOption = None,
     config: ConfigOption = None,
-    host: Annotated[str, typer.Option(rich_help_panel=MORE)] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, rich_help_panel=MORE)] = 8137,
-    no_browser: Annotated[bool, typer.Option("--no-browser", rich_help_panel=MORE)] = False,
+    host: str = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 8137,
+    no_browser: Annotated[bool, typer.Option("--no-browser")] = False,
 ) -> None:
     """Change a sensor's noise in a browser and see frame, figures and code change at once.
 
@@ -48,10 +47,10 @@ def tune(
 
     Args:
         sensor: A shipped sensor (glsim sensors) or a .toml file.
-        face: A mesh file: OBJ, PLY, STL, GLB or OFF.
-        source: Source of faces, as for glsim generate.
-        root: Folder of the meshes or of the face model.
-        real: A recording, whose figures stand beside the frame's.
+        face: A mesh file: OBJ, PLY, STL, GLB or OFF. Default: heads of --source.
+        source: Source of faces, as for glsim generate. Default: procedural.
+        root: Folder of the meshes or of the face model. Default: none.
+        real: A recording, whose figures stand beside the frame's. Default: none.
         host: Address to listen on; others than loopback are reachable.
         port: Port; a free one is taken if it is in use.
         no_browser: Print the address and open no browser.

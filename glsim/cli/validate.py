@@ -49,7 +49,7 @@ def validate(
 
     Args:
         sensor: A shipped sensor (glsim sensors) or a .toml file.
-        markdown_file: Write the table as Markdown.
+        markdown_file: Write the table as Markdown. Default: print it.
         seed: Random seed; the same seed gives the same numbers.
         frames: Number of frames of each wall.
     """

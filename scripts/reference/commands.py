@@ -64,8 +64,7 @@ def _section(name: str, command: Any) -> str:
     parts = [f"## `glsim {name}`\n\n"]
     parts += [plain(part) + "\n\n" for part in str(command.help or "").strip().split("\n\n")]
     parts.append(block(f"glsim {name} [OPTIONS] {usage}".strip(), "text"))
-    examples = re.sub(r"\[/?bold\](Examples)?", "", command.epilog or "").strip()
-    examples = _without_markup(examples)
+    examples = (command.epilog or "").partition("Examples:\n")[2].rpartition("\n\n")[0]
     if examples:
         parts.append(block(re.sub(r"\n\n+", "\n", examples), "text"))
     rows = [_row(p) for p in command.params]
@@ -101,9 +100,4 @@ def _row(parameter: Any) -> list[str]:
     default = parameter.default
     shown = "" if default in (None, False) or parameter.required else code(default)
     note = "required. " if parameter.required and parameter.param_type_name != "argument" else ""
-    return [names, plain(kind), shown, note + plain(_without_markup(parameter.help or ""))]
-
-
-def _without_markup(text: str) -> str:
-    """Remove Rich's escapes of brackets."""
-    return text.replace("\\[", "[")
+    return [names, plain(kind), shown, note + plain(parameter.help or "")]

@@ -1,6 +1,6 @@
 """Presets: complete settings for common data sets, as TOML files beside this module.
 
-A file has the tables of a settings file, and ``title``, a line that ``--help`` prints.
+A file has the tables of a settings file, and ``title``, a line that ``glsim presets`` prints.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ def preset_names() -> list[str]:
 
 def preset_title(name: str) -> str:
     """Return the one-line description of a preset. Raises ConfigError for an unknown name."""
-    return str(_read(name)["title"])
+    return str(tomllib.loads(preset_file(name).read_text(encoding="utf-8"))["title"])
 
 
 def read_preset(name: str) -> dict[str, Any]:
     """Return the settings of a preset as nested dicts. Raises ConfigError for an unknown name."""
-    tree = _read(name)
+    tree = tomllib.loads(preset_file(name).read_text(encoding="utf-8"))
     del tree["title"]
     return tree
 
 
-def _read(name: str) -> dict[str, Any]:
+def preset_file(name: str) -> Path:
+    """Return the TOML file of a preset. Raises ConfigError for an unknown name."""
     names = preset_names()
     if name not in names:
         raise ConfigError(f"no such preset {name!r} ({did_you_mean(name, names)})")
-    return tomllib.loads((_FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+    return _FOLDER / f"{name}.toml"
