@@ -78,8 +78,8 @@ class Runner:
         record = self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
         inputs = json.loads(json.dumps(inputs))
         done = output is not None and output.exists() and _inputs_of(record) == inputs
-        minutes = (time.monotonic() - self._start) / 60
-        self.announce(f"{minutes:.0f} min, {name}{': complete' if done else ''}")
+        minutes = "" if self.dry else f"{(time.monotonic() - self._start) / 60:.0f} min, "
+        self.announce(f"{minutes}{name}{': complete' if done else ''}")
         if done or self.dry:
             return None
         try:

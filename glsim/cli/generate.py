@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -23,7 +25,9 @@ from glsim.cli.progress import generation_progress, print_summary
 from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from glsim.faces.face_source import FaceSource
     from glsim.settings.schema import Settings
+    from glsim.simulation.plan.tasks import Plan
 
 EXAMPLES = """
 glsim generate -o data --subjects 10 --frames-per-subject 30
@@ -37,14 +41,13 @@ glsim generate -o shared/data --subjects 100000 --part 3/16   one of 16 jobs
 The same command again resumes an interrupted run, or checks a finished one.
 """
 
-#: Bytes a pixel of a layer that shows a room or a wall, and of one that shows a face alone, which
-#: has at most _FACE_BYTES; bytes of a record; measured with kinect-v2.
-_ROOM_BYTES_PER_PX, _FACE_BYTES_PER_PX, _FACE_BYTES, _RECORD_BYTES = 0.9, 0.4, 20_000, 1_600
-#: Pixels of an image that is not cropped: kinect-v2.
-_IMAGE_PX = 512 * 424
-#: Seconds of one core for a frame in a room, and of a face alone: measured with kinect-v2 on a
-#: two-core cloud machine with Mesa's software rasteriser (on a slower one 0.172 and 0.035).
-_ROOM_S, _FACE_S = 0.12, 0.025
+#: What ``--plan`` draws to measure time and size: frames of each of some people, and the seconds
+#: after which it draws no more. Chosen.
+_SAMPLED_FRAMES, _SAMPLED_PEOPLE, _SAMPLING_S = 4, 3, 8.0
+#: Seconds until a worker process has imported what it needs, measured on a two-core cloud machine.
+_PROCESS_S = 1.5
+#: Bytes of a frame's record, measured with kinect-v2.
+_RECORD_BYTES = 1_600
 
 
 def generate(
@@ -78,7 +81,8 @@ def generate(
         subjects: Number of people. Default: all of a folder, else 10.
         frames_per_subject: Frames per person; a folder's meshes are used again, with other poses
             and noise. Default: all of a folder, else 30.
-        plan: Print the number of images, and estimates of size and time; render nothing.
+        plan: Print the number of images, and size and time measured on a dozen of them; write
+            nothing.
         part: Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the last
             part to end merges all. Default: all chunks.
         ray: Render on a cluster of Ray: auto, HOST:6379, or local (pip install 'glsim[ray]').
@@ -131,6 +135,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
     """Print the number of images by source and split, their size, and the estimated time."""
     from rich.table import Table
 
+    from glsim.data.chunks import CHUNK_FRAMES
     from glsim.sensors.sensor import sensor_code, sensor_of
     from glsim.settings.schema import SPLIT_NAMES
     from glsim.simulation.pipeline import open_sources
@@ -156,23 +161,63 @@ def _print_plan(settings: Settings, workers: int) -> None:
             share = f"{100 * images / len(plan):.1f} %"
             table.add_row(name, str(people), str(images), share)
         out.print(table)
-    frame_bytes, frame_s = _frame_cost(settings)
-    out.print(
-        f"{len(plan)} images, {_bytes(len(plan) * frame_bytes)}, "
-        f"{_time(len(plan) * frame_s / workers)} with {workers} worker(s), on a typical machine; "
-        "nothing was rendered or written"
-    )
+    if sensor_code(settings):
+        how = "no time is estimated: the sensor names code, which a plan does not run"
+    elif (cost := _measured_cost(settings, sources, plan)) is None:
+        how = "no time is estimated: none of a dozen frames could be drawn"
+    else:
+        seconds = len(plan) * cost.frame_s + sum(1 for _ in plan.people()) * cost.person_s
+        chunk = CHUNK_FRAMES[settings.output.format]
+        busiest = min(len(plan), -(-len(plan) // (chunk * workers)) * chunk)  # frames of a worker
+        seconds = seconds * max(busiest / len(plan), 1 / workers) + cost.start_s
+        how = (
+            f"{_bytes(len(plan) * cost.frame_bytes)}, about {_time(seconds)} with {workers} "
+            f"worker(s) on this machine (measured on {cost.sampled} frames)"
+        )
+    out.print(f"{len(plan)} images, {how}; nothing was written")
 
 
-def _frame_cost(settings: Settings) -> tuple[float, float]:
-    """Estimate the bytes of a frame (images and record), and its seconds on one core."""
-    crop = settings.output.crop
-    image_px = _IMAGE_PX if crop is None else crop**2
-    in_room = settings.scene.room != "none" or settings.scene.wall_mm is not None
-    face_bytes = min(_FACE_BYTES_PER_PX * image_px, _FACE_BYTES)
-    layer_bytes = _ROOM_BYTES_PER_PX * image_px if in_room else face_bytes
-    total = len(settings.output.layers) * layer_bytes + _RECORD_BYTES
-    return total, _ROOM_S if in_room else _FACE_S
+class _Cost(NamedTuple):
+    """Measured bytes and seconds of a frame, seconds of a person and of a worker's start."""
+
+    frame_bytes: float
+    frame_s: float
+    person_s: float
+    start_s: float
+    sampled: int
+
+
+def _measured_cost(settings: Settings, sources: Sequence[FaceSource], plan: Plan) -> _Cost | None:
+    """Draw and encode some frames of a plan; None if it has none that can be drawn."""
+    from statistics import median
+
+    from glsim.core.files.png import encode_png
+    from glsim.simulation.frame import Skipped
+    from glsim.simulation.pipeline import simulate
+
+    people = list(plan.people())
+    chosen = people[:: -(-len(people) // _SAMPLED_PEOPLE)]
+    tasks = [plan[p.first + n] for p in chosen for n in range(min(p.frames, _SAMPLED_FRAMES))]
+    layers, sizes = settings.output.layers, []
+    first, later = list[float](), list[float]()
+    begun = last = perf_counter()
+    for task, frame in zip(
+        tasks, simulate(settings, tasks, sources=sources, layers=layers), strict=True
+    ):
+        if not isinstance(frame, Skipped):
+            images = (encode_png(frame.image(layer)) for layer in layers)
+            sizes.append(sum(map(len, images)) + _RECORD_BYTES)
+        now = perf_counter()
+        (first if any(task.index == p.first for p in chosen) else later).append(now - last)
+        last = now
+        if now - begun > _SAMPLING_S:
+            break
+    if not sizes:
+        return None
+    frame_s = median(later or first[1:] or first)
+    person_s = max(0.0, median(first[1:] or first) - frame_s)
+    start_s = _PROCESS_S + max(0.0, first[0] - person_s - frame_s)
+    return _Cost(sum(sizes) / len(sizes), frame_s, person_s, start_s, len(sizes))
 
 
 def _bytes(count: float) -> str:

@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import WorkersOption, epilog, print_message, print_written, with_messages
+from glsim.cli.common import (
+    WorkersOption,
+    epilog,
+    make_console,
+    print_message,
+    print_written,
+    with_messages,
+)
 from glsim.cli.eval import (
     DatasetArgument,
     DenoisersOption,
@@ -83,10 +90,17 @@ def reproduce(
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}
-    announce = typer.echo if plan else print_message
+    steps: list[str] = []
+    announce = steps.append if plan else print_message
     runner = Runner(out, worker_count(workers), announce, study_displays(), dry=plan)
     print_message(chosen.title)
     print_written(run(chosen, runner, roots))
+    groups: dict[str, list[str]] = {}
+    for step in steps:
+        kind, cut, name = step.rpartition("/") if step.startswith("train") else step.partition(" ")
+        groups.setdefault(kind + cut.strip(), []).append(name)
+    for kind, names in groups.items():
+        make_console().print(f"{kind} ({len(names)}): {', '.join(names)}")
 
 
 def tables(
