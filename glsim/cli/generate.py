@@ -25,6 +25,7 @@ from glsim.cli.progress import generation_progress, print_summary
 from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from glsim.data.progress import GenerateSummary
     from glsim.faces.face_source import FaceSource
     from glsim.settings.schema import Settings
     from glsim.simulation.plan.tasks import Plan
@@ -115,6 +116,7 @@ def generate(
                 settings, out, workers=count, portable=True, ray=ray, progress=progress
             )
         print_summary(whole, out)
+        _print_empty_splits(settings, whole)
         return
     chosen = parse_part(part)
     with generation_progress() as progress:
@@ -128,6 +130,20 @@ def generate(
     else:
         print_message(
             f"{made.absent_chunks} chunks of other parts are not made yet; the last part merges"
+        )
+
+
+def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
+    """Say which splits have a share of the people, but nobody, because people are few."""
+    from glsim.settings.schema import SPLIT_NAMES
+
+    if isinstance(settings.split, str):
+        return
+    shares = zip(SPLIT_NAMES, settings.split, strict=True)
+    if empty := [name for name, share in shares if share > 0 and not whole.frames[name]]:
+        print_message(
+            f"nobody is in {' and '.join(empty)}: {sum(whole.subjects.values())} people are too "
+            "few for this split; training and scoring need more"
         )
 
 

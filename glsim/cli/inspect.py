@@ -1,7 +1,8 @@
-"""``glsim inspect``: report the content of a face set."""
+"""``glsim inspect``: report the content of a face set, or of a recording of a depth camera."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,16 +15,26 @@ from glsim.cli.common import (
     print_json,
     print_written,
 )
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, GlsimError, MeshError
 
 if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
+    from glsim.data.recordings.recording import Recording
 
 EXAMPLES = """
 glsim inspect d3dfacs_alignments
 glsim inspect FaceWarehouse_Data_0 -o look.png --frames 0
 glsim inspect scan.ply --unit cm
+glsim inspect recording/                    the camera, and the denoiser to take
 """
+#: Sizes of images, pixels, of cameras that are not recognised by the lattice of their depths.
+_SIZES = {
+    (512, 424): "kinect-v2",
+    (640, 576): "azure-kinect",
+    (320, 288): "azure-kinect-nfov-binned",
+    (512, 512): "azure-kinect-wfov",
+    (1024, 1024): "azure-kinect-wfov-unbinned",
+}
 
 _PEOPLE = 20
 _PROBLEMS = 20
@@ -31,7 +42,7 @@ _PROBLEMS = 20
 
 def inspect(
     path: Path,
-    out: Annotated[Path, typer.Option("-o", "--out")] = Path("inspect.png"),
+    out: Annotated[Path | None, typer.Option("-o", "--out")] = None,
     frames: Annotated[int, typer.Option(min=0)] = 40,
     shown: Annotated[int, typer.Option(min=0, max=60)] = 12,
     unit: str = "auto",
@@ -39,11 +50,11 @@ def inspect(
     backend: BackendOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Report a face set's kind, people, frames, units, axes and problems; draw its faces.
+    """Report a face set's kind, people, frames, units, axes and problems, or a recording's camera.
 
     Args:
-        path: A face set or a mesh file.
-        out: Folder or PNG file for the contact sheet.
+        path: A face set, a mesh file, or a recording of a depth camera.
+        out: Folder or PNG file for a contact sheet of faces. Default: none.
         frames: Number of frames to read; 0 reads all.
         shown: Number of faces on the sheet; 0 draws none.
         unit: Unit of the mesh files; overrides detection.
@@ -55,10 +66,17 @@ def inspect(
 
     if not path.exists():
         raise ConfigError(f"{path}: no such file or folder")
-    if out.is_dir() or not out.suffix:
+    if out is not None and (out.is_dir() or not out.suffix):
         out /= "inspect.png"
-    if out.suffix.lower() != ".png":
+    if out is not None and out.suffix.lower() != ".png":
         raise ConfigError(f"-o {out}: give a folder, or a name that ends in .png")
+    if (recording := _recording(path)) is not None:
+        content = _camera(recording)
+        if as_json:
+            print_json(content)
+        else:
+            _print_camera(content)
+        return
     kind, source = inspection.open_faces(path, unit, axes)
     report = inspection.inspect(path, kind, source, frames)
     if as_json:
@@ -67,11 +85,76 @@ def inspect(
         _print(report)
     if not report.usable:
         raise MeshError(f"{path}: none of the {report.checked} frames that were read can be used")
-    if shown:
+    if shown and out is not None:
         step = max(1, len(report.usable) // shown)
         cells = list(inspection.preview_faces(source, report.usable[::step][:shown], backend))
         write_picture(gallery(cells, f"{path.name}: {kind}, {report.frames} frames"), out)
         print_written([out])
+
+
+def _recording(path: Path) -> Recording | None:
+    """Open a recording; None for data sets, meshes, and what no depth camera makes."""
+    from glsim.data.header import is_dataset
+    from glsim.data.recordings.recording import open_recording
+    from glsim.faces.meshes.load import EXTENSIONS
+
+    meshes = path.rglob("*") if path.is_dir() else (path,)
+    if is_dataset(path) or any(file.suffix.lower() in EXTENSIONS for file in meshes):
+        return None
+    try:
+        return open_recording(path)
+    except GlsimError:
+        return None
+
+
+def _camera(recording: Recording) -> dict[str, Any]:
+    """Return what a recording says of its camera, the sensor that is like it, and its denoiser."""
+    from glsim.bench.fit.stereo_sensor import stereo_base
+    from glsim.denoise.registry import network_for
+
+    frame = recording.frames[0]
+    height, width = frame.measured_mm.shape
+    sensor, why = recording.stated.sensor, str(recording.stated_by)
+    if not sensor:
+        sensor, why = (
+            stereo_base(recording, None) or "",
+            "its depths lie on a lattice of disparities",
+        )
+    if not sensor:
+        sensor, why = _SIZES.get((width, height), ""), f"its images have {width} x {height} pixels"
+    return {
+        "path": str(recording.path),
+        "kind": recording.kind,
+        "frames": len(recording.frames),
+        "width_px": width,
+        "height_px": height,
+        "step_mm": frame.step_mm,
+        "infrared": frame.infrared is not None,
+        "intrinsics": None if recording.camera is None else asdict(recording.camera),
+        "sensor": sensor or None,
+        "because": why if sensor else None,
+        "denoiser": network_for(sensor),
+        "notes": list(recording.notes),
+    }
+
+
+def _print_camera(content: dict[str, Any]) -> None:
+    out = make_console(soft_wrap=True)
+    light = "with" if content["infrared"] else "without"
+    out.print(
+        f"{content['path']}: {content['kind']}, {content['frames']} frames of "
+        f"{content['width_px']} x {content['height_px']} px {light} infrared, first step "
+        f"{content['step_mm']:g} mm"
+    )
+    if content["sensor"]:
+        out.print(f"camera: like {content['sensor']}, because {content['because']}")
+    else:
+        out.print("camera: not recognised: state it in a camera.toml")
+    out.print(f"denoise: glsim denoise {content['path']} -o denoised -d {content['denoiser']}")
+    if content["intrinsics"] is None:
+        out.print("no intrinsics are stated: a camera.toml beside the frames states them")
+    for note in content["notes"]:
+        out.print(note)
 
 
 def _described(report: FaceSetReport) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,14 @@ def test_changed_values_keep_the_comments_around_them(tmp_path: Path) -> None:
         if line.startswith("#"):
             assert line in text
     assert "sigma_px = 0.8     # Nguyen 2012" in text
-    assert "min_area_px = 30\n" in text, "a whole number stays one"
+    assert re.search(r"^min_area_px = 30 +# tuned, was 20$", text, re.MULTILINE)
+    assert re.search(r"^base_sigma_mm = 3\.5 +# tuned, was 1\.\d+$", text, re.MULTILINE)
+    assert ', tuned"\n' in text
+    save_sensor(Tuning(str(file), {"despeckle.min_area_px": 25}), load_sensor(str(file)), file)
+    assert "min_area_px = 25" in file.read_text()
+    assert "# tuned, was 30" in file.read_text()
+    assert file.read_text().count(', tuned"') == 1
+    file.write_text(text)
     assert load_sensor(str(file)).stages == sensor.stages
     assert load_sensor(str(file)).rig == sensor.rig
     assert other_values(tuning) == {"pose.yaw_deg": 20}

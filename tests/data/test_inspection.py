@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError
+from glsim.core.files.png import encode_png
 from glsim.data.inspection import inspect, open_faces, recognise
 from tests.support.face_models import write_face_x_model
 from tests.support.face_set_trees import WRITERS, tree
@@ -105,3 +107,29 @@ def test_a_plan_writes_nothing_and_counts_everything(
     assert "nothing was written" in " ".join(printed.split())
     assert main(["generate", *root]) == 2
     assert "give -o DIR" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("size", "lattice", "sensor", "denoiser"),
+    [
+        ((424, 512), False, "kinect-v2", "face-kinect-v2"),
+        ((576, 640), False, "azure-kinect", "face-azure-kinect"),
+        ((480, 640), True, "realsense-d435-vga", "face-stereo"),
+        ((480, 640), False, None, "face"),
+    ],
+)
+def test_a_recording_names_its_camera_and_denoiser(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    size: tuple[int, int], lattice: bool, sensor: str | None, denoiser: str,
+) -> None:  # fmt: skip
+    depth = np.linspace(600, 3000, size[0] * size[1]).reshape(size)
+    if lattice:  # 1/32 px of disparity
+        depth = np.rint(626813 / np.rint(626813 / depth))
+    monkeypatch.chdir(tmp_path)
+    Path("frames").mkdir()
+    Path("frames/a.png").write_bytes(encode_png(depth.astype(np.uint16)))
+    assert main(["inspect", "frames"]) == 0
+    printed = capsys.readouterr().out
+    assert (f"like {sensor}" if sensor else "not recognised") in printed
+    assert f"glsim denoise frames -o denoised -d {denoiser}\n" in printed
+    assert [path.name for path in tmp_path.iterdir()] == ["frames"], "a picture only with -o"

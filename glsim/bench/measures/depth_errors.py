@@ -11,10 +11,6 @@ from glsim.core.depth_frame import DepthFrame
 from glsim.core.files.markdown import markdown_table
 from glsim.core.reason import Reason
 
-#: Mean squared difference of noisy and clean over all pixels of the paper's 128x128 crops, mm^2.
-#: Source: Kendrick, Yap and Tan, table 1, row "baseline".
-PAPER_BASELINE_MSE = 1410.8397
-
 
 def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     """Return a Markdown table of measures of frames without clean maps."""
@@ -42,25 +38,24 @@ def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
 
 def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     """Return a Markdown table of depth errors over pairs of clean and noisy maps."""
-    # Pixels in total, with both depths, with clean depth only, with noisy depth only; sums of the
-    # error and of its square over both, and of the square over all pixels, holes as depth 0.
-    sums = np.zeros(7)
+    # Pixels with both depths, with clean depth only, with noisy depth only; sums of the
+    # error and of its square over both.
+    sums = np.zeros(5)
     number, reasons = 0, Counter[Reason]()
     for frame in frames:
         clean, noisy = frame.clean_mm.astype(np.float64), frame.noisy_mm.astype(np.float64)
         both, error = (clean > 0) & (noisy > 0), noisy - clean
         lost, grown = (clean > 0) & (noisy == 0), (clean == 0) & (noisy > 0)
         sums += [
-            clean.size, both.sum(), lost.sum(), grown.sum(),
-            error[both].sum(), (error[both] ** 2).sum(), (error**2).sum(),
+            both.sum(), lost.sum(), grown.sum(), error[both].sum(), (error[both] ** 2).sum(),
         ]  # fmt: skip
         number += 1
         if "reason" in frame:
             codes, counts = np.unique(frame.reason, return_counts=True)
             reasons.update(dict(zip(map(Reason, codes.tolist()), counts.tolist(), strict=True)))
     with np.errstate(invalid="ignore"):
-        bias, rms, mse = sums[4] / sums[1], (sums[5] / sums[1]) ** 0.5, sums[6] / sums[0]
-    _, both_px, lost_px, grown_px = sums[:4]
+        bias, rms = sums[3] / sums[0], (sums[4] / sums[0]) ** 0.5
+    both_px, lost_px, grown_px = sums[:3]
     surface = both_px + lost_px
     rows = [
         ("sensor", sensor),
@@ -70,10 +65,6 @@ def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
         ("noisy - clean, rms", f"{rms:.2f} mm"),
         ("surface lost", f"{100 * lost_px / max(surface, 1):.2f} %"),
         ("depth where there is no surface", f"{grown_px / number:.1f} px per frame"),
-        (
-            "mean squared difference, all pixels",
-            f"{mse:.0f} mm^2 (the paper's baseline on 128x128 crops: {PAPER_BASELINE_MSE:.0f})",
-        ),
     ]
     rows += [
         (f"{code.name.lower()}: {code.help}", f"{count / number:.1f} px per frame")

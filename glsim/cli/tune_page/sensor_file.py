@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
-from tomlkit.items import Table
+from tomlkit.items import AoT, Table
 
 from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
@@ -15,6 +15,9 @@ from glsim.core.files.atomic import write_atomic
 from glsim.sensors.sensor import EXTENDS, RIG_FILES, Sensor
 from glsim.settings.schema import Settings
 from glsim.settings.toml_tables import toml_value
+
+#: End of the title of a sensor that was changed.
+_TUNED = ", tuned"
 
 
 def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
@@ -68,7 +71,10 @@ def _in_sensor(name: str) -> bool:
 
 
 def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
-    """Return a tuning as TOML; unchanged lines stay as in the original file."""
+    """Return a tuning as TOML; unchanged lines stay as in the original file.
+
+    The comment of a changed line, which gave the former value's source, becomes "tuned, was VALUE".
+    """
     document = tomlkit.parse(sensor.file.read_text(encoding="utf-8-sig"))
     given = document.get("rig")
     rig = given if isinstance(given, Table) else tomlkit.table()
@@ -89,12 +95,29 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
             target = rig if table == "rig" else by_name.get(table)
             if target is None:
                 raise ConfigError(f"the sensor has no stage {table!r}")
-            target[key] = _plain(value, sensor, table, key)
+            _replace(target, key, _plain(value, sensor, table, key))
+    title, changed = str(document.get("title", sensor.title)), {*tuning.values, *tuning.code}
+    if any(map(_in_sensor, changed)) and not title.endswith(_TUNED):
+        document["title"] = title + _TUNED
     if given is None and rig:
         document["rig"] = rig
     if "stage" not in document and len(entries):
         document["stage"] = entries
     return tomlkit.dumps(document)
+
+
+def _replace(table: Any, key: str, value: Any) -> None:
+    """Set a value; its comment says what it was, instead of where that came from."""
+    before = table.get(key)
+    if before == value:
+        return
+    table[key] = value
+    if isinstance(item := table.item(key), AoT):  # [[rig.emitter]] has no line of its own
+        return
+    was = (
+        "" if before is None or isinstance(before, AoT) else f", was {toml_value(before.unwrap())}"
+    )
+    item.comment(f"tuned{was}")
 
 
 def _add_missing(
