@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -13,6 +16,8 @@ from glsim.core.rect import Rect
 from glsim.noise.registry import shipped_stages
 from glsim.noise.twins import find_twin
 from glsim.noise.twins.edges import cells
+from tests.support.imports import ROOT
+from tests.support.scenes import face_mesh, frames_of, settings_for
 from tests.support.stage_harness import FRAME, Image, crop, frame, run_shader, run_twin, scene
 
 #: Stages of time of flight and of imagers have layers of their own: test_tof_frames and
@@ -156,3 +161,24 @@ def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
     if "reason" not in run_twin(use, layers, FRAME, **p):
         np.testing.assert_array_equal(after, before)
     assert not np.isin(written["reason"][before & ~after], layers["reason"][before]).any()
+
+
+def test_the_stage_of_the_howto_and_its_twin_agree(
+    context: moderngl.Context, tmp_path: Path
+) -> None:
+    page = (ROOT / "docs/howto/noise_stage.md").read_text(encoding="utf-8")
+    blocks = dict(re.findall(r"```(glsl|python)\n(.*?)```", page, re.DOTALL))
+    (tmp_path / "burst.glsl").write_text(blocks["glsl"])
+    (tmp_path / "s.toml").write_text(
+        'title = "burst"\n[rig]\nwidth = 96\nheight = 80\nfocal_px = [80, 80]\n'
+        'centre_px = [48, 40]\n[[stage]]\nuse = "burst.glsl"\n'
+    )
+    defined: dict[str, Any] = {}
+    exec(blocks["python"], defined)
+    settings = settings_for(str(tmp_path / "s.toml"), scene={"wall_mm": 1500})
+    (frame,) = frames_of(context, settings, face_mesh(40))
+    np.testing.assert_allclose(frame.noisy_m, defined["burst"](frame), atol=2e-6)
+    off_mm = 1000 * (frame.noisy_m - frame.clean_m)
+    rows = np.abs(off_mm).max(axis=1) > 0.01
+    assert 0.02 < rows.mean() < 0.25
+    assert 4.5 < off_mm[rows].std() < 5.5
