@@ -310,6 +310,7 @@ class TrainingRun:
             "seconds": round(progress.seconds, 3),
             "best": {"monitor": self.recipe.training.monitor, "value": progress.best}
             | {"step": progress.best_step},
+            "validation": self.figures,
             "parameters": parameter_count(self.state.network),
             **self.recipe.model_dump(mode="json", include={"title", "row", "size", "seed"}),
             "data": self.source.fingerprint,
@@ -411,30 +412,33 @@ def validation_figures(
         mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
         interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
         flips: pixels per frame of wrong validity.
+        input_interior_rmse_mm, input_flips: the same of the noisy input.
     """
+
+    def surface(depth_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        inside = interior_mask(clean_mm) & (depth_mm > 0)
+        square_mm2 = (depth_mm - clean_mm).double().square()[inside].sum()
+        flips = ((depth_mm > 0) != (clean_mm > 0)).sum().double()
+        return square_mm2, inside.sum().double(), flips
+
     sums = []
     for noisy_mm, clean_mm in batches:
         prediction = to_float32(model(noisy_mm))
         hard_mm = prediction.hard_mm()
         hard_mm = torch.where(hard_mm >= MIN_DEPTH_MM, hard_mm, 0.0)
-        square_mm2 = (hard_mm - clean_mm).double().square()
-        inside = interior_mask(clean_mm) & (hard_mm > 0)
         frames = hard_mm.new_tensor(len(clean_mm), dtype=torch.float64)
         parts = (
             loss(prediction, noisy_mm[:, :1], clean_mm)[0].double() * frames,
-            square_mm2.sum(),
+            (hard_mm - clean_mm).double().square().sum(),
             frames * clean_mm[0].numel(),
-            square_mm2[inside].sum(),
-            inside.sum().double(),
-            ((hard_mm > 0) != (clean_mm > 0)).sum().double(),
             frames,
+            *surface(hard_mm, clean_mm),
+            *surface(noisy_mm[:, :1], clean_mm),
         )
         sums.append(torch.stack(parts))
-    total, squares, pixels, inner, inner_pixels, flips, frames = torch.stack(sums).sum(0)
-    figures = {
-        "loss": total / frames,
-        "mse_mm2": squares / pixels,
-        "interior_rmse_mm": (inner / inner_pixels).sqrt(),
-        "flips": flips / frames,
-    }
+    total, squares, pixels, frames, *surfaces = torch.stack(sums).sum(0)
+    figures = {"loss": total / frames, "mse_mm2": squares / pixels}
+    for of, (inner, inner_pixels, flips) in (("", surfaces[:3]), ("input_", surfaces[3:])):
+        figures[f"{of}interior_rmse_mm"] = (inner / inner_pixels).sqrt()
+        figures[f"{of}flips"] = flips / frames
     return {name: float(value) for name, value in figures.items()}

@@ -12,12 +12,22 @@ Direction = Literal["lower", "higher", "neither"]
 MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]
 #: Groups of metrics in the order of the columns of rows.csv -> the title of their table.
 GROUPS: Final[dict[MetricGroup, str]] = {
-    "paper": "The paper's block: all pixels, holes are depth 0",
-    "validity": "Validity",
-    "depth": "Depth and surface",
-    "normals": "Depth and surface",
-    "time": "Depth and surface",
+    "paper": "The paper's metrics: all pixels, holes are depth 0",
+    "validity": "Which pixels have depth",
+    "depth": "Surface",
+    "normals": "Surface",
+    "time": "Surface",
 }
+#: Column of rows.csv -> its name in tables.
+_TITLES: Final = {
+    "mse_mm2": "MSE", "psnr_db": "PSNR", "mse_flips_pct": "share of flips in MSE",
+    "ssim_paper": "SSIM, paper", "ssim_standard": "SSIM", "ssim_16bit": "SSIM, 16 bits",
+    "psnr_of_mean_db": "PSNR of the mean", "iou": "IoU", "flips_px": "wrong validity",
+    "flying_px": "flying pixels", "both_rmse_mm": "RMSE", "both_interior_rmse_mm": "RMSE inside",
+    "both_edge_rmse_mm": "RMSE at edges", "input_rmse_mm": "RMSE, input's pixels",
+    "input_bias_mm": "bias", "filled_rmse_mm": "RMSE, filled pixels",
+    "normal_mean_deg": "normals", "normal_good_pct": "normals within 10°", "time_ms": "time",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -44,8 +54,9 @@ class Metric:
 
     @property
     def heading(self) -> str:
-        """Name and unit, for tables."""
-        return f"{self.name} [{self.unit}]" if self.unit != "1" else self.name
+        """Plain name and unit, for tables."""
+        title = _TITLES.get(self.name, self.name)
+        return f"{title} [{self.unit}]" if self.unit != "1" else title
 
     @property
     def arrow(self) -> str:

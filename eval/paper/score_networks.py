@@ -13,6 +13,7 @@ from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.paper.paper_tables import PAPER_ROWS, paper_table
 from glsim.eval.paper.trained_networks import data_note, find_trained_runs, group_by_network
 from glsim.eval.report.results import write_results
+from glsim.eval.report.score_tables import worse_inside
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import ScoringProgress, evaluate
 
@@ -26,7 +27,7 @@ def score_tables(
     figures: bool = True,
     workers: int = 1,
     progress: Callable[[ScoringProgress], None] | None = None,
-) -> list[Path]:
+) -> tuple[list[Path], list[str]]:
     """Score the denoisers of a job and the trained networks of a folder; write all results.
 
     Args:
@@ -39,7 +40,7 @@ def score_tables(
         progress: called after each block of frames.
 
     Returns:
-        The written files.
+        The written files, and a line for each method that harms surfaces.
 
     Raises:
         ConfigError: an unknown table, tables 2 and 3 without ``runs``, or a wrong denoiser.
@@ -78,4 +79,8 @@ def score_tables(
         raise DenoiserError(
             f"{len(refused)} of the checkpoints in {runs} were skipped, the first: {refused[0]}"
         )
-    return written
+    harms = worse_inside({name: table[name] for name in evaluation.summary.one_composite().methods})
+    return written, [
+        f"{name} is worse inside than its input: {ours:.3g} against {before:.3g} mm"
+        for name, (ours, before) in harms.items()
+    ]

@@ -18,7 +18,7 @@ from glsim.core.files.markdown import markdown_table
 #: A cell that starts with a number, also a bold one: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
 _NUMBER: Final = re.compile(r"\W{0,3}\d")
 #: Cells of a column of numbers that hold none.
-_NO_VALUE: Final = frozenset(("", "-", "nan", "not scored"))
+_NO_VALUE: Final = frozenset(("", "-", "nan", "n/a", "not scored"))
 
 
 @dataclass(frozen=True)

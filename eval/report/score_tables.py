@@ -24,8 +24,10 @@ TABLE_METRICS: Final = {**METRICS, PSNR_OF_MEAN.name: PSNR_OF_MEAN}
 #: Sections of table.md: title -> metrics; table.csv has all metrics.
 TABLE_SECTIONS: Final[dict[str, list[str]]] = {
     title: [m.name for m in TABLE_METRICS.values() if m.in_table and GROUPS[m.group] == title]
-    for title in dict.fromkeys(GROUPS.values())
+    for title in dict.fromkeys(reversed(GROUPS.values()))
 }
+#: Metric that tells whether a method harms surfaces, and the method that is the input.
+_INSIDE, _INPUT = "input_interior_rmse_mm", "noisy"
 #: The metrics of trivial baselines in tables.
 _BASELINE_METRICS: Final = (
     *("mse_mm2", "psnr_db", "ssim_paper", "ssim_standard", "iou", "flips_px", "both_rmse_mm"),
@@ -49,10 +51,21 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
     """Return the methods with the best mean; means that are printed equally count as equal."""
     means = {name: entries[metric.name].mean for name, entries in table.items()}
     known = {name: value for name, value in means.items() if not math.isnan(value)}
-    if metric.better == "neither" or not known:
+    if metric.better == "neither" or len(known) < 2:
         return set()
     top = format_number((max if metric.better == "higher" else min)(known.values()), metric.unit)
     return {name for name, value in known.items() if format_number(value, metric.unit) == top}
+
+
+def worse_inside(table: ResultTable) -> dict[str, tuple[float, float]]:
+    """Return the methods that are farther from the truth inside surfaces than their input is.
+
+    Returns:
+        Method -> its RMSE and the input's on the input's interior pixels, mm.
+    """
+    means = {name: entries[_INSIDE].mean for name, entries in table.items() if _INSIDE in entries}
+    before = means.get(_INPUT, math.nan)
+    return {name: (mean, before) for name, mean in means.items() if mean > before}
 
 
 def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> str:
@@ -76,7 +89,13 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
     for title, names in TABLE_SECTIONS.items():
         metrics = [TABLE_METRICS[name] for name in names]
         heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
-        scores.parts += [Heading(title), _table(table, metrics, heads, intervals=True)]
+        scores.parts.append(Heading(title))
+        if title == GROUPS["paper"]:
+            scores.parts.append(
+                "Nearly all of this squared error is in pixels that have depth in one map only, so "
+                "that it tells how a method treats silhouettes, not how near its surfaces are."
+            )
+        scores.parts.append(_table(table, metrics, heads, intervals=True))
     others = (_region_document(table), _bias_document(evaluation.summary), _baselines(evaluation))
     return [scores, *(document for document in others if document is not None)]
 
@@ -84,7 +103,8 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
 def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
     """Return the definitions of the metrics, and remarks on the result if there are any."""
     shown = [TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
-    documents = [Document("Definitions", [[f"**{m.heading}**: {m.help}." for m in shown]])]
+    lines = [f"**{m.heading}** (`{m.name}`): {m.help}." for m in shown]
+    documents = [Document("Definitions", [lines])]
     notes = _remarks(evaluation, table)
     return [*documents, Document("Remarks", [notes])] if notes else documents
 
@@ -95,8 +115,9 @@ def _table(
     """Return a table with a row per method and a column per metric; the best means are bold."""
     tops = {m.name: best_methods(table, m) for m in metrics}
     rows = []
+    harms = worse_inside(table)
     for method, entries in table.items():
-        cells = [f"`{method}`"]
+        cells = [f"`{method}`{' (worse inside than its input)' if method in harms else ''}"]
         for m in metrics:
             entry = entries[m.name]
             numbers = (entry.mean, entry.low, entry.high)

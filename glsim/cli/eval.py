@@ -174,10 +174,12 @@ def score_and_write(
     if tune is not None:
         job = tune(job, out, count)
     with scoring_progress("scoring") as progress:
-        written = score_tables(
+        written, harms = score_tables(
             job, out, tables, runs, figures=figures, workers=count, progress=progress
         )
     print_written(written)
+    for line in harms:
+        print_message(line)
 
 
 def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:

@@ -37,13 +37,11 @@ Ctrl-C stops after the current step and saves the training; --resume continues i
 
 #: Seconds between the first lines in a log; they grow to 10 minutes within an hour. Chosen.
 _LINE_S = 10.0
-#: Printed metrics of a validation, by name in metrics.csv.
-_METRICS = {
-    "loss": "loss {:.4g}",
-    "interior_rmse_mm": "interior {:.2f} mm",
-    "flips": "flips {:.0f}",
-    "mse_mm2": "mse {:.0f} mm2",
-}
+#: Printed metrics of a validation, which have names of metrics.csv.
+_METRICS = (
+    "loss {loss:.4g}, interior {interior_rmse_mm:.2f} mm (input {input_interior_rmse_mm:.2f}), "
+    "flips {flips:.0f} (input {input_flips:.0f}), mse {mse_mm2:.0f} mm2"
+)
 
 
 def train(
@@ -172,8 +170,8 @@ def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | Non
             place += f", epoch {now.epoch}"
             minutes = f"{now.seconds / 60:.1f} min"
             if now.validation is not None:
-                metrics = (label.format(now.validation[name]) for name, label in _METRICS.items())
-                print_message(f"{place}, {minutes}: validation {', '.join(metrics)}")
+                metrics = _METRICS.format(**now.validation)
+                print_message(f"{place}, {minutes}: validation {metrics}")
             elif not console.is_terminal and now.seconds >= next_line_s:
                 print_message(f"{place}, {minutes}: loss {now.loss:.3g}")
                 next_line_s = now.seconds + _LINE_S * (1 + now.seconds / 60)
@@ -195,6 +193,13 @@ def _print_result(report: dict[str, Any], folder: Path) -> None:
     else:
         print_message(
             f"stopped after step {report['steps']}: saved in {folder}, go on with --resume"
+        )
+
+    figures = report["validation"]
+    ours, before = (figures.get(f"{of}interior_rmse_mm", 0.0) for of in ("", "input_"))
+    if ours > before:
+        print_message(
+            f"worse inside than its input: {ours:.3g} against {before:.3g} mm (last validation)"
         )
 
 

@@ -15,7 +15,7 @@ import torch
 
 from glsim import generate, load_settings
 from glsim.cli import main
-from glsim.cli.train import stopping
+from glsim.cli.train import _print_result, stopping
 from glsim.core.files.png import read_depth_png
 from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
@@ -97,12 +97,27 @@ def test_help_needs_no_pytorch() -> None:
     assert not loaded_after(code) & {"torch", "lightning_fabric"}
 
 
+@pytest.mark.parametrize(("ours_mm", "lines"), [(26.0, 2), (1.9, 1)])
+def test_a_ruined_network_is_said(
+    capsys: pytest.CaptureFixture[str], ours_mm: float, lines: int
+) -> None:
+    best = {"monitor": "loss", "value": 1.0, "step": 3}
+    figures = {"interior_rmse_mm": ours_mm, "input_interior_rmse_mm": 2.05}
+    report = {"state": "finished", "ended": "steps", "steps": 3, "seconds": 9.0, "best": best}
+    _print_result(report | {"validation": figures}, Path("run"))
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == lines
+    if lines == 2:
+        assert said[1] == "worse inside than its input: 26 against 2.05 mm (last validation)"
+
+
 def test_train_denoise_and_score(
     data: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "tiny.toml", "--data", str(data)]) == 0
     *_, first, second, end = capsys.readouterr().err.splitlines()
-    figures = r", 0\.\d min: validation loss \S+, interior \S+ mm, flips \d+, mse \d+ mm2"
+    figures = r", 0\.\d min: validation loss \S+, interior \S+ mm"
+    figures += r" \(input \S+\), flips \d+ \(input \d+\), mse \d+ mm2"
     assert re.fullmatch(r"step 4/8, epoch 1" + figures, first)
     assert re.fullmatch(r"step 8/8, epoch 2" + figures, second)
     assert "finished (epochs) after 8 steps" in end

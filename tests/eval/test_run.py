@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -225,6 +226,24 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     assert report.count("data:image/png;base64,") >= 3
     for name in ("disagreement", "error_curves", "gallery_1"):
         assert cv2.imread(str(out / "figures" / f"{name}.png")).shape[1] > 600
+
+
+def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
+    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It removes the flipped pixels, of which all-pixel MSE consists, and bends the surface."""
+    code = "import numpy as np\ndef bend(noisy_mm, valid):\n    "
+    (tmp_path / "ruin.py").write_text(code + "return np.where(valid, noisy_mm + 30, 0), valid\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    command = ["eval", str(pairs), "-d", "ruin:bend", "-d", "masked_gaussian", "-o", "out"]
+    assert main([*command, "--no-figures"]) == 0
+    (last,) = [line for line in capsys.readouterr().err.splitlines() if "worse" in line]
+    assert re.fullmatch(r"ruin:bend is worse inside than its input: 30\.\d against \S+ mm", last)
+    text = (tmp_path / "out" / "table.md").read_text()
+    assert text.index("### Surface") < text.index("### The paper's metrics")
+    assert "| `ruin:bend` (worse inside than its input) |" in text
+    assert "| `masked_gaussian` |" in text
 
 
 def test_soft_denoisers_get_a_row_for_each_composite(
