@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from glsim.sensors.images import remove_fixed_pattern
     from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
     from glsim.settings.schema import Settings, load_settings
-    from glsim.simulation.corrupt import Corrupter
+    from glsim.simulation.depth_noise import DepthNoise
     from glsim.simulation.frame import Frame, Skipped
     from glsim.simulation.pipeline import Simulator, frames, open_sources, simulate
     from glsim.simulation.plan.tasks import make_tasks
@@ -70,7 +70,7 @@ _NAMES = {
     "glsim.sensors.images": "remove_fixed_pattern",
     "glsim.sensors.sensor": "Sensor load_sensor sensor_names",
     "glsim.settings.schema": "Settings load_settings",
-    "glsim.simulation.corrupt": "Corrupter",
+    "glsim.simulation.depth_noise": "DepthNoise",
     "glsim.simulation.frame": "Frame Skipped",
     "glsim.simulation.pipeline": "Simulator frames open_sources simulate",
     "glsim.simulation.plan.tasks": "make_tasks",
@@ -80,7 +80,7 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names.spli
 __all__ = [
     "Band",
     "Check",
-    "Corrupter",
+    "DepthNoise",
     "Export",
     "Face",
     "FaceKey",

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim import Corrupter, load_settings
+from glsim import DepthNoise, load_settings
 from glsim.core.files.atomic import write_atomic
 from glsim.data.contact_sheet import Picture, shaded
 from glsim.data.map_files import read_map_mm
@@ -73,11 +73,10 @@ def main() -> None:
     settings = load_settings(
         overrides={"sensor": arguments.sensor, "output": {"depth_unit_mm": arguments.unit_mm}}
     )
-    height, width = real.shape
     focal = (arguments.focal_px, arguments.focal_px)
-    with Corrupter(settings, (height, width), None, focal) as corrupter:
-        ours = corrupter.corrupt_depth(surface(real), sequence=arguments.depth.name)
-        camera = corrupter.rig.intrinsics
+    with DepthNoise(settings, focal_px=focal) as noise:
+        ours = noise.corrupt_depth(surface(real), sequence=arguments.depth.name)
+        camera = noise.rig((real.shape[0], real.shape[1])).intrinsics
         noisy = (0.001 * ours.depth_unit_mm * ours.noisy).astype(np.float32)
     rows = [_row(shaded(real, camera), "real"), _row(shaded(noisy, camera), arguments.sensor)]
     write_atomic(cv2.imencode(".png", np.vstack(rows))[1].tobytes(), arguments.out)

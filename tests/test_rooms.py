@@ -70,6 +70,7 @@ HOMES = {
         "glsim.train",
         "glsim.denoise.inference",
         "glsim.denoise.checkpoint",
+        "glsim.simulation.tensor_engine",
     ),
     "safetensors": ("glsim.denoise.checkpoint",),
     "lightning_fabric": ("glsim.train",),

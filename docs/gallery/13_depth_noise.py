@@ -10,7 +10,7 @@ here is a bowl on a wall, which no face model knows.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from glsim.simulation.transforms import DepthNoise
+from glsim import DepthNoise
 
 rows, columns = np.mgrid[:240, :320]
 radius = np.hypot(rows - 120, columns - 160)

@@ -23,7 +23,7 @@ import cv2
 import matplotlib.pyplot as plt
 import numpy as np
 
-from glsim import Corrupter, load_sensor, load_settings
+from glsim import DepthNoise, load_sensor, load_settings
 
 folder = Path(tempfile.mkdtemp())
 stage = next(s for s in load_sensor("kinect-v2-fast").stages if s.name == "tof_fast")
@@ -44,9 +44,9 @@ camera = load_settings(
 recording = folder / "recording"
 recording.mkdir()
 noisy = []
-with Corrupter(camera, scene.shape) as corrupter:
+with DepthNoise(camera) as noise:
     for number in range(40):
-        frame = corrupter.corrupt(scene, f"frame {number}")
+        frame = noise.corrupt(scene, f"frame {number}")
         noisy.append(frame.noisy)
         cv2.imwrite(str(recording / f"{number:04d}_depth.png"), frame.noisy)
         cv2.imwrite(str(recording / f"{number:04d}_ir.png"), frame.infrared)
@@ -68,7 +68,7 @@ plt.show()
 # Fit
 # ---
 # The albedo of the scene relative to a white wall cannot be seen in depth and infrared; maps of
-# ``Corrupter`` have 0.6.
+# ``DepthNoise`` have 0.6.
 sensor = folder / "mine.toml"
 command = [
     sys.executable,
@@ -90,8 +90,8 @@ done.check_returncode()
 # -------
 # The fitted sensor sees the same scene. Its noise over distance should be that of the recording.
 again = load_settings(overrides={"sensor": str(sensor), "seed": 11})
-with Corrupter(again, scene.shape) as corrupter:
-    simulated = [corrupter.corrupt(scene, f"frame {n}").noisy for n in range(40)]
+with DepthNoise(again) as noise:
+    simulated = [noise.corrupt(scene, f"frame {n}").noisy for n in range(40)]
 fitted = np.stack(simulated).astype(np.float32)
 fitted_spread = np.where((fitted > 0).all(axis=0), fitted.std(axis=0), np.nan)
 

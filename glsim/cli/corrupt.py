@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -109,11 +108,11 @@ def _corrupt_maps(
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import stated_unit_mm
     from glsim.data.map_files import encode_map, format_of
-    from glsim.simulation.corrupt import Corrupter, noise_name
+    from glsim.simulation.corrupt import noise_name
+    from glsim.simulation.depth_noise import DepthNoise
 
     copies, failures, alone = Counter[str](), 0, len(pairs) == 1
-    with ExitStack() as stack:
-        by_shape: dict[tuple[int, int], Corrupter] = {}
+    with DepthNoise(settings, backend=backend, focal_px=focal, centre_px=centre) as noise:
         for source, target in pairs:
             try:
                 depth_mm = units.read(source)
@@ -123,13 +122,9 @@ def _corrupt_maps(
                 failures += 1
                 console.print(f"skipped {error}", style="yellow", soft_wrap=True)
                 continue
-            shape = (depth_mm.shape[0], depth_mm.shape[1])
-            if shape not in by_shape:
-                corrupter = Corrupter(settings, shape, backend, focal, centre)
-                by_shape[shape] = stack.enter_context(corrupter)
             name = noise_name(depth_mm)
             depth_m = depth_mm / np.float32(1000)
-            frame = by_shape[shape].corrupt_depth(depth_m, frame=copies[name], sequence=name)
+            frame = noise.corrupt_depth(depth_m, frame=copies[name], sequence=name)
             copies[name] += 1
             stated = units.step_mm != 1 or stated_unit_mm(source) is not None
             data = encode_map(frame.noisy_m, format_of(target), units.step_mm, state_unit=stated)

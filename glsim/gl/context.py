@@ -130,7 +130,7 @@ def make_current(context: moderngl.Context) -> None:
         if _threads.get(context) != threading.get_ident():
             raise DeviceError(
                 "an OpenGL context belongs to the thread that opened it, and this is another: make "
-                "a Simulator or Corrupter in each thread, or call it in its own"
+                "a Simulator or DepthNoise in each thread, or call it in its own"
             )
         raise DeviceError(
             "another library of this process has ended all OpenGL contexts (pyrender does, when "

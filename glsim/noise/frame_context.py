@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +67,11 @@ class FrameContext:
     subject_m: float = 1.0
     lens: Distortion = field(default_factory=Distortion)
     projector_tan: tuple[float, float] = (0.0, 0.0)
-    batched: ClassVar[bool] = False
+
+    @property
+    def batched(self) -> bool:
+        """Whether the layers are tensors of maps (B, H, W), see ``twins.batch.BatchContext``."""
+        return False
 
     @classmethod
     def for_frame(

@@ -1,11 +1,11 @@
-"""Simulation of sensor noise on given clean depth maps."""
+"""Simulation of sensor noise on given clean depth maps, one by one: by OpenGL, or by NumPy."""
 
 from __future__ import annotations
 
 import os
 import zlib
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,10 @@ from glsim.render.renderer import Renderer
 from glsim.sensors.images import check_shape
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
-from glsim.settings.schema import OutputSettings, Settings, load_settings
+from glsim.settings.schema import OutputSettings, Settings
 from glsim.simulation.assembly import assemble_frame
-from glsim.simulation.frame import Frame, decode_depth, refuse_millimetres
+from glsim.simulation.frame import Frame
 
-#: An array of NumPy or a tensor of PyTorch.
-_Depths = TypeVar("_Depths")
 #: The floating types that both NumPy and PyTorch have, by name.
 _FLOATS = ("float16", "float32", "float64")
 
@@ -39,26 +37,26 @@ _FLOATS = ("float16", "float32", "float64")
 class _Graphics:
     """The GL context, renderer, noise chain and readback of one process."""
 
-    def __init__(self, corrupter: Corrupter, backend: str | None) -> None:
+    def __init__(self, maps: MapEngine, backend: str | None) -> None:
         self.process = os.getpid()
         self.context = open_context(backend)
-        self.renderer = Renderer(self.context, corrupter.canvas)
-        sensor = corrupter.sensor
+        self.renderer = Renderer(self.context, maps.canvas)
+        sensor = maps.sensor
         self.chain = ShaderChain(self.context, sensor.stages, images=sensor.images)
         self.readback = Readback(self.context)
 
 
-class Corrupter:
-    """The noise chain of a sensor for depth maps of one size, used as a context manager.
+class MapEngine:
+    """The noise chain of a sensor for depth maps of one size, one by one, by OpenGL or NumPy.
 
-    It may be sent to other processes, such as the workers of a DataLoader, forked or spawned: each
-    opens a GL context of its own with its first map.
+    Each process opens a GL context of its own with its first map.
 
-    settings: sensor, rig, seed, stage parameters and output.depth_unit_mm are used.
-    shape: (height, width) of the maps, pixels.
-    backend: "egl", "osmesa", "numpy" (the twins, without GL) or None (a GL backend that works).
-    focal_px, centre_px: (x, y) of the camera that made the maps; by default the sensor's own for
-        maps of the sensor's size, else (crops) its focal length and the map's centre.
+    Args:
+        settings: sensor, rig, seed, stage parameters and output.depth_unit_mm are used.
+        shape: (height, width) of the maps, pixels.
+        backend: "egl", "osmesa", "numpy" (the twins, without GL) or None (a GL that works).
+        focal_px, centre_px: (x, y) of the camera that made the maps; by default the sensor's own
+            for maps of the sensor's size, else (crops) its focal length and the map's centre.
     """
 
     def __init__(
@@ -69,7 +67,6 @@ class Corrupter:
         focal_px: tuple[float, float] | None = None,
         centre_px: tuple[float, float] | None = None,
     ) -> None:
-        self._made_of = settings, shape, backend, focal_px, centre_px
         self._settings, self._backend = settings, backend
         self.sensor = sensor_of(settings)
         self.rig = self.sensor.rig.for_map(shape, focal_px, centre_px)
@@ -84,118 +81,14 @@ class Corrupter:
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
         self._opened: _Graphics | None = None
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the constructor's arguments only: the receiving process builds a new Corrupter."""
-        return type(self), self._made_of
-
-    @classmethod
-    def for_camera(
-        cls,
-        sensor: str | Settings,
-        *,
-        width: int,
-        height: int,
-        fx: float,
-        fy: float,
-        cx: float,
-        cy: float,
-        first_pixel: float,
-        backend: str | None = None,
-    ) -> Corrupter:
-        """Make a Corrupter for the images of another simulator's camera.
-
-        sensor: the name of a shipped sensor, a .toml file, or whole settings. It gives the noise,
-            the emitters and the clip planes; the camera replaces its intrinsics.
-        width, height, fx, fy, cx, cy: of the simulator's pinhole camera, pixels.
-        first_pixel: where its cx and cy have the centre of the first pixel: 0.5 if the image
-            reaches from 0 to its width (cx = width / 2 is the middle), 0 as in OpenCV and ROS.
-        Raises ConfigError.
-        """
-        if first_pixel not in (0, 0.5):
-            raise ConfigError(f"first_pixel {first_pixel}: is 0 (OpenCV, ROS) or 0.5")
-        if not (fx > 0 and fy > 0 and width > 0 and height > 0):
-            raise ConfigError(
-                f"a camera of {width}x{height} pixels with focal lengths {fx}, {fy}: all must be "
-                "positive (Gazebo, BlenderProc and Isaac may give a negative fy: take its size)"
-            )
-        settings = (
-            load_settings(overrides={"sensor": sensor}) if isinstance(sensor, str) else sensor
-        )
-        shift = 0.5 - first_pixel
-        return cls(settings, (height, width), backend, (fx, fy), (cx + shift, cy + shift))
-
-    def __enter__(self) -> Corrupter:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Release the GL context."""
         if self._opened is not None and self._opened.process == os.getpid():
             self._opened.context.release()
         self._opened = None
 
-    def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
-        """Add noise to depth (H, W) uint16 in steps of depth_unit_mm, 0 = none; return a Frame.
-
-        Raises ConfigError.
-
-        Args:
-            name: of the map; the noise is a function of it and the settings' seed.
-        """
-        image = self.rig.intrinsics
-        if clean.dtype != np.uint16 or clean.ndim != 2:
-            raise ConfigError(
-                f"{name or 'the depth map'}: must be one channel of 16 bits, "
-                f"not {clean.shape} {clean.dtype}"
-            )
-        if clean.shape != (image.height, image.width):
-            raise ConfigError(
-                f"{name or 'the depth map'}: is {clean.shape[1]}x{clean.shape[0]}, "
-                f"not {image.width}x{image.height} like the first one"
-            )
-        depth_m = decode_depth(clean, self._output.depth_unit_mm)
-        seed = stable_seed("corrupt", self._settings.seed, name)
-        key = FaceKey(name or "map", "main", 0)
-        return self._corrupt(depth_m, key, DrawKeys(seed, seed, seed))
-
-    def __call__(self, depth_m: _Depths, *, frame: int = 0, sequence: str = "") -> _Depths:
-        """Return noisy depth for clean depth in metres, float arrays or tensors, 0 = no return.
-
-        depth_m: (H, W), (B, H, W) or more leading axes, float16, float32 or float64, NumPy or
-            PyTorch; also with a last axis of length 1. NaN, infinity, 0 and what lies beyond the
-            sensor's far plane are no surface. The input is not changed, and not copied on the CPU.
-        frame: number of the first map; map b of a batch has the noise of frame + b, alone or not.
-        sequence: a name; what a stage draws per sequence or per subject is drawn once for it.
-        Returns a new array or tensor of the same type and shape. Raises ConfigError, also for
-        depth that is in millimetres by its range.
-        """
-        image = self.rig.intrinsics
-        maps, results, answer = depth_batch(depth_m, (image.height, image.width))
-        refuse_millimetres(maps, self.rig.near_m, self.rig.far_m)
-        for number, clean in enumerate(maps):
-            made = self.corrupt_depth(clean, frame=frame + number, sequence=sequence)
-            results[number] = made.noisy_m
-        noisy: _Depths = answer()
-        return noisy
-
-    def corrupt_depth(
-        self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
-    ) -> Frame:
-        """Return the whole Frame (infrared, reasons, parameters) for one (H, W) map in metres.
-
-        Arguments as in ``__call__``, whose noise it has. Raises ConfigError.
-        """
-        image = self.rig.intrinsics
-        if depth_m.shape != (image.height, image.width):
-            raise ConfigError(
-                f"depth has the shape {depth_m.shape}, the camera {image.height, image.width}"
-            )
-        held = stable_seed("corrupt sequence", self._settings.seed, sequence)
-        seed = stable_seed("corrupt frame", self._settings.seed, sequence, frame)
-        key = FaceKey(sequence or "map", "main", frame)
-        return self._corrupt(
-            surface_depth(depth_m, self.rig.far_m), key, DrawKeys(seed, held, held)
-        )
-
-    def _corrupt(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: DrawKeys) -> Frame:
+    def frame(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: DrawKeys) -> Frame:
+        """Simulate the frame of a map of ``surface_depth``. Raises ConfigError."""
         drawn, values = draw_values(self.sensor.stages, seeds)
         whole = self.rig.intrinsics
         delivered = self.rig.on_canvas(Rect(0, 0, whole.width, whole.height))
@@ -209,7 +102,7 @@ class Corrupter:
         elif self._backend == "numpy":
             layers = self._array_layers(depth_m)
             nearest_m = float(depth_m[depth_m > 0].min())
-            frame = self._frame(window, seeds, depth_m, nearest_m)
+            frame = self._context(window, seeds, depth_m, nearest_m)
             run_twins(self.sensor.stages, layers, frame, values)
         else:
             if self._opened is None or self._opened.process != os.getpid():
@@ -219,7 +112,7 @@ class Corrupter:
             normal = depth_map.normals(depth_m, self.canvas.rays())
             surface = depth_map.surface(depth_m, self.canvas)
             with graphics.renderer.light_depth_map(depth_m, normal, surface) as rendered:
-                frame = self._frame(rendered.window, seeds, depth_m, rendered.nearest_m)
+                frame = self._context(rendered.window, seeds, depth_m, rendered.nearest_m)
                 graphics.chain.run(rendered, frame, values, graphics.readback)
             layers = graphics.readback.arrays()
             run_array_stages(self.sensor.stages, layers, frame, values)
@@ -235,7 +128,7 @@ class Corrupter:
             parameters=drawn,
         )
 
-    def _frame(
+    def _context(
         self, window: Rect, seeds: DrawKeys, depth_m: NDArray[np.float32], nearest_m: float
     ) -> FrameContext:
         # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with
@@ -308,18 +201,8 @@ def depth_batch(
     Raises:
         ConfigError: for whole numbers, for another size and for what is no array.
     """
-    kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
-    if kind not in _FLOATS or not hasattr(depth, "shape"):
-        raise ConfigError(
-            f"depth must be an array or a tensor of float metres ({', '.join(_FLOATS)}), "
-            f"not {kind}: of whole millimetres give depth.astype('float32') / 1000"
-        )
+    check_depth(depth, shape)
     full, stack = tuple(int(side) for side in depth.shape), (-1, *shape)
-    if full[-2:] != shape and full[-3:] != (*shape, 1):
-        raise ConfigError(
-            f"depth has the shape {full}: the camera has {shape[1]}x{shape[0]} pixels, so it must "
-            f"be {shape}, (batch, {shape[0]}, {shape[1]}), or one of them with a last axis of 1"
-        )
     if type(depth).__module__.partition(".")[0] != "torch":
         array = np.asarray(depth)
         answer = np.empty(full, array.dtype)
@@ -327,3 +210,19 @@ def depth_batch(
     host = depth.detach().cpu()
     made = host.new_empty(full)
     return (host.numpy().reshape(stack), made.numpy().reshape(stack), lambda: made.to(depth.device))
+
+
+def check_depth(depth: Any, shape: tuple[int, int]) -> None:
+    """Raise ConfigError for what is no array or tensor of float depth maps of (height, width)."""
+    kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
+    if kind not in _FLOATS or not hasattr(depth, "shape"):
+        raise ConfigError(
+            f"depth must be an array or a tensor of float metres ({', '.join(_FLOATS)}), "
+            f"not {kind}: of whole millimetres give depth.astype('float32') / 1000"
+        )
+    full = tuple(int(side) for side in depth.shape)
+    if full[-2:] != shape and full[-3:] != (*shape, 1):
+        raise ConfigError(
+            f"depth has the shape {full}: the camera has {shape[1]}x{shape[0]} pixels, so it must "
+            f"be {shape}, (batch, {shape[0]}, {shape[1]}), or one of them with a last axis of 1"
+        )

@@ -78,8 +78,8 @@ def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: f
     if not seen.size:
         return
     nearest, farthest = float(seen.min()), float(seen.max())
-    in_mm = 1000.0 * near_m <= nearest and float(np.median(seen)) <= 1000.0 * far_m
-    if far_m < nearest < farthest and in_mm:
+    beyond = max(far_m, 1000.0 * near_m) <= nearest < farthest and nearest > far_m
+    if beyond and float(np.median(seen)) <= 1000.0 * far_m:
         raise ConfigError(
             f"depth is {nearest:g} to {farthest:g}: this is millimetres, and metres are wanted: "
             "give depth / 1000"

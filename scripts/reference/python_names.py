@@ -9,7 +9,7 @@ import inspect
 from scripts.reference.markdown import block
 
 #: Modules whose ``__all__`` is public.
-MODULES = ("glsim", "glsim.train", "glsim.simulation.transforms")
+MODULES = ("glsim", "glsim.train")
 
 
 def pages() -> dict[str, str]:

@@ -14,7 +14,7 @@ import pytest
 from glsim.core.errors import DeviceError
 from glsim.gl.context import borrowed_context, open_context
 from glsim.settings.schema import Settings, load_settings
-from glsim.simulation.corrupt import Corrupter
+from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import open_sources, simulate
 
@@ -113,17 +113,17 @@ def test_backends_do_not_share(backend: str) -> None:
     assert "llvmpipe" in name or "softpipe" in name or backend == "egl"
 
 
-#: Ends EGL as pyrender does, while a Corrupter and an idle context are open.
+#: Ends EGL as pyrender does, while a DepthNoise and an idle context are open.
 _EGL_ENDS = """
 import ctypes, numpy
-from glsim import Corrupter, load_settings, simulate
+from glsim import DepthNoise, load_settings, simulate
 from glsim.core.errors import DeviceError
 from glsim.gl.context import open_context
 source = {"kind": "procedural", "subjects": 1}
 settings = load_settings(overrides={"sensor": "ideal", "source": source, "output": {"crop": 64}})
 before = [frame.noisy for frame in simulate(settings)]
 camera = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "cx": 4.0, "cy": 4.0}
-with Corrupter.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
+with DepthNoise.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
     corrupt(numpy.ones((8, 8)))  # its context opens with the first map
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
@@ -148,7 +148,7 @@ def test_contexts_that_another_library_ended_are_not_drawn_in() -> None:
 def test_a_context_of_another_thread_is_told_as_such() -> None:
     camera = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "cx": 4.0, "cy": 4.0}
     failed: list[BaseException | None] = []
-    with Corrupter.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
+    with DepthNoise.for_camera("ideal", **camera, first_pixel=0.5, backend="egl") as corrupt:
         corrupt(np.ones((8, 8)))
 
         def call() -> None:

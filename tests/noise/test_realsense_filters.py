@@ -24,7 +24,7 @@ from glsim.noise.realsense_filters import (
 )
 from glsim.noise.registry import find_stage
 from glsim.sensors import sensor
-from glsim.simulation.corrupt import Corrupter
+from glsim.simulation.depth_noise import DepthNoise
 from tests.support.scenes import (
     face_mesh,
     frames_of,
@@ -271,13 +271,13 @@ def test_a_crop_is_filtered_as_the_whole_frame(
 
 
 def test_a_still_sequence_of_depth_maps_is_filtered_after_it_was_made() -> None:
-    """A recording, or frames of a Corrupter: noise falls and rims keep their depth."""
+    """A recording, or frames of DepthNoise: noise falls and rims keep their depth."""
     depth = np.full((60, 80), 1.6, np.float32)
     depth[20:40, 20:50] = 0.9
-    with Corrupter(settings_for("kinect-v1"), depth.shape, backend="numpy") as camera:
-        noisy = camera(np.stack([depth] * 12))
-        focal_baseline_px_m = camera.rig.intrinsics.fx * camera.rig.baseline_m
-    filtered = glsim.filter_sequence(noisy, focal_baseline_px_m)
+    with DepthNoise(settings_for("kinect-v1"), backend="numpy") as camera:
+        noisy = camera(np.stack([depth] * 12), frame=0)
+        rig = camera.rig(depth.shape)
+    filtered = glsim.filter_sequence(noisy, rig.intrinsics.fx * rig.baseline_m)
     assert filtered.shape == noisy.shape
     assert filtered.dtype == np.float32
     known = (noisy[-1] > 0)[24:36, 24:46]

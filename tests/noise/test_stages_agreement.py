@@ -14,11 +14,20 @@ import pytest
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.registry import shipped_stages
-from glsim.noise.twins import find_twin
+from glsim.noise.twins import find_twin, takes_tensors
 from glsim.noise.twins.edges import cells
 from tests.support.imports import ROOT
 from tests.support.scenes import face_mesh, frames_of, settings_for
-from tests.support.stage_harness import FRAME, Image, crop, frame, run_shader, run_twin, scene
+from tests.support.stage_harness import (
+    FRAME,
+    Image,
+    crop,
+    frame,
+    run_on_tensors,
+    run_shader,
+    run_twin,
+    scene,
+)
 
 #: Stages of time of flight and of imagers have layers of their own: test_tof_frames and
 #: test_stereo_light.
@@ -90,14 +99,17 @@ def test_every_shader_has_a_twin() -> None:
     assert all(find_twin(name) is not None for name in SHADERS)
 
 
-@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("window", [*WINDOWS, None])
 @pytest.mark.parametrize(("use", "p"), CASES)
 def test_twin_agrees(
-    context: moderngl.Context, use: str, p: Mapping[str, float], window: Rect
+    context: moderngl.Context, use: str, p: Mapping[str, float], window: Rect | None
 ) -> None:
-    at = frame(window=window, time_s=0.3)
-    layers = crop(scene(), at)
-    shader, twin = run_shader(context, use, layers, at, **p), run_twin(use, layers, at, **p)
+    """The twin on a window in NumPy, or on a batch of whole frames in PyTorch."""
+    if window is None and not takes_tensors(use):
+        return
+    at = frame(window=window or WINDOWS[0], time_s=0.3)
+    layers, run = crop(scene(), at), run_twin if window else run_on_tensors
+    shader, twin = run_shader(context, use, layers, at, **p), run(use, layers, at, **p)
     assert set(shader) == set(twin)
     for name, image in shader.items():
         assert twin[name].dtype == np.float32

@@ -19,7 +19,7 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.sensors.images import read_projector_image
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.settings.schema import load_settings
-from glsim.simulation.corrupt import Corrupter
+from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from tests.support.scenes import face_mesh
@@ -80,11 +80,11 @@ def test_shader_and_twin_add_the_same_map(context: moderngl.Context, tmp_path: P
     flat = np.full(SHAPE, 9000, np.uint16)
     noisy = []
     for backend in (None, "numpy"):
-        with Corrupter(settings, SHAPE, backend) as corrupter:
+        with DepthNoise(settings, backend=backend) as corrupter:
             noisy.append(1000.0 * corrupter.corrupt(flat, "wall").noisy_m)
     assert np.abs(noisy[0] - noisy[1]).max() < 1e-3
     with pytest.raises(ConfigError, match=r"own.npy: the map of the fixed pattern is 512x424, the"):
-        Corrupter(settings, (100, 100), "numpy")
+        DepthNoise(settings, backend="numpy").corrupt(flat[:100, :100], "wall")
 
 
 def test_the_header_of_a_data_set_names_the_map_by_its_values(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim import Corrupter, GlsimError, load_settings
+from glsim import DepthNoise, GlsimError, load_settings
 from glsim.core.errors import ConfigError
 from glsim.simulation.corrupt import depth_batch
 from tests.support.scenes import Plane, face_mesh
@@ -28,14 +28,14 @@ def corrupter(
     sensor: str = "kinect-v2-fankhauser",
     backend: str | None = "numpy",
     camera: Mapping[str, Any] = CAMERA,
-) -> Corrupter:
-    return Corrupter.for_camera(sensor, **camera, first_pixel=0.5, backend=backend)
+) -> DepthNoise:
+    return DepthNoise.for_camera(sensor, **camera, first_pixel=0.5, backend=backend)
 
 
 def maps(count: int = 3) -> NDArray[np.float32]:
     """Tilted walls of different distances with an empty corner."""
     with corrupter() as one:
-        rays = one.rig.rays()
+        rays = one.rig().rays()
     depth = np.stack([Plane(0.9 + 0.1 * n, 10 * n, 40).depth(rays) for n in range(count)])
     depth[:, :10, :10] = 0
     return depth.astype(np.float32)
@@ -63,16 +63,16 @@ def test_a_map_has_the_same_noise_alone_and_in_a_batch(backend: str | None) -> N
 def test_the_types_and_shapes_of_simulators_come_back() -> None:
     clean = maps(2)
     with corrupter() as corrupt:
-        expected = corrupt(clean)
+        expected = corrupt(clean, frame=0)
         for given in (clean[..., None], clean[:, None], clean[None, :, :, :, None]):
-            found = corrupt(given)
+            found = corrupt(given, frame=0)
             assert found.shape == given.shape
             np.testing.assert_array_equal(found.reshape(clean.shape), expected)
-        doubles = corrupt(clean.astype(np.float64))
+        doubles = corrupt(clean.astype(np.float64), frame=0)
         assert doubles.dtype == np.float64
         np.testing.assert_array_equal(doubles, expected)
         turned = np.ascontiguousarray(clean[:, ::-1])[:, ::-1]  # rows from below, as GL gives them
-        np.testing.assert_array_equal(corrupt(turned), expected)
+        np.testing.assert_array_equal(corrupt(turned, frame=0), expected)
         halves = corrupt(clean.astype(np.float16))
         assert halves.dtype == np.float16
 
@@ -85,8 +85,8 @@ def test_tensors_are_not_copied_and_not_changed() -> None:
     assert given.ctypes.data == tensor.data_ptr()
     assert results.ctypes.data == answer().data_ptr()
     with corrupter() as corrupt:
-        noisy = corrupt(tensor)
-        np.testing.assert_array_equal(noisy.numpy(), corrupt(clean))
+        noisy = corrupt(tensor, frame=0)
+        np.testing.assert_array_equal(noisy.numpy(), corrupt(clean, frame=0))
     assert isinstance(noisy, torch.Tensor)
     assert noisy.dtype == torch.float32
     assert not noisy.requires_grad
@@ -99,17 +99,17 @@ def test_what_simulators_call_background_is_no_surface(empty: float) -> None:
     clean = maps(1)[0]
     given = np.where(clean > 0, clean, np.float32(empty))
     with corrupter("kinect-v2-paper") as corrupt:
-        np.testing.assert_array_equal(corrupt(given), corrupt(clean))
+        np.testing.assert_array_equal(corrupt(given, frame=0), corrupt(clean, frame=0))
 
 
 def test_principal_points_of_both_conventions_are_one_camera() -> None:
     with corrupter() as ours:
         centred = {**CAMERA, "cx": 47.5, "cy": 35.5}
-        with Corrupter.for_camera(
+        with DepthNoise.for_camera(
             "kinect-v2-fankhauser", **centred, first_pixel=0, backend="numpy"
         ) as theirs:
-            assert ours.rig.intrinsics == theirs.rig.intrinsics
-            np.testing.assert_array_equal(ours(maps()), theirs(maps()))
+            assert ours.rig() == theirs.rig()
+            np.testing.assert_array_equal(ours(maps(), frame=0), theirs(maps(), frame=0))
 
 
 def test_draws_per_sequence_are_held_within_it() -> None:
@@ -119,7 +119,7 @@ def test_draws_per_sequence_are_held_within_it() -> None:
             "stage": {"axial": {"base_sigma_mm": {"uniform": [0.5, 2.0], "per": "sequence"}}},
         }
     )
-    with Corrupter.for_camera(settings, **CAMERA, first_pixel=0.5, backend="numpy") as corrupt:
+    with DepthNoise.for_camera(settings, **CAMERA, first_pixel=0.5, backend="numpy") as corrupt:
         drawn = [
             corrupt.corrupt_depth(maps(1)[0], frame=n, sequence=name).parameters[
                 "axial.base_sigma_mm"
@@ -141,14 +141,14 @@ def test_draws_per_sequence_are_held_within_it() -> None:
 )
 def test_what_is_no_depth_is_named(depth: Any, message: str) -> None:
     with corrupter() as corrupt, pytest.raises(ConfigError, match=message):
-        corrupt(depth)
+        corrupt(depth, frame=0)
 
 
 @pytest.mark.parametrize(("name", "value"), [("first_pixel", 1), ("fy", -91.0), ("width", 0)])
 def test_what_is_no_camera_is_named(name: str, value: float) -> None:
     camera: dict[str, Any] = {**CAMERA, "first_pixel": 0.5, name: value}
     with pytest.raises(GlsimError, match=f"{value}"):
-        Corrupter.for_camera("ideal", **camera, backend="numpy")
+        DepthNoise.for_camera("ideal", **camera, backend="numpy")
 
 
 def face_in_camera() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -179,7 +179,7 @@ def check_noise(depth: NDArray[np.float32]) -> None:
     assert seen.mean() > 0.1
     assert abs(depth[seen].min() - 0.853) < 0.003  # the tip of the nose, 47 mm before 0.9 m
     with corrupter(backend=None, camera=PORTRAIT) as corrupt:
-        noisy = corrupt(depth)
+        noisy = corrupt(depth, frame=0)
     both = seen & (noisy > 0)
     assert both.sum() > 0.8 * seen.sum()
     error_mm = 1000 * (noisy[both] - depth[both])
@@ -187,7 +187,7 @@ def check_noise(depth: NDArray[np.float32]) -> None:
     assert 0.3 < np.median(np.abs(error_mm)) < 6.0
 
 
-def _noisy_bytes(job: tuple[Corrupter, NDArray[np.float32]]) -> bytes:
+def _noisy_bytes(job: tuple[DepthNoise, NDArray[np.float32]]) -> bytes:
     corrupter, depth_m = job
     return bytes(corrupter(depth_m, frame=3).tobytes())
 
@@ -204,7 +204,7 @@ def _noisy_bytes(job: tuple[Corrupter, NDArray[np.float32]]) -> bytes:
 def test_it_works_in_other_processes(start: str, backend: str | None, used: bool) -> None:
     """As in the workers of a DataLoader, also after maps were made in the parent."""
     depth_m = np.full((40, 48), 0.9, np.float32)
-    with Corrupter(load_settings(), (40, 48), backend) as corrupter:
+    with DepthNoise(backend=backend) as corrupter:
         here = _noisy_bytes((corrupter, depth_m)) if used else b""
         with multiprocessing.get_context(start).Pool(2) as pool:
             one, other = pool.map(_noisy_bytes, [(corrupter, depth_m)] * 2)
@@ -215,14 +215,14 @@ def test_it_works_in_other_processes(start: str, backend: str | None, used: bool
 #: Forks before the sensor's shaders were ever compiled; argument: the sensor that the parent uses.
 _FORKS = """
 import multiprocessing, sys, numpy
-from glsim import Corrupter, load_settings
+from glsim import DepthNoise
 depth_m = numpy.full((40, 48), 0.9, numpy.float32)
 def noisy(corrupter):
     return corrupter(depth_m, frame=3).tobytes()
 for sensor in sys.argv[1:]:
-    with Corrupter(load_settings(overrides={"sensor": sensor}), (40, 48)) as other:
+    with DepthNoise(sensor) as other:
         noisy(other)
-with Corrupter(load_settings(), (40, 48)) as corrupter:
+with DepthNoise() as corrupter:
     with multiprocessing.get_context("fork").Pool(2) as pool:
         one, two = pool.map(noisy, [corrupter] * 2)
     assert one == two == noisy(corrupter)
@@ -246,13 +246,13 @@ def _through_a_parent(depth_m: NDArray[np.float32]) -> bytes:
     return _noisy_bytes((_PARENTS[0], depth_m))
 
 
-_PARENTS: list[Corrupter] = []
+_PARENTS: list[DepthNoise] = []
 
 
 def test_a_forked_process_opens_a_context_of_its_own() -> None:
-    """The Corrupter is inherited, not pickled, and was used before."""
+    """It is inherited, not pickled, and was used before."""
     depth_m = np.full((40, 48), 0.9, np.float32)
-    with Corrupter(load_settings(), (40, 48)) as corrupter:
+    with DepthNoise() as corrupter:
         here = _noisy_bytes((corrupter, depth_m))
         _PARENTS[:] = [corrupter]
         with multiprocessing.get_context("fork").Pool(1) as pool:
@@ -265,13 +265,15 @@ def test_float_millimetres_are_refused_and_empty_maps_are_not() -> None:
     with corrupter() as corrupt:
         for given in (maps(2) * 1000, (maps(2)[1] * 1000).astype(np.float64)):
             with pytest.raises(ConfigError, match=r"this is millimetres, .* give depth / 1000"):
-                corrupt(given)
+                corrupt(given, frame=0)
         far = np.full((72, 96), 1000.0, np.float32)  # a simulator's far plane, 1 km
-        assert not corrupt(far).any()
+        assert not corrupt(far, frame=0).any()
         half = far.copy()
         half[:20] = 0.9
-        assert corrupt(half)[:20].any()
+        assert corrupt(half, frame=0)[:20].any()
         nothing = np.full((72, 96), np.inf, np.float32)
-        assert not corrupt(nothing).any()
+        assert not corrupt(nothing, frame=0).any()
         hills = np.linspace(40, 90, 72 * 96, dtype=np.float32).reshape(72, 96)
-        assert not corrupt(hills).any()  # metres: 40 mm would be nearer than any sensor sees
+        assert not corrupt(
+            hills, frame=0
+        ).any()  # metres: 40 mm would be nearer than any sensor sees

@@ -75,7 +75,7 @@ def test_an_observation_of_habitat_keeps_its_other_sensors() -> None:
     names = recipe("Habitat")
     clean = wall(0)
     with names["corrupter_of"](WIDTH, HEIGHT, 56.1) as corrupt:
-        image = corrupt.rig.intrinsics
+        image = corrupt.rig().intrinsics
         assert (image.cx, image.cy) == (WIDTH / 2, HEIGHT / 2)
         assert image.fx == pytest.approx(60, rel=0.01)
         given = {"rgb": "untouched", "depth_sensor": clean}
@@ -109,7 +109,7 @@ def test_a_batch_of_isaac_comes_back_as_a_tensor() -> None:
         )
     )
     with names["corrupter_of"](camera) as corrupt:
-        assert (corrupt.rig.intrinsics.cx, corrupt.rig.intrinsics.cy) == (32.0, 24.0)
+        assert (corrupt.rig().intrinsics.cx, corrupt.rig().intrinsics.cy) == (32.0, 24.0)
         noisy = names["noisy_depth"](camera, corrupt, 1)
     assert noisy.shape == clean.shape
     assert noisy.device == clean.device

@@ -9,6 +9,7 @@ from typing import Any
 
 import moderngl
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from glsim.core.reason import Reason
@@ -20,6 +21,7 @@ from glsim.noise.layer_names import IMAGE_CONSTANTS
 from glsim.noise.registry import shipped_stages
 from glsim.noise.stage_pass import StagePass
 from glsim.noise.twins import find_twin
+from glsim.noise.twins.batch import WordContext, seed_word
 from glsim.noise.twins.edges import cells
 
 Image = NDArray[np.float32]
@@ -65,6 +67,26 @@ def run_twin(use: str, layers: Layers, at: FrameContext = FRAME, **p: float) -> 
     assert twin is not None
     with np.errstate(all="raise"):
         return twin(at.view(use), layers, values(use, p))
+
+
+def run_on_tensors(
+    use: str, layers: Layers, at: FrameContext = FRAME, **p: float
+) -> dict[str, Image]:
+    """Return what ``run_twin`` does, from the second map of a batch of PyTorch tensors."""
+    torch = pytest.importorskip("torch")
+    batch = {
+        name: torch.from_numpy(np.stack([0.9 * image, image])) for name, image in layers.items()
+    }
+    seeds = {
+        name: torch.tensor([[[7]], [[np.uint32(seed_word(getattr(at, name))).view(np.int32)]]],
+                           dtype=torch.int32)
+        for name in ("seed", "sequence_seed", "device_seed")
+    }  # fmt: skip
+    twin = find_twin(use)
+    assert twin is not None
+    number = {name: float(np.float32(value)) for name, value in values(use, p).items()}
+    written = twin(WordContext(**{**at.__dict__, **seeds}).view(use), batch, number)
+    return {name: image[-1].numpy() for name, image in written.items()}
 
 
 def run_shader(

@@ -21,6 +21,15 @@ Twin = Callable[[FrameContext, Layers, Mapping[str, Any]], dict[str, Image]]
 _MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera)
 
 
+#: Stages whose twins read pixels in an order of their own, or match images.
+_NUMPY_ONLY = ("correlation_window", "dot_spread")
+
+
+def takes_tensors(stage: str) -> bool:
+    """Return whether the twin of a shader stage takes batches of maps."""
+    return stage not in _NUMPY_ONLY and not hasattr(stereo, stage) and find_twin(stage) is not None
+
+
 def find_twin(stage: str) -> Twin | None:
     """Return the twin of a shader stage, given the stem of its GLSL file, else None."""
     module = next((m for m in _MODULES if hasattr(m, stage)), None)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -357,74 +358,97 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
         low, high = xp.minimum(low, depths(dx, dy)), xp.maximum(high, depths(dx, dy))
     at_step = high - low > 0.001 * p["step_mm"]
     seen = phasors(view, p, clean, layers["normal"], layers["rays"], lit)
-    there = [around(view, part, 1, clamped=True) for part in seen]
-    blurred = [xp.zeros_like(part) for part in seen]
-    for dx, dy in square(1):
-        weight = float(np.float32(_BLUR[abs(dx)]) * np.float32(_BLUR[abs(dy)]))
-        blurred = [
-            xp.plus(total, weight, part(dx, dy)) for total, part in zip(blurred, there, strict=True)
-        ]
-    step = at_step[..., None]
-    own_real, own_imaginary, amplitude = (
-        xp.where(at_step if part.ndim == clean.ndim else step, total, part)
-        for total, part in zip(blurred, seen, strict=True)
-    )
-    real, imaginary, marked = _filtered_fast(p, own_real, own_imaginary, amplitude, there)
-    m = xp.vector(CONTRAST_MULTIPLIER, clean)
-    variance = deep(p["read_variance"]) + deep(p["shot_variance"]) * (amplitude[..., None] / m)
-    sigma = xp.sqrt(2 / 3 * m * m * variance) / KERNEL_UNIT
-    noise = [
-        normal_pair(*random_bits(*pixels(view.window, view.seed), view.seed, 1 + k)[:2])
-        for k in range(3)
-    ]
-    real = real + sigma * xp.stack([pair[0] for pair in noise], -1)
-    imaginary = imaginary + sigma * xp.stack([pair[1] for pair in noise], -1)
-    dimmed = amplitude + xp.amax(sigma, -1) * noise[0][0]
+    x, y = pixels(view.window, view.seed)
+    white = normal_pair(*random_bits(x, y, view.seed, 1)[:2])[0]
+    sigma = _part_sigma(p, seen[2])
+    dimmed = seen[2] + xp.amax(sigma, -1) * white
     kept = xp.where(dimmed < 1.1 * p["min_amplitude"], 0.0, 1.0)[..., None]
-    real = xp.where(step, real, kept * own_real)
-    imaginary = xp.where(step, imaginary, kept * own_imaginary)
+    even = [kept * seen[0], kept * seen[1], seen[2], sigma, at_step & False]
+    if view.batched and xp.may_branch(clean):
+        at = at_step.nonzero(as_tuple=True)
+        picked = {n: v if isinstance(v, float) else v.expand(clean.shape)[at] for n, v in p.items()}
+        stepped = _at_steps(
+            picked,
+            [partial(_picked, part, at) for part in seen],
+            [xp.words(at[2]), xp.words(at[1]), view.seed.expand(len(clean), 1, 1)[at[0], 0, 0]],
+        )
+        for part, values in zip(even, stepped, strict=True):
+            part[at] = values
+    else:
+        there = [around(view, part, 1, clamped=True) for part in seen]
+        stepped = _at_steps(p, there, [x, y, view.seed])
+        even = [
+            xp.where(at_step[..., None] if part.ndim > at_step.ndim else at_step, values, part)
+            for part, values in zip(even[:4], stepped, strict=False)
+        ] + [at_step & stepped[4]]
+    real, imaginary, amplitude, sigma, marked = even
     z, reason, sums = decoded(view, layers, p, real, imaginary)
     reason = xp.where((amplitude <= 0) & (clean <= 0), float(Reason.NO_SURFACE), reason)
     reason = xp.where(amplitude > p["saturation_lsb"], float(Reason.SATURATED), reason)
     valid = (reason == Reason.VALID) | (reason == Reason.GROWN)
     turns = xp.sqrt((sigma * sigma).sum(-1)) / xp.maximum(amplitude, 1.0) / TWO_PI
     light_mm = 1000.0 * turns * HALF_WAVE_M_MHZ / float(frequencies(view).sum())
-    x, y = layers["rays"][..., 0], layers["rays"][..., 1]
-    light_mm = light_mm / xp.sqrt(x * x + y * y + 1.0)  # along z, not along the ray
+    ray_x, ray_y = layers["rays"][..., 0], layers["rays"][..., 1]
+    # Along z, not along the ray.
+    light_mm = light_mm / xp.sqrt(ray_x * ray_x + ray_y * ray_y + 1.0)
     light_mm = xp.where(at_step, 0.0, light_mm)
     spread = xp.sqrt(floor_variance(view, layers, p, z) + light_mm * light_mm)
     z = xp.where(valid, z, 0.0)
     noisy = xp.where(valid, spread, 0.0) * correlated_noise(view, view.seed)
     depth = moved_by_mm(z, noisy)
-    usable = xp.where(at_step & marked, 0.0, depth)
     return {
         "depth": depth,
         "reason": reason,
         "infrared": xp.minimum(16.0 * amplitude, 65535.0),
-        "decoded": xp.stack([usable, sums], -1),
+        "decoded": xp.stack([xp.where(marked, 0.0, depth), sums], -1),
         **expected_depth(view, p, layers),
     }
 
 
-def _filtered_fast(
-    p: Parameters, real: Image, imaginary: Image, amplitude: Image, seen: Any
-) -> tuple[Image, Image, Any]:
-    """Filter phasors by a 3x3 bilateral filter; return real part, imaginary part and edge mask.
+def _picked(layer: Image, at: tuple[Any, Any, Any], dx: int, dy: int) -> Image:
+    """Return the neighbours (dx, dy) of the pixels ``at`` of a batch; clamped at the frame."""
+    row, column = (
+        (place + by).clamp(0, side - 1)
+        for place, by, side in zip(at[1:], (dy, dx), layer.shape[1:3], strict=True)
+    )
+    return layer[at[0], row, column]
+
+
+def _part_sigma(p: Parameters, amplitude: Image) -> Image:
+    """Compute the standard deviation (..., 3) of phasors' parts after the filter."""
+    m = of(amplitude).vector(CONTRAST_MULTIPLIER, amplitude)
+    variance = deep(p["read_variance"]) + deep(p["shot_variance"]) * (amplitude[..., None] / m)
+    return of(amplitude).sqrt(2 / 3 * m * m * variance) / KERNEL_UNIT
+
+
+def _at_steps(p: Parameters, there: Sequence[Any], random: Sequence[Any]) -> list[Image]:
+    """Add up and filter phasors beside depth steps.
 
     Args:
-        seen: functions that give the neighbours' phasors, real and imaginary, and amplitudes.
+        there: functions that give the neighbours' phasors, real and imaginary, and amplitudes.
+        random: column, row and seed of the noise.
+
+    Returns:
+        Real and imaginary parts, amplitude, standard deviation of the parts, and the edge mask.
     """
-    xp, least = of(real), deep(p["min_amplitude"])
-    sharpness = deep(-_LOG2_E * p["sharpness"])
+    xp = of(there[2](0, 0))
+    blurred: list[Image] = [0.0, 0.0, 0.0]
+    for dx, dy in square(1):
+        weight = float(np.float32(_BLUR[abs(dx)]) * np.float32(_BLUR[abs(dy)]))
+        blurred = [
+            xp.plus(total, weight, part(dx, dy)) for total, part in zip(blurred, there, strict=True)
+        ]
+    real, imaginary, amplitude = blurred
+    least, sharpness = deep(p["min_amplitude"]), deep(-_LOG2_E * p["sharpness"])
     unit = 1.0 / xp.sqrt(xp.maximum(real * real + imaginary * imaginary, _TINY))
     bright = amplitude[..., None] >= least
     apart = xp.zeros_like(real)
     total = apart + KERNEL[0]
     sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
     for dx, dy in (offset for offset in square(1) if offset != (0, 0)):
-        light = seen[2](dx, dy)[..., None]
+        light = there[2](dx, dy)[..., None]
         safe = xp.where(light > 0, light, 1.0)
-        r, i = seen[0](dx, dy) / safe, seen[1](dx, dy) / safe
+        r, i = there[0](dx, dy) / safe, there[1](dx, dy) / safe
         away = 0.5 - 0.5 * (real * r + imaginary * i) * unit
         counts = xp.where((light >= least) | ~bright, 1.0, 0.0)
         falls = xp.where(bright, xp.exp(sharpness * away), 1.0)
@@ -433,5 +457,12 @@ def _filtered_fast(
         sum_real = sum_real + weight * light * r
         sum_imaginary = sum_imaginary + weight * light * i
         total = total + weight
-    marked = xp.amax(apart, -1) >= p["max_edge"]
-    return sum_real / total, sum_imaginary / total, marked
+    sigma = _part_sigma(p, amplitude)
+    noise = [normal_pair(*random_bits(*random, 1 + k)[:2]) for k in range(3)]
+    return [
+        sum_real / total + sigma * xp.stack([pair[0] for pair in noise], -1),
+        sum_imaginary / total + sigma * xp.stack([pair[1] for pair in noise], -1),
+        amplitude,
+        sigma,
+        xp.amax(apart, -1) >= p["max_edge"],
+    ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim import load_settings, open_dataset
 from glsim.core.errors import ConfigError
-from glsim.simulation.transforms import DepthNoise
+from glsim.simulation.depth_noise import DepthNoise
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 SHAPE = (40, 48)

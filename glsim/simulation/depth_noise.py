@@ -1,0 +1,374 @@
+"""Noise of a sensor on depth maps of one's own: arrays of NumPy, tensors of PyTorch, batches.
+
+    noise = glsim.DepthNoise("kinect-v2", p=0.9)
+    noisy_m = noise(clean_m)                       # drawn by OpenGL, map by map
+    torchvision.transforms.v2.Compose([noise, ...])
+    DataLoader(dataset, num_workers=4, multiprocessing_context="fork")  # or "spawn"
+
+    noise = glsim.DepthNoise("kinect-v2-fast", device="cuda")
+    noisy_m = noise(depth_m, seeds=environments, frame=step)  # whole batches, on the device
+
+PyTorch is not imported for arrays. Where it is loaded, the seeds of its DataLoader's workers are
+used.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections import OrderedDict
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import SensorRig
+from glsim.core.errors import ConfigError, require_package
+from glsim.core.seeds import stable_seed
+from glsim.faces.face_source import FaceKey
+from glsim.sensors.sensor import sensor_of
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.corrupt import MapEngine, check_depth, depth_batch, surface_depth
+from glsim.simulation.frame import Frame, decode_depth, refuse_millimetres
+
+#: An array of NumPy or a tensor of PyTorch.
+_Depths = TypeVar("_Depths")
+#: Sizes of maps whose programs are kept; crops of one size are the rule.
+_SIZES: Final = 4
+_BACKENDS: Final = ("egl", "osmesa", "numpy", "torch")
+
+
+class DepthNoise:
+    """Adds a sensor's noise to depth maps, with new noise in each call, or repeatable noise.
+
+    Without ``frame``, the noise is a function of the seed, the seed of a DataLoader's worker (so of
+    ``torch.manual_seed``) and the number of maps before in the process. With ``frame`` it is one of
+    the seed, ``sequence`` and ``frame``; with ``seeds`` one of the seed, the map's seed and frame.
+
+    It may be pickled, and used in forked and spawned workers: each opens a GL context of its own
+    with its first map. As a context manager it releases them at its end.
+
+    Args:
+        sensor: a shipped sensor, a sensor file, or whole settings (``glsim.load_settings``).
+        p: probability that a call changes the maps (with ``seeds``: that a map is changed).
+        seed: of the noise; default: the settings'.
+        backend: "egl" or "osmesa" (OpenGL, map by map), "numpy" (the twins, map by map), "torch"
+            (whole batches on their device). Default: "torch" if ``device`` or ``seeds`` are given
+            and for tensors on a GPU, else an OpenGL that works.
+        device: of the tensors that come back, for "torch"; default: the depth's own.
+        compiled: whether "torch" compiles the chain for each shape, which takes minutes, and then
+            runs several times as fast; only with ``seeds``.
+        focal_px: (x, y) of the camera that made the maps; default: the sensor's.
+        centre_px: (x, y) of its principal point; default: the sensor's for maps of its size, or the
+            middle of crops.
+
+    Raises:
+        ConfigError: for an unknown sensor or backend, and a probability outside of 0 to 1.
+    """
+
+    def __init__(
+        self,
+        sensor: str | Settings = "kinect-v2",
+        p: float = 1.0,
+        *,
+        seed: int | None = None,
+        backend: str | None = None,
+        device: Any = None,
+        compiled: bool = False,
+        focal_px: tuple[float, float] | None = None,
+        centre_px: tuple[float, float] | None = None,
+    ) -> None:
+        if not 0.0 <= p <= 1.0:
+            raise ConfigError(f"p {p}: is a probability, 0 to 1")
+        if backend not in (None, *_BACKENDS):
+            raise ConfigError(f"backend {backend!r}: is one of {', '.join(_BACKENDS)}, or None")
+        if device is not None and backend not in (None, "torch"):
+            raise ConfigError(f'backend {backend!r} has no device: leave it out, or take "torch"')
+        settings = (
+            load_settings(overrides={"sensor": sensor}) if isinstance(sensor, str) else sensor
+        )
+        self.settings = settings.model_copy(
+            update={"seed": settings.seed if seed is None else seed}
+        )
+        sensor_of(self.settings)  # now, not in a worker
+        self.p, self.device, self.compiled = p, device, compiled
+        self._backend = "torch" if device is not None or compiled else backend
+        self._camera = focal_px, centre_px
+        self._size: tuple[int, int] | None = None
+        self._forget()
+
+    @classmethod
+    def for_camera(
+        cls,
+        sensor: str | Settings,
+        *,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        first_pixel: float,
+        **options: Any,
+    ) -> DepthNoise:
+        """Make the noise for the images of another simulator's camera, of one size.
+
+        Args:
+            sensor: gives the noise, the emitters and the clip planes; the camera replaces its
+                intrinsics.
+            width, height, fx, fy, cx, cy: of the simulator's pinhole camera, pixels.
+            first_pixel: where its cx and cy have the centre of the first pixel: 0.5 if the image
+                reaches from 0 to its width (cx = width / 2 is the middle), 0 as in OpenCV and ROS.
+            options: those of DepthNoise.
+
+        Raises:
+            ConfigError: the camera or an option is wrong.
+        """
+        if first_pixel not in (0, 0.5):
+            raise ConfigError(f"first_pixel {first_pixel}: is 0 (OpenCV, ROS) or 0.5")
+        if not (fx > 0 and fy > 0 and width > 0 and height > 0):
+            raise ConfigError(
+                f"a camera of {width}x{height} pixels with focal lengths {fx}, {fy}: all must be "
+                "positive (Gazebo, BlenderProc and Isaac may give a negative fy: take its size)"
+            )
+        shift = 0.5 - first_pixel
+        centre = cx + shift, cy + shift
+        noise = cls(sensor, focal_px=(fx, fy), centre_px=centre, **options)
+        noise._size = height, width
+        noise._engine(noise._size, noise._backend)
+        return noise
+
+    def __enter__(self) -> DepthNoise:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for engine in self._engines.values():
+            if isinstance(engine, MapEngine):
+                engine.close()
+        self._forget()
+
+    def __call__(
+        self,
+        depth_m: _Depths,
+        *,
+        frame: Any = None,
+        sequence: str = "",
+        seeds: Any = None,
+        **given: Any,
+    ) -> _Depths:
+        """Return noisy depth of the same type and shape as the clean depth.
+
+        The gradient of a noisy depth with respect to the clean depth of its pixel is 1, and that of
+        a lost pixel 0 ("torch" only).
+
+        Args:
+            depth_m: (H, W), (1, H, W), (B, 1, H, W) or other leading axes, and any of them with a
+                last axis of 1: metres, float16, float32 or float64. 0, NaN, infinity and what lies
+                beyond the sensor's far plane are no surface. The input is not changed.
+            frame: makes the noise repeatable: map b of a batch has that of frame + b. With
+                ``seeds``: the frame of all maps, or (B,) of each; default 0.
+            sequence: of ``frame``: what is drawn per device and sequence is drawn once for it.
+            seeds: (B,) integers of 32 bits, for instance of environments: each is a device with
+                parameters of its own, drawn from the sensor's distributions. For "torch".
+            given: for "torch": fx, fy, cx, cy of the maps, pixels, numbers or (B,), cx and cy with
+                the first pixel's centre at 0.5; normal, (B, H, W, 3) towards the camera; albedo,
+                (B, H, W).
+
+        Raises:
+            ConfigError: for whole numbers, millimetres, and what is no depth map.
+        """
+        shape, count = self._shape_of(depth_m)
+        if seeds is None:
+            if frame is None:
+                sequence, frame = self._next(count)
+            chance = np.random.default_rng(stable_seed("p", self.settings.seed, sequence, frame))
+            if self.p < 1 and chance.random() >= self.p:
+                return depth_m
+        if self.backend_for(depth_m, seeds) == "torch":
+            return self._on_tensors(depth_m, shape, frame, sequence, seeds=seeds, **given)[0]
+        if seeds is not None or given:
+            names = ", ".join(["seeds"] * (seeds is not None) + sorted(given))
+            raise ConfigError(f'{names}: only with backend="torch"')
+        maps, results, answer = depth_batch(depth_m, shape)
+        engine = self._engine(shape, self._backend)
+        refuse_millimetres(maps, engine.rig.near_m, engine.rig.far_m)
+        for number, clean in enumerate(maps):
+            results[number] = self._frame(engine, clean, frame + number, sequence).noisy_m
+        noisy: _Depths = answer()
+        return noisy
+
+    def layers(
+        self,
+        depth_m: Any,
+        *,
+        frame: Any = None,
+        sequence: str = "",
+        seeds: Any = None,
+        **given: Any,
+    ) -> dict[str, Any]:
+        """Return what the camera measures of a batch, tensors (B, H, W), by "torch".
+
+        depth: noisy, metres; reason: uint8 codes of ``glsim.Reason``; infrared: counts; expected:
+        metres, depth with the device's systematic error and without noise. Arguments and errors as
+        of a call; all maps are changed.
+        """
+        if self.backend_for(depth_m, seeds, wanted="torch") != "torch":
+            raise ConfigError(f'layers: only with backend="torch", not {self._backend!r}')
+        shape, count = self._shape_of(depth_m)
+        if seeds is None and frame is None:
+            sequence, frame = self._next(count)
+        return self._on_tensors(
+            depth_m, shape, frame, sequence, seeds=seeds, expected=True, **given
+        )[1]
+
+    def corrupt_depth(
+        self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
+    ) -> Frame:
+        """Return the whole Frame (infrared, reasons, parameters) for one (H, W) map in metres.
+
+        The noise is that of a call with ``frame``, not by "torch". Raises ConfigError.
+        """
+        shape = (depth_m.shape[0], depth_m.shape[1]) if depth_m.ndim == 2 else (0, 0)
+        if depth_m.ndim != 2 or self._size not in (None, shape):
+            raise ConfigError(f"depth has the shape {depth_m.shape}, the camera {self._size}")
+        backend = None if self._backend == "torch" else self._backend
+        return self._frame(self._engine(shape, backend), depth_m, frame, sequence)
+
+    def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
+        """Add noise to depth (H, W) uint16 in steps of depth_unit_mm, 0 = none; return a Frame.
+
+        Args:
+            name: of the map; the noise is a function of it and the seed.
+
+        Raises:
+            ConfigError: another type or shape.
+        """
+        if clean.dtype != np.uint16 or clean.ndim != 2:
+            raise ConfigError(
+                f"{name or 'the depth map'}: must be one channel of 16 bits, "
+                f"not {clean.shape} {clean.dtype}"
+            )
+        engine = self._engine((clean.shape[0], clean.shape[1]), self._backend)
+        seed = stable_seed("corrupt", self.settings.seed, name)
+        depth_m = decode_depth(clean, self.settings.output.depth_unit_mm)
+        return engine.frame(depth_m, FaceKey(name or "map", "main", 0), DrawKeys(seed, seed, seed))
+
+    def rig(self, shape: tuple[int, int] | None = None) -> SensorRig:
+        """Return the sensor's rig for maps of shape (height, width); default: for_camera's."""
+        size = shape or self._size
+        if size is None:
+            raise ConfigError("rig: give the shape of the maps, (height, width)")
+        return sensor_of(self.settings).rig.for_map(size, *self._camera)
+
+    def backend_for(self, depth_m: Any, seeds: Any = None, wanted: str | None = None) -> str:
+        """Return the backend that a call takes: "torch", "numpy", "egl", "osmesa" or "gl".
+
+        Args:
+            wanted: the backend where none is forced.
+        """
+        if self._backend is not None:
+            return self._backend
+        on_gpu = _is_tensor(depth_m) and depth_m.device.type != "cpu"
+        return wanted or ("torch" if on_gpu or seeds is not None else "gl")
+
+    def __repr__(self) -> str:
+        backend = f", backend={self._backend!r}" if self._backend else ""
+        return (
+            f"DepthNoise({self.settings.sensor!r}, p={self.p:g}, "
+            f"seed={self.settings.seed}{backend})"
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the settings only; GL contexts and counters stay in their process."""
+        names = ("settings", "p", "device", "compiled", "_backend", "_camera", "_size")
+        return {name: self.__dict__[name] for name in names}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._engines: OrderedDict[Any, Any] = OrderedDict()
+        self._process = os.getpid()
+        self._maps: dict[str, int] = {}
+
+    def _next(self, maps: int) -> tuple[str, int]:
+        """Return a name for this worker and epoch, and the number of maps before this call."""
+        if self._process != os.getpid():  # forked: the parent's maps are not ours
+            self._forget()
+        torch = sys.modules.get("torch")
+        info = None if torch is None else torch.utils.data.get_worker_info()
+        worker = "here" if info is None else f"worker {info.seed}"  # another one in each epoch
+        number = self._maps.get(worker, 0)
+        self._maps = {worker: number + maps}
+        return worker, number
+
+    def _shape_of(self, depth_m: Any) -> tuple[tuple[int, int], int]:
+        """Return (height, width) and the number of maps of a batch. Raises ConfigError."""
+        full: tuple[int, ...] = tuple(getattr(depth_m, "shape", ()))
+        if len(full) < 2:
+            raise ConfigError(
+                f"depth must be an array or a tensor of float metres (..., H, W), not "
+                f"{full or type(depth_m).__name__}"
+            )
+        deep = full[-1] == 1 and len(full) > 2 and self._size in (None, full[-3:-1])
+        size = self._size or (full[-3:-1] if deep else full[-2:])
+        return (int(size[0]), int(size[1])), math.prod(full[:-3] if deep else full[:-2])
+
+    def _engine(self, size: tuple[int, int], backend: str | None) -> Any:
+        if backend != "torch" and self._process != os.getpid():  # contexts stay in their process
+            self._forget()
+        key = size, backend
+        if key not in self._engines:
+            if backend == "torch":
+                require_package("torch", "noise on tensors", "train")
+                from glsim.simulation.tensor_engine import TensorEngine
+
+                made: Any = TensorEngine(sensor_of(self.settings), self.rig(size))
+            else:
+                made = MapEngine(self.settings, size, backend, *self._camera)
+            self._engines[key] = made
+            if len(self._engines) > _SIZES:
+                _, oldest = self._engines.popitem(last=False)
+                if isinstance(oldest, MapEngine):
+                    oldest.close()
+        self._engines.move_to_end(key)
+        return self._engines[key]
+
+    def _keys(self, frame: int, sequence: str) -> DrawKeys:
+        held = stable_seed("corrupt sequence", self.settings.seed, sequence)
+        return DrawKeys(
+            stable_seed("corrupt frame", self.settings.seed, sequence, frame), held, held
+        )
+
+    def _frame(self, engine: MapEngine, depth_m: Any, frame: int, sequence: str) -> Frame:
+        key = FaceKey(sequence or "map", "main", frame)
+        clean = surface_depth(depth_m, engine.rig.far_m)
+        return engine.frame(clean, key, self._keys(frame, sequence))
+
+    def _on_tensors(
+        self,
+        depth_m: Any,
+        size: tuple[int, int],
+        frame: Any,
+        sequence: str,
+        **given: Any,
+    ) -> tuple[Any, dict[str, Any]]:
+        check_depth(depth_m, size)
+        keys, engine = None, self._engine(size, "torch")
+        if given["seeds"] is None:
+            count = math.prod(depth_m.shape) // math.prod(size)
+            keys = [self._keys(frame + number, sequence) for number in range(count)]
+        else:
+            given["frames"] = 0 if frame is None else frame
+        settings = self.settings.seed, self.p, self.compiled
+        made: tuple[Any, dict[str, Any]] = engine.measure(
+            depth_m, self.device, keys, settings, **given
+        )
+        return made
+
+
+def _is_tensor(depth_m: Any) -> bool:
+    return type(depth_m).__module__.partition(".")[0] == "torch"

@@ -1,0 +1,334 @@
+"""The noise chain of a sensor on tensors of PyTorch: whole batches, on the device of the depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+
+from glsim.core.camera import SensorRig
+from glsim.core.errors import ConfigError
+from glsim.core.mesh import SKIN_ALBEDO
+from glsim.core.reason import Reason
+from glsim.core.rect import Rect
+from glsim.core.seeds import stable_seed
+from glsim.noise.layer_names import EXPECTED_LAYER
+from glsim.noise.registry import shipped_stage
+from glsim.noise.stage import ENABLED, draw_values
+from glsim.noise.twins import find_twin, takes_tensors
+from glsim.noise.twins.arrays import of
+from glsim.noise.twins.batch import (
+    WordContext,
+    beside_camera,
+    draw,
+    lit_share,
+    map_words,
+    seed_word,
+    surface_normals,
+)
+from glsim.noise.twins.layers import has_depth, pcg_word, select, uniform01
+from glsim.sensors.sensor import Sensor
+from glsim.settings.distribution import DrawKeys
+from glsim.simulation.frame import refuse_millimetres
+
+#: A parameter of a batch: a number for all maps, or (B, 1, 1).
+Values = Mapping[str, Mapping[str, Any]]
+#: Pixels of a part of a batch on a CPU, whose layers stay in the cache. Measured: 2^17 is best.
+_CACHED_PX = 2**17
+#: What simulators know of their maps.
+_CAMERA, _SURFACE = ("fx", "fy", "cx", "cy"), ("normal", "albedo")
+
+
+def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tensors that a chain starts from, by name, on the device of the maps.
+
+    Args:
+        maps: (B, H, W) float32 metres.
+        given: seeds, frames, fx, fy, cx, cy: numbers or (B,); normal: (B, H, W, 3); albedo:
+            (B, H, W).
+
+    Raises:
+        ConfigError: another name or shape.
+    """
+    count, device = len(maps), maps.device
+    known = (*_CAMERA, *_SURFACE)
+    shapes = {"normal": (*maps.shape, 3), "albedo": tuple(maps.shape)}
+    if unknown := given.keys() - {*known, "seeds", "frames"}:
+        raise ConfigError(f"{', '.join(sorted(unknown))}: known are {', '.join(known)}")
+    inputs = {"maps": maps.detach()}
+    for name, value in given.items():
+        if value is None:
+            continue
+        kind = torch.int64 if name in ("seeds", "frames") else torch.float32
+        tensor = torch.as_tensor(value, device=device)
+        if kind == torch.int64 and (tensor.is_floating_point() or tensor.dtype == torch.bool):
+            raise ConfigError(f"{name}: must be integers, not {tensor.dtype}")
+        wanted = shapes.get(name, (count,))
+        if tensor.ndim == 0 and len(wanted) == 1:
+            tensor = tensor.expand(count)
+        if tuple(tensor.shape) != wanted:
+            raise ConfigError(f"{name}: has the shape {tuple(tensor.shape)}, not {wanted}")
+        tensor = tensor.to(kind)
+        inputs[name] = tensor[:, None, None] if name in _CAMERA else tensor
+    return inputs
+
+
+class TensorEngine:
+    """The noise chain of a sensor for maps of one size, by the twins of its shader stages.
+
+    Args:
+        sensor: all of its stages that may run need twins that take tensors.
+        rig: its rig for maps of this size.
+
+    Raises:
+        ConfigError: a stage that needs OpenGL or NumPy.
+    """
+
+    def __init__(self, sensor: Sensor, rig: SensorRig) -> None:
+        self.sensor, self.rig = sensor, rig
+        self._stages = [s for s in sensor.stages if s.settings[ENABLED].bounds()[1] > 0]
+        for stage in self._stages:
+            shipped = shipped_stage(stage.spec.name) is stage.spec
+            if not (shipped and takes_tensors(stage.spec.name)):
+                raise ConfigError(
+                    f"{sensor.name}: stage {stage.name!r} does not run on tensors: take "
+                    'backend="egl" or "osmesa", or switch the stage off'
+                )
+        self._lights = [
+            (*beside_camera((*point[:2].tolist(), 0.0)), share / len(rig.emitters))
+            for emitter in rig.emitters
+            for point, share in emitter.shared_points_m()
+        ]
+        self._constant = {
+            stage.name: {
+                name: float(np.float32(setting.constant))
+                for name, setting in stage.settings.items()
+                if setting.constant is not None
+            }
+            for stage in self._stages
+        }
+        self._rays: dict[Any, Any] = {}
+        self._programs: dict[Any, Any] = {}
+        self._size = rig.intrinsics.height, rig.intrinsics.width
+        self._compared = False  # whether a depth's range has been looked at
+
+    @torch.compiler.disable  # a function of the user's that is compiled calls it as it is
+    def measure(
+        self,
+        depth_m: Any,
+        device: Any,
+        keys: Sequence[DrawKeys] | None,
+        settings: tuple[int, float, bool],
+        *,
+        expected: bool = False,
+        **given: Any,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return noisy depth in the form of the clean depth, and the layers (B, H, W) of it.
+
+        Args:
+            depth_m: as of a call of DepthNoise.
+            device: to compute on; default: the depth's.
+            keys: the maps' seeds, if they are not given as seeds.
+            settings: seed, probability that a map is changed, and whether to compile the chain.
+            expected: whether this layer is wanted.
+            given: of ``batch_inputs``.
+        """
+        if not isinstance(depth_m, torch.Tensor):
+            depth_m = np.require(depth_m, requirements="CW")
+            noisy, layers = self.measure(
+                torch.from_numpy(depth_m), device, keys, settings, expected=expected, **given
+            )
+            return noisy.cpu().numpy(), layers
+        whole = depth_m.to(device)
+        maps = whole.reshape(-1, *self._size).to(torch.float32)
+        if whole.device.type == "cpu" or not self._compared:  # a GPU is waited for, once
+            refuse_millimetres(maps.detach().cpu().numpy(), self.rig.near_m, self.rig.far_m)
+            self._compared = True
+        with torch.no_grad():
+            inputs = batch_inputs(maps, given)
+            if expected:
+                inputs[EXPECTED_LAYER] = inputs["maps"]
+            seed, p, compiled = settings
+            if keys is None and compiled:
+                layers = self._compiled(seed, p, inputs)
+            else:
+                layers = self._in_parts(seed, p, inputs, keys)
+        noisy = layers["depth"]
+        if maps.requires_grad:  # straight through: rounding alone would make all gradients 0
+            noisy = noisy + torch.where(noisy > 0, maps - maps.detach(), 0.0)
+        return noisy.to(whole.dtype).reshape(whole.shape), layers
+
+    def _in_parts(
+        self, seed: int, p: float, inputs: dict[str, Any], keys: Sequence[DrawKeys] | None
+    ) -> dict[str, Any]:
+        """Return the layers of a batch, on a CPU in parts that fit its cache."""
+        maps = inputs["maps"]
+        count = len(maps) if maps.is_cuda else max(_CACHED_PX // math.prod(self._size), 1)
+        parts = []
+        for start in range(0, max(len(maps), 1), max(count, 1)):
+            part = {name: tensor[start : start + count] for name, tensor in inputs.items()}
+            parts.append(
+                self._seeded(seed, p, part)
+                if keys is None
+                else self._named(seed, part, keys[start : start + count])
+            )
+        return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
+
+    def _compiled(self, seed: int, p: float, inputs: dict[str, Any]) -> dict[str, Any]:
+        """Do as ``_seeded``, by a chain that is compiled for these shapes when they first come."""
+        from torch.fx.experimental.proxy_tensor import make_fx
+
+        key = seed, p, *((n, tuple(t.shape), t.device) for n, t in sorted(inputs.items()))
+        if key not in self._programs:
+            traced = make_fx(partial(self._seeded, seed, p))(inputs)
+            self._programs[key] = torch.compile(traced, dynamic=False)
+        made: dict[str, Any] = self._programs[key](inputs)
+        return made
+
+    def _named(
+        self, seed: int, inputs: Mapping[str, Any], keys: Sequence[DrawKeys]
+    ) -> dict[str, Any]:
+        """Return the layers of a batch whose maps have seeds of 64 bits, as frames of OpenGL."""
+        maps = inputs["maps"]
+        drawn = [draw_values(self._stages, key)[1] for key in keys]
+        values: dict[str, dict[str, Any]] = {}
+        for stage in self._stages:
+            values[stage.name] = dict(self._constant[stage.name])
+            for name in stage.settings.keys() - self._constant[stage.name].keys():
+                numbers = np.array([v[stage.name][name] for v in drawn], np.float32)
+                values[stage.name][name] = maps.new_tensor(numbers)[:, None, None]
+        word = of(maps).word
+        words = [
+            maps.new_tensor([word(seed_word(s)) for s in seeds], dtype=of(maps).int32)
+            for seeds in (
+                [key.frame for key in keys],
+                [key.sequence for key in keys],
+                [stable_seed("device", seed, 0)],
+            )
+        ]
+        return self._answer(inputs, words, values)
+
+    def _seeded(self, seed: int, p: float, inputs: Mapping[str, Any]) -> dict[str, Any]:
+        frame, held = map_words(seed, inputs["seeds"], inputs["frames"])
+        words = {"frame": frame, "held": held}
+        values: dict[str, dict[str, Any]] = {}
+        for stage in self._stages:
+            values[stage.name] = dict(self._constant[stage.name])
+            for name, setting in stage.settings.items():
+                if setting.is_constant:
+                    continue
+                number = draw(setting, f"{stage.name}.{name}", words)
+                parameter = stage.spec.parameters.get(name)
+                if parameter is None or parameter.type != "float":
+                    number = number.round()
+                values[stage.name][name] = number[:, None, None]
+        layers = self._answer(inputs, (frame, held, held), values)
+        if p < 1:
+            changed = (uniform01(pcg_word(frame)) < p)[:, None, None]
+            layers["depth"] = of(frame).where(changed, layers["depth"], layers["clean"])
+        return layers
+
+    def _answer(
+        self, inputs: Mapping[str, Any], words: Sequence[Any], values: Values
+    ) -> dict[str, Any]:
+        """Run the chain; return depth, reasons that agree with it, infrared and expected depth."""
+        maps = inputs["maps"]
+        clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
+        made = self._run(clean, [word[:, None, None] for word in words], values, inputs)
+        depth, reason = made["depth"].clamp(min=0.0), made["reason"]
+        seen, found, expects = clean > 0, depth > 0, has_depth(reason)
+        reason = select(
+            [
+                (~found & expects & seen, float(Reason.DROPPED)),
+                (~found & expects, float(Reason.NO_SURFACE)),
+                (found & (~expects | (reason == Reason.VALID)) & ~seen, float(Reason.GROWN)),
+                (found & ~expects, float(Reason.VALID)),
+            ],
+            reason,
+        )
+        layers = {"clean": clean, "depth": depth, "reason": reason.to(torch.uint8)}
+        layers |= {n: made[n] for n in ("infrared", EXPECTED_LAYER) if n in made}
+        return layers
+
+    def _run(
+        self, depth_m: Any, words: Sequence[Any], values: Values, inputs: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Return all layers after the whole chain.
+
+        Args:
+            depth_m: (B, H, W) float32 metres, 0 = no depth.
+            words: of frames, sequences and devices, (B, 1, 1) or (1, 1, 1).
+        """
+        image, (_, height, width) = self.rig.intrinsics, depth_m.shape
+        rays, clean = self._rays_of(depth_m, inputs), depth_m
+        focal_px = inputs.get("fx", image.fx)
+        view = WordContext(
+            window=Rect(0, 0, width, height),
+            width=width,
+            height=height,
+            seed=words[0],
+            sequence_seed=words[1],
+            device_seed=words[2],
+            focal_baseline_px_m=focal_px * self.rig.baseline_m,
+            emitter_m=self.rig.emitter_m,
+            modulation_mhz=self.rig.modulation_mhz,
+            focal_px=focal_px,
+            lens=self.rig.distortion,
+        )
+        seen = clean > 0
+        albedo = torch.where(seen, inputs.get("albedo", SKIN_ALBEDO), 0.0)
+        normal = inputs.get("normal")
+        if normal is None:
+            normal = surface_normals(clean, rays)
+        planes = [*(normal[..., k] for k in range(3)), albedo]
+        lit = torch.ones_like(clean)
+        if self.rig.shadow_map and self._lights:
+            lit = lit_share(clean, focal_px, self._lights)
+        layers = {
+            **{n: torch.from_numpy(v).to(clean.device) for n, v in self.sensor.images.items()},
+            "clean": clean,
+            "depth": clean,
+            **({EXPECTED_LAYER: clean} if EXPECTED_LAYER in inputs else {}),
+            "reason": torch.zeros_like(clean),
+            "normal": torch.stack(planes).movedim(0, -1),
+            "albedo": albedo,
+            "lit": lit,
+            "rays": rays,
+        }
+        for stage in self._stages:
+            twin, p = find_twin(stage.spec.name), values[stage.name]
+            assert twin is not None, "takes_tensors"
+            written, runs = twin(view.view(stage.name), layers, p), p[ENABLED]
+            for name, layer in written.items():
+                if not isinstance(runs, float) and name in layers:
+                    layer = torch.where(runs > 0, layer, layers[name])
+                layers[name] = layer
+        return layers
+
+    def _rays_of(self, depth_m: Any, camera: Mapping[str, Any]) -> Any:
+        """Return (1 or B, H, W, 2) x/z and y/z of each pixel."""
+        if not any(name in camera for name in _CAMERA):
+            if depth_m.device not in self._rays:
+                rays = torch.from_numpy(np.moveaxis(self.rig.rays(), -1, 0).copy())
+                self._rays[depth_m.device] = rays[:, None].to(depth_m.device).movedim(0, -1)
+            return self._rays[depth_m.device]
+        if self.rig.keeps_distortion:
+            raise ConfigError(
+                "fx, fy, cx, cy: the sensor delivers the image of its lens: leave out"
+            )
+        image, (_, height, width) = self.rig.intrinsics, depth_m.shape
+        sides = []
+        for side, f, c in ((width, "fx", "cx"), (height, "fy", "cy")):
+            place = torch.arange(side, device=depth_m.device) + 0.5
+            place = place if side == width and f == "fx" else place[:, None]
+            centre = camera.get(c, getattr(image, c))
+            sides.append((place - centre) / camera.get(f, getattr(image, f)))
+        return (
+            torch.stack(torch.broadcast_tensors(*sides))
+            .movedim(0, -1)
+            .reshape(-1, height, width, 2)
+        )
