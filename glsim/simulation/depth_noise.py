@@ -187,7 +187,9 @@ class DepthNoise:
             if self.p < 1 and chance.random() >= self.p:
                 return depth_m
         if self.backend_for(depth_m, seeds) == "torch":
-            return self._on_tensors(depth_m, shape, frame, sequence, seeds=seeds, **given)[0]
+            made = self._on_tensors(depth_m, shape, frame, sequence, seeds=seeds, **given)
+            changed: _Depths = made[0]
+            return changed
         if seeds is not None or given:
             names = ", ".join(["seeds"] * (seeds is not None) + sorted(given))
             raise ConfigError(f'{names}: only with backend="torch"')
@@ -253,7 +255,9 @@ class DepthNoise:
         engine = self._engine((clean.shape[0], clean.shape[1]), self._backend)
         seed = stable_seed("corrupt", self.settings.seed, name)
         depth_m = decode_depth(clean, self.settings.output.depth_unit_mm)
-        return engine.frame(depth_m, FaceKey(name or "map", "main", 0), DrawKeys(seed, seed, seed))
+        key, seeds = FaceKey(name or "map", "main", 0), DrawKeys(seed, seed, seed)
+        made: Frame = engine.frame(depth_m, key, seeds)
+        return made
 
     def rig(self, shape: tuple[int, int] | None = None) -> SensorRig:
         """Return the sensor's rig for maps of shape (height, width); default: for_camera's."""

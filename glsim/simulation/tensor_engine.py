@@ -116,7 +116,7 @@ class TensorEngine:
         self._size = rig.intrinsics.height, rig.intrinsics.width
         self._compared = False  # whether a depth's range has been looked at
 
-    @torch.compiler.disable  # a function of the user's that is compiled calls it as it is
+    @torch.compiler.disable  # type: ignore[untyped-decorator]  # a function of the user's that is compiled calls it as it is
     def measure(
         self,
         depth_m: Any,
@@ -138,7 +138,7 @@ class TensorEngine:
             given: of ``batch_inputs``.
         """
         if not isinstance(depth_m, torch.Tensor):
-            depth_m = np.require(depth_m, requirements="CW")
+            depth_m = np.require(depth_m, requirements=("C", "W"))
             noisy, layers = self.measure(
                 torch.from_numpy(depth_m), device, keys, settings, expected=expected, **given
             )
@@ -327,8 +327,4 @@ class TensorEngine:
             place = place if side == width and f == "fx" else place[:, None]
             centre = camera.get(c, getattr(image, c))
             sides.append((place - centre) / camera.get(f, getattr(image, f)))
-        return (
-            torch.stack(torch.broadcast_tensors(*sides))
-            .movedim(0, -1)
-            .reshape(-1, height, width, 2)
-        )
+        return of(depth_m).stack(sides, -1).reshape(-1, height, width, 2)

@@ -15,7 +15,7 @@ from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import Settings, with_assignments
-from glsim.simulation.corrupt import Corrupter
+from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import frames
 from glsim.simulation.registration import register
@@ -136,6 +136,6 @@ def test_what_cannot_be_registered_is_refused(
     with pytest.raises(ConfigError, match=r"no layer 'expected'"):
         next(iter(frames(settings, context=context, layers=("clean", "noisy", "expected"))))
     with pytest.raises(ConfigError, match=r"registers depth to colour"):
-        Corrupter(settings, (64, 64))
+        DepthNoise(settings).rig((64, 64))
     with pytest.raises(ConfigError, match=r"needs the camera of a table \[rig.colour\]"):
         load_sensor(str(bare))

@@ -87,7 +87,8 @@ def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 def dot_place(x: Whole, y: Whole) -> Whole:
     """Draw which of the 9 pixels of a 3x3 cell holds the projected dot, 0 to 8 in reading order."""
-    return (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
+    place: Whole = (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
+    return place
 
 
 def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:

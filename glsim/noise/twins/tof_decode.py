@@ -149,8 +149,8 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     valid = (read & ~saturated)[..., None]
     counts = xp.where(read, infrared, 0.0)
     flags = xp.where(read & saturated, 2.0, 0.0)
-    both = (xp.where(valid, xp.stack(part, -1), 0.0) for part in (real, imaginary))
-    return _layers(*both, counts, flags)
+    real, imaginary = (xp.where(valid, xp.stack(part, -1), 0.0) for part in (real, imaginary))
+    return _layers(real, imaginary, counts, flags)
 
 
 def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Any]:
@@ -358,7 +358,8 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
         low, high = xp.minimum(low, depths(dx, dy)), xp.maximum(high, depths(dx, dy))
     at_step = high - low > 0.001 * p["step_mm"]
     seen = phasors(view, p, clean, layers["normal"], layers["rays"], lit)
-    x, y = pixels(view.window, view.seed)
+    seed: Any = view.seed
+    x, y = pixels(view.window, seed)
     white = normal_pair(*random_bits(x, y, view.seed, 1)[:2])[0]
     sigma = _part_sigma(p, seen[2])
     dimmed = seen[2] + xp.amax(sigma, -1) * white
@@ -370,13 +371,13 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
         stepped = _at_steps(
             picked,
             [partial(_picked, part, at) for part in seen],
-            [xp.words(at[2]), xp.words(at[1]), view.seed.expand(len(clean), 1, 1)[at[0], 0, 0]],
+            (xp.words(at[2]), xp.words(at[1]), seed.expand(len(clean), 1, 1)[at[0], 0, 0]),
         )
         for part, values in zip(even, stepped, strict=True):
             part[at] = values
     else:
         there = [around(view, part, 1, clamped=True) for part in seen]
-        stepped = _at_steps(p, there, [x, y, view.seed])
+        stepped = _at_steps(p, there, (x, y, seed))
         even = [
             xp.where(at_step[..., None] if part.ndim > at_step.ndim else at_step, values, part)
             for part, values in zip(even[:4], stepped, strict=False)
@@ -421,7 +422,7 @@ def _part_sigma(p: Parameters, amplitude: Image) -> Image:
     return of(amplitude).sqrt(2 / 3 * m * m * variance) / KERNEL_UNIT
 
 
-def _at_steps(p: Parameters, there: Sequence[Any], random: Sequence[Any]) -> list[Image]:
+def _at_steps(p: Parameters, there: Sequence[Any], random: tuple[Any, Any, Any]) -> list[Image]:
     """Add up and filter phasors beside depth steps.
 
     Args:
