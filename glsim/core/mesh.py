@@ -79,16 +79,20 @@ def vertex_normals(
     return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-9))
 
 
-def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Reduce a mesh's triangles for shadows to a share of ``KEPT_SHARE``: (F', 3) int32 indices.
+def reduced(
+    vertices_mm: NDArray[np.floating], faces: NDArray[np.integer], share: float
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+    """Reduce a mesh to a share of its triangles.
 
-    Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles.
-    The occluder has the mesh's own vertices: one list of triangles serves all blends of a model.
-    Edges are collapsed by the smallest quadric error (Garland and Heckbert 1997); of the vertices
-    that became one, the nearest to their common place stands for them.
+    Edges are collapsed by the smallest quadric error (Garland and Heckbert 1997).
 
     Args:
-        vertices_mm: (V, 3), the mean shape of the meshes that share ``faces``, (F, 3).
+        vertices_mm, faces: (V, 3) and (F, 3).
+        share: of the triangles that is kept, 0 to 1.
+
+    Returns:
+        The vertices that are left, (V', 3) mm; their triangles (F', 3); and for each of them the
+        vertex (V',) of the mesh that is nearest, of those that became one.
     """
     import fast_simplification
 
@@ -97,7 +101,7 @@ def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -
     collapses = fast_simplification.simplify(
         points,
         triangles,
-        target_count=int(KEPT_SHARE * len(triangles)),
+        target_count=int(share * len(triangles)),
         agg=_AGGRESSIVENESS,
         return_collapses=True,
     )[2]
@@ -106,6 +110,19 @@ def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -
     farthest_first = np.argsort(-distance, kind="stable")
     nearest = np.empty(len(places), dtype=np.int32)
     nearest[became[farthest_first]] = farthest_first  # the last one written is the nearest
+    return places, left, nearest
+
+
+def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Reduce a mesh's triangles for shadows to a share of ``KEPT_SHARE``: (F', 3) int32 indices.
+
+    Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles.
+    The occluder has the mesh's own vertices: one list of triangles serves all blends of a model.
+
+    Args:
+        vertices_mm: (V, 3), the mean shape of the meshes that share ``faces``, (F, 3).
+    """
+    _, left, nearest = reduced(vertices_mm, faces, KEPT_SHARE)
     occluder: NDArray[np.int32] = nearest[left]
     occluder.setflags(write=False)
     return occluder

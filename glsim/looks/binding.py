@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
-from glsim.looks.anatomy import Array, Mask
+from glsim.looks.anatomy import Array
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = NDArray[np.float32]
 
 #: A skull whose points move by less than this rests, mm; chosen, far below any sensor's step.
 _REST_MM = 0.02
+#: Rings of triangles that stay along the rims of each shell, where one can look under it; the base
+#: of a shell is one ring wider than the shell. Chosen.
+_RIM_RINGS = 6
 
 
 class Motion(NamedTuple):
@@ -175,27 +178,23 @@ def _crossed(first: Array, second: Array) -> Array:
 
 
 def uncovered(
-    faces: NDArray[np.int32], may_hide: Mask, shells: Sequence[Shell], rings: int = 4
+    faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]
 ) -> NDArray[np.int32]:
     """Return the triangles of a mesh that no shell hides; ``faces`` itself if none is hidden.
 
     Args:
         faces: (F, 3).
-        may_hide: (V,) vertices whose triangles may be left out.
-        rings: of triangles that stay along the rims of each shell, where one can look under it; the
-            base of a shell is one ring wider than the shell.
+        vertices: their number.
     """
-    covered = np.zeros(len(faces), bool)
+    corners = np.ascontiguousarray(faces.T)
+    hidden = np.zeros(len(faces), bool)
     for shell in shells:
-        worn = np.zeros(len(may_hide), bool)
-        worn[shell.used] = True
-        hidden = worn[faces].all(axis=1)
-        for _ in range(rings):
-            seen = np.zeros(len(may_hide), bool)
-            seen[faces[~hidden]] = True
-            hidden &= ~seen[faces].any(axis=1)
-        covered |= hidden & may_hide[faces].all(axis=1)
-    return np.ascontiguousarray(faces[~covered]) if covered.any() else faces
+        seen = np.ones(vertices, bool)
+        seen[shell.used] = False
+        for _ in range(_RIM_RINGS):
+            seen[corners[:, seen[corners].any(axis=0)]] = True
+        hidden |= ~seen[corners].any(axis=0)
+    return np.ascontiguousarray(faces[~hidden]) if hidden.any() else faces
 
 
 def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:

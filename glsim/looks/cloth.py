@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.mesh import vertex_normals
+from glsim.core.mesh import reduced, vertex_normals
 from glsim.core.products import norm, principal_axis, product
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, Array
@@ -24,7 +24,10 @@ from glsim.looks.noise import smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 
 #: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
-_EDGE_MM: Final = {"head": 11.0, "body": 25.0}
+_EDGE_MM: Final = {"head": 16.0, "body": 34.0}
+#: Share of a garment's triangles that is drawn: the others moved its depth by less than 0.05 mm on
+#: average (docs/speed.md). Chosen by that.
+_DRAWN_SHARE: Final = 0.3
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
 #: Away from the middle of the neck, along it: normal to the collar's plane.
@@ -56,14 +59,6 @@ _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
 
 #: Gives the mean of each point's neighbours.
 Averaging = Callable[[Array], Array]
-
-
-class Worn(NamedTuple):
-    """A garment: its shell, its triangles (F, 3), and a subset of them that casts shadows."""
-
-    binding: Shell
-    faces: NDArray[np.int32]
-    casts: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +189,7 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
 
 def make_clothes(
     body: ClothBody, garments: Sequence[Garment], tucked: bool, scale: float, seed: int
-) -> list[Worn]:
+) -> list[Shell]:
     """Make an upper garment, a lower garment and shoes; a bust gets an upper garment only.
 
     Args:
@@ -244,7 +239,7 @@ def _garment(
     hem_mm: float,
     seed: int,
     scale: float,
-) -> Worn:
+) -> Shell:
     """Make a garment over the skin that it covers, with sleeves or legs on ``limbs``."""
     on_limb = np.isin(piece.part, limbs)
     as_trunk = (piece.skin - piece.neck) * (-1.0, -1.0, 1.0)
@@ -406,7 +401,7 @@ def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed
     return np.asarray(height)
 
 
-def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> Worn:
+def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> Shell:
     """Sew cloth points (N, 3) mm to a garment with hems and collar; its edges are straightened."""
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -459,20 +454,17 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> W
             placed.append(surface[own] + (0.0 if is_stiff else row))
             drops.append(row if is_stiff else np.zeros_like(row))
             before, total = after, total + len(own)
-    points = np.concatenate(bases)
-    outside = np.concatenate([faces, *strips])
-    whole = piece.grid._replace(anchors=piece.grid.anchors.taken(points), faces=outside)
-    skin = whole.anchors.place(piece.rest_mm[whole.base]).astype(np.float64)
     near = np.zeros(count, bool)
     near[edge] = garment.seen_rings > 0
     for _ in range(garment.seen_rings - 1):
         near[faces[near[faces].any(axis=1)]] = True
     inner = faces[near[faces].all(axis=1)]
-    both = np.concatenate([outside, inner[:, ::-1], *(strip[:, ::-1] for strip in stiff)])
-    casts = np.concatenate([faces, *stiff])  # hems hide nothing that cloth beside them does not
-    drop = np.concatenate(drops).astype(np.float32) if stands else None
-    shell = Shell(whole, piece.rest_mm, np.concatenate(placed) - skin, drop)
-    return Worn(shell, both.astype(np.int32), casts.astype(np.int32))
+    both = np.concatenate([faces, *strips, inner[:, ::-1], *(strip[:, ::-1] for strip in stiff)])
+    points, drawn, nearest = reduced(np.concatenate(placed), both, _DRAWN_SHARE)
+    anchors = piece.grid.anchors.taken(np.concatenate(bases)[nearest])
+    offset = points - anchors.place(piece.rest_mm[piece.grid.base])
+    drop = np.concatenate(drops)[nearest].astype(np.float32) if stands else None
+    return Shell(piece.grid._replace(anchors=anchors, faces=drawn), piece.rest_mm, offset, drop)
 
 
 def _rows(profile: Profile, thick: float, normal: Array, away: Array) -> Array:

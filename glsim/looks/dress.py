@@ -213,14 +213,13 @@ class Dresser:
         cloth = self._grid(make_cloth_grid) if outfit.garments else None
         if cloth is not None:
             body = fit_cloth(cloth, vertices)
-            pieces = make_clothes(body, outfit.garments, outfit.tucked, own.scale, outfit.seed)
+            shells = make_clothes(body, outfit.garments, outfit.tucked, own.scale, outfit.seed)
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
-            for piece, albedo, pattern in zip(pieces, outfit.cloth_albedos, patterns, strict=False):
-                wear("cloth", piece.binding, piece.faces, albedo, pattern, piece.casts)
-                shells.append(piece.binding)
-        faces, occluder = uncovered(own.faces, own.body, shells), face.mesh.occluder
-        if occluder is not None:
-            occluder = uncovered(occluder, own.body, shells)
+            for shell, albedo, pattern in zip(shells, outfit.cloth_albedos, patterns, strict=False):
+                wear("cloth", shell, shell.faces, albedo, pattern)
+        faces = uncovered(own.faces, len(vertices), shells)
+        occluder = face.mesh.occluder
+        occluder = None if occluder is None else uncovered(occluder, len(vertices), shells)
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
