@@ -8,7 +8,7 @@
 #include "lib/surface_light.glsl"
 #include "lib/loops.glsl"
 
-uniform float smooth_mm = 0.05;    //@ [0, 100]   mm depth error up to which the centre of a pixel replaces its samples; 0: never
+uniform float smooth_mm = 0.05;    //@ [0, 100]   mm depth error up to which the centre of a pixel replaces its samples, beyond 1 m times the square of the depth, as noise grows; 0: never
 uniform float indirect_spread_mm = 0.0; //@ [0, 5000] mm standard deviation of the lengths of the ways by which light reaches a shadow, halved; it takes contrast from the fast frequencies
 
 uniform sampler2D u_clean;
@@ -37,7 +37,8 @@ void main() {
     vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
     vec2 texel = 1.0 / vec2(textureSize(u_clean, 0)), pixel = floor(gl_FragCoord.xy);
     vec2 at = gl_FragCoord.xy * texel;
-    bool mixed = u_supersample > 1 && textureLod(u_uneven, at, 0.0).r > 0.001 * smooth_mm;
+    float depth = max(textureLod(u_clean, at, 0.0).r, 1.0), even_m = 0.001 * smooth_mm * depth * depth;
+    bool mixed = u_supersample > 1 && textureLod(u_uneven, at, 0.0).r > even_m;
     int side = u_supersample, samples = mixed ? side * side : 1;
     float share = 1.0 / float(samples), width = 1.0 / float(side); // of a sample; width in pixels
     vec2 ray = textureLod(u_rays, at, 0.0).rg;

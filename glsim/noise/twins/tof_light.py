@@ -150,7 +150,8 @@ def light_layers(light: Light) -> dict[str, Image]:
 def _add_samples(view: FrameContext, layers: Layers, p: Parameters, light: Light) -> None:
     """Replace, in place, the light of pixels that see several surfaces by the mean of samples."""
     side, rays = view.supersample, layers["rays"]
-    mixed = layers["uneven"] > 0.001 * p["smooth_mm"]
+    even_m = 0.001 * p["smooth_mm"] * np.maximum(layers["clean"], 1.0) ** 2
+    mixed = layers["uneven"] > even_m
     row, column = np.nonzero(mixed)
     totals = [np.zeros((len(row), *part.shape[2:]), np.float32) for part in light]
     share = np.float32(1.0) / np.float32(side * side)
