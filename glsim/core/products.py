@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 _Array = NDArray[Any]
 
 _SHORT = 32  # columns; measured: shorter rows are faster as columns
+_BLOCK = 32_768  # elements at a time, which stay in a processor's cache; measured
 
 
 def product(left: _Array, right: _Array) -> _Array:
@@ -35,10 +36,13 @@ def product(left: _Array, right: _Array) -> _Array:
     # NumPy's loops run along the last axis, which should be long.
     tall = right.shape[1] < min(_SHORT, len(rows))
     first, second = (right.T, rows.T) if tall else (rows, right)
-    out = first[:, :1] * second[:1]
-    term = np.empty_like(out)
-    for number in range(1, first.shape[1]):
-        out += np.multiply(first[:, number, None], second[number], out=term)
+    out = np.empty((len(first), second.shape[1]), np.result_type(first, second))
+    step = max(1, _BLOCK // max(1, out.shape[1]))
+    for start in range(0, len(out), step):
+        part, own = first[start : start + step], out[start : start + step]
+        np.multiply(part[:, :1], second[:1], out=own)
+        for number in range(1, part.shape[1]):
+            own += part[:, number, None] * second[number]
     if tall:
         out = np.ascontiguousarray(out.T)
     return np.asarray(out.reshape(*left.shape[:-1], right.shape[1]))

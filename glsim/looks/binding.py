@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
-from glsim.looks.anatomy import Array
+from glsim.looks.anatomy import Array, Mask
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = NDArray[np.float32]
@@ -177,24 +177,22 @@ def _crossed(first: Array, second: Array) -> Array:
     return np.stack([first[i] * second[j] - first[j] * second[i] for i, j in pairs])
 
 
-def uncovered(
-    faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]
-) -> NDArray[np.int32]:
-    """Return the triangles of a mesh that no shell hides; ``faces`` itself if none is hidden.
+def uncovered(faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]) -> Mask:
+    """Return a mask of the ``vertices`` of a mesh that no shell hides.
 
     Args:
-        faces: (F, 3).
-        vertices: their number.
+        faces: (F, 3) of the mesh.
     """
-    corners = np.ascontiguousarray(faces.T)
-    hidden = np.zeros(len(faces), bool)
+    corners, free = np.ascontiguousarray(faces.T), np.ones(vertices, bool)
     for shell in shells:
-        seen = np.ones(vertices, bool)
+        seen, left = np.ones(vertices, bool), corners
         seen[shell.used] = False
         for _ in range(_RIM_RINGS):
-            seen[corners[:, seen[corners].any(axis=0)]] = True
-        hidden |= ~seen[corners].any(axis=0)
-    return np.ascontiguousarray(faces[~hidden]) if hidden.any() else faces
+            reached = seen[left].any(axis=0)
+            seen[left[:, reached]] = True
+            left = left[:, ~reached]
+        free &= seen
+    return free
 
 
 def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:

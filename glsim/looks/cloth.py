@@ -221,15 +221,14 @@ def make_clothes(
     upper = replace(upper, fold=upper.fold * folds, gathered=upper.gathered or tucked)
     if tucked:
         lower, upper = replace(lower, ease=9.0), replace(upper, flare=0.0)
-    above, below = body.cut(neck, trunk), body.cut(top_mm - y, legs)
-    feet = body.cut(far, np.where(on_foot, 1.0, -1.0))
     pieces = (
-        (above, upper, ARMS, hem_mm, seed),
-        (below, lower, LEGS, body.crotch_mm, seed + 40),
-        (feet, shoes, FEET, 0.0, seed + 60),
+        ((neck, trunk), upper, ARMS, hem_mm, seed),
+        ((top_mm - y, legs), lower, LEGS, body.crotch_mm, seed + 40),
+        ((far, np.where(on_foot, 1.0, -1.0)), shoes, FEET, 0.0, seed + 60),
     )
     chosen = pieces if on_leg.any() else pieces[:1]
-    return [_garment(*piece, scale) for piece in chosen if len(piece[0].grid.faces) >= 20]
+    cut = [(body.cut(*edges), *how) for edges, *how in chosen]
+    return [_garment(*piece, scale) for piece in cut if len(piece[0].grid.faces) >= 20]
 
 
 def _garment(

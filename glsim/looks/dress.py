@@ -217,9 +217,11 @@ class Dresser:
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
             for shell, albedo, pattern in zip(shells, outfit.cloth_albedos, patterns, strict=False):
                 wear("cloth", shell, shell.faces, albedo, pattern)
-        faces = uncovered(own.faces, len(vertices), shells)
-        occluder = face.mesh.occluder
-        occluder = None if occluder is None else uncovered(occluder, len(vertices), shells)
+        faces, occluder = own.faces, face.mesh.occluder
+        if shells:
+            free = uncovered(faces, len(vertices), shells)
+            faces = faces[free[faces].any(axis=1)]
+            occluder = None if occluder is None else occluder[free[occluder].any(axis=1)]
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:

@@ -74,7 +74,7 @@ class Garment:
     gathered: bool = False
     placket: float = 0.0
     tucked: float = 0.0
-    seen_rings: int = 4
+    seen_rings: int = 3
 
 
 UPPER: Final = (
@@ -93,6 +93,6 @@ LOWER: Final = (
     Garment("slim trousers", 5, 4, 2, 3, 0.2, 4, 0.95, 4, 3, "waist"),
     Garment("wide trousers", 3, 3, 2, 3, 0.9, 10, 0.985, 14, 26, "waist"),
     Garment("joggers", 2, 3, 2, 3, 0.6, 9, 0.93, 13, 2, "waist", gathered=True),
-    Garment("shorts", 1.5, 3, 2, 3, 0.9, 7, 0.42, 10, 10, "waist", seen_rings=16),
+    Garment("shorts", 1.5, 3, 2, 3, 0.9, 7, 0.42, 10, 10, "waist", seen_rings=11),
 )
 SHOES: Final = Garment("shoes", 1, 1, 7, 0, 0.3, 1, 1, 7, 0, "rib", 0, 3, seen_rings=0)

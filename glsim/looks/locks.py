@@ -63,8 +63,8 @@ class Obstacle:
         turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(place * (1 - place))
         spiral = 2 * level * np.cos(turn), 1 - 2 * place, 2 * level * np.sin(turn)
         self._units = np.stack(spiral, axis=1).astype(np.float32)
-        # Every third vertex: still about eight per direction.
-        out = skin_mm[anatomy.outside & ~anatomy.body][::3] - self.centre
+        # Every sixth vertex: still about four per direction.
+        out = skin_mm[anatomy.outside & ~anatomy.body][::6] - self.centre
         length = np.linalg.norm(out, axis=1)
         cell = np.argmax(product((out / length[:, None]).astype(np.float32), self._units.T), axis=1)
         radius = np.full(len(self._units), -1.0)
