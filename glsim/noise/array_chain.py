@@ -109,6 +109,19 @@ def _twin_of(stage: Stage) -> ArrayFunction | None:
     return find_twin(stage.spec.name) if ours else None
 
 
+def without_tensors(stages: Sequence[Stage]) -> Stage | None:
+    """Return the first stage that may run and does not take tensors of PyTorch, else None."""
+    from glsim.noise.twins import takes_tensors
+
+    for stage in stages:
+        ours = shipped_stage(stage.spec.name) is stage.spec
+        if stage.settings[ENABLED].bounds()[1] > 0 and not (
+            ours and takes_tensors(stage.spec.name)
+        ):
+            return stage
+    return None
+
+
 def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
     """Return the names of the layers that earlier frames are exposed from; () if none is needed."""
     may_run = {s.name: float(s.settings[ENABLED].bounds()[1] > 0) for s in stages}

@@ -27,6 +27,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, require_package
 from glsim.core.seeds import stable_seed
 from glsim.faces.face_source import FaceKey
+from glsim.noise.array_chain import without_tensors
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, load_settings
@@ -56,7 +57,7 @@ class DepthNoise:
         seed: of the noise; default: the settings'.
         backend: "egl" or "osmesa" (OpenGL, map by map), "numpy" (the twins, map by map), "torch"
             (whole batches on their device). Default: "torch" if ``device`` or ``seeds`` are given
-            and for tensors on a GPU, else an OpenGL that works.
+            and for tensors on a GPU if the sensor's stages take them, else an OpenGL that works.
         device: of the tensors that come back, for "torch"; default: the depth's own.
         compiled: whether "torch" compiles the chain for each shape, which takes minutes, and then
             runs several times as fast; only with ``seeds``.
@@ -92,7 +93,8 @@ class DepthNoise:
         self.settings = settings.model_copy(
             update={"seed": settings.seed if seed is None else seed}
         )
-        sensor_of(self.settings)  # now, not in a worker
+        stages = sensor_of(self.settings).stages  # now, not in a worker
+        self._takes_tensors = without_tensors(stages) is None
         self.p, self.device, self.compiled = p, device, compiled
         self._backend = "torch" if device is not None or compiled else backend
         self._camera = focal_px, centre_px
@@ -274,7 +276,7 @@ class DepthNoise:
         """
         if self._backend is not None:
             return self._backend
-        on_gpu = _is_tensor(depth_m) and depth_m.device.type != "cpu"
+        on_gpu = _is_tensor(depth_m) and depth_m.device.type != "cpu" and self._takes_tensors
         return wanted or ("torch" if on_gpu or seeds is not None else "gl")
 
     def __repr__(self) -> str:
@@ -286,7 +288,9 @@ class DepthNoise:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the settings only; GL contexts and counters stay in their process."""
-        names = ("settings", "p", "device", "compiled", "_backend", "_camera", "_size")
+        names = (
+            "settings", "p", "device", "compiled", "_backend", "_camera", "_size", "_takes_tensors",
+        )  # fmt: skip
         return {name: self.__dict__[name] for name in names}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

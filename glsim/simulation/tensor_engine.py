@@ -16,10 +16,10 @@ from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
+from glsim.noise.array_chain import without_tensors
 from glsim.noise.layer_names import EXPECTED_LAYER
-from glsim.noise.registry import shipped_stage
 from glsim.noise.stage import ENABLED, draw_values
-from glsim.noise.twins import find_twin, takes_tensors
+from glsim.noise.twins import find_twin
 from glsim.noise.twins.arrays import of
 from glsim.noise.twins.batch import (
     WordContext,
@@ -91,13 +91,11 @@ class TensorEngine:
     def __init__(self, sensor: Sensor, rig: SensorRig) -> None:
         self.sensor, self.rig = sensor, rig
         self._stages = [s for s in sensor.stages if s.settings[ENABLED].bounds()[1] > 0]
-        for stage in self._stages:
-            shipped = shipped_stage(stage.spec.name) is stage.spec
-            if not (shipped and takes_tensors(stage.spec.name)):
-                raise ConfigError(
-                    f"{sensor.name}: stage {stage.name!r} does not run on tensors: take "
-                    'backend="egl" or "osmesa", or switch the stage off'
-                )
+        if (stage := without_tensors(sensor.stages)) is not None:
+            raise ConfigError(
+                f"{sensor.name}: stage {stage.name!r} does not run on tensors: take "
+                'backend="egl" or "osmesa", or switch the stage off'
+            )
         self._lights = [
             (*beside_camera((*point[:2].tolist(), 0.0)), share / len(rig.emitters))
             for emitter in rig.emitters

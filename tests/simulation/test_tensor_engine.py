@@ -107,7 +107,7 @@ def test_draws_follow_their_distributions() -> None:
             ("floor_mm", "light_mm", "inverse_per_m", "smooth_mm", "wiggle_mm", "scale_mm_per_m",
              "outlier_share", "tilt_x_mm", "tilt_y_mm"), 0,
         )  # fmt: skip
-        stage = {name: {"enabled": False} for name in off}
+        stage: dict[str, Any] = {name: {"enabled": False} for name in off}
         stage["any_camera_noise"] = {**quiet, "offset_mm": setting}
         noise = DepthNoise(load_settings(overrides={"sensor": "any-depth-camera", "stage": stage}))
         offset_mm = 1000 * (noise(wall, seeds=range(4000)) - wall)[:, 0, 0].numpy()
@@ -179,7 +179,7 @@ def test_it_compiles() -> None:
     expected = DepthNoise(settings)(clean, seeds=[1, 2])
     assert torch.equal(noise(clean, seeds=[1, 2]), expected)
 
-    @torch.compile
+    @torch.compile  # type: ignore[untyped-decorator]
     def doubled(depth_m: Any) -> Any:
         return 2 * noise(depth_m, seeds=[1, 2])
 
@@ -208,6 +208,9 @@ def test_backends_are_chosen_and_forced() -> None:
     assert DepthNoise().backend_for(clean, seeds=[1]) == "torch"
     assert DepthNoise(backend="numpy").backend_for(clean, seeds=[1]) == "numpy"
     assert DepthNoise(device="cpu").backend_for(clean) == "torch"
+    on_gpu = torch.empty(1, 2, 2, device="meta")
+    assert DepthNoise().backend_for(on_gpu) == "torch"
+    assert DepthNoise("realsense-d435").backend_for(on_gpu) == "gl"
     assert "backend='torch'" in repr(DepthNoise(device="cpu"))
     with pytest.raises(ConfigError, match=r'seeds: only with backend="torch"'):
         DepthNoise(backend="numpy")(clean, seeds=1)
