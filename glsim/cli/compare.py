@@ -94,5 +94,5 @@ def compare(
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)
-    for note in (note for recording in opened for note in recording.remarks(focal_px)):
+    for note in dict.fromkeys(n for recording in opened for n in recording.remarks(focal_px)):
         print_message(note)

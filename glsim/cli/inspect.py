@@ -103,8 +103,10 @@ def _recording(path: Path) -> Recording | None:
         return None
     try:
         return open_recording(path)
-    except GlsimError:
-        return None
+    except GlsimError as error:
+        if "holds no" in str(error):
+            return None
+        raise
 
 
 def _camera(recording: Recording) -> dict[str, Any]:
@@ -124,7 +126,7 @@ def _camera(recording: Recording) -> dict[str, Any]:
         sensor, why = _SIZES.get((width, height), ""), f"its images have {width} x {height} pixels"
     return {
         "path": str(recording.path),
-        "kind": recording.kind,
+        "kind": recording.kind or "images",
         "frames": len(recording.frames),
         "width_px": width,
         "height_px": height,

@@ -273,7 +273,7 @@ def _read_exr(path: Path, channel: str | None) -> NDArray[Any]:
     try:
         channels = decode_exr(data, MAX_MAP_PX)
         if channels is None:
-            raise ValueError(f"has more than {MAX_MAP_PX} pixels")
+            raise ValueError(f"has more than {MAX_MAP_PX} pixels, or too many channels")
         return depth_channel(channels, channel)
     except ValueError as error:
         raise DatasetError(f"{path}: {error}") from None

@@ -156,9 +156,14 @@ class Sensor:
         )
 
 
+def shipped_sensors() -> list[str]:
+    """Return the names of the sensors of glsim, sorted."""
+    return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
+
+
 def sensor_names() -> list[str]:
     """Return the names of the sensors of glsim and of installed plug-ins, sorted."""
-    shipped = [file.stem for file in SENSOR_FOLDER.glob("*.toml")]
+    shipped = shipped_sensors()
     return sorted([*shipped, *plugin_names("sensors", shipped)])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.reader import open_dataset
@@ -123,3 +124,50 @@ def test_a_recording_is_thinned_to_any_number(tmp_path: Path, most: int) -> None
         read = recording.read(most)
         assert 0 < len(read) <= most
         assert len(read) == count or len(read) >= min(most, 4) - (most % 4 if most > 4 else 0)
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["inspect {0}", "import kinect2 {0} -o {1}/d", "fit {0} -o {1}/f.toml", "compare {0} {0}",
+     "compare {0} --replay kinect-v2", "eval-real {0} -o {1}/s", "denoise {0} -o {1}/n",
+     "corrupt {0} -o {1}/c"],
+)  # fmt: skip
+def test_no_command_runs_code_that_a_recording_names(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    root = _folder(tmp_path / "r", 'sensor = "s.toml"\n')
+    ran = tmp_path / "ran"
+    (root / "st.py").write_text(f"open({str(ran)!r}, 'w')\ndef f(view, layers, p): return {{}}\n")
+    chain = 'extends = "ideal"\ntitle = "x"\n[[stage]]\nuse = "st.py:f"\n'
+    (root / "s.toml").write_text(chain)
+    assert main(command.format(root, tmp_path).split()) in (1, 2)
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "camera.toml: sensor: 's.toml' is no sensor that glsim ships" in error
+    assert not ran.exists()
+
+
+def test_the_file_chooses_a_channel_of_openexr(tmp_path: Path) -> None:
+    openexr = pytest.importorskip("OpenEXR")
+    near = np.full((48, 64), 0.9, np.float32)
+    kind = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
+    openexr.File(dict(kind), {"left.Z": near, "right.Z": 2 * near}).write(str(tmp_path / "a.exr"))
+    with pytest.raises(DatasetError, match=r"or with channel = NAME in a camera\.toml"):
+        open_recording(tmp_path)
+    (tmp_path / "camera.toml").write_text('channel = "right.Z"\n')
+    assert open_recording(tmp_path).frames[0].noisy_mm[0, 0] == pytest.approx(1800)
+    many = {f"c{number}": np.zeros((2000, 2000), np.float32) for number in range(20)}
+    openexr.File(dict(kind), many | {"Z": many["c0"]}).write(str(tmp_path / "a.exr"))
+    with pytest.raises(DatasetError, match="too many channels"):
+        open_recording(tmp_path)
+
+
+def test_what_is_assumed_or_left_out_is_said_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = _folder(tmp_path / "r", "unit_mm = 0.1\n", 3)
+    for number in (0, 2):
+        cv2.imwrite(str(root / f"ir_{number:03d}.png"), DEPTH)
+    assert main(["import", "kinect2", str(root), "-o", str(tmp_path / "d")]) == 0
+    said = capsys.readouterr().err
+    assert "depth_001 has no infrared image: that of the other frames is left out" in said
+    assert said.count("states no intrinsics: those of kinect-v2 are taken") == 1

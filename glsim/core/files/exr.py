@@ -18,6 +18,8 @@ _OTHER: Final = re.compile(
 )
 #: Names of depth in lower case, the surest first. Mitsuba calls it dd.T, Blender *.Z and *.V.
 _DEPTH: Final = (r"(.*\.)?depth(\..*)?|z", r".*depth.*", r".*\.[zt]", r"(.*\.)?v")
+#: Most numbers of all channels together: 256 MB, since the library reads all. Chosen.
+_MOST_NUMBERS: Final = 1 << 26
 #: Other axes of the vectors and colours that z and v may belong to.
 _AXES: Final = {"z": "xy", "v": "uhs"}
 
@@ -46,8 +48,9 @@ def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
 
 
 def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
-    """Return the channels of an OpenEXR file by name; None for more than ``max_px`` pixels.
+    """Return the channels of an OpenEXR file by name; None if it is too large.
 
+    It may have ``max_px`` pixels, and _MOST_NUMBERS numbers in all channels.
     In files of several parts the name of the part comes first.
 
     Raises:
@@ -60,10 +63,12 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     channels = {}
     try:
         with OpenEXR.File(io.BytesIO(data), header_only=True) as header:
-            count = len(header.parts)
+            count, numbers = len(header.parts), 0
             for part in header.parts:
                 low, high = part.header["dataWindow"]
-                if (high[0] - low[0] + 1) * (high[1] - low[1] + 1) > max_px:
+                pixels = (high[0] - low[0] + 1) * (high[1] - low[1] + 1)
+                numbers += pixels * len(part.header["channels"])
+                if pixels > max_px or numbers > _MOST_NUMBERS:
                     return None
         with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
             if not 0 < len(file.parts) == count:
@@ -93,6 +98,7 @@ def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) 
     if not images or not all(np.array_equal(images[0], other, True) for other in images[1:]):
         lacks = f"no channel {chosen}" if chosen else "no channel that is surely depth"
         raise ValueError(
-            f"has {lacks}: choose one with --channel (denoise and corrupt): {', '.join(channels)}"
+            f"has {lacks}: choose one of {', '.join(channels)} with --channel (denoise, corrupt), "
+            "or with channel = NAME in a camera.toml beside a recording"
         )
     return images[0]

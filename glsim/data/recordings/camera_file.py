@@ -2,6 +2,7 @@
 
 name = "RealSense D435, serial 1234"   optional: a name for people
 sensor = "realsense-d435"              optional: a sensor of glsim; gives what is not said here
+channel = "left.Z"                     optional: channel of OpenEXR files that is depth
 unit_mm = 0.1                          optional: step of the depth files, mm
 width = 640
 height = 480
@@ -21,9 +22,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from glsim.core.camera import Distortion, Intrinsics
-from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.core.errors import DatasetError, did_you_mean
 from glsim.noise.rig_checks import MATCHER
-from glsim.sensors.sensor import load_sensor, sensor_names
+from glsim.sensors.sensor import load_sensor, shipped_sensors
 from glsim.settings.toml_tables import TomlTable, parse_table, read_toml
 
 #: The file that describes the camera, beside the frames.
@@ -45,6 +46,7 @@ class StatedCamera:
         baseline_m: distance of the two views of a camera that triangulates.
         name: for people.
         sensor: name of a sensor of glsim.
+        channel: of OpenEXR files.
     """
 
     intrinsics: Intrinsics | None = None
@@ -53,6 +55,7 @@ class StatedCamera:
     baseline_m: float | None = None
     name: str = ""
     sensor: str = ""
+    channel: str = ""
 
     def over(self, other: StatedCamera) -> StatedCamera:
         """Return this, with what it leaves open as ``other`` says it.
@@ -68,6 +71,7 @@ class StatedCamera:
 class _CameraTable(TomlTable, allow_inf_nan=False):
     name: str = ""
     sensor: str = ""
+    channel: str = ""
     unit_mm: float | None = Field(None, gt=0, le=1000)
     width: int | None = Field(None, ge=8, le=8192)
     height: int | None = Field(None, ge=8, le=8192)
@@ -84,10 +88,10 @@ class _CameraTable(TomlTable, allow_inf_nan=False):
             raise ValueError(f"{' and '.join(missing)} missing: give width, height and focal_px")
         if missing and (self.centre_px is not None or self.distortion):
             raise ValueError("centre_px and distortion need width, height and focal_px")
-        if self.sensor and not self.sensor.endswith(".toml") and self.sensor not in sensor_names():
+        if self.sensor and self.sensor not in shipped_sensors():  # others may run code
             raise ValueError(
-                f"sensor: no such sensor {self.sensor!r} "
-                f"({did_you_mean(self.sensor, sensor_names())})"
+                f"sensor: {self.sensor!r} is no sensor that glsim ships "
+                f"({did_you_mean(self.sensor, shipped_sensors())}); name your own in the command"
             )
         return self
 
@@ -105,26 +109,15 @@ def read_camera_file(file: Path) -> StatedCamera:
         intrinsics = Intrinsics(table.width, table.height, *table.focal_px, *centre)
     lens = Distortion(**dict(table.distortion))
     own = StatedCamera(
-        intrinsics, opencv_order(lens), table.unit_mm, table.baseline_m, table.name, table.sensor
-    )
-    return own.over(sensor_camera(table.sensor, file)) if table.sensor else own
+        intrinsics, opencv_order(lens), table.unit_mm, table.baseline_m, table.name, table.sensor,
+        table.channel,
+    )  # fmt: skip
+    return own.over(sensor_camera(table.sensor)) if table.sensor else own
 
 
-def sensor_camera(name: str, file: Path) -> StatedCamera:
-    """Return what a sensor of glsim says about its recordings.
-
-    Args:
-        name: of the sensor, or a path from the folder of ``file``.
-        file: that names it.
-
-    Raises:
-        ConfigError: the sensor cannot be loaded.
-    """
-    path = str(file.parent / name) if name.endswith(".toml") else name
-    try:
-        sensor = load_sensor(path)
-    except ConfigError as error:
-        raise ConfigError(f"{file}: sensor: {error}") from None
+def sensor_camera(name: str) -> StatedCamera:
+    """Return what a shipped sensor says about its recordings."""
+    sensor = load_sensor(name)
     rig = sensor.rig
     matcher: dict[str, Any] = next(
         (dict(s.settings) for s in sensor.stages if s.spec.name == MATCHER), {}

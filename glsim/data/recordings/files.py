@@ -58,9 +58,9 @@ class FramePlace(NamedTuple):
 class FrameFiles:
     """Reads the frames of a recording from their files."""
 
-    def __init__(self, places: Sequence[FramePlace]) -> None:
-        """Take the places of the frames, in order."""
-        self._places = tuple(places)
+    def __init__(self, places: Sequence[FramePlace], channel: str | None = None) -> None:
+        """Take the places of the frames, in order, and the channel of OpenEXR files."""
+        self._places, self._channel = tuple(places), channel
 
     def __len__(self) -> int:
         return len(self._places)
@@ -74,7 +74,7 @@ class FrameFiles:
 
         Raises DatasetError if whole numbers are shifted, and for a first frame that is no map.
         """
-        image = read_image(self._places[0].depth_file)
+        image = read_image(self._places[0].depth_file, channel=self._channel)
         refuse_shifted(image, self._places[0].depth_file)
         return () if image.dtype.kind == "f" else (TAKEN_FOR_MM,)
 
@@ -88,7 +88,7 @@ class FrameFiles:
         Raises DatasetError.
         """
         _, file, _, place = self._places[number]
-        image = read_image(file, place)
+        image = read_image(file, place, channel=self._channel)
         check_least_size(image.shape, file)
         if image.dtype.kind != "f":
             return depth_in_mm(image, unit_mm), unit_mm
@@ -101,7 +101,7 @@ class FrameFiles:
         images: list[NDArray[np.generic]] = []
         for place in places:
             with suppress(DatasetError):  # reported when the frame is read
-                images.append(read_image(place.depth_file, place.number))
+                images.append(read_image(place.depth_file, place.number, channel=self._channel))
         return floats_in_metres(images, places[0].depth_file)
 
     def infrared(self, number: int) -> Array | None:
@@ -121,10 +121,12 @@ def check_least_size(shape: tuple[int, ...], where: Path) -> None:
         )
 
 
-def read_image(file: Path, number: int = 0, *, infrared: bool = False) -> NDArray[np.generic]:
+def read_image(
+    file: Path, number: int = 0, *, infrared: bool = False, channel: str | None = None
+) -> NDArray[np.generic]:
     """Read one (H, W) image of a file: uint16 or float; infrared may have 8 bits. DatasetError."""
     if file.suffix.lower() not in DUMPS:
-        return read_stored(file, number, infrared=infrared)
+        return read_stored(file, number, infrared=infrared, channel=channel)
     try:
         if file.with_name(BIWI_CALIBRATION).is_file():
             return read_depth_bin(file)

@@ -254,11 +254,11 @@ class RecordingSource(FaceSource):
             hashes |= {os.path.relpath(path, self.folder): content_hash(path) for path in paths}
         return hashes
 
-    @property
-    def has_infrared(self) -> bool:
-        """Whether every frame has an infrared image."""
-        readers = map(self.reader, self.recordings)
-        return all(r.files(number)[1] for r in readers for number in range(len(r)))
+    def without_infrared(self) -> tuple[list[str], int]:
+        """Return the names of the frames without an infrared image, and the number of all."""
+        readers = [self.reader(subject) for subject in self.recordings]
+        dark = [r.name(n) for r in readers for n in range(len(r)) if r.files(n)[1] is None]
+        return dark, sum(map(len, readers))
 
     @property
     def step_mm(self) -> float:
@@ -296,7 +296,8 @@ def import_recordings(
     Raises ConfigError without such a folder, DatasetError without frames or by ``write_dataset``.
     """
     source = RecordingSource(root, depth_unit_mm, mirror, every, topic)
-    layers = ("noisy", "infrared") if source.has_infrared else ("noisy",)
+    dark, count = source.without_infrared()
+    layers = ("noisy",) if dark else ("noisy", "infrared")
     tree: dict[str, Any] = {
         "source": {"kind": "kinect2", "root": root, "every": every},
         "output": {"layers": layers, "depth_unit_mm": source.step_mm},
@@ -318,7 +319,12 @@ def import_recordings(
         progress=progress,
         inputs=lambda: InputHashes(sources=source_hashes([source], tasks)),
     )
-    return replace(summary, notes=source.notes)
+    lacks = (
+        f"{root}: {dark[0]} has no infrared image: that of the other frames is left out"
+        if dark
+        else ""
+    )
+    return replace(summary, notes=(*source.notes, *([lacks] if 0 < len(dark) < count else [])))
 
 
 def _recorded_frames(

@@ -228,7 +228,7 @@ def open_recording(
             raise DatasetError(f"{file}: the recording has more than {_MAX_FRAMES} frames")
         names = [f"{file.stem}_{k:05d}" for k in range(count)] if count > 1 else [file.stem]
         places += [FramePlace(name, file, light, k) for k, name in enumerate(names)]
-    reader = FrameFiles(places)
+    reader = FrameFiles(places, stated.channel or None)
     notes = reader.unit_notes() if unit is None else ()
     unit = unit or 1.0
     depth_mm, _ = reader.depth(0, unit)  # a folder of colour pictures is refused here
