@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 from glsim.cli import main
 from glsim.core.camera import Distortion
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.data.recordings import bag
 from glsim.data.recordings.recording import open_recording
-from tests.support.bags import azure_calibration, rvl, write_mkv, write_topics
+from tests.support.bags import azure_calibration, rvl, write_bag, write_mkv, write_topics
 
 SIZE = 64, 48
 
@@ -313,3 +315,20 @@ def test_a_mirrored_lens_shows_what_the_camera_shows(tmp_path: Path) -> None:
         side = np.array([-1.0 if mirror else 1.0, 1.0])
         placed.append(own.distort(points * side) * side)
     np.testing.assert_allclose(placed[1], placed[0], atol=1e-12)
+
+
+def test_what_a_part_of_a_bag_unpacks_to_is_bounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_bag(tmp_path / "a.bag", [np.full((48, 64), 900, np.uint16)] * 3)
+    assert len(open_recording(tmp_path / "a.bag").frames) == 3
+    monkeypatch.setattr(bag, "_MOST_BYTES", 10_000)
+    with pytest.raises(DatasetError, match="or unpacks to more than"):
+        open_recording(tmp_path / "a.bag")
+
+
+@pytest.mark.parametrize("name", ["x.bag", "x.mkv", "x.mcap"])
+def test_a_pipe_is_no_recording(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)  # to open it would wait for ever
+    with pytest.raises(DatasetError, match="is a pipe"):
+        open_recording(tmp_path / name)

@@ -58,7 +58,9 @@ def test_the_channel_that_is_named_depth_is_taken(channels: dict[str, NDArray[An
     ],
 )  # fmt: skip
 def test_no_channel_is_guessed(channels: dict[str, NDArray[Any]]) -> None:
-    with pytest.raises(ValueError, match=f"surely depth: choose one of {', '.join(channels)} with --channel"):
+    with pytest.raises(
+        ValueError, match=f"surely depth: choose one of {', '.join(channels)} with --channel"
+    ):
         depth_channel(channels)
     name = next(iter(channels))
     np.testing.assert_array_equal(depth_channel(channels, name.lower()), channels[name])

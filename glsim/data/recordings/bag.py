@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import takewhile
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,18 @@ _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
 #: Largest difference of the scales along x and y of a camera_info of another size: sizes of
 #: decimated images are rounded to multiples of 4 pixels.
 _UNEQUAL = 0.02
+
+
+#: Most bytes that a compressed part of a bag unpacks to. Recorders make parts of 1 to 4 MB: chosen.
+_MOST_BYTES = 1 << 26
+
+
+def _unpack(decompressor: Any, data: bytes) -> bytes:
+    """Decompress a part of a bag, as the library does, within _MOST_BYTES. Raises ValueError."""
+    unpacked: bytes = decompressor.decompress(data, _MOST_BYTES)
+    if not decompressor.eof:
+        raise ValueError(f"a part is cut short, or unpacks to more than {_MOST_BYTES >> 20} MB")
+    return unpacked
 
 
 def _words(words: str) -> re.Pattern[str]:
@@ -118,11 +131,24 @@ class BagStream(FrameStream):
                 reader.close()
 
     def _open(self) -> Any:
+        from bz2 import BZ2Decompressor
+
+        from lz4.frame import LZ4FrameDecompressor
         from rosbags.highlevel import AnyReader
+        from rosbags.rosbag1 import reader as ros1
+        from rosbags.rosbag2 import reader as ros2
+        from rosbags.rosbag2 import storage_mcap as mcap
         from rosbags.typesys import Stores, get_typestore
 
+        zstd = mcap.zstd.ZstdDecompressor
+        ros1.decompressors["bz2"] = lambda data: _unpack(BZ2Decompressor(), data)
+        ros1.decompressors["lz4"] = lambda data: _unpack(LZ4FrameDecompressor(), data)
+        mcap.DECOMPRESSORS["lz4"] = lambda data, _: _unpack(LZ4FrameDecompressor(), data)
+        mcap.DECOMPRESSORS["zstd"] = lambda data, _: _unpack(zstd(), data)
+        open_zstd = mcap.zstd.open
+        ros2.zstd = SimpleNamespace(decompress=lambda data: _unpack(zstd(), data), open=open_zstd)
         if self._file is None:
-            if self.path.is_file():
+            if not self.path.is_dir():
                 open_regular(self.path).close()  # a pipe would wait for ever
             store = get_typestore(Stores.ROS2_HUMBLE)
             reader = AnyReader([self.path], default_typestore=store)
