@@ -85,7 +85,11 @@ class RegionLabels:
             MeshError: the source's regions are for another number of vertices.
         """
         if source not in self._labels:
-            self._labels[source] = self._load(self._sources[source])
+            topology = self._sources[source].topology
+            self._labels[source] = None
+            if topology is not None and topology.regions is not None:
+                numbers = [self.numbers[name] for name in topology.region_names]
+                self._labels[source] = np.array(numbers, np.float32)[topology.regions]
         labels = self._labels[source]
         if labels is not None and len(labels) != vertices:
             raise MeshError(
@@ -105,14 +109,6 @@ class RegionLabels:
         number = KNOWN_REGIONS.index(name) + 1
         self.numbers.setdefault(name, number)
         return np.full(vertices, number, np.float32)
-
-    def _load(self, source: FaceSource) -> NDArray[np.float32] | None:
-        topology = source.topology
-        if topology is None or topology.regions is None:
-            return None
-        numbers = np.array([self.numbers[name] for name in topology.region_names], np.float32)
-        labels: NDArray[np.float32] = numbers[topology.regions]
-        return labels
 
 
 def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:

@@ -107,7 +107,8 @@ def fit_wiggling(
     flat = image.rays().astype(np.float64)
     usable = statistics.smooth & np.isfinite(statistics.mean_mm)
     depth, x, y = statistics.mean_mm[usable], flat[..., 0][usable], flat[..., 1][usable]
-    planes = _planes(np.column_stack([np.ones_like(x), x, y]), depth)
+    design = np.column_stack([np.ones_like(x), x, y])
+    planes = _planes(design, depth)
     points = depth[:, None] * np.column_stack([x, y, np.ones_like(x)])
     back = np.linalg.norm(points, axis=1)
     # Half the way of the light, from the emitter and back: the error is periodic in its phase.
@@ -119,7 +120,7 @@ def fit_wiggling(
     tile = tile // image.width // _TILE_PX * image.width + tile % image.width // _TILE_PX
     parts = [
         (
-            np.column_stack([np.ones_like(inside), x[inside], y[inside]]),
+            design[inside],
             depth[inside],
             distance[inside],
             # An error along the ray moves inverse depth, 1 / m, by minus the error over this.
@@ -129,22 +130,19 @@ def fit_wiggling(
         for inside in planes
     ]
     fit, error_mm = _fit_waves(parts)
-    amplitude: dict[int, float] = {}
-    sizes: dict[int, Array] = {}
-    phase: dict[int, Array] = {}
-    error: dict[int, float] = {}
+    found = Wiggling({}, {}, {}, {})
     for number, harmonic in enumerate(CYCLES):
         first = number * len(FREQUENCIES_MHZ)
         own = first + np.array([FREQUENCIES_MHZ.index(f) for f in FITTED_MHZ])
         # Inverse depth falls where depth grows.
         a, b = -fit[own], -fit[own + _WAVES]
         size = np.hypot(a, b)  # mm: a cos c + b sin c = -size sin(c - phase)
-        sizes[harmonic] = size / FUSION_MM_PER_RAD
-        amplitude[harmonic] = float(sizes[harmonic].mean())
-        phase[harmonic] = np.arctan2(a, -b)
+        found.sizes[harmonic] = size / FUSION_MM_PER_RAD
+        found.amplitude[harmonic] = float(found.sizes[harmonic].mean())
+        found.phase_rad[harmonic] = np.arctan2(a, -b)
         squares = 0.5 * (error_mm[own] ** 2 + error_mm[own + _WAVES] ** 2)
-        error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
-    return Wiggling(amplitude, phase, error, sizes)
+        found.error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
+    return found
 
 
 def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array]:

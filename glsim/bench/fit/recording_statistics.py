@@ -14,7 +14,7 @@ from glsim.bench.measures.correlation import correlation_of, lagged_sums, withou
 from glsim.bench.measures.depth_noise import Cell, root_cells
 from glsim.bench.measures.measured_frame import mean_frame, radius_px
 from glsim.bench.measures.pattern import measure_pattern
-from glsim.bench.measures.stacks import moments
+from glsim.bench.measures.stacks import mean_of, moments
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
 from glsim.sensors.images import LARGEST_MM
@@ -76,7 +76,7 @@ def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -
     """
     found = measure_pattern(halves)
     bands = np.array(found.alternation_mm)  # half steps of odd rows, from the top to the bottom
-    upper, lower = (_mean(part) for part in np.array_split(bands, 2))
+    upper, lower = (float(np.nan_to_num(mean_of(part))) for part in np.array_split(bands, 2))
     own_rows = found.rows_mm**2 - found.alternation_rms_mm**2
     return DevicePattern(
         0.5 * (lower - upper),
@@ -87,12 +87,6 @@ def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -
         float(np.nan_to_num(found.rest_correlation)),
         pattern_map(mean_mm, used),
     )
-
-
-def _mean(values: Array) -> float:
-    """Average the finite values; 0 if there are none."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else 0.0
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:

@@ -56,6 +56,11 @@ class Lattice:
     telling: int
 
     @property
+    def hits(self) -> float:
+        """Number of telling depths that lie on it."""
+        return self.share * self.telling
+
+    @property
     def accepted(self) -> bool:
         """Whether the depths lie on this lattice, with enough informative depths."""
         return self.share >= LEAST_ON_LATTICE and self.telling >= LEAST_TELLING
@@ -120,14 +125,10 @@ def estimate_lattice(values: Array) -> Lattice | None:
     if best.accepted or values.max() > _MOST_WITH_OFFSET:
         return best
     shifted = [_refined(values, _searched(values, offset), offset) for offset in _OFFSETS]
-    close = max(shifted, key=_hits)
+    close = max(shifted, key=lambda lattice: lattice.hits)
     fine = close.offset + np.linspace(-0.1, 0.1, 11)
     shifted += [_refined(values, close.constant, float(o)) for o in fine if 0.0 <= o < 1.0]
-    return max([best, *shifted], key=_hits)
-
-
-def _hits(lattice: Lattice) -> float:
-    return lattice.share * lattice.telling
+    return max([best, *shifted], key=lambda lattice: lattice.hits)
 
 
 def _searched(values: Array, offset: float) -> float:
@@ -152,12 +153,17 @@ def _likelihood(values: Array, constants: Array, offset: float) -> Array:
     for value in values:
         chance = np.minimum(constants / value**2, 1.0)
         telling = chance < _TELLING
-        place = np.maximum(np.rint(constants / value - offset), 1.0) + offset
-        fits = np.abs(constants / place - value) <= _TOLERANCE
+        fits = _nearest_fits(value, constants, offset)
         with np.errstate(divide="ignore"):
             miss = np.log(_STRAY) - np.log1p(-chance)
         total += np.where(telling, np.where(fits, np.log1p(-_STRAY) - np.log(chance), miss), 0.0)
     return total
+
+
+def _nearest_fits(value: float, constants: Array, offset: float) -> NDArray[np.bool_]:
+    """Tell for which K constants, (K,), the level nearest to a depth rounds to it."""
+    place = np.maximum(np.rint(constants / value - offset), 1.0) + offset
+    return np.asarray(np.abs(constants / place - value) <= _TOLERANCE)
 
 
 def _refined(values: Array, constant: float, offset: float) -> Lattice:
@@ -169,8 +175,7 @@ def _refined(values: Array, constant: float, offset: float) -> Lattice:
     near = constant * (1.0 + np.linspace(-reach, reach, 1201))
     hits = np.zeros(len(near))
     for value in telling:
-        place = np.maximum(np.rint(near / value - offset), 1.0) + offset
-        hits += np.abs(near / place - value) <= _TOLERANCE
+        hits += _nearest_fits(value, near, offset)
     good = near[hits == hits.max()]
     middle = float(good[len(good) // 2])
     return Lattice(middle, offset, lattice_share(telling, middle, offset), int(telling.size))

@@ -137,11 +137,8 @@ def light_at_one_metre(frame: DepthFrame) -> Array:
     if frame.infrared is None:
         return np.full(frame.measured_mm.shape, np.nan)
     s = surfaces(frame)
-    r_m = (
-        frame.measured_mm
-        / 1000.0
-        * np.sqrt(1.0 + (frame.rays.astype(np.float64) ** 2).sum(axis=-1))
-    )
+    away = np.sqrt(1.0 + (frame.rays.astype(np.float64) ** 2).sum(axis=-1))
+    r_m = frame.measured_mm / 1000.0 * away
     known = s.smooth & lit(frame) & (s.cosine > _LEAST_COSINE)
     return np.where(known, frame.infrared * r_m**2 / np.where(known, s.cosine, 1.0), np.nan)
 

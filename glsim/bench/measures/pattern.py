@@ -90,16 +90,20 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     if np.isfinite(rows).all(axis=0).sum() < _LEAST_ROWS or not np.isfinite(columns).any():
         return nothing
     halves = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    own_rows, own_columns = _centred(rows), _centred(columns)
+    # The running mean over 31 lines is a slow change.
+    own_rows, own_columns = (
+        np.stack([line - _running_mean(line, 31) for line in lines]) for lines in (rows, columns)
+    )
     rest = halves - np.nan_to_num(own_rows)[:, :, None] - np.nan_to_num(own_columns)[:, None, :]
     total = _covariance(rest[0], rest[1])
     side = 0.5 * (
         _covariance(rest[0, :, 1:], rest[1, :, :-1]) + _covariance(rest[0, :, :-1], rest[1, :, 1:])
     )
-    alternation = _alternation(own_rows.mean(axis=0))
-    alternating = _covariance(
-        _smoothed_alternation(own_rows[0]), _smoothed_alternation(own_rows[1]), centre=False
-    )
+    # Half the step from even to odd rows: its mean in bands, and its local mean over 41 rows.
+    half_steps = own_rows * np.where(np.arange(shape[0]) % 2 == 1, 1.0, -1.0)
+    bands = np.array_split(half_steps.mean(axis=0), BANDS)
+    alternation = [np.nanmean(b) if np.isfinite(b).sum() >= 10 else nan for b in bands]
+    alternating = _covariance(*(_running_mean(h, 41, least=20) for h in half_steps), centre=False)
     other = _covariance(own_rows[0], own_rows[1]) - alternating
     rms = np.sqrt(max(alternating, 0.0)) / _LEFT_ALTERNATION
     likeness = side / total if total > 0 else nan
@@ -126,32 +130,12 @@ def _line_means(sums: Array, counts: Array, axis: int) -> Array:
     return np.where(enough, sums.sum(axis=axis) / np.maximum(count, 1), np.nan)
 
 
-def _centred(lines: Array) -> Array:
-    """Subtract the running mean over 31 lines, which removes slow changes."""
-    return np.stack([line - _running_mean(line, 31) for line in lines])
-
-
-def _smoothed_alternation(rows: Array) -> Array:
-    """Compute half the local step between odd and even rows, a mean over 41 rows: (H,)."""
-    return _running_mean(rows * _alternating_sign(rows.size), 41, least=20)
-
-
-def _alternating_sign(rows: int) -> Array:
-    return np.where(np.arange(rows) % 2 == 1, 1.0, -1.0)
-
-
 def _running_mean(line: Array, size: int, least: int = 1) -> Array:
     """Average the known values in a window around each value; NaN for fewer than ``least``."""
     known, kernel = np.isfinite(line), np.ones(size)
     total = np.convolve(np.where(known, line, 0.0), kernel, "same")
     count = np.convolve(known.astype(float), kernel, "same")
     return np.where(count >= least, total / np.maximum(count, 1.0), np.nan)
-
-
-def _alternation(rows: Array) -> list[float]:
-    """Compute half the mean difference of even and odd rows in BANDS bands, top to bottom."""
-    bands = np.array_split(rows * _alternating_sign(rows.size), BANDS)
-    return [float(np.nanmean(b)) if np.isfinite(b).sum() >= 10 else float("nan") for b in bands]
 
 
 def _covariance(first: Array, second: Array, centre: bool = True) -> float:

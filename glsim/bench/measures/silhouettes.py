@@ -112,8 +112,8 @@ def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
     """Measure the gaps on both sides; NaN for a side with fewer than 50 edges."""
     found = [find_edges(frame) for frame in frames]
     left, right = (_side(found, number) for number in (0, 1))
-    wider = "left" if np.nan_to_num(left.width_mean_px) > np.nan_to_num(right.width_mean_px) else ""
-    return Silhouettes(left, right, wider or "right")
+    widths = np.nan_to_num([left.width_mean_px, right.width_mean_px])
+    return Silhouettes(left, right, "left" if widths[0] > widths[1] else "right")
 
 
 def find_edges(frame: DepthFrame) -> Edges:

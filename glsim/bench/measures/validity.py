@@ -17,14 +17,11 @@ RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)
 
 def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, float], ...]:
     """Compute (inner px, outer px, share without depth) for each ring; NaN outside the image."""
-    missing = np.zeros(len(RINGS_PX) - 1)
-    pixels = np.zeros(len(RINGS_PX) - 1)
+    missing, pixels = np.zeros((2, len(RINGS_PX) - 1))
     for frame in frames:
-        invalid = ~np.isfinite(frame.measured_mm)
-        for k, (inner, outer) in enumerate(pairwise(RINGS_PX)):
-            ring = (radius_px(frame) >= inner) & (radius_px(frame) < outer)
-            missing[k] += invalid[ring].sum()
-            pixels[k] += ring.sum()
+        radius = radius_px(frame)
+        missing += np.histogram(radius[~np.isfinite(frame.measured_mm)], RINGS_PX)[0]
+        pixels += np.histogram(radius, RINGS_PX)[0]
     share = np.where(pixels > 0, missing / np.maximum(pixels, 1), np.nan)
     return tuple(
         (inner, outer, float(s))

@@ -75,11 +75,8 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: floa
     """
     x, y, dz = half_x_mm, 0.8 * z_mm, half_range_mm
     low, high, lean = z_mm - dz, z_mm + dz, 0.1 * dz
-    bottom, top = (
-        [(-x, y, low + lean), (x, y, high + lean)],
-        [(x, -y, high - lean), (-x, -y, low - lean)],
-    )
-    return quad([*bottom, *top], albedo)
+    bottom = [(-x, y, low + lean), (x, y, high + lean)]
+    return quad([*bottom, (x, -y, high - lean), (-x, -y, low - lean)], albedo)
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
