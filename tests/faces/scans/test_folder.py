@@ -5,11 +5,13 @@ from __future__ import annotations
 import pickle
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
+from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.data.driver import generate
 from glsim.data.reader import open_dataset
@@ -19,6 +21,8 @@ from glsim.faces.sources.folder import Folder
 from glsim.settings.schema import load_settings
 from tests.support.face_models import analytic_face
 from tests.support.face_sets import all_keys, good_faces
+from tests.support.imports import ROOT
+from tests.support.scenes import face_mesh
 from tests.support.user_rights import ordinary_user
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
@@ -198,3 +202,27 @@ def test_one_scan_gives_as_many_pairs_as_are_asked_for(tmp_path: Path) -> None:
         for other in range(one):
             assert not np.array_equal(clean_mm[one], clean_mm[other])  # another pose
             assert not np.array_equal(depths_mm[one], depths_mm[other])
+
+
+def test_a_page_leads_from_a_vertex_to_its_pixel(tmp_path: Path) -> None:
+    page = (ROOT / "docs/data_sets.md").read_text(encoding="utf-8")
+    defined: dict[str, Any] = {}
+    exec(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0], defined)
+    mesh = face_mesh(120)
+    vertices = mesh.vertices_mm[:, [0, 2, 1]] * (0.1, -0.1, 0.1) + (3, 4, 5)  # cm, other axes
+    lines = ["v {} {} {}".format(*row) for row in vertices]
+    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
+    (tmp_path / "scans").mkdir()
+    (tmp_path / "scans" / "a.obj").write_text("\n".join(lines))
+    command = ["generate", "-o", str(tmp_path / "d"), "--source", "folder", "--root"]
+    command += [str(tmp_path / "scans"), "--frames-per-subject", "2", "--sensor", "ideal", "-q"]
+    command += ["--set", "pose.yaw_deg={uniform=[-30,30]}", "--set", "output.depth_unit_mm=0.1"]
+    assert main([*command, "--set", "output.crop=200", "--workers", "1"]) == 0
+    for frame in open_dataset(tmp_path / "d"):
+        column, row, depth_mm = defined["pixels_of"](vertices, frame.record)
+        seen = frame["clean_mm"][row.astype(int), column.astype(int)]
+        facing = (seen > 0) & (np.abs(seen - depth_mm) < 20)
+        assert facing.mean() > 0.5
+        off_mm = (seen - depth_mm)[facing]
+        assert abs(np.median(off_mm)) < 0.1
+        assert np.median(np.abs(off_mm)) < 0.8, "vertices lie up to half a pixel, 1.2 mm, away"
