@@ -12,9 +12,21 @@ from typing import Any
 
 import numpy as np
 
+from glsim.core.seeds import stage_seed
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.twins import any_camera, edges, stereo, tof_decode, tof_light, values
-from glsim.noise.twins.layers import Image, Layers
+from glsim.noise.twins.layers import Image, Layers, normal_pair, pixels, random_bits, uniform01
+
+#: For twins of your own stages: docs/howto/noise_stage.md.
+__all__ = [
+    "find_twin",
+    "normal_pair",
+    "pixels",
+    "random_bits",
+    "stage_seed",
+    "takes_tensors",
+    "uniform01",
+]
 
 Twin = Callable[[FrameContext, Layers, Mapping[str, Any]], dict[str, Image]]
 
