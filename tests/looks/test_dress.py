@@ -16,10 +16,13 @@ from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.variation import vary
 from glsim.looks import binding, cloth
 from glsim.looks.dress import Dresser, worn_regions
+from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
+from glsim.simulation.face_loader import FaceLoader
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.plan.tasks import make_tasks
+from glsim.simulation.scenes import FrameScenes
 from tests.support.scenes import face_mesh
 from tests.support.wardrobe import appearance, dresser, frames, heads, keys, part, placed
 
@@ -249,3 +252,16 @@ def test_a_source_without_regions_cannot_be_dressed() -> None:
         Dresser(board, appearance(wear="always"))
     face = Face(FaceKey("a", "s", 0), face_mesh())
     assert Dresser(board, appearance()).dress(face, keys(1)) is face
+
+
+def test_a_far_head_is_drawn_with_the_triangles_that_cast_its_shadows() -> None:
+    settings = settings_for(sensor="kinect-v2", pose={"distance_mm": 2000})
+    task = make_tasks(settings, [heads()])[0]
+    rig = sensor_of(settings).rig
+    face = next(iter(heads().load([task.key])))
+    assert isinstance(face, Face)
+    scenes = FrameScenes(FaceLoader(settings, [heads()], rig), regions=False)
+    assert scenes.build(task, face).meshes[0][0].faces is face.mesh.occluder
+    near = settings_for(sensor="kinect-v2", pose={"distance_mm": 900})
+    scenes = FrameScenes(FaceLoader(near, [heads()], rig), regions=False)
+    assert scenes.build(task, face).meshes[0][0].faces is face.mesh.faces
