@@ -60,7 +60,7 @@ class DepthNoise:
             and for tensors on a GPU if the sensor's stages take them, else an OpenGL that works.
         device: of the tensors that come back, for "torch"; default: the depth's own.
         compiled: whether "torch" compiles the chain for each shape, which takes minutes, and then
-            runs several times as fast; only with ``seeds``.
+            runs faster; only with ``seeds``.
         focal_px: (x, y) of the camera that made the maps; default: the sensor's.
         centre_px: (x, y) of its principal point; default: the sensor's for maps of its size, or the
             middle of crops.
@@ -321,6 +321,8 @@ class DepthNoise:
                 f"depth must be an array or a tensor of float metres (..., H, W), not "
                 f"{full or type(depth_m).__name__}"
             )
+        if math.prod(full) == 0:
+            raise ConfigError(f"depth has the shape {full}: there is no map in it")
         deep = full[-1] == 1 and len(full) > 2 and self._size in (None, full[-3:-1])
         size = self._size or (full[-3:-1] if deep else full[-2:])
         return (int(size[0]), int(size[1])), math.prod(full[:-3] if deep else full[:-2])

@@ -64,7 +64,10 @@ def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
         if value is None:
             continue
         kind = torch.int64 if name in ("seeds", "frames") else torch.float32
-        tensor = torch.as_tensor(value, device=device)
+        try:
+            tensor = torch.as_tensor(value, device=device)
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise ConfigError(f"{name}: must be numbers: {str(error).splitlines()[0]}") from None
         if kind == torch.int64 and (tensor.is_floating_point() or tensor.dtype == torch.bool):
             raise ConfigError(f"{name}: must be integers, not {tensor.dtype}")
         wanted = shapes.get(name, (count,))
@@ -141,7 +144,10 @@ class TensorEngine:
                 torch.from_numpy(depth_m), device, keys, settings, expected=expected, **given
             )
             return noisy.cpu().numpy(), layers
-        whole = depth_m.to(device)
+        try:
+            whole = depth_m.to(device)
+        except (RuntimeError, AssertionError) as error:
+            raise ConfigError(f"device {device!r}: {str(error).splitlines()[0]}") from None
         maps = whole.reshape(-1, *self._size).to(torch.float32)
         if whole.device.type == "cpu" or not self._compared:  # a GPU is waited for, once
             refuse_millimetres(maps.detach().cpu().numpy(), self.rig.near_m, self.rig.far_m)

@@ -191,6 +191,7 @@ def test_it_compiles() -> None:
     [
         ("kinect-v2", {"seeds": [1, 2, 3]}, r"seeds: has the shape \(3,\), not \(2,\)"),
         ("kinect-v2", {"seeds": [1.5, 2]}, "seeds: must be integers"),
+        ("kinect-v2", {"seeds": "ab"}, "seeds: must be numbers"),
         ("kinect-v2", {"seeds": 1, "focal": 3}, "focal: known are fx, fy"),
         ("kinect-v2", {"seeds": 1, "normal": np.zeros((2, 3))}, r"normal: has the shape \(2, 3\)"),
         ("azure-kinect-wfov", {"seeds": 1, "fx": 100.0}, "image of its lens"),
@@ -214,5 +215,9 @@ def test_backends_are_chosen_and_forced() -> None:
     assert "backend='torch'" in repr(DepthNoise(device="cpu"))
     with pytest.raises(ConfigError, match=r'seeds: only with backend="torch"'):
         DepthNoise(backend="numpy")(clean, seeds=1)
+    with pytest.raises(ConfigError, match="device 'nowhere': Expected one of"):
+        DepthNoise(device="nowhere")(clean)
+    with pytest.raises(ConfigError, match="there is no map in it"):
+        DepthNoise()(clean[:0])
     with pytest.raises(ConfigError, match="has no device"):
         DepthNoise(backend="egl", device="cpu")

@@ -61,7 +61,7 @@ class _NumPy:
         return np.arange(start, stop)
 
     def plus(self, total: Any, weight: Any, part: Any) -> Any:
-        """Compute total + weight * part."""
+        """Compute total + weight * part, in one step where there is one."""
         return total + weight * part
 
 
@@ -141,9 +141,12 @@ class _Torch(_NumPy):
         return not traced and x.device.type == "cpu"
 
     def plus(self, total: Any, weight: Any, part: Any) -> Any:
-        if isinstance(weight, float) and isinstance(total, self._torch.Tensor):
-            return self._torch.add(total, part, alpha=weight)
-        return total + weight * part
+        tensor = self._torch.Tensor
+        if not isinstance(total, tensor):
+            return total + weight * part
+        if isinstance(weight, tensor):
+            return self._torch.addcmul(total, weight, part)
+        return self._torch.add(total, part, alpha=weight)
 
 
 _NUMPY = _NumPy()

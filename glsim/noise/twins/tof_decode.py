@@ -91,7 +91,8 @@ def _alike(
     )
     for dx, dy in square(reach):
         r, i = reals(dx, dy), imaginaries(dx, dy)
-        away = 0.5 - 0.5 * ((real * r + imaginary * i) * unit * units(dx, dy))
+        alike = xp.plus(real * r, imaginary, i) * unit
+        away = 0.5 - 0.5 * (alike * units(dx, dy))
         yield dx, dy, r, i, xp.floats(norms(dx, dy) >= least), away, bright * away
 
 
@@ -206,9 +207,9 @@ def tof_bilateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
     for dx, dy, r, i, counts, away, bright_away in _alike(view, p, real, imaginary, 1, False):
         if dx or dy:
             weight = counts * KERNEL[abs(dx) + abs(dy)] * xp.exp(sharpness * bright_away)
-            apart = apart + counts * away
-            sum_real = sum_real + weight * r
-            sum_imaginary = sum_imaginary + weight * i
+            apart = xp.plus(apart, counts, away)
+            sum_real = xp.plus(sum_real, weight, r)
+            sum_imaginary = xp.plus(sum_imaginary, weight, i)
             total = total + weight
     kept = ~(layers["phasor_b"][..., 2] > 0) | _border(view)
     marked = xp.amax(apart, -1) >= p["max_edge"]
@@ -224,10 +225,10 @@ def tof_smooth(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
     near = apart + 1e-6
     for dx, dy, r, i, counts, away, bright_away in _alike(view, p, real, imaginary, 3, True):
         weight = counts * xp.exp(falloff * float(dx * dx + dy * dy) - sharpness * bright_away)
-        sum_real = sum_real + weight * r
-        sum_imaginary = sum_imaginary + weight * i
+        sum_real = xp.plus(sum_real, weight, r)
+        sum_imaginary = xp.plus(sum_imaginary, weight, i)
         total = total + weight
-        apart = apart + counts * away
+        apart = xp.plus(apart, counts, away)
         near = near + counts
     kept = ~(layers["phasor_b"][..., 2] > 0) | (total <= 0).any(-1)
     marked = xp.amax(apart / near, -1) >= p["max_apart"]
@@ -417,9 +418,14 @@ def _picked(layer: Image, at: tuple[Any, Any, Any], dx: int, dy: int) -> Image:
 
 def _part_sigma(p: Parameters, amplitude: Image) -> Image:
     """Compute the standard deviation (..., 3) of phasors' parts after the filter."""
-    m = of(amplitude).vector(CONTRAST_MULTIPLIER, amplitude)
-    variance = deep(p["read_variance"]) + deep(p["shot_variance"]) * (amplitude[..., None] / m)
-    return of(amplitude).sqrt(2 / 3 * m * m * variance) / KERNEL_UNIT
+    xp, read, shot = of(amplitude), p["read_variance"], p["shot_variance"]
+    return xp.stack(
+        [
+            xp.sqrt(2 / 3 * m * m * (read + shot * (amplitude / m))) / KERNEL_UNIT
+            for m in xp.vector(CONTRAST_MULTIPLIER, amplitude)
+        ],
+        -1,
+    )
 
 
 def _at_steps(p: Parameters, there: Sequence[Any], random: tuple[Any, Any, Any]) -> list[Image]:

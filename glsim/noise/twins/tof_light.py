@@ -176,10 +176,12 @@ def _lit(view: FrameContext, p: Parameters, lit: Image, light: Light) -> Light:
     """Reduce phasors by the contrast that indirect light leaves of them."""
     xp, (real, imaginary, amplitude) = of(lit), light
     around_ = p["indirect"] * (1.0 - lit)
-    share = (around_ / xp.maximum(lit + around_, 1e-6))[..., None]
-    f = xp.vector(frequencies(view), lit)
-    turns = TWO_PI * f / HALF_WAVE_M_MHZ * 0.001 * deep(p["indirect_spread_mm"])
-    left = 1.0 - share * (1.0 - xp.exp(-0.5 * turns * turns))
+    share = around_ / xp.maximum(lit + around_, 1e-6)
+    turns = [
+        TWO_PI * f / HALF_WAVE_M_MHZ * 0.001 * p["indirect_spread_mm"]
+        for f in xp.vector(frequencies(view), lit)
+    ]
+    left = xp.stack([1.0 - share * (1.0 - xp.exp(-0.5 * turn * turn)) for turn in turns], -1)
     return real * left, imaginary * left, amplitude
 
 
@@ -242,15 +244,18 @@ def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Ima
     """Compute (..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
     xp = of(distance_m)
     f = xp.vector(frequencies(view), distance_m)
-    turns = distance_m[..., None] * f / HALF_WAVE_M_MHZ
+    # Stacked, since a product with the vector f would put the three beside each other in memory.
+    turns = xp.stack([distance_m * f[k] / HALF_WAVE_M_MHZ for k in range(3)], -1)
     angle = TWO_PI * (turns - xp.floor(turns))
     real_2, imaginary_2, real_5, imaginary_5 = device_harmonics(view, p)
     c, s = xp.cos(angle), xp.sin(angle)
     c2, s2 = c * c - s * s, 2.0 * s * c
     c4, s4 = c2 * c2 - s2 * s2, 2.0 * s2 * c2
     c5, s5 = c4 * c - s4 * s, s4 * c + c4 * s
-    real = c + real_2 * c2 + imaginary_2 * s2 + real_5 * c5 + imaginary_5 * s5
-    imaginary = s - real_2 * s2 + imaginary_2 * c2 - real_5 * s5 + imaginary_5 * c5
+    real, imaginary = c, s
+    for r, i, cosine, sine in ((real_2, imaginary_2, c2, s2), (real_5, imaginary_5, c5, s5)):
+        real = xp.plus(xp.plus(real, r, cosine), i, sine)
+        imaginary = xp.plus(xp.plus(imaginary, -r, sine), i, cosine)
     return real, imaginary
 
 
