@@ -1,4 +1,4 @@
-"""Measures of a denoiser on one real frame, without clean truth: sums of four measures.
+"""Measures of a denoiser on one real frame, without clean truth: sums of five measures.
 
 A pixel is lost if its depth is gone or has moved by half of the least step of a silhouette. Lost
 pixels are counted, and keep the input's depth in the measures of surfaces; otherwise a few would
@@ -7,7 +7,7 @@ dominate the mean.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -32,6 +32,11 @@ SHIFT_BIN_MM: Final = 100
 SHIFT_BINS: Final = int(1000 * BINS_M[-1] / SHIFT_BIN_MM)
 #: Largest movement of a pixel that is kept, mm.
 _LOST_MM: Final = STEP_MM / 2
+#: Side of the tiles in which planes are looked for, pixels; share of a tile that must lie on the
+#: plane; outliers, in medians of the absolute residual (4.4: 3 sigma), and rounds of removing them;
+#: least share of the residual that a second degree leaves of a plane's. Chosen.
+_TILE_PX: Final = 48
+_LEAST_SHARE, _OUTLIER, _ROUNDS, _STRAIGHT = 0.85, 4.4, 3, 0.95
 #: Least neighbours with depth, of eight, of a pixel that is not alone.
 _COMPANY: Final = 3
 #: Names of the sums of edges, in order.
@@ -48,6 +53,7 @@ class Tally(NamedTuple):
         pair: (units, bins, 2) squared error on static pairs, by BINS_M.
         board: (2, bins, 2 + 1) squared residuals and shifts of the board's paper, and of all of it.
         shift: (SHIFT_BINS, 2) shift of smooth surfaces, by 100 mm.
+        planes: (bins, 2) squared residuals of walls and table tops from planes of their own.
         edges: (len(EDGE_SUMS),) pixels.
 
     """
@@ -55,6 +61,7 @@ class Tally(NamedTuple):
     pair: Array
     board: Array
     shift: Array
+    planes: Array
     edges: Array
 
 
@@ -78,16 +85,19 @@ class FrameTruth:
         if corners is not None:
             self.board = find_board(frame, corners, source.pattern)
         self._rims = rims_and_shadow(frame)
+        self._tiles = find_planes(frame.measured_mm)
 
     def tally(self, denoised_mm: Depth) -> Tally:
         """Measure a denoised map, (H, W) mm with 0 = no depth."""
         raw = self.frame.measured_mm.astype(np.float64)
         filled = np.where(self._lost(denoised_mm), raw, denoised_mm).astype(np.float64)
         moved = filled - raw
-        shift, edges = np.zeros((SHIFT_BINS, 2)), np.zeros(len(EDGE_SUMS))
+        shift, planes = np.zeros((SHIFT_BINS, 2)), np.zeros((_BINS, 2))
+        edges = np.zeros(len(EDGE_SUMS))
         if not self._pairs_only:
-            shift, edges = self._shift(moved), self.edge_sums(denoised_mm)
-        return Tally(self._pair(moved), self._plane(filled, moved), shift, edges)
+            shift, planes = self._shift(moved), self._planes(filled)
+            edges = self.edge_sums(denoised_mm)
+        return Tally(self._pair(moved), self._plane(filled, moved), shift, planes, edges)
 
     def _pair(self, moved: Array) -> Array:
         """Sum (denoised - partner)^2 minus the noise variance of the partner frame.
@@ -110,6 +120,20 @@ class FrameTruth:
         for number, part in enumerate((self.board.paper, self.board.on_plane)):
             residual = plane_residual(filled, self.frame.rays, part)[part]
             sums[number, place] = part.sum(), (residual**2).sum(), moved[part].sum()
+        return sums
+
+    def _planes(self, filled: Array) -> Array:
+        """Sum squared residuals of tiles from the planes fitted to them, mm^2.
+
+        Unlike static pairs, planes show errors that stay from frame to frame, as of stereo cameras.
+        """
+        sums = np.zeros((_BINS, 2))
+        for part, kept in self._tiles:
+            depth = filled[part][kept]
+            place = int(distance_bin(float(np.median(depth))))
+            if place >= 0:
+                residual = depth - 1 / _fitted(1 / depth, np.nonzero(kept), 1)
+                sums[place] += depth.size, float(residual @ residual)
         return sums
 
     def _shift(self, moved: Array) -> Array:
@@ -135,6 +159,46 @@ class FrameTruth:
         raw = self.frame.measured_mm
         moved = (other_mm <= 0) | (np.abs(other_mm - raw) > _LOST_MM)
         return np.asarray(np.isfinite(raw) & moved, np.bool_)
+
+
+def find_planes(depth_mm: Array) -> list[tuple[tuple[slice, slice], Mask]]:
+    """Return the tiles of a raw map that show one plane, and their pixels without outliers.
+
+    A plane is linear in 1/depth. Outliers are removed in _ROUNDS; a tile that bends is no plane.
+    """
+    found = []
+    height, width = depth_mm.shape
+    for top in range(0, height - _TILE_PX + 1, _TILE_PX):
+        for left in range(0, width - _TILE_PX + 1, _TILE_PX):
+            part = slice(top, top + _TILE_PX), slice(left, left + _TILE_PX)
+            tile = depth_mm[part].astype(np.float64)
+            kept = np.isfinite(tile) & (tile > 0)
+            for _ in range(_ROUNDS):
+                if kept.mean() < _LEAST_SHARE:
+                    break
+                place = np.nonzero(kept)
+                nearness = 1 / tile[place]
+                off = np.abs(nearness - _fitted(nearness, place, 1))
+                near = off <= _OUTLIER * max(float(np.median(off)), 1e-12)
+                kept[place] = near
+            if kept.mean() < _LEAST_SHARE:
+                continue
+            place = np.nonzero(kept)
+            flat, bent = (
+                float(np.std(1 / tile[place] - _fitted(1 / tile[place], place, n))) for n in (1, 2)
+            )
+            if bent > _STRAIGHT * flat:
+                found.append((part, kept))
+    return found
+
+
+def _fitted(values: Array, place: tuple[NDArray[np.intp], ...], degree: Literal[1, 2]) -> Array:
+    """Fit a polynomial of rows and columns to values at pixels, and return it there."""
+    row, column = (axis / _TILE_PX - 0.5 for axis in place)
+    terms = [np.ones_like(row), row, column]
+    terms += [row * row, row * column, column * column] if degree == 2 else []
+    design = np.stack(terms, axis=1)
+    return np.asarray(design @ np.linalg.lstsq(design, values, rcond=None)[0])
 
 
 def distance_bin(depth_mm: NDArray[np.floating] | float) -> NDArray[np.int64]:

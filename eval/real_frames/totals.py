@@ -25,7 +25,7 @@ from glsim.eval.real_frames.halves import SplitRecording
 from glsim.eval.scoring.statistics import resampled
 
 #: Version of the measures; increase it with a change that alters a number.
-VERSION: Final = 1
+VERSION: Final = 2
 #: Least pixels of a bin. Derived: its mean is then known to 0.1 mm under noise of 2 mm that is
 #: alike in ten neighbours.
 _LEAST_PIXELS: Final = 1000
@@ -65,6 +65,8 @@ class RealMeasures:
         board_shift_mm: mean of denoised - raw on the paper.
         shift_mm: the same over all smooth surfaces.
         shift_by_100mm: (from mm, shift mm) of bins of 100 mm.
+        plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
+        plane_change: as pair_change.
         edges: numbers of EDGES.
 
     """
@@ -77,6 +79,8 @@ class RealMeasures:
     board_shift_mm: list[float]
     shift_mm: list[float]
     shift_by_100mm: list[tuple[int, float]]
+    plane_rmse_mm: list[float]
+    plane_change: Interval
     edges: dict[str, float]
 
     @property
@@ -153,10 +157,11 @@ def add_up(
     totals = {}
     for name in scored[0].tallies:
         frames = zip(*(frame.tallies[name] for frame in scored), strict=True)
-        pair, board, shift, edges = (np.stack(part) for part in frames)
+        pair, board, shift, planes, edges = (np.stack(part) for part in frames)
         pair = pair.sum(axis=0)[units]
         known = pair[pair[..., 0].any(axis=1)], board[board[:, 0, :, 0].any(axis=1)]
-        totals[name] = Tally(*known, shift.sum(axis=0), edges.sum(axis=0))
+        planes = planes[planes[..., 0].any(axis=1)]
+        totals[name] = Tally(*known, shift.sum(axis=0), planes, edges.sum(axis=0))
     raw = next(iter(totals.values()))
     own = np.sum([frame.own for frame in scored], axis=0)
     return RealScores(
@@ -191,6 +196,8 @@ def _measures(total: Tally, raw: Tally) -> RealMeasures:
         board_shift_mm=_means(paper[..., [0, 2]], 1).tolist(),
         shift_mm=_means(shift[None], _LEAST_PIXELS).tolist(),
         shift_by_100mm=[(SHIFT_BIN_MM * n, mm) for n, mm in by_100mm if not math.isnan(mm)],
+        plane_rmse_mm=_roots(total.planes, _LEAST_PIXELS),
+        plane_change=_change(total.planes, raw.planes, _LEAST_PIXELS),
         edges=edges,
     )
 

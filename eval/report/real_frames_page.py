@@ -49,6 +49,13 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
             f"interval is over {units}.",
             _table(scores, distances, lambda m: m.pair_rmse_mm, lambda m: m.pair_change),
         ]
+    page.parts += [
+        Heading("Planes: RMSE from the plane fitted to a tile [mm]"),
+        "Tiles of 48 x 48 px that the raw frame shows as one plane, outliers removed. Unlike "
+        "static pairs they show errors that stay from frame to frame, as those of stereo cameras "
+        "do. The interval is over the frames.",
+        _table(scores, distances, lambda m: m.plane_rmse_mm, lambda m: m.plane_change),
+    ]
     if scores.boards:
         page.parts += [
             Heading("Chessboard, paper: RMSE from its plane [mm]"),

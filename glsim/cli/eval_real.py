@@ -117,15 +117,19 @@ def _print_summary(scores: RealScores) -> None:
     from glsim.eval.report.score_tables import format_number
 
     table = Table("method", title=f"{scores.title}: {len(scores.checksums)} real frames")
-    heads = ("static pairs [%]", "board [%]", "largest shift [mm]", "ring lost [%]",
+    heads = ("static pairs [%]", "planes [%]", "board [%]", "largest shift [mm]", "ring lost [%]",
              "filled [%]", "lone filled", "pinholes")  # fmt: skip
     for head in heads:
         table.add_column(head, justify="right")
     for name, m in scores.methods.items():
         numbers = (
-            m.pair_change.value, m.paper_change.value, m.largest_shift_mm,
+            m.pair_change.value, m.plane_change.value, m.paper_change.value, m.largest_shift_mm,
             100 * m.edges["ring_1_lost"], 100 * m.edges["shadow_filled"],
             m.edges["alone_filled"], m.edges["pinholes"],
         )  # fmt: skip
         table.add_row(name, *map(format_number, numbers))
     print_table(table)
+    print_message(
+        "static pairs cannot see an error that stays from frame to frame, such as a stereo "
+        "camera's: planes show it"
+    )

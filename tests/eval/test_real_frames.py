@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.eval.real_frames import RealScores, score_recording, split_recording, tune_on_pairs
+from glsim.eval.real_frames.frame_truth import find_planes
 from glsim.eval.real_frames.halves import Source
 from glsim.eval.report.figures.real_frames import measures_figure
 from tests.support.imports import ROOT
@@ -224,3 +226,24 @@ def test_the_real_static_pair_has_the_noise_that_was_measured_twice(tmp_path: Pa
     raw = np.array(scores.methods["raw"].pair_rmse_mm)
     np.testing.assert_allclose(raw / [1.83, 2.05, 3.36, 3.87, 2.03, 5.98], 1.0, atol=0.27)
     assert scores.methods["guided"].pair_change.high < 0
+
+
+def test_planes_show_an_error_that_stays_and_pairs_do_not(tmp_path: Path) -> None:
+    """A stereo camera's: the same bumps in each frame."""
+    rng = np.random.default_rng(3)
+    row, column = np.mgrid[:240, :320]
+    wall = 1 / (1 / 1000 + 2e-7 * column + 1e-7 * row)
+    bumps = cv2.GaussianBlur(rng.normal(size=wall.shape), (0, 0), 2) * 12
+    for number in range(2):
+        frame = wall + bumps + rng.normal(scale=1.0, size=wall.shape)
+        frame[:100, :100] = 900 + 3e-3 * (row[:100, :100] - 50) ** 2 * 10  # it bends
+        write_frame(tmp_path, f"{number:04d}", np.rint(frame).astype(np.uint16), wall)
+    recording = split_recording(Source(tmp_path))
+    tiles = find_planes(recording.frames[0].measured_mm)
+    assert 12 <= len(tiles) <= 26
+    assert all(part[0].start >= 96 or part[1].start >= 96 for part, _ in tiles)
+    scores = score_recording(recording, ["guided"])
+    raw, guided = (scores.methods[name] for name in ("raw", "guided"))
+    planted_mm = float(np.hypot(bumps.std(), 1.04))
+    assert raw.plane_rmse_mm[2] == pytest.approx(planted_mm, rel=0.1)
+    assert guided.plane_change.value < 0
