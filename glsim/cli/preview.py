@@ -13,6 +13,7 @@ from glsim.core.errors import DatasetError
 EXAMPLES = """
 glsim preview data
 glsim preview data -o pictures --frames 12 --split test
+glsim preview data -o pictures --3d         surface.html: a frame to turn
 """
 
 #: Number of frames for the noise summary; more do not change the printed digits.
@@ -24,6 +25,7 @@ def preview(
     out: Annotated[Path, typer.Option("-o", "--out")] = Path(),
     frames: Annotated[int, typer.Option(min=1, max=40)] = 6,
     split: str | None = None,
+    surface: Annotated[bool, typer.Option("--3d")] = False,
 ) -> None:
     """Draw a contact sheet of a data set and summarise its noise.
 
@@ -35,6 +37,7 @@ def preview(
         out: Folder for the two files.
         frames: Number of frames on the contact sheet.
         split: train, val or test. Default: all.
+        surface: Also write surface.html, the middle frame as shaded surfaces to turn in a browser.
     """
     from glsim.bench.measures.depth_errors import noise_table, recording_table
     from glsim.core.files.atomic import write_atomic
@@ -61,4 +64,11 @@ def preview(
     measured = pairs[::step]
     table = noise_table if "clean" in opened.layers else recording_table
     write_atomic(table(measured, sensor).encode(), summary)
-    print_written([sheet, summary])
+    written = [sheet, summary]
+    if surface:
+        from glsim.data.surface_page import surface_page
+
+        page = surface_page(pairs[len(pairs) // 2])
+        write_atomic(page.encode(), out / "surface.html")
+        written.append(out / "surface.html")
+    print_written(written)

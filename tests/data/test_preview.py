@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import re
 import shlex
 from pathlib import Path
 
@@ -33,7 +36,12 @@ def test_a_lost_pixel_of_a_set_without_reasons_is_unknown(
         write(picture, text, at, size)
 
     monkeypatch.setattr(preview, "_write", record)
-    assert main(["preview", "data", "-o", "seen", "-q"]) == 0
+    assert main(["preview", "data", "-o", "seen", "--3d", "-q"]) == 0
+    page = Path("seen/surface.html").read_text()
+    maps = json.loads(re.findall(r"const maps = (.*?);", page)[0])
+    assert [m[0] for m in maps] == ["clean", "noisy"]
+    shown = np.frombuffer(base64.b64decode(maps[1][3]), "<f4").reshape(96, 96)
+    np.testing.assert_array_equal(shown, open_dataset("data").frames()[1].noisy_mm)
     unknown = "lost, reason unknown: the data set has no layer reason"
     at_random = f"{int(Reason.DROPPED)} dropped: {Reason.DROPPED.help}"
     assert (unknown in written) == ("reason" not in layers)
