@@ -221,14 +221,17 @@ def make_clothes(
     upper = replace(upper, fold=upper.fold * folds, gathered=upper.gathered or tucked)
     if tucked:
         lower, upper = replace(lower, ease=9.0), replace(upper, flare=0.0)
-    pieces = (
-        ((neck, trunk), upper, ARMS, hem_mm, seed),
-        ((top_mm - y, legs), lower, LEGS, body.crotch_mm, seed + 40),
-        ((far, np.where(on_foot, 1.0, -1.0)), shoes, FEET, 0.0, seed + 60),
-    )
-    chosen = pieces if on_leg.any() else pieces[:1]
-    cut = [(body.cut(*edges), *how) for edges, *how in chosen]
-    return [_garment(*piece, scale) for piece in cut if len(piece[0].grid.faces) >= 20]
+    pieces = [
+        (neck, trunk, upper, ARMS, hem_mm, seed),
+        (top_mm - y, legs, lower, LEGS, body.crotch_mm, seed + 40),
+        (far, np.where(on_foot, 1.0, -1.0), shoes, FEET, 0.0, seed + 60),
+    ]
+    shells = []
+    for top, inside, garment, limbs, end_mm, number in pieces if on_leg.any() else pieces[:1]:
+        piece = body.cut(top, inside)
+        if len(piece.grid.faces) >= 20:
+            shells.append(_garment(piece, garment, limbs, end_mm, number, scale))
+    return shells
 
 
 def _garment(
@@ -463,7 +466,8 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> S
     anchors = piece.grid.anchors.taken(np.concatenate(bases)[nearest])
     offset = points - anchors.place(piece.rest_mm[piece.grid.base])
     drop = np.concatenate(drops)[nearest].astype(np.float32) if stands else None
-    return Shell(piece.grid._replace(anchors=anchors, faces=drawn), piece.rest_mm, offset, drop)
+    grid = piece.grid._replace(anchors=anchors, faces=drawn.astype(np.int64))
+    return Shell(grid, piece.rest_mm, offset, drop)
 
 
 def _rows(profile: Profile, thick: float, normal: Array, away: Array) -> Array:
