@@ -112,6 +112,7 @@ def copy_depth(folder: Path, to: Path) -> Path:
 
 
 @pytest.mark.parametrize("infrared", [True, False])
+@pytest.mark.long
 def test_the_loop_closes(recording: Path, tmp_path: Path, infrared: bool) -> None:
     folder = recording if infrared else copy_depth(recording, tmp_path / "depth")
     stages = check_loop([str(folder)], tmp_path / "mine.toml", "kinect-v2")

@@ -50,6 +50,7 @@ def write(folder: Path, depths: NDArray[np.uint16]) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_planted_noise_is_measured() -> None:
     frames = planted()
     lattice = find_lattice(frames)

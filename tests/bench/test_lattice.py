@@ -49,6 +49,7 @@ def test_a_tenth_of_strange_depths_is_no_lattice() -> None:
     assert not estimate_lattice(mixed).accepted
 
 
+@pytest.mark.long
 def test_other_depths_have_no_lattice() -> None:
     rng = np.random.default_rng(6)
     some = np.unique(rng.integers(400, 4000, 700)).astype(float)
@@ -81,6 +82,7 @@ def test_distinct_values_leave_out_holes_and_clipped_depths() -> None:
         ("kinect_v1_tables", 345_000, 0.25),
     ],
 )
+@pytest.mark.long
 def test_the_constants_of_real_cameras(folder: str, constant: float, offset: float) -> None:
     lattice = estimate_lattice(distinct_values(real_depths(folder)))
     assert lattice.accepted
@@ -92,5 +94,6 @@ def test_the_constants_of_real_cameras(folder: str, constant: float, offset: flo
 @pytest.mark.parametrize(
     "folder", ["azure_kinect_mug", "truedepth_zeiss/board_iPadPro12_4gen_iOS15"]
 )
+@pytest.mark.long
 def test_cameras_that_do_not_match_pixels_have_none(folder: str) -> None:
     assert not estimate_lattice(distinct_values(real_depths(folder))).accepted

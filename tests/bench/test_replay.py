@@ -97,6 +97,7 @@ def recorded() -> Frames:
     return replay(frames_of("perfect", depths, lights), "kinect-v2", seed=1)
 
 
+@pytest.mark.long
 def test_a_sensor_is_not_told_from_its_own_replay(recorded: Frames) -> None:
     """The same device; a replay of it differs by what the smoothing leaves of the noise."""
     again = replay(recorded, "kinect-v2", seed=1)
@@ -124,6 +125,7 @@ def test_frames_follow_the_seed_and_frames_without_depth_stay_so(recorded: Frame
     assert [np.isfinite(f.measured_mm).any() for f in made[0]] == [True, False]
 
 
+@pytest.mark.long
 def test_mirrored_frames_are_replayed_mirrored(recorded: Frames) -> None:
     """Shadows stay on the side that they have in the real frames."""
     mirrored = Frames.of(

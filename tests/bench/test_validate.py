@@ -194,6 +194,7 @@ def test_the_sheet_notices_another_matcher(
     assert failures(run.run_checks(captures_of(context, file))) >= rows
 
 
+@pytest.mark.long
 def test_a_wrong_azure_kinect_is_found_out(context: moderngl.Context, tmp_path: Path) -> None:
     wrong = tmp_path / "azure-kinect.toml"
     wrong.write_text(

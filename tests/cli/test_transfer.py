@@ -99,6 +99,7 @@ def test_a_training_without_a_sensor_stops_and_goes_on(
     assert before == (best.read_bytes(), (tmp_path / "o" / "transfer.csv").read_bytes())
 
 
+@pytest.mark.long
 def test_given_networks_are_scored_in_every_cell(tmp_path: Path) -> None:
     """Any denoiser can stand in for a network; the noisy input as one is no better than itself."""
     assert main(study(tmp_path, "--network", "twin@noisy", "-q")) == 0

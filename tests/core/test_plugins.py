@@ -63,6 +63,7 @@ def output_of(folder: Path, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_one_thing_of_each_kind_from_the_command_line(lab: Path) -> None:
     assert "the camera of another laboratory" in output_of(lab, "sensors")
     assert "speckle" in output_of(lab, "stages")
@@ -149,6 +150,7 @@ def test_two_packages_with_one_name(lab: Path) -> None:
     assert "brings one of this name too: uninstall one of the two packages" in done.stderr
 
 
+@pytest.mark.long
 def test_adding_a_file_to_a_folder_of_glsim_is_enough(tmp_path: Path) -> None:
     """In a copy of glsim: a source, a stage, a sensor, a filter, an export, a check."""
     lab = PACKAGE / "lab_extras"
@@ -179,6 +181,7 @@ def test_adding_a_file_to_a_folder_of_glsim_is_enough(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("code", ["import sys; sys.exit(0)", "raise BaseException('no')", "1 / 0"])
+@pytest.mark.long
 def test_a_broken_plugin_is_left_out_of_lists_and_refused_by_name(lab: Path, code: str) -> None:
     for module in ("ripple_stage", "worst"):
         (lab / "lab_extras" / f"{module}.py").write_text(code)

@@ -45,6 +45,7 @@ def push(
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_data_set_is_pushed_byte_for_byte_and_only_once(data: Path, hub: HubStandIn) -> None:
     done = push(data, hub.url, "--hf", "me/faces")
     assert done.returncode == 0, done.stderr + str(hub.requests)

@@ -33,6 +33,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".safetensors", ".onnx"])
+@pytest.mark.long
 def test_every_file_of_a_network_has_its_record(trained: Path, suffix: str) -> None:
     path = trained.with_suffix(suffix)
     if suffix == ".onnx":

@@ -189,6 +189,7 @@ def test_the_command_writes_the_same_tables_twice(pair: Path, tmp_path: Path) ->
     assert "guided:radius=2" in (tmp_path / "one" / "report.html").read_text()
 
 
+@pytest.mark.long
 def test_the_figure_shows_the_default_composite_of_a_network_alone(pair: Path) -> None:
     scores = score_recording(split_recording(Source(pair)), ["face", "guided:radius=2"], workers=1)
     assert "face [hard]" in scores.methods

@@ -202,6 +202,7 @@ def test_tuning_uses_the_validation_split_only(tmp_path: Path) -> None:
     assert main(command) == 2, "a folder without splits has nothing to tune on"
 
 
+@pytest.mark.long
 def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     out = tmp_path / "o"
     command = ["paper", "tables", str(pairs), "-o", str(out), "--workers", "1", "-q"]

@@ -101,6 +101,7 @@ def test_twin_throws_the_same_image(context: moderngl.Context, use: str) -> None
         assert not np.allclose(light, drawn[name], rtol=0.1)
 
 
+@pytest.mark.long
 def test_dots_have_the_declared_density_size_and_disorder() -> None:
     step = 0.25e-3
     y, x = np.mgrid[-0.4:0.4:step, -0.4:0.4:step].astype(np.float32)

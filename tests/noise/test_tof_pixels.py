@@ -267,6 +267,7 @@ def frames(context: moderngl.Context, count: int, on: bool) -> np.ndarray:
     return 1000.0 * np.stack(shots)[:, 16:-16, 16:-16]
 
 
+@pytest.mark.long
 def test_noise_falls_and_is_correlated_as_the_weights_say(context: moderngl.Context) -> None:
     count = 24
     raw, smooth = (frames(context, count, on) for on in (False, True))

@@ -114,6 +114,7 @@ numpy.save(sys.argv[2], numpy.stack(depths))
 """
 
 
+@pytest.mark.long
 def test_depth_is_that_of_pyrender(context: moderngl.Context, face: Mesh, tmp_path: Path) -> None:
     """Runs in its own process, because pyrender leaves its context current."""
     np.savez(

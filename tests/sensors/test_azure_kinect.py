@@ -76,6 +76,7 @@ def test_the_field_stop_is_the_real_hexagon(context: moderngl.Context) -> None:
         ("femto-bolt", (640, 576), 3.86, (0.75, 1.0)),
     ],
 )
+@pytest.mark.long
 def test_modes_see_their_part_of_the_chip_to_their_range(
     context: moderngl.Context,
     sensor: str,

@@ -76,6 +76,7 @@ def test_removal_is_the_inverse_of_the_error() -> None:
     np.testing.assert_allclose(found[1:], true_mm[1:], atol=0.01)
 
 
+@pytest.mark.long
 def test_calibration_takes_bias_and_pattern_from_planes(
     context: moderngl.Context, tmp_path: Path
 ) -> None:

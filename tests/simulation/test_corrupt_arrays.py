@@ -158,6 +158,7 @@ def face_in_camera() -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     return points, np.asarray(mesh.faces)
 
 
+@pytest.mark.long
 def test_depth_that_open3d_made_comes_back_with_noise() -> None:
     """Open3D's rays pass through pixel centres at 0.5 too, unlike its point clouds."""
     o3d = pytest.importorskip("open3d")
@@ -201,6 +202,7 @@ def _noisy_bytes(job: tuple[DepthNoise, NDArray[np.float32]]) -> bytes:
         ("spawn", None, False),
     ],
 )
+@pytest.mark.long
 def test_it_works_in_other_processes(start: str, backend: str | None, used: bool) -> None:
     """As in the workers of a DataLoader, also after maps were made in the parent."""
     depth_m = np.full((40, 48), 0.9, np.float32)
@@ -230,6 +232,7 @@ with DepthNoise() as corrupter:
 
 
 @pytest.mark.parametrize("before", [[], ["kinect-v1"]], ids=["unused", "another sensor"])
+@pytest.mark.long
 def test_a_forked_process_compiles_shaders(before: list[str], tmp_path: Path) -> None:
     """A forked process compiles its first shaders without hanging and draws its parent's noise."""
     done = subprocess.run(

@@ -150,6 +150,7 @@ def test_faster_turns_have_larger_errors_at_the_rim(context: moderngl.Context) -
     assert errors[2] > 1.5 * errors[0]
 
 
+@pytest.mark.long
 def test_moving_frames_do_not_depend_on_their_batch(context: moderngl.Context) -> None:
     """A generated sequence whose head and face move: each frame alone, and all together."""
     overrides = {"sensor": "azure-kinect", "motion": {"within_exposure": True}}

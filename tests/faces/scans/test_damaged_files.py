@@ -84,6 +84,7 @@ def read(root: Path, name: str) -> None:
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(at=st.floats(0, 1), length=st.integers(0, 40), new=st.binary(max_size=12))
+@pytest.mark.long
 def test_damage_anywhere_does_no_harm(
     tree: Path, name: str, at: float, length: int, new: bytes
 ) -> None:

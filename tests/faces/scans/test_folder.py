@@ -128,6 +128,7 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
     assert faces["b.stl"].notes["axes"] == "-x+y-z"
 
 
+@pytest.mark.long
 def test_a_face_depends_on_its_key_alone(tmp_path: Path) -> None:
     for frame in range(4):
         _write(tmp_path / f"a/{frame}.ply", up_mm=5.0 * frame)
