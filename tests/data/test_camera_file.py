@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.reader import open_dataset
@@ -46,15 +46,16 @@ def test_png_files_state_their_step_and_a_camera_file_wins(tmp_path: Path) -> No
     depth = np.full((40, 60), 9000, np.uint16)
     write_atomic(encode_png(depth, depth_unit_mm=0.1), tmp_path / "0000_depth.png")
     assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(900)
-    assert open_recording(tmp_path, 0.5).read()[0].measured_mm[0, 0] == pytest.approx(4500)
+    with pytest.raises(ConfigError, match=r"--depth-unit-mm 0\.5: .* states steps of 0\.1 mm"):
+        open_recording(tmp_path, 0.5)
     (tmp_path / "camera.toml").write_text("unit_mm = 0.2\n")
     assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(1800)
 
 
 def test_options_win_over_the_file(tmp_path: Path) -> None:
     root = _folder(tmp_path, f"unit_mm = 0.1\n{CAMERA}")
-    frames = open_recording(root, 0.25).read(focal_px=70.0)
-    assert frames[0].measured_mm[0, 0] == 2250.0
+    frames = open_recording(root, 0.1).read(focal_px=70.0)
+    assert frames[0].measured_mm[0, 0] == pytest.approx(900)
     assert (frames.intrinsics.fx, frames.intrinsics.cx) == (70.0, 32.0)
 
 

@@ -40,7 +40,8 @@ def test_a_bag_of_librealsense(tmp_path: Path) -> None:
         frame = recording.frames[number]
         np.testing.assert_allclose(frame.noisy_mm, DEPTHS[number] * 0.1, rtol=1e-6)
         np.testing.assert_array_equal(frame.infrared, LIGHTS[number])
-    np.testing.assert_array_equal(open_recording(file, 2.0).frames[1].noisy_mm, DEPTHS[1] * 2.0)
+    (tmp_path / "camera.toml").write_text("unit_mm = 2\n")
+    np.testing.assert_array_equal(open_recording(file).frames[1].noisy_mm, DEPTHS[1] * 2.0)
     again = pickle.loads(pickle.dumps(recording))
     np.testing.assert_array_equal(again.frames[4].infrared, LIGHTS[4])
     (tmp_path / "camera.toml").write_text("unit_mm = 0.5\n")

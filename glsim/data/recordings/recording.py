@@ -11,7 +11,7 @@
 - ROS bags of librealsense or ROS nodes (``bag``), Matroska files of an Azure Kinect (``mkv``).
 
 A ``camera.toml`` beside the frames (``camera_file``) says what the camera is; it wins over what the
-files state, and options of commands win over it.
+files state, and options of commands win over it, but for a unit that differs: that is refused.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ def open_recording(
     maps = sorted((file for _, files in found for file in files), key=natural)
     folder = given[0] if given[0].is_dir() else given[0].parent
     stated, stated_by = stated_camera(folder, maps[0].parent)
-    unit = unit_mm or stated.unit_mm or stated_unit_mm(maps[0])
+    unit = _unit_mm(unit_mm, stated.unit_mm or stated_unit_mm(maps[0]), given[0])
     lights = [infrared_beside(file) for file in maps]
     if infrared is not None:
         lights = list(infrared_files(maps, infrared))
@@ -237,6 +237,16 @@ def open_recording(
     stated = _mirrored(stated, mirror)
     frames = Frames(len(reader), _Loader(reader, unit, mirror, stated))
     return Recording(given[0], found[0][0], frames, reader, stated, stated_by, notes)
+
+
+def _unit_mm(given: float | None, stated: float | None, where: Path) -> float | None:
+    """Return the step of integers, mm. Raises ConfigError for an option that files contradict."""
+    if given is not None and stated is not None and given != stated:
+        raise ConfigError(
+            f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
+            "out, or correct the camera.toml"
+        )
+    return given or stated
 
 
 def _check_paths(given: Sequence[Path]) -> None:
@@ -278,7 +288,7 @@ def _stream_recording(
         raise DatasetError(f"{path}: the recording has more than {_MAX_FRAMES} frames")
     given, file = stated_camera(path.parent, path if path.is_dir() else path.parent)
     stated = given.over(stream.stated)
-    unit = unit_mm or stated.unit_mm or 1.0
+    unit = _unit_mm(unit_mm, stated.unit_mm, path) or 1.0
     depth_mm, _ = stream.depth(0, unit)
     check_size(stated, depth_mm.shape, file or path)
     notes = stream.notes + (stream.camera_notes if given.intrinsics is None else ())
