@@ -24,10 +24,12 @@ from glsim.looks.noise import smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 
 #: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
-_EDGE_MM: Final = {"head": 16.0, "body": 34.0}
+_EDGE_MM: Final = {"head": 16.0, "body": 25.0}
 #: Share of a garment's triangles that is drawn: the others moved its depth by less than 0.05 mm on
 #: average (docs/speed.md). Chosen by that.
-_DRAWN_SHARE: Final = 0.3
+_DRAWN_SHARE = 0.3
+#: The same of whole people, whose grid is coarser: fewer show as facets. Chosen on pictures.
+_DRAWN_OF_PEOPLE = 0.6
 #: The collar's plane falls forward: the back of the neck is covered higher; chosen.
 _SLOPE: Final = 0.42
 #: Away from the middle of the neck, along it: normal to the collar's plane.
@@ -226,11 +228,11 @@ def make_clothes(
         (top_mm - y, legs, lower, LEGS, body.crotch_mm, seed + 40),
         (far, np.where(on_foot, 1.0, -1.0), shoes, FEET, 0.0, seed + 60),
     ]
-    shells = []
+    shells, share = [], _DRAWN_OF_PEOPLE if on_leg.any() else _DRAWN_SHARE
     for top, inside, garment, limbs, end_mm, number in pieces if on_leg.any() else pieces[:1]:
         piece = body.cut(top, inside)
         if len(piece.grid.faces) >= 20:
-            shells.append(_garment(piece, garment, limbs, end_mm, number, scale))
+            shells.append(_garment(piece, garment, limbs, end_mm, number, scale, share))
     return shells
 
 
@@ -241,6 +243,7 @@ def _garment(
     hem_mm: float,
     seed: int,
     scale: float,
+    share: float,
 ) -> Shell:
     """Make a garment over the skin that it covers, with sleeves or legs on ``limbs``."""
     on_limb = np.isin(piece.part, limbs)
@@ -283,7 +286,7 @@ def _garment(
         surface[:, 2] += garment.placket * front * ((piece.local[:, 2] > 0) & ~on_limb)
     if limbs == FEET:
         surface = _shoes(piece, surface, garment.ease)
-    return _sewn(piece, garment, surface, scale)
+    return _sewn(piece, garment, surface, scale, share)
 
 
 def _repeated(change: Averaging, rounds: int, values: Array) -> Array:
@@ -403,7 +406,7 @@ def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed
     return np.asarray(height)
 
 
-def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> Shell:
+def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float, share: float) -> Shell:
     """Sew cloth points (N, 3) mm to a garment with hems and collar; its edges are straightened."""
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -462,7 +465,7 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float) -> S
         near[faces[near[faces].any(axis=1)]] = True
     inner = faces[near[faces].all(axis=1)]
     both = np.concatenate([faces, *strips, inner[:, ::-1], *(strip[:, ::-1] for strip in stiff)])
-    points, drawn, nearest = reduced(np.concatenate(placed), both, _DRAWN_SHARE)
+    points, drawn, nearest = reduced(np.concatenate(placed), both, share)
     anchors = piece.grid.anchors.taken(np.concatenate(bases)[nearest])
     offset = points - anchors.place(piece.rest_mm[piece.grid.base])
     drop = np.concatenate(drops)[nearest].astype(np.float32) if stands else None
