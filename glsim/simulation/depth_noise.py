@@ -81,6 +81,8 @@ class DepthNoise:
         focal_px: tuple[float, float] | None = None,
         centre_px: tuple[float, float] | None = None,
     ) -> None:
+        if not isinstance(sensor, str | Settings):
+            raise ConfigError(f"sensor {sensor!r}: give a name, a .toml file, or Settings")
         if not 0.0 <= p <= 1.0:
             raise ConfigError(f"p {p}: is a probability, 0 to 1")
         if backend not in (None, *_BACKENDS):
