@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -75,13 +76,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for sensor in options.sensor or _SENSORS:
         drawn, made = DepthNoise(sensor), DepthNoise(sensor, device=options.device)
         ways: dict[str, tuple[int, Callable[[], object]]] = {
-            "OpenGL": (len(some), lambda noise=drawn: noise(some, frame=0)),
-            "torch": (len(maps), lambda noise=made: noise(maps, seeds=seeds)),
+            "OpenGL": (len(some), partial(drawn, some, frame=0)),
+            "torch": (len(maps), partial(made, maps, seeds=seeds)),
             "lean": (len(maps), lambda: lean(maps)),
         }
         if options.compiled:
             fast = DepthNoise(sensor, device=options.device, compiled=True)
-            ways["compiled"] = len(maps), lambda noise=fast: noise(maps, seeds=seeds)
+            ways["compiled"] = len(maps), partial(fast, maps, seeds=seeds)
         for _, call in ways.values():
             call()
         best = dict.fromkeys(ways, np.inf)

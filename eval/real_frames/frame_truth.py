@@ -161,7 +161,7 @@ class FrameTruth:
         return np.asarray(np.isfinite(raw) & moved, np.bool_)
 
 
-def find_planes(depth_mm: Array) -> list[tuple[tuple[slice, slice], Mask]]:
+def find_planes(depth_mm: NDArray[np.floating]) -> list[tuple[tuple[slice, slice], Mask]]:
     """Return the tiles of a raw map that show one plane, and their pixels without outliers.
 
     A plane is linear in 1/depth. Outliers are removed in _ROUNDS; a tile that bends is no plane.

@@ -96,7 +96,7 @@ def _recording(path: Path) -> Recording | None:
     """Open a recording; None for data sets, meshes, and what no depth camera makes."""
     from glsim.data.header import is_dataset
     from glsim.data.recordings.recording import open_recording
-    from glsim.faces.meshes.load import EXTENSIONS
+    from glsim.faces.meshes.obj import EXTENSIONS
 
     meshes = path.rglob("*") if path.is_dir() else (path,)
     if is_dataset(path) or any(file.suffix.lower() in EXTENSIONS for file in meshes):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
-from glsim.core.products import norm
+from glsim.core.products import norm, product
 from glsim.core.rect import Rect
 
 FloatArray = NDArray[np.float32]
@@ -285,7 +285,7 @@ class ColourCamera:
 
         matrix = np.eye(4)
         matrix[:3, :3] = cv2.Rodrigues(np.radians(self.turn_deg))[0]
-        matrix[:3, 3] = -matrix[:3, :3] @ np.array(self.position_m)
+        matrix[:3, 3] = -product(matrix[:3, :3], np.array(self.position_m))
         return matrix
 
     def corner_points(self, window: Rect, z_m: float) -> NDArray[np.float64]:
@@ -293,7 +293,7 @@ class ColourCamera:
         i = self.intrinsics
         corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * window[2:] + window[:2]
         rays = np.column_stack([(corners - (i.cx, i.cy)) / (i.fx, i.fy), np.ones(4)])
-        return z_m * rays @ self.from_depth()[:3, :3] + self.position_m
+        return z_m * product(rays, self.from_depth()[:3, :3]) + self.position_m
 
 
 @dataclass(frozen=True)

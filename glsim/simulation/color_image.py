@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.mesh import SKIN_ALBEDO
+from glsim.core.products import norm, product
 from glsim.core.seeds import rng_for
 from glsim.noise.frame_context import Layers
 from glsim.settings.distribution import DrawKeys
@@ -54,7 +55,7 @@ def color_image(layers: Layers, numbers: Mapping[str, int], seeds: DrawKeys) -> 
     codes = np.zeros(seen.shape, np.uint8) if region is None else region.astype(np.uint8)
     lamp = rng_for(seeds.sequence, "lamp")
     away = np.array([lamp.uniform(-1, 1), -lamp.uniform(0.3, 1.2), -1.0])  # y is down, z away
-    direct = np.clip(normal[..., :3] @ (away / np.linalg.norm(away)), 0, None)
+    direct = np.clip(product(normal[..., :3], away / norm(away)), 0, None)
     around = 0.75 - 0.25 * normal[..., 1]
     light = _AMBIENT * around + (1 - _AMBIENT) * direct
     bright = palette[codes] * (light * normal[..., 3] / SKIN_ALBEDO)[..., None]

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
+from glsim.core.products import product
 from glsim.core.seeds import stable_seed
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceSource
@@ -356,7 +357,7 @@ class Simulator:
         if self._colour is None or colour is None:
             return {}
         turn = colour.from_depth()
-        meshes = [(mesh, (turn @ view).astype(np.float32)) for mesh, view in scene.meshes]
+        meshes = [(mesh, product(turn, view).astype(np.float32)) for mesh, view in scene.meshes]
         with self._colour.render(meshes, labels=scene.labels, window=scene.crop) as rendered:
             names = ["clean", *(["region"] if scene.labels else [])]
             if {"normals", "color"} & set(self._layers):
@@ -383,7 +384,7 @@ class Simulator:
         if (colour := rig.registered) is not None:
             layers = register(layers, window, image, colour, item.true, scene.crop)
             window, crop, image = scene.crop, scene.crop, rig.delivered
-            head_to_camera = colour.from_depth() @ head_to_camera
+            head_to_camera = product(colour.from_depth(), head_to_camera)
             if landmarks_m is not None:
                 landmarks_m = to_camera(landmarks_m, colour.from_depth())
         shown: dict[str, NDArray[Any]] = dict(layers)

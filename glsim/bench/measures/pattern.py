@@ -103,7 +103,8 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     half_steps = own_rows * np.where(np.arange(shape[0]) % 2 == 1, 1.0, -1.0)
     bands = np.array_split(half_steps.mean(axis=0), BANDS)
     alternation = [np.nanmean(b) if np.isfinite(b).sum() >= 10 else nan for b in bands]
-    alternating = _covariance(*(_running_mean(h, 41, least=20) for h in half_steps), centre=False)
+    first, second = (_running_mean(half, 41, least=20) for half in half_steps)
+    alternating = _covariance(first, second, centre=False)
     other = _covariance(own_rows[0], own_rows[1]) - alternating
     rms = np.sqrt(max(alternating, 0.0)) / _LEFT_ALTERNATION
     likeness = side / total if total > 0 else nan

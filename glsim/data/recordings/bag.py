@@ -133,7 +133,7 @@ class BagStream(FrameStream):
     def _open(self) -> Any:
         from bz2 import BZ2Decompressor
 
-        from lz4.frame import LZ4FrameDecompressor
+        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
         from rosbags.highlevel import AnyReader
         from rosbags.rosbag1 import reader as ros1
         from rosbags.rosbag2 import reader as ros2
