@@ -35,6 +35,7 @@ def _set(seed: int, sigma_mm: float, smooth: int, frames: int = 6) -> Frames:
     return frames_of(f"seed {seed}", depths)
 
 
+@pytest.mark.long
 def test_two_samples_of_one_simulator_cannot_be_told_apart() -> None:
     first, second = (surface_patches(_set(s, 1.2, 3))["planes"] for s in (100, 200))
     verdict = tell_apart(first, second)

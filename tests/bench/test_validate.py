@@ -111,11 +111,11 @@ def test_kinect_v2_has_the_noise_of_a_kinect_v2(context: moderngl.Context) -> No
     [
         ("kinect-v1", 24),
         ("kinect-v2-paper", 24),
-        ("azure-kinect", 8),
-        ("realsense-d435", 64),
+        pytest.param("azure-kinect", 8, marks=pytest.mark.long),
+        pytest.param("realsense-d435", 64, marks=pytest.mark.long),
         pytest.param("realsense-d455", 64, marks=pytest.mark.long),
-        ("truedepth", 64),
-        ("kinect-v1-pattern", 64),
+        pytest.param("truedepth", 64, marks=pytest.mark.long),
+        pytest.param("kinect-v1-pattern", 64, marks=pytest.mark.long),
     ],
 )
 def test_the_sheet_passes(context: moderngl.Context, sensor: str, frames: int) -> None:
@@ -184,6 +184,7 @@ def test_structured_light_is_found_out(context: moderngl.Context) -> None:
         ),
     ],
 )
+@pytest.mark.long
 def test_the_sheet_notices_another_matcher(
     context: moderngl.Context, tmp_path: Path, change: str, rows: set[str]
 ) -> None:

@@ -174,6 +174,7 @@ def test_tuning_sees_one_half_and_scoring_the_other(pair: Path) -> None:
     assert scored.methods[tuned[0]].pair_change.high < -70
 
 
+@pytest.mark.long
 def test_the_command_writes_the_same_tables_twice(pair: Path, tmp_path: Path) -> None:
     written = []
     for out in (tmp_path / "one", tmp_path / "two"):

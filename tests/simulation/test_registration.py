@@ -82,6 +82,7 @@ def as_librealsense(
     return aligned
 
 
+@pytest.mark.long
 def test_pixels_land_where_librealsense_puts_them(context: moderngl.Context) -> None:
     noisy = drawn(context, "realsense-d435", scene__wall_mm=1500).noisy
     rig = load_sensor("realsense-d435", rig_overrides={"deliver": "colour"}).rig
