@@ -23,8 +23,9 @@ _LONG = {"tune", "fetch", "transfer", "paper"}
 #: Words of command lines that need another machine, a network, or data of somebody else.
 _NOBODY = re.compile(
     r"--ray|--part|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
-    r"\bscans\b|\bdumps\b|d3dfacs|\.bag\b|my_camera|--source people|--preset randomised|"
-    r"-o (videos|sequences)|\b(heads|videos|sequences|test)\b(?=.*-d)|--runs"
+    r"\bscans\b|\bdumps\b|d3dfacs|\.bag\b|my_camera|--source people|"
+    r"--preset randomised(?!.*appearance)|-o (videos|sequences)|"
+    r"\b(heads|videos|sequences|test)\b(?=.*-d)|--runs"
 )
 _SMALL = {
     "generate": ["--subjects", "10", "--frames-per-subject", "1", "--workers", "2", "-q"],
