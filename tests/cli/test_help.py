@@ -32,7 +32,7 @@ COMMANDS = dict(commands(load_commands()))
 def examples(epilog: str) -> list[list[str]]:
     """Return the words that ``glsim`` gets of each example line, as bash passes them."""
     lines = re.findall(r"^(?:[A-Z_]+=\S+ )?glsim .*$", epilog, re.MULTILINE)
-    lines = [re.split(r"\s{2,}", line)[0] for line in lines]
+    lines = [re.split(r"\s{2,}| > ", line)[0] for line in lines]
     script = "glsim() { printf '%s\\n' \"$@\"; echo; }\n" + "\n".join(lines)
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert done.stderr == ""
