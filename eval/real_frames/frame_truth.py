@@ -123,7 +123,7 @@ class FrameTruth:
         return sums
 
     def _planes(self, filled: Array) -> Array:
-        """Sum squared residuals of tiles from the planes fitted to them, mm^2.
+        """Return pixels and squared residuals, mm^2, of planes fitted to tiles, by distance.
 
         Unlike static pairs, planes show errors that stay from frame to frame, as of stereo cameras.
         """

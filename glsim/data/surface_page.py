@@ -1,4 +1,4 @@
-"""A page that shows the depth maps of a frame as shaded surfaces to turn, in one file."""
+"""Build one HTML file that shows the depth maps of a frame as shaded surfaces to turn."""
 
 from __future__ import annotations
 

@@ -71,7 +71,10 @@ class _Half:
         self._front = self._skin[front]
 
     def subnasale(self) -> int:
-        """Return the vertex where the columella, which hangs over it, meets the upper lip."""
+        """Return the vertex of the subnasale, where the columella meets the upper lip.
+
+        The columella hangs over it in the frontal view: take the rearmost vertex nearby.
+        """
         points = self._template.points[self._front]
         near = np.hypot(points[:, 0], points[:, 1] - SUBNASALE_Y) < 1.0
         return int(self._front[near][points[near, 2].argmin()])

@@ -161,7 +161,7 @@ def _likelihood(values: Array, constants: Array, offset: float) -> Array:
 
 
 def _nearest_fits(value: float, constants: Array, offset: float) -> NDArray[np.bool_]:
-    """Tell for which K constants, (K,), the level nearest to a depth rounds to it."""
+    """Return (K,) bool: whether a lattice of that constant has a level that rounds to the depth."""
     place = np.maximum(np.rint(constants / value - offset), 1.0) + offset
     return np.asarray(np.abs(constants / place - value) <= _TOLERANCE)
 

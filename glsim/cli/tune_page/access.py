@@ -139,7 +139,7 @@ class AccessCheck:
         return known and origin == host
 
     def _is_own_user(self, request: HTTPConnection) -> bool:
-        """Whether no other user of this machine connects (Linux).
+        """Return whether the connection is not of another user of this machine (Linux).
 
         Browsers send a cookie to every port of a host, hence also to servers of other users.
         """

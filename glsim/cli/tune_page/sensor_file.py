@@ -107,7 +107,7 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
 
 
 def _replace(table: Any, key: str, value: Any) -> None:
-    """Set a value; its comment says what it was, instead of where that came from."""
+    """Set a value, and replace the comment, the old value's source, by the old value."""
     before = table.get(key)
     if before == value:
         return

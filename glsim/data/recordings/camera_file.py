@@ -116,7 +116,7 @@ def read_camera_file(file: Path) -> StatedCamera:
 
 
 def sensor_camera(name: str) -> StatedCamera:
-    """Return what a shipped sensor says about its recordings."""
+    """Return the camera of a shipped sensor: intrinsics, distortion, step, baseline, title."""
     sensor = load_sensor(name)
     rig = sensor.rig
     matcher: dict[str, Any] = next(

@@ -240,7 +240,10 @@ def open_recording(
 
 
 def _unit_mm(given: float | None, stated: float | None, where: Path) -> float | None:
-    """Return the step of integers, mm. Raises ConfigError for an option that files contradict."""
+    """Return the depth of one step of whole numbers, mm, as given or as stated in files.
+
+    Raises ConfigError where these differ.
+    """
     if given is not None and stated is not None and given != stated:
         raise ConfigError(
             f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "

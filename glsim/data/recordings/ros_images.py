@@ -1,4 +1,4 @@
-"""Pixels of the image messages of ROS: raw, and compressed without loss (PNG, RVL)."""
+"""Decode image messages of ROS: raw, and compressed without loss (PNG, RVL)."""
 
 from __future__ import annotations
 
