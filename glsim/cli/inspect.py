@@ -15,7 +15,7 @@ from glsim.cli.common import (
     print_json,
     print_written,
 )
-from glsim.core.errors import ConfigError, GlsimError, MeshError
+from glsim.core.errors import ConfigError, MeshError, NoDepthError
 
 if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
@@ -103,10 +103,8 @@ def _recording(path: Path) -> Recording | None:
         return None
     try:
         return open_recording(path)
-    except GlsimError as error:
-        if "holds no" in str(error):
-            return None
-        raise
+    except NoDepthError:
+        return None
 
 
 def _camera(recording: Recording) -> dict[str, Any]:
@@ -142,11 +140,11 @@ def _camera(recording: Recording) -> dict[str, Any]:
 
 def _print_camera(content: dict[str, Any]) -> None:
     out = make_console(soft_wrap=True)
+    step = f"steps of {content['step_mm']:g} mm" if content["step_mm"] else "not rounded"
     light = "with" if content["infrared"] else "without"
     out.print(
         f"{content['path']}: {content['kind']}, {content['frames']} frames of "
-        f"{content['width_px']} x {content['height_px']} px {light} infrared, first step "
-        f"{content['step_mm']:g} mm"
+        f"{content['width_px']} x {content['height_px']} px {light} infrared, {step}"
     )
     if content["sensor"]:
         out.print(f"camera: like {content['sensor']}, because {content['because']}")

@@ -69,6 +69,10 @@ class DatasetError(GlsimError):
     """The error of a data set on disk that is invalid or cannot be written."""
 
 
+class NoDepthError(DatasetError):
+    """The error of a place without depth maps that a recording could consist of."""
+
+
 class TrainError(GlsimError):
     """The error of a training that cannot start, continue or be saved, or of a bad checkpoint."""
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from glsim.core.camera import Intrinsics
-from glsim.core.errors import DatasetError, MeshError
+from glsim.core.errors import DatasetError, MeshError, NoDepthError
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
 from glsim.core.files.regular import read_data, read_regular
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
@@ -41,7 +41,7 @@ def depth_files(root: Path) -> tuple[str, list[Path]]:
             kind = "iai_kinect2"
         marked = marked or [file for file in maps if file.stem.startswith("depth")]
         return kind, marked or maps
-    raise DatasetError(
+    raise NoDepthError(
         f"{root}: holds no 16-bit .png or .tiff depth maps, .exr, .npy stacks or dumps of "
         "libfreenect2 (.bin, .raw, .depth), no .bag and no .mkv"
     )
