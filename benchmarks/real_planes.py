@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.data.map_files import read_map_mm
+from glsim.data.recordings.files import read_map_mm
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.registry import GRIDS, load_denoiser, tuning_specs
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from glsim import DepthNoise, load_settings
 from glsim.core.files.atomic import write_atomic
 from glsim.data.contact_sheet import Picture, shaded
-from glsim.data.map_files import read_map_mm
+from glsim.data.recordings.files import read_map_mm
 from glsim.noise.realsense_filters import fill_holes
 
 #: Side of a detail, px, and how much larger it is drawn.

@@ -16,13 +16,13 @@ import numpy as np
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import MEANING, DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.listing import files_below
 from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
 from glsim.core.files.regular import read_regular
 from glsim.data.disk_format import HEADER
 from glsim.data.header import is_dataset
 from glsim.data.layer_images import decode_layer
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.names import visible
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
 from glsim.denoise.interface import Depth
@@ -62,7 +62,7 @@ def _folder_frames(
     found = {
         str(file.relative_to(path))[: -len(f"_{layer}.png")]
         for layer in (truth, "noisy")
-        for file in visible(path, f"**/*_{layer}.png")
+        for file in files_below(path, (f"_{layer}.png",))
     }
     if not found:
         raise DatasetError(

@@ -22,7 +22,7 @@ from glsim.cli.common import (
 from glsim.core.errors import ConfigError, DatasetError
 
 if TYPE_CHECKING:
-    from glsim.denoise.depth_files import MapUnits
+    from glsim.data.recordings.files import MapFiles
     from glsim.settings.schema import Settings
 
 EXAMPLES = """
@@ -66,7 +66,7 @@ def corrupt(
     """
     from glsim.core.files.atomic import flush_outputs
     from glsim.data.recordings.names import left_out, left_out_text
-    from glsim.denoise.depth_files import map_units
+    from glsim.denoise.depth_files import map_files
     from glsim.settings.schema import load_settings
 
     settings = load_settings(
@@ -77,15 +77,15 @@ def corrupt(
     pairs = _pairs(clean, out)
     given_mm = settings.output.depth_unit_mm
     given = given_mm if given_mm != 1 else depth_unit_mm
-    units = map_units([source for source, _ in pairs], given, channel)
+    maps = map_files([source for source, _ in pairs], given, channel)
     focal = None if focal_px is None else (focal_px, focal_px)
     centre = None if centre_px is None else two_numbers("--centre-px", centre_px)
-    failures = _corrupt_maps(pairs, units, settings, backend, focal, centre)
+    failures = _corrupt_maps(pairs, maps, settings, backend, focal, centre)
     if len(pairs) > 1:
         flush_outputs(out)
     if others := left_out([clean], "clean"):
         print_message(f"left out {left_out_text(others)}: no clean depth")
-    for note in units.notes:
+    for note in maps.notes:
         print_message(note)
     if focal is None:
         print_message("the camera of the maps is taken for the sensor's (--focal-px)")
@@ -96,7 +96,7 @@ def corrupt(
 
 def _corrupt_maps(
     pairs: Sequence[tuple[Path, Path]],
-    units: MapUnits,
+    maps: MapFiles,
     settings: Settings,
     backend: str | None,
     focal: tuple[float, float] | None,
@@ -113,9 +113,9 @@ def _corrupt_maps(
 
     copies, failures, alone = Counter[str](), 0, len(pairs) == 1
     with DepthNoise(settings, backend=backend, focal_px=focal, centre_px=centre) as noise:
-        for source, target in pairs:
+        for number, (source, target) in enumerate(pairs):
             try:
-                depth_mm = units.read(source)
+                depth_mm, _ = maps.depth(number)
             except DatasetError as error:
                 if alone:
                     raise
@@ -126,8 +126,8 @@ def _corrupt_maps(
             depth_m = depth_mm / np.float32(1000)
             frame = noise.corrupt_depth(depth_m, frame=copies[name], sequence=name)
             copies[name] += 1
-            stated = units.step_mm != 1 or stated_unit_mm(source) is not None
-            data = encode_map(frame.noisy_m, format_of(target), units.step_mm, state_unit=stated)
+            stated = maps.step_mm != 1 or stated_unit_mm(source) is not None
+            data = encode_map(frame.noisy_m, format_of(target), maps.step_mm, state_unit=stated)
             write_atomic(data, target, sync=alone)
     return failures
 

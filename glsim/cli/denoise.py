@@ -72,12 +72,7 @@ def denoise(
     from glsim.core.files.atomic import flush_outputs
     from glsim.data.map_files import FORMATS
     from glsim.data.recordings.names import left_out, left_out_text
-    from glsim.denoise.depth_files import (
-        find_maps,
-        infrared_files,
-        map_units,
-        output_step_mm,
-    )
+    from glsim.denoise.depth_files import find_maps, infrared_files, map_files, output_step_mm
     from glsim.denoise.frames import MapReader
     from glsim.denoise.registry import load_denoiser
 
@@ -91,10 +86,10 @@ def denoise(
     if infrared is not None and not loaded.infrared:
         raise ConfigError(f"--infrared: {loaded.label} does not use infrared")
     pairs = find_maps(noisy, out, form)
-    units = map_units([source for source, _ in pairs], depth_unit_mm, channel)
-    out_step_mm = output_step_mm(pairs, units.step_mm, form, out_unit_mm)
+    files = map_files([source for source, _ in pairs], depth_unit_mm, channel)
+    out_step_mm = output_step_mm(pairs, files.step_mm, form, out_unit_mm)
     images = infrared_files([s for s, _ in pairs], infrared) if loaded.infrared else ()
-    maps = MapReader([s for s, _ in pairs], units, loaded.device, images, chosen)
+    maps = MapReader(files, loaded.device, images, chosen)
     sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
     failures = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
     if len(pairs) > 1:
@@ -103,7 +98,7 @@ def denoise(
             flush_outputs(uncertainty)
     if others := left_out([Path(text) for text in noisy], "noisy"):
         print_message(f"left out {left_out_text(others)}: no noisy depth")
-    for note in units.notes:
+    for note in files.notes:
         print_message(note)
     unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}, in {unit}")

@@ -94,12 +94,14 @@ def inspect(
 
 def _recording(path: Path) -> Recording | None:
     """Open a recording; None for data sets, meshes, and what no depth camera makes."""
+    from glsim.core.files.listing import files_below
     from glsim.data.header import is_dataset
     from glsim.data.recordings.recording import open_recording
     from glsim.faces.meshes.obj import EXTENSIONS
 
-    meshes = path.rglob("*") if path.is_dir() else (path,)
-    if is_dataset(path) or any(file.suffix.lower() in EXTENSIONS for file in meshes):
+    if is_dataset(path) or path.suffix.lower() in EXTENSIONS:
+        return None
+    if path.is_dir() and any(files_below(path, EXTENSIONS)):
         return None
     try:
         return open_recording(path)

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Final
 
 from glsim.core.errors import ConfigError, GlsimError
+from glsim.core.files.listing import entries
 from glsim.data.contact_sheet import PreviewFrame
 from glsim.data.disk_format import HEADER
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSource
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
-from glsim.faces.scans.file_tree import check_root, list_names
+from glsim.faces.scans.file_tree import check_root
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import generates, source_kinds, source_table
@@ -160,6 +161,6 @@ def _folders(root: Path, depth: int) -> Iterator[Path]:
         below: list[Path] = []
         for folder in level[:_MAX_FOLDERS]:
             with suppress(GlsimError):  # one that cannot be read
-                below += [folder / name for name in list_names(folder) if (folder / name).is_dir()]
+                below += [folder / name for name in entries(folder, ())[1]]
         yield from below
         level = below

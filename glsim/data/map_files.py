@@ -1,4 +1,4 @@
-"""Files of single depth maps, in and out: PNG, TIFF, NPY, OpenEXR.
+"""Files of single depth maps, in and out: PNG, TIFF, NPY, OpenEXR; dumps of two programs, in.
 
 Whole numbers are steps of a unit (millimetres by default), as in PNG; floating numbers are metres,
 or millimetres if the median of their set says so. 0, NaN, infinity and a far plane are no depth.
@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, MeshError
 from glsim.core.files.exr import decode_exr, depth_channel, encode_exr, require_exr
 from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import (
@@ -23,13 +23,19 @@ from glsim.core.files.png import (
     MAX_MAP_PX,
     encode_png,
     read_image,
-    stated_unit_mm,
 )
 from glsim.core.files.regular import read_data
+from glsim.faces.scans.biwi_files import read_depth_bin
 from glsim.simulation.frame import encode_depth, to_mm
 
 #: Suffixes of the files that are read and written.
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")
+#: Those of dumps of libfreenect2, and of Biwi's depth.bin, which are read only.
+DUMPS: Final = (".bin", ".raw", ".depth", ".ir")
+#: Size of a Kinect V2's images, which a dump of libfreenect2 does not state.
+DUMP_SHAPE: Final = (424, 512)
+#: Calibration of a Biwi recording, in the folder of its frames.
+BIWI_CALIBRATION: Final = "depth.cal"
 #: Formats of ``encode_map`` -> their suffixes, the usual one first. TIFF: of 16 bits.
 FORMATS: Final = {
     "png": (".png",),
@@ -49,15 +55,8 @@ TAKEN_FOR_MM: Final = "nothing states a unit: whole numbers are taken for mm (--
 #: Middle depth of a set of floats: metres below the first, millimetres from the second on. No face
 #: is recorded from more than 20 m or less than 0.2 m; centimetres lie between.
 _METRES_BELOW, _MILLIMETRES_FROM = 20.0, 200.0
-#: Maps of a set that its unit is decided by, and values of each.
-_SAMPLE, _SAMPLE_PX = 16, 20_000
 #: Values of a map that are no multiples of 8 by chance.
 _LEAST_VALUES = 32
-
-
-def is_map(path: Path) -> bool:
-    """Return whether a file has the suffix of a depth map."""
-    return path.suffix.lower() in SUFFIXES
 
 
 def format_of(path: Path) -> str:
@@ -68,7 +67,7 @@ def format_of(path: Path) -> str:
 
 def read_stored(
     path: Path,
-    number: int = 0,
+    number: int | None = None,
     *,
     inside: Path | None = None,
     channel: str | None = None,
@@ -79,8 +78,8 @@ def read_stored(
     Axes of length 1 and channels that are all alike are dropped.
 
     Args:
-        path: of one of SUFFIXES; others are read as PNG.
-        number: of the map in a .npy stack.
+        path: of one of SUFFIXES or DUMPS; others are read as PNG.
+        number: of the map in a .npy stack; None if the file holds one map.
         inside: a folder that no link may lead out of.
         channel: of an OpenEXR file.
         infrared: the image is infrared.
@@ -92,9 +91,15 @@ def read_stored(
     suffix = path.suffix.lower()
     if suffix == ".npy":
         stack = open_stack(path)
-        if number >= len(stack):
+        if number is None and len(stack) > 1:
+            raise DatasetError(
+                f"{path}: is a stack of {len(stack)} maps, not one: save each by itself"
+            )
+        if (number or 0) >= len(stack):
             raise DatasetError(f"{path}: has {len(stack)} frames, frame {number} is needed")
-        return np.array(stack[number])
+        return np.array(stack[number or 0])
+    if suffix in DUMPS:
+        return _read_dump(path)
     values = _read_exr(path, channel) if suffix == ".exr" else read_image(path, inside=inside)
     return _checked(_squeezed(values), path, 2, infrared)
 
@@ -146,8 +151,8 @@ def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
     Raises:
         DatasetError: they are neither.
     """
-    votes = [v.ravel()[:: v.size // _SAMPLE_PX + 1] for v in images if v.dtype.kind == "f"]
-    values = np.concatenate([np.zeros(1), *votes]).astype(np.float64)
+    floats = [image.ravel() for image in images if image.dtype.kind == "f"]
+    values = np.concatenate([np.zeros(1), *floats]).astype(np.float64)
     values = values[(values > 0) & (values < FAR_MM)]
     nearer = values[values < values.max(initial=0.0)]
     middle = float(np.median(nearer if nearer.size else values)) if values.size else 0.0
@@ -157,11 +162,6 @@ def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
             f"{_METRES_BELOW:g}) nor millimetres (from {_MILLIMETRES_FROM:g}): convert them"
         )
     return middle < _METRES_BELOW
-
-
-def sample(count: int) -> list[int]:
-    """Return the numbers of the maps of a set that its unit is decided by."""
-    return sorted({*np.linspace(0, count - 1, min(count, _SAMPLE)).astype(int).tolist()})
 
 
 def refuse_shifted(image: NDArray[Any], where: Path) -> None:
@@ -194,39 +194,6 @@ def depth_in_mm(
             depth_mm[image == SATURATED] = 0
     depth_mm[~((depth_mm > 0) & (depth_mm < FAR_MM))] = 0
     return depth_mm
-
-
-def read_map_mm(
-    path: Path,
-    unit_mm: float,
-    offset_mm: float = 0.0,
-    *,
-    inside: Path | None = None,
-    channel: str | None = None,
-    in_metres: bool | None = None,
-) -> NDArray[np.float32]:
-    """Read a depth map, (H, W) float32 millimetres, 0 = no depth.
-
-    See ``read_stored`` for path, inside, channel and errors, ``depth_in_mm`` for the rest.
-
-    Args:
-        in_metres: of floats; default: decided by this map alone.
-
-    Raises:
-        DatasetError: also for a stack, and for a PNG file that states another step than unit_mm.
-    """
-    stated_mm = stated_unit_mm(path, inside=inside)
-    if stated_mm is not None and stated_mm != unit_mm:
-        raise DatasetError(
-            f"{path}: states steps of {stated_mm:g} mm, not {unit_mm:g}: give --depth-unit-mm "
-            f"{stated_mm:g}"
-        )
-    if path.suffix.lower() == ".npy" and (count := len(open_stack(path))) > 1:
-        raise DatasetError(f"{path}: is a stack of {count} maps, not one: save each by itself")
-    image = read_stored(path, inside=inside, channel=channel)
-    if in_metres is None:
-        in_metres = floats_in_metres([image], path)
-    return depth_in_mm(image, unit_mm, offset_mm, in_metres=in_metres)
 
 
 def encode_map(
@@ -265,6 +232,21 @@ def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
     import cv2
 
     return bytes(cv2.imencode(".tiff", image)[1].tobytes())
+
+
+def _read_dump(path: Path) -> NDArray[Any]:
+    if path.with_name(BIWI_CALIBRATION).is_file():
+        try:
+            return read_depth_bin(path)
+        except MeshError as error:
+            raise DatasetError(str(error)) from None
+    data, (height, width) = read_data(path, MAX_IMAGE_BYTES), DUMP_SHAPE
+    if len(data) != 4 * height * width:
+        raise DatasetError(
+            f"{path}: has {len(data)} bytes; a dump of libfreenect2's Frame has 512 x 424 float32 "
+            f"({4 * height * width}): decode raw packets with libfreenect2 first"
+        )
+    return np.frombuffer(data, "<f4").reshape(DUMP_SHAPE)
 
 
 def _read_exr(path: Path, channel: str | None) -> NDArray[Any]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import glob
 import os
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import read_json
+from glsim.core.files.listing import natural
 from glsim.core.files.png import stated_unit_mm
 from glsim.data.disk_format import FORMAT, HEADER
 from glsim.data.map_files import (
@@ -21,17 +20,14 @@ from glsim.data.map_files import (
     FORMATS,
     SATURATED,
     SUFFIXES,
-    TAKEN_FOR_MM,
-    floats_in_metres,
     format_of,
-    read_map_mm,
     read_stored,
-    refuse_shifted,
-    sample,
 )
+from glsim.data.recordings.files import FramePlace, MapFiles
 from glsim.data.recordings.folders import stated_camera
-from glsim.data.recordings.names import infrared_beside, maps_in, natural, visible
+from glsim.data.recordings.names import infrared_beside, maps_in
 from glsim.data.recordings.names import infrared_files as named_infrared_files
+from glsim.data.recordings.recording import agreed_unit_mm
 
 #: Step of denoised maps where a reader can know it, mm: rounding to it adds 0.03 mm, and depth up
 #: to 6.5 m fits 16 bits. Whole millimetres cost a network 4 to 8 % of its error.
@@ -95,20 +91,14 @@ def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
     given: see ``glsim.data.recordings.names.infrared_files``. Raises ConfigError if one is missing.
     """
     if given is not None:
-        try:
-            return named_infrared_files(maps, given)
-        except DatasetError as error:
-            raise ConfigError(str(error)) from None
-    files = []
-    for depth in maps:
-        file = infrared_beside(depth)
-        if file is None:
-            raise ConfigError(
-                f"{depth}: has no infrared image beside it ({depth.stem}_infrared.png), which this "
-                "denoiser uses: give one with --infrared, or choose the network face"
-            )
-        files.append(file)
-    return files
+        return named_infrared_files(maps, given)
+    beside = {depth: infrared_beside(depth) for depth in maps}
+    for depth in (depth for depth, file in beside.items() if file is None):
+        raise ConfigError(
+            f"{depth}: has no infrared image beside it ({depth.stem}_infrared.png), which this "
+            "denoiser uses: give one with --infrared, or choose the network face"
+        )
+    return [file for file in beside.values() if file is not None]
 
 
 def dataset_root(folder: Path) -> Path | None:
@@ -128,40 +118,16 @@ def dataset_root(folder: Path) -> Path | None:
     return split.parent if ours else None
 
 
-class MapUnits(NamedTuple):
-    """Units of a set of depth files, as ``map_units`` decides them.
+def map_files(files: Sequence[Path], given: float | None, channel: str | None = None) -> MapFiles:
+    """Open depth maps of one step: the one that they state, else ``given``, else 1 mm.
 
-    Attributes:
-        step_mm: of whole numbers.
-        in_metres: folder -> whether its floats are metres, else millimetres.
-        channel: of OpenEXR files.
-        notes: what is assumed, in lines for the user.
-    """
-
-    step_mm: float
-    in_metres: dict[Path, bool]
-    channel: str | None
-    notes: tuple[str, ...]
-
-    def read(
-        self, file: Path, offset_mm: float = 0.0, inside: Path | None = None
-    ) -> NDArray[np.float32]:
-        """Read a map of the set, (H, W) millimetres, see ``read_map_mm``."""
-        metres = self.in_metres[file.parent]
-        options: dict[str, Any] = {"inside": inside, "channel": self.channel, "in_metres": metres}
-        return read_map_mm(file, self.step_mm, offset_mm, **options)
-
-
-def map_units(files: Sequence[Path], given: float | None, channel: str | None = None) -> MapUnits:
-    """Decide the step of whole numbers for all files, and the unit of floats for each folder.
-
-    The step is the one that they state, else ``given``, else 1 mm. Files of a data set state it in
-    its header, PNG files of ``glsim denoise`` themselves, others by ``stated_camera``.
+    Files of a data set state it in its header, PNG files of ``glsim denoise`` themselves, others by
+    ``stated_camera``.
 
     Raises:
         ConfigError: steps differ, since a wrong step moves every face without looking wrong.
-        DatasetError: the header of the data set, or what a file states, is damaged; whole numbers
-            are shifted, or floats neither metres nor millimetres.
+        DatasetError: the header of the data set, or what a file states, is damaged; and as
+            ``MapFiles``.
     """
     stated = _stated_mm(files)
     if len(stated) > 1:
@@ -169,32 +135,8 @@ def map_units(files: Sequence[Path], given: float | None, channel: str | None = 
             "the maps are of different steps, of data sets or as they state themselves: take "
             "those of one step at a time"
         )
-    found = next(iter(stated), None)
-    if found is not None and given is not None and given != found:
-        raise ConfigError(
-            f"--depth-unit-mm {given:g}: these maps have steps of {found:g} mm, as their data set "
-            "or they themselves state: leave the option out"
-        )
-    step_mm, whole, notes = found or given, False, []
-    in_metres: dict[Path, bool] = {}
-    for folder in dict.fromkeys(file.parent for file in files):
-        own = [file for file in files if file.parent == folder]
-        images = []
-        for file in (own[number] for number in sample(len(own))):
-            if file.suffix.lower() != ".png" or not step_mm:
-                with suppress(DatasetError):  # reported when it is read
-                    images.append(read_stored(file, channel=channel))
-        where = own[0] if len(own) == 1 else folder
-        if not step_mm:
-            for image in images:
-                refuse_shifted(image, where)
-                whole = whole or image.dtype.kind == "u"
-        in_metres[folder] = floats_in_metres(images, where)
-    if whole:
-        notes.append(TAKEN_FOR_MM)
-    if not all(in_metres.values()):
-        notes.append("floats are taken for mm: their median is too large for metres")
-    return MapUnits(step_mm or 1.0, in_metres, channel, tuple(notes))
+    step_mm = agreed_unit_mm(given, next(iter(stated), None), "a file or its data set")
+    return MapFiles([FramePlace(file.stem, file) for file in files], step_mm, channel)
 
 
 def output_step_mm(
@@ -254,10 +196,9 @@ def _of_one(text: str, out: Path) -> list[tuple[Path, Path]]:
     if path.is_dir():
         pairs = [(file, out / file.relative_to(path)) for file in maps_in(path, "noisy")[0]]
     else:
-        relative = path.relative_to(path.anchor)
-        matching = visible(Path(path.anchor or "."), str(relative)) if relative.parts else ()
-        files = [path] if path.is_file() else matching
-        pairs = [(file, out / file.name) for file in files]
+        # Unlike that of pathlib, it leaves out hidden files.
+        matching = [text] if path.is_file() else glob.iglob(text, recursive=True)  # noqa: PTH207
+        pairs = [(Path(f), out / Path(f).name) for f in matching if Path(f).is_file()]
     if not pairs:
         raise ConfigError(f"{text}: no such file, folder of depth maps, or pattern")
     return pairs

@@ -21,7 +21,8 @@ from glsim.core.depth_protocol import (
 )
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import read_depth_png
-from glsim.denoise.depth_files import MapUnits, dataset_root
+from glsim.data.recordings.files import MapFiles
+from glsim.denoise.depth_files import dataset_root
 from glsim.denoise.interface import MIN_MEASURED_MM, Depth
 
 if TYPE_CHECKING:
@@ -88,8 +89,7 @@ class MapReader:
 
     def __init__(
         self,
-        files: Sequence[Path],
-        units: MapUnits,
+        maps: MapFiles,
         device: DeviceCalibration | None = None,
         infrared: Sequence[Path] = (),
         protocol: DepthProtocol = "depth",
@@ -97,17 +97,16 @@ class MapReader:
         """Find the data sets to which the files belong. Raises DatasetError for a damaged data set.
 
         Args:
-            files: 16-bit depth maps.
-            units: of these files.
+            maps: as ``map_files`` opens them.
             device: subtract its errors; crops of data sets have their place in its image.
             infrared: one 16-bit image for each map.
             protocol: "depth": as measured, with the offset that a data set states. "paper": the
                 nearest point of each map at 1 mm.
         """
         self._protocol: DepthProtocol = protocol
-        self._files, self._units, self._device = files, units, device
+        self._maps, self._files, self._device = maps, maps.paths, device
         self._infrared = infrared
-        self._roots = {folder: dataset_root(folder) for folder in {f.parent for f in files}}
+        self._roots = {folder: dataset_root(folder) for folder in {f.parent for f in self._files}}
         #: Data set -> depth of the nearest point of its maps, mm; None: as measured.
         self._nearest_mm: dict[Path, float | None] = {}
         for root in filter(None, {*self._roots.values()}):
@@ -130,7 +129,7 @@ class MapReader:
         file = self._files[number]
         root = self._roots[file.parent]
         stored_mm = self._stored_offset_mm(number)
-        depth = self._units.read(file, stored_mm, root)
+        depth, _ = self._maps.depth(number, stored_mm, root)
         check_millimetres(depth, str(file), self._protocol)
         if self._device is not None:
             pair = self._pairs.get(file.absolute())
@@ -150,7 +149,7 @@ class MapReader:
     def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
         """Return a denoised map, moved from the offset of its frame to the offset of its file."""
         change_mm = self._stored_offset_mm(number) - offset_mm
-        return subtract_offset(depth_mm, change_mm, self._units.step_mm) if change_mm else depth_mm
+        return subtract_offset(depth_mm, change_mm, self._maps.step_mm) if change_mm else depth_mm
 
     def _stored_offset_mm(self, number: int) -> float:
         pair = self._pairs.get(self._files[number].absolute())

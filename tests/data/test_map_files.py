@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.exr import encode_exr
-from glsim.data.map_files import SUFFIXES, encode_map, format_of, read_map_mm
+from glsim.data.map_files import SUFFIXES, encode_map, format_of
+from glsim.data.recordings.files import FramePlace, MapFiles, read_map_mm
 
 UNITS = (900 + np.random.default_rng(0).normal(0, 3, (24, 32))).astype(np.uint16)
 UNITS[:4] = 0
@@ -47,7 +48,7 @@ def test_each_format_is_read_as_millimetres(
     np.testing.assert_allclose(found, UNITS, atol=1e-4)
     assert not found[:4].any()
     if values.dtype == np.uint16:
-        finer = read_map_mm(tmp_path / name, 0.25, 10.0)
+        finer, _ = MapFiles([FramePlace("", tmp_path / name)], 0.25).depth(0, 10.0)
         np.testing.assert_array_equal(finer[4:], UNITS[4:] * np.float32(0.25) + 10)
         assert not finer[:4].any()
 

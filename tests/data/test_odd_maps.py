@@ -16,10 +16,10 @@ from glsim.cli import main
 from glsim.core.errors import DatasetError
 from glsim.core.files.exr import depth_channel
 from glsim.core.files.png import encode_png
-from glsim.data.map_files import read_map_mm
+from glsim.data.recordings.files import read_map_mm
 from glsim.data.recordings.names import maps_in
 from glsim.data.recordings.recording import open_recording
-from glsim.denoise.depth_files import find_maps, map_units
+from glsim.denoise.depth_files import find_maps, map_files
 
 METRES = np.full((32, 40), 0.8, np.float32)
 METRES[8:20, 10:25] = 0.6
@@ -151,10 +151,10 @@ def test_significant_bits_are_heeded_and_shifted_values_refused(tmp_path: Path) 
     for bits in (3, 4):
         file.write_bytes(encode_png(ramp << bits))
         with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
-            map_units([file], None)
+            map_files([file], None)
         with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
             open_recording(file)
-        np.testing.assert_array_equal(map_units([file], 1 / (1 << bits)).read(file), ramp)
+        np.testing.assert_array_equal(map_files([file], 1 / (1 << bits)).depth(0)[0], ramp)
 
 
 def test_a_folder_has_one_unit_in_every_command(tmp_path: Path) -> None:
@@ -163,8 +163,8 @@ def test_a_folder_has_one_unit_in_every_command(tmp_path: Path) -> None:
         np.save(tmp_path / f"{number}.npy", METRES)
     np.save(tmp_path / "3.npy", np.full_like(METRES, 500.0))
     files = maps_in(tmp_path, "noisy")[0]
-    assert near(map_units(files, None).read(files[0]))
-    assert not map_units(files, None).read(files[3]).any()
+    assert near(map_files(files, None).depth(0)[0])
+    assert not map_files(files, None).depth(3)[0].any()
     recording = open_recording(tmp_path)
     assert near(recording.frames[0].noisy_mm)
     assert not recording.frames[3].noisy_mm.any()
@@ -185,7 +185,7 @@ def test_folders_of_tum_have_steps_of_a_fifth_of_a_millimetre(tmp_path: Path, li
     assert near(open_recording(tmp_path / "depth").frames[0].noisy_mm)
     files, others = maps_in(tmp_path, "noisy")
     assert (files, dict(others)) == ([file], {"rgb/*.png": 1})
-    assert near(map_units(files, None).read(file))
+    assert near(map_files(files, None).depth(0)[0])
     (tmp_path / listing).write_text("other words\n")
     assert "nothing states a unit" in open_recording(tmp_path).notes[0]
 

@@ -1,66 +1,91 @@
-"""Read one frame of a depth camera from its files.
+"""Depth maps in files of their own: one decision on the unit of all, then one map at a time.
 
-16-bit integers count steps of a recording's unit. Floats are metres, or millimetres, as
-libfreenect2 writes them: the median of all frames decides.
+16-bit integers count steps of a unit. Floats are metres, or millimetres, as libfreenect2 writes
+them: the median of a folder decides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError, MeshError
-from glsim.core.files.png import MAX_IMAGE_BYTES
-from glsim.core.files.regular import read_regular
+from glsim.core.errors import DatasetError
+from glsim.core.files.png import stated_unit_mm
 from glsim.data.map_files import (
     TAKEN_FOR_MM,
     depth_in_mm,
     floats_in_metres,
     read_stored,
     refuse_shifted,
-    sample,
 )
-from glsim.faces.scans.biwi_files import read_depth_bin
+from glsim.data.recordings.names import infrared_beside
 
 Array = NDArray[np.float32]
 
-#: Size of a Kinect V2's images, which a dump of libfreenect2 does not state.
-DUMP_SHAPE = (424, 512)
-IMAGES, DUMPS = (".png", ".tif", ".tiff", ".exr"), (".bin", ".raw", ".depth", ".ir")
-#: Calibration of a Biwi recording, in the folder of its frames.
-BIWI_CALIBRATION = "depth.cal"
-#: Shortest side of a depth frame, pixels: slopes and 3 x 3 windows need some.
-_LEAST_PX = 8
+#: Maps of a folder that its unit is decided by, and values of each.
+_SAMPLE, _SAMPLE_PX = 16, 20_000
 
 
 class FramePlace(NamedTuple):
-    """Where one frame lies on the disk.
+    """Where one depth map lies on the disk.
 
     Attributes:
         name: unique in the recording, without slashes.
-        depth_file: 16-bit PNG, TIFF, ``.npy`` stack, dump of libfreenect2, or Biwi's depth.bin.
-        infrared_file: the same for the infrared image; None without one.
-        number: position in a stack, else 0.
+        file: PNG, TIFF, OpenEXR, ``.npy``, dump of libfreenect2, or Biwi's depth.bin.
+        number: position in a stack; None if the file holds one map.
     """
 
     name: str
-    depth_file: Path
-    infrared_file: Path | None
-    number: int = 0
+    file: Path
+    number: int | None = None
 
 
-class FrameFiles:
-    """Reads the frames of a recording from their files."""
+class MapFiles:
+    """Reads depth maps and their infrared images from files.
 
-    def __init__(self, places: Sequence[FramePlace], channel: str | None = None) -> None:
-        """Take the places of the frames, in order, and the channel of OpenEXR files."""
-        self._places, self._channel = tuple(places), channel
+    Attributes:
+        paths: file of each map.
+        step_mm: of whole numbers.
+        notes: what is assumed where nothing states a unit, in lines for the user.
+    """
+
+    def __init__(
+        self,
+        places: Sequence[FramePlace],
+        unit_mm: float | None = None,
+        channel: str | None = None,
+        infrared: Sequence[Path] | None = None,
+        unit_wins: bool = False,
+    ) -> None:
+        """Decide the unit of floats for each folder.
+
+        Args:
+            places: of the maps, in order.
+            unit_mm: step of whole numbers as stated or given; default: 1, which is noted.
+            channel: of OpenEXR files.
+            infrared: image of each map; default: those beside them.
+            unit_wins: over the steps that PNG files state, as that of a camera.toml does.
+
+        Raises:
+            DatasetError: whole numbers are shifted, or floats neither metres nor millimetres.
+        """
+        self._places, self._channel, self._infrared = tuple(places), channel or None, infrared
+        self.step_mm, self.notes = unit_mm or 1.0, ()
+        self._unit_wins = unit_wins
+        self.paths = [place.file for place in self._places]
+        folders: dict[Path, list[FramePlace]] = {}
+        for place in self._places:
+            folders.setdefault(place.file.parent, []).append(place)
+        self._in_metres: Mapping[Path, bool] = {
+            folder: self._floats_in_metres(own, unit_mm is None) for folder, own in folders.items()
+        }
+        if not all(self._in_metres.values()):
+            floats = "floats are taken for mm: their median is too large for metres"
+            self.notes = (*self.notes, floats)
 
     def __len__(self) -> int:
         return len(self._places)
@@ -69,79 +94,63 @@ class FrameFiles:
         """Return the name of a frame."""
         return self._places[number].name
 
-    def unit_notes(self) -> tuple[str, ...]:
-        """Return what is assumed where nothing states a unit, in lines for the user.
-
-        Raises DatasetError if whole numbers are shifted, and for a first frame that is no map.
-        """
-        image = read_image(self._places[0].depth_file, channel=self._channel)
-        refuse_shifted(image, self._places[0].depth_file)
-        return () if image.dtype.kind == "f" else (TAKEN_FOR_MM,)
-
     def files(self, number: int) -> tuple[Path, Path | None]:
         """Return the files of depth and of infrared of a frame."""
-        return self._places[number].depth_file, self._places[number].infrared_file
+        file = self.paths[number]
+        return file, infrared_beside(file) if self._infrared is None else self._infrared[number]
 
-    def depth(self, number: int, unit_mm: float) -> tuple[Array, float]:
+    def depth(
+        self, number: int, offset_mm: float = 0.0, inside: Path | None = None
+    ) -> tuple[Array, float]:
         """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats.
 
-        Raises DatasetError.
-        """
-        _, file, _, place = self._places[number]
-        image = read_image(file, place, channel=self._channel)
-        check_least_size(image.shape, file)
-        if image.dtype.kind != "f":
-            return depth_in_mm(image, unit_mm), unit_mm
-        return depth_in_mm(image, unit_mm, in_metres=self._in_metres), 0.0
+        Args:
+            number: of the frame.
+            offset_mm: added to whole numbers, see ``to_mm``.
+            inside: a folder that no link may lead out of.
 
-    @cached_property
-    def _in_metres(self) -> bool:
-        """Whether the floats of all frames are metres."""
-        places = [self._places[number] for number in sample(len(self))]
-        images: list[NDArray[np.generic]] = []
-        for place in places:
-            with suppress(DatasetError):  # reported when the frame is read
-                images.append(read_image(place.depth_file, place.number, channel=self._channel))
-        return floats_in_metres(images, places[0].depth_file)
+        Raises:
+            DatasetError: also for a PNG file that states another step.
+        """
+        _, file, place = self._places[number]
+        stated_mm = stated_unit_mm(file, inside=inside)
+        if stated_mm not in (None, self.step_mm) and not self._unit_wins:
+            raise DatasetError(
+                f"{file}: states steps of {stated_mm:g} mm, not {self.step_mm:g}: give "
+                f"--depth-unit-mm {stated_mm:g}"
+            )
+        image = read_stored(file, place, inside=inside, channel=self._channel)
+        metres = self._in_metres[file.parent]
+        depth_mm = depth_in_mm(image, self.step_mm, offset_mm, in_metres=metres)
+        return depth_mm, 0.0 if image.dtype.kind == "f" else self.step_mm
 
     def infrared(self, number: int) -> Array | None:
         """Read (H, W) float32 infrared counts, 0 to 65535; None without. Raises DatasetError."""
-        _, _, file, place = self._places[number]
+        _, file = self.files(number)
         if file is None:
             return None
-        return np.nan_to_num(read_image(file, place, infrared=True).astype(np.float32))
+        image = read_stored(file, self._places[number].number, infrared=True)
+        return np.nan_to_num(image.astype(np.float32))
+
+    def _floats_in_metres(self, places: Sequence[FramePlace], unknown: bool) -> bool:
+        """Decide by maps of one folder; refuse shifted whole numbers of an unknown step."""
+        where = places[0].file if len({place.file for place in places}) == 1 else None
+        chosen = np.linspace(0, len(places) - 1, min(len(places), _SAMPLE)).astype(int)
+        votes = []
+        for _, file, number in (places[k] for k in sorted({*chosen.tolist()})):
+            if file.suffix.lower() == ".png" and not unknown:
+                continue
+            try:
+                image = read_stored(file, number, channel=self._channel)
+            except DatasetError:  # reported when it is read
+                continue
+            if unknown and image.dtype.kind == "u":
+                refuse_shifted(image, where or file.parent)
+                self.notes = (TAKEN_FOR_MM,)
+            votes.append(image.ravel()[:: image.size // _SAMPLE_PX + 1].copy())
+        return floats_in_metres(votes, where or places[0].file.parent)
 
 
-def check_least_size(shape: tuple[int, ...], where: Path) -> None:
-    """Raise DatasetError if an (H, W) depth frame has fewer than 8 x 8 pixels."""
-    if min(shape) < _LEAST_PX:
-        raise DatasetError(
-            f"{where}: has {shape[1]} x {shape[0]} pixels: a depth frame has at least {_LEAST_PX} "
-            f"x {_LEAST_PX}"
-        )
-
-
-def read_image(
-    file: Path, number: int = 0, *, infrared: bool = False, channel: str | None = None
-) -> NDArray[np.generic]:
-    """Read one (H, W) image of a file: uint16 or float; infrared may have 8 bits. DatasetError."""
-    if file.suffix.lower() not in DUMPS:
-        return read_stored(file, number, infrared=infrared, channel=channel)
-    try:
-        if file.with_name(BIWI_CALIBRATION).is_file():
-            return read_depth_bin(file)
-        return _dump(file, read_regular(file, MAX_IMAGE_BYTES))
-    except MeshError as error:
-        raise DatasetError(str(error)) from None
-    except OSError as error:
-        raise DatasetError(f"{file}: {error.strerror or error}") from None
-
-
-def _dump(file: Path, data: bytes) -> NDArray[np.generic]:
-    height, width = DUMP_SHAPE
-    if len(data) != 4 * height * width:
-        raise DatasetError(
-            f"{file}: has {len(data)} bytes; a dump of libfreenect2's Frame has 512 x 424 float32 "
-            f"({4 * height * width}): decode raw packets with libfreenect2 first"
-        )
-    return np.frombuffer(data, "<f4").reshape(DUMP_SHAPE)
+def read_map_mm(file: Path, unit_mm: float | None = None) -> Array:
+    """Read one depth map, (H, W) float32 millimetres, 0 = no depth. Raises as ``MapFiles``."""
+    return MapFiles([FramePlace(file.stem, file)], unit_mm).depth(0)[0]

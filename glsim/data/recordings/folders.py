@@ -11,27 +11,34 @@ import numpy as np
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError, MeshError, NoDepthError
+from glsim.core.files.listing import entries
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
 from glsim.core.files.regular import read_data, read_regular
+from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, SUFFIXES
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
-from glsim.data.recordings.files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, IMAGES
-from glsim.data.recordings.names import other_kind, visible
+from glsim.data.recordings.names import other_kind
 from glsim.data.recordings.opencv_yaml import read_matrices
-from glsim.data.recordings.streams import is_stream
+from glsim.data.recordings.streams import STREAMS, is_stream
 from glsim.faces.scans.biwi_files import read_calibration
 
 #: The calibration of iai_kinect2, in the folder of its frames.
 CALIBRATION = "calib_ir.yaml"
 _MAX_LIST_BYTES = 1 << 26
+#: Kind of depth files -> ends of their names, the first that is there.
+_KINDS = {
+    "images": tuple(suffix for suffix in SUFFIXES if suffix != ".npy"),
+    "npy": (".npy",),
+    "libfreenect2": DUMPS[:-1],
+}
 
 
 def depth_files(root: Path) -> tuple[str, list[Path]]:
     """Return the kind of the depth files in a folder, and these files. Raises DatasetError."""
     folder = root / "depth" if (root / "depth").is_dir() else root
-    files = visible(folder)
-    for kind, suffixes in (("images", IMAGES), ("npy", (".npy",)), ("libfreenect2", DUMPS[:-1])):
-        named = [file for file in files if file.suffix.lower() in suffixes]
-        maps = [file for file in named if not other_kind(file.name, "noisy")]
+    names, _ = entries(folder, (*SUFFIXES, *DUMPS))
+    for kind, suffixes in _KINDS.items():
+        named = [name for name in names if name.lower().endswith(suffixes)]
+        maps = [folder / name for name in named if not other_kind(name, "noisy")]
         if not maps:
             continue
         if kind == "libfreenect2" and (folder / BIWI_CALIBRATION).is_file():
@@ -55,9 +62,9 @@ def whole_recording(given: Sequence[Path]) -> Path | None:
     if any(is_stream(path) for path in given):
         files = list(given)
     elif len(given) == 1 and given[0].is_dir():
-        inside = sorted(path for path in given[0].iterdir() if not path.name.startswith("."))
-        files = [path for path in inside if is_stream(path)]
-        if any(path.suffix.lower() in (*IMAGES, *DUMPS, ".npy") for path in inside):
+        streams, folders = entries(given[0], (*STREAMS,))
+        files = [given[0] / n for n in sorted([*streams, *folders]) if is_stream(given[0] / n)]
+        if files and entries(given[0], (*SUFFIXES, *DUMPS))[0]:
             return None
     else:
         return None
@@ -104,9 +111,10 @@ def _tum_list(file: Path) -> StatedCamera:
 
 def _scannet_calibration(file: Path) -> StatedCamera:
     """Return the camera of ScanNet's 4 x 4 matrix; its depth is in millimetres."""
-    image = next(iter(visible(file.parents[1] / "depth", "*.png")), None)
+    folder = file.parents[1] / "depth"
+    names = entries(folder, (".png",))[0] if folder.is_dir() else []
     try:
-        size = None if image is None else image_size(read_regular(image, MAX_IMAGE_BYTES))
+        size = image_size(read_regular(folder / names[0], MAX_IMAGE_BYTES)) if names else None
         (fx, _, cx, *_), (_, fy, cy, *_) = np.loadtxt(file)[:2].tolist()
         intrinsics = None if size is None else Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5)
     except (OSError, ValueError, TypeError) as error:

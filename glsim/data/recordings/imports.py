@@ -15,6 +15,7 @@ import numpy as np
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.errors import ConfigError, DatasetError, MeshError
 from glsim.core.files.contents import content_hash
+from glsim.core.files.listing import entries
 from glsim.core.pose import pose_matrix
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -22,7 +23,7 @@ from glsim.data.driver import write_dataset
 from glsim.data.input_hashes import source_hashes
 from glsim.data.progress import GenerateProgress, GenerateSummary
 from glsim.data.recordings.recording import FrameReader, Recording, open_recording
-from glsim.data.recordings.streams import is_stream
+from glsim.data.recordings.streams import STREAMS, is_stream
 from glsim.data.run_identity import InputHashes
 from glsim.data.worker_processes import Workers
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
@@ -195,7 +196,8 @@ class RecordingSource(FaceSource):
         except DatasetError:
             if root.is_file():
                 raise
-            parts = sorted(path for path in root.iterdir() if path.is_dir() or is_stream(path))
+            streams, folders = entries(root, (*STREAMS,))
+            parts = [root / name for name in sorted([*streams, *folders])]
             found: list[tuple[str, Recording]] = []
             for path in parts:
                 try:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from glsim.core.errors import ConfigError, DatasetError
-from glsim.data.map_files import SUFFIXES, is_map
+from glsim.core.errors import ConfigError
+from glsim.core.files.listing import check_number, entries, files_below, natural
+from glsim.data.map_files import SUFFIXES
 
 #: Kind of depth map that a command takes: others are left out of a folder.
 DepthKind = Literal["clean", "noisy"]
@@ -31,20 +32,6 @@ _INFRARED_BESIDE = (
 _INFRARED_FOLDERS = ("ir", "infrared")
 
 
-def natural(path: Path | str) -> list[str | int]:
-    """Return the key that sorts names in the order of their numbers: 2 before 10."""
-    parts = re.split(r"(\d+)", str(path))
-    return [int(part) if number % 2 else part for number, part in enumerate(parts)]
-
-
-def visible(folder: Path, pattern: str = "*") -> list[Path]:
-    """Return the files in a folder that match, in natural order; hidden ones only if named so."""
-    named, start = pattern.split("/"), len(folder.parts)
-    found = filter(Path.is_file, folder.glob(pattern))
-    files = [p for p in found if all(n[0] != "." or n in named for n in p.parts[start:])]
-    return sorted(files, key=natural)
-
-
 def maps_in(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
     """Find the depth maps in a folder and its sub-folders: PNG files, else those of other formats.
 
@@ -58,24 +45,25 @@ def maps_in(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
 
     """
     files, others = [], Counter[str]()
-    for path in filter(is_map, visible(folder, "**/*")):
-        place = path.parent
-        if place.name != "depth" and place != folder and (place.parent / "depth").is_dir():
-            others[f"{place.name}/*{path.suffix}"] += 1
+    beside = cache(lambda place: place.name != "depth" and (place.parent / "depth").is_dir())
+    for path in files_below(folder, SUFFIXES):
+        if path.parent != folder and beside(path.parent):
+            others[f"{path.parent.name}/*{path.suffix}"] += 1
         elif other := other_kind(path.name, kind):
             others[other] += 1
         else:
             files.append(path)
+            check_number(folder, len(files))
     if files:
-        return [path for path in files if path.suffix.lower() == ".png"] or files, others
+        images = [path for path in files if path.suffix.lower() == ".png"]
+        return sorted(images or files, key=natural), others
     if others:
         raise ConfigError(
             f"{folder}: holds no {kind} depth maps, only {left_out_text(others)}: to take them all "
             f"the same, give a pattern such as '{folder}/*.png'"
         )
-    shards = next(folder.glob("*.tar"), None)
-    if shards is not None:
-        raise ConfigError(f"{folder}: its frames are in shards ({shards.name}): give .png files")
+    if shards := entries(folder, (".tar",))[0]:
+        raise ConfigError(f"{folder}: its frames are in shards ({shards[0]}): give .png files")
     raise ConfigError(f"{folder}: holds no depth maps ({', '.join(SUFFIXES)})")
 
 
@@ -131,8 +119,7 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
             files, or else as many in the same order.
 
     Raises:
-        ConfigError: there is no such folder.
-        DatasetError: the numbers of images differ.
+        ConfigError: there is no such folder, or the numbers of images differ.
 
     """
     if given.is_file() and len(depth_files) == 1:
@@ -142,10 +129,11 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
     same = [given / file.name for file in depth_files]
     if all(file.is_file() for file in same):
         return same
-    files = visible(given, f"*{depth_files[0].suffix}")
-    files = [path for path in files if path.stem.endswith(("_ir", "_infrared"))] or files
+    names, _ = entries(given, (depth_files[0].suffix.lower(),))
+    named = [name for name in names if Path(name).stem.endswith(("_ir", "_infrared"))]
+    files = [given / name for name in named or names]
     if len(files) != len(depth_files):
-        raise DatasetError(
+        raise ConfigError(
             f"{given}: holds {len(files)} infrared images for {len(depth_files)} depth maps: "
             "give one for each, named in the same order"
         )

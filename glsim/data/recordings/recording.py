@@ -27,28 +27,29 @@ from glsim.bench.measures.static import view_change
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.listing import MOST_FILES, natural
 from glsim.core.files.png import stated_unit_mm
 from glsim.data.header import is_dataset
 from glsim.data.map_files import open_stack
 from glsim.data.reader import open_dataset
 from glsim.data.recordings.camera_file import StatedCamera, check_size
-from glsim.data.recordings.files import FrameFiles, FramePlace
+from glsim.data.recordings.files import FramePlace, MapFiles
 from glsim.data.recordings.folders import depth_files, stated_camera, whole_recording
-from glsim.data.recordings.names import infrared_beside, infrared_files, natural
+from glsim.data.recordings.names import infrared_files
 from glsim.data.recordings.streams import STREAMS, FrameStream
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 
 #: What reads the frames of a recording.
-FrameReader = FrameFiles | FrameStream
+FrameReader = MapFiles | FrameStream
 
 #: Frames that are measured if a recording has more; more do not change the printed digits.
 DEFAULT_FRAMES = 60
 #: Frames of a static scene that are measured if a recording has more: 1.2 GB with infrared at
 #: 848 x 480, and the noise of 1 % in the standard deviation of a pixel is far below its spread.
 MOST_STATIC = 256
-#: Most frames of one recording: two hours at 30 Hz are 216,000.
-_MAX_FRAMES = 250_000
+#: Shortest side of a depth frame, pixels: slopes and 3 x 3 windows need some.
+_LEAST_PX = 8
 #: Files that another program unpacks -> what to do.
 _PACKED = {
     ".r3d": "its depth is compressed by LZFSE: export EXR + RGB from Record3D",
@@ -161,16 +162,16 @@ class Recording:
 
 @dataclass(frozen=True)
 class _Loader:
-    """Reads the frames of files: see ``open_recording`` for unit_mm and mirror."""
+    """Reads the frames of files: see ``open_recording`` for mirror."""
 
     reader: FrameReader
-    unit_mm: float
     mirror: bool
     stated: StatedCamera
 
     def __call__(self, number: int) -> DepthFrame:
-        depth_mm, step_mm = self.reader.depth(number, self.unit_mm)
+        depth_mm, step_mm = self.reader.depth(number)
         light, name = self.reader.infrared(number), self.reader.name(number)
+        _check_least_size(depth_mm.shape, self.reader.files(number)[0])
         layers = {"noisy_mm": depth_mm} | ({} if light is None else {"infrared": light})
         if self.mirror:
             layers = {layer: image[:, ::-1].copy() for layer, image in layers.items()}
@@ -217,29 +218,50 @@ def open_recording(
     maps = sorted((file for _, files in found for file in files), key=natural)
     folder = given[0] if given[0].is_dir() else given[0].parent
     stated, stated_by = stated_camera(folder, maps[0].parent)
-    unit = _unit_mm(unit_mm, stated.unit_mm or stated_unit_mm(maps[0]), given[0])
-    lights = [infrared_beside(file) for file in maps]
-    if infrared is not None:
-        lights = list(infrared_files(maps, infrared))
+    unit = agreed_unit_mm(unit_mm, stated.unit_mm or stated_unit_mm(maps[0]), given[0])
+    lights: list[Path] | None = None if infrared is None else []
     places: list[FramePlace] = []
-    for file, light in zip(maps, lights, strict=True):
+    for file, light in zip(maps, infrared_files(maps, infrared) if infrared else maps, strict=True):
         count = len(open_stack(file)) if file.suffix.lower() == ".npy" else 1
-        if len(places) + count > _MAX_FRAMES:
-            raise DatasetError(f"{file}: the recording has more than {_MAX_FRAMES} frames")
+        if len(places) + count > MOST_FILES:
+            raise DatasetError(f"{file}: the recording has more than {MOST_FILES} frames")
         names = [f"{file.stem}_{k:05d}" for k in range(count)] if count > 1 else [file.stem]
-        places += [FramePlace(name, file, light, k) for k, name in enumerate(names)]
-    reader = FrameFiles(places, stated.channel or None)
-    notes = reader.unit_notes() if unit is None else ()
-    unit = unit or 1.0
-    depth_mm, _ = reader.depth(0, unit)  # a folder of colour pictures is refused here
+        places += [FramePlace(name, file, k) for k, name in enumerate(names)]
+        if lights is not None:
+            lights += [light] * count
+    reader = MapFiles(places, unit, stated.channel, lights, stated.unit_mm is not None)
+    return _recording(given[0], found[0][0], reader, stated, stated_by, reader.notes, mirror)
+
+
+def _recording(
+    path: Path,
+    kind: str,
+    reader: FrameReader,
+    stated: StatedCamera,
+    stated_by: Path | None,
+    notes: tuple[str, ...],
+    mirror: bool,
+) -> Recording:
+    """Read the first frame, so that a folder of colour pictures is refused, and check its size."""
+    depth_mm, _ = reader.depth(0)
     if stated_by is not None:
         check_size(stated, depth_mm.shape, stated_by)
+    _check_least_size(depth_mm.shape, reader.files(0)[0])
     stated = _mirrored(stated, mirror)
-    frames = Frames(len(reader), _Loader(reader, unit, mirror, stated))
-    return Recording(given[0], found[0][0], frames, reader, stated, stated_by, notes)
+    frames = Frames(len(reader), _Loader(reader, mirror, stated))
+    return Recording(path, kind, frames, reader, stated, stated_by, notes)
 
 
-def _unit_mm(given: float | None, stated: float | None, where: Path) -> float | None:
+def _check_least_size(shape: tuple[int, ...], where: Path) -> None:
+    """Raise DatasetError if an (H, W) depth frame has fewer than 8 x 8 pixels."""
+    if min(shape) < _LEAST_PX:
+        raise DatasetError(
+            f"{where}: has {shape[1]} x {shape[0]} pixels: a depth frame has at least {_LEAST_PX} "
+            f"x {_LEAST_PX}"
+        )
+
+
+def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
     """Return the depth of one step of whole numbers, mm, as given or as stated in files.
 
     Raises ConfigError where these differ.
@@ -249,7 +271,7 @@ def _unit_mm(given: float | None, stated: float | None, where: Path) -> float | 
             f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
             "out, or correct the camera.toml"
         )
-    return given or stated
+    return stated or given
 
 
 def _check_paths(given: Sequence[Path]) -> None:
@@ -287,17 +309,13 @@ def _stream_recording(
         stream = BagStream(path, topic)
     if infrared is not None:
         raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
-    if len(stream) > _MAX_FRAMES:
-        raise DatasetError(f"{path}: the recording has more than {_MAX_FRAMES} frames")
+    if len(stream) > MOST_FILES:
+        raise DatasetError(f"{path}: the recording has more than {MOST_FILES} frames")
     given, file = stated_camera(path.parent, path if path.is_dir() else path.parent)
     stated = given.over(stream.stated)
-    unit = _unit_mm(unit_mm, stated.unit_mm, path) or 1.0
-    depth_mm, _ = stream.depth(0, unit)
-    check_size(stated, depth_mm.shape, file or path)
+    stream.step_mm = agreed_unit_mm(unit_mm, stated.unit_mm, path) or 1.0
     notes = stream.notes + (stream.camera_notes if given.intrinsics is None else ())
-    stated = _mirrored(stated, mirror)
-    frames = Frames(len(stream), _Loader(stream, unit, mirror, stated))
-    return Recording(path, kind, frames, stream, stated, file or path, notes)
+    return _recording(path, kind, stream, stated, file or path, notes, mirror)
 
 
 def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from glsim.core.errors import DatasetError, GlsimError, require_package
 from glsim.data.map_files import depth_in_mm
 from glsim.data.recordings.camera_file import StatedCamera
-from glsim.data.recordings.files import check_least_size
 
 _T = TypeVar("_T")
 
@@ -32,6 +31,7 @@ class FrameStream:
 
     Attributes:
         path: of the file.
+        step_mm: of whole numbers.
         stated: what it says about its camera.
         notes: what is chosen among its images, in lines for the user.
         camera_notes: what it should say about its camera and does not.
@@ -44,7 +44,7 @@ class FrameStream:
 
     def __init__(self, path: Path) -> None:
         require_package(self._LIBRARY, str(path), "recordings")
-        self.path = path
+        self.path, self.step_mm = path, 1.0
         self.notes: tuple[str, ...] = ()
         self._file: Any = None
         self._depth, self._light = self._guarded(self._choose)
@@ -70,15 +70,14 @@ class FrameStream:
         """Return the file of depth and that of infrared, which is the same or None."""
         return self.path, self.path if self.has_infrared else None
 
-    def depth(self, number: int, unit_mm: float) -> tuple[NDArray[np.float32], float]:
+    def depth(self, number: int) -> tuple[NDArray[np.float32], float]:
         """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats (metres).
 
         Raises DatasetError.
         """
         image = self._guarded(lambda: self._image(self._depth, number))
-        check_least_size(image.shape, self.path)
-        step_mm = 0.0 if image.dtype.kind == "f" else unit_mm
-        return depth_in_mm(image, unit_mm, in_metres=True), step_mm
+        step_mm = 0.0 if image.dtype.kind == "f" else self.step_mm
+        return depth_in_mm(image, self.step_mm, in_metres=True), step_mm
 
     def infrared(self, number: int) -> NDArray[np.float32] | None:
         """Read the (H, W) float32 counts of the same moment; None without. Raises DatasetError."""

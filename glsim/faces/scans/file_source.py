@@ -10,9 +10,10 @@ from typing import Any, ClassVar, TypeVar
 
 from glsim.core.errors import ConfigError, GlsimError, MeshError, did_you_mean
 from glsim.core.files.contents import content_hash
+from glsim.core.files.listing import entries
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.meshes.alignment import check_axes, check_unit
-from glsim.faces.scans.file_tree import check_root, list_names
+from glsim.faces.scans.file_tree import check_root
 
 _T = TypeVar("_T")
 
@@ -92,12 +93,7 @@ def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
     """
     meshes = list(dict.fromkeys(paths))
     folders = dict.fromkeys(path.parent for path in meshes)
-    beside = [
-        folder / name
-        for folder in folders
-        for name in list_names(folder)
-        if Path(name).suffix.lower() in _COMPANIONS
-    ]
+    beside = [folder / name for folder in folders for name in entries(folder, _COMPANIONS)[0]]
     return {path.relative_to(root).as_posix(): content_hash(path) for path in [*meshes, *beside]}
 
 

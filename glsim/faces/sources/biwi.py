@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from glsim.core.errors import MeshError
+from glsim.core.files.listing import entries
 from glsim.core.mesh import Mesh
 from glsim.core.products import product
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
@@ -32,10 +33,11 @@ from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, r
 from glsim.faces.meshes.obj import check_size
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces
-from glsim.faces.scans.file_tree import last_number, list_names
+from glsim.faces.scans.file_tree import last_number
 
 AXES: Final = "+x-y-z"
 FRAMES_PER_SECOND: Final = 30.0
+_POSE: Final = "_pose.txt"  # end of the names of pose files
 MAX_BYTES: Final = 50_000_000  # a template is 0.6 MB
 
 PEOPLE: Final = (
@@ -90,7 +92,7 @@ class Biwi(FileFaces):
         self.check_subject(subject)
         keys: list[FaceKey] = []
         for recording in self.people[subject]:
-            names = [n for n in list_names(self.root / recording) if n.endswith("_pose.txt")]
+            names, _ = entries(self.root / recording, (_POSE,))
             numbers = {last_number(name) or 0: name for name in names}
             first = min(numbers, default=0)
             keys += [
@@ -121,7 +123,7 @@ class Biwi(FileFaces):
 
     def depth_path(self, key: FaceKey) -> Path:
         """Return the path of a frame's depth file."""
-        return self.root / (key.path.removesuffix("_pose.txt") + "_depth.bin")
+        return self.root / (key.path.removesuffix(_POSE) + "_depth.bin")
 
     def in_camera(self, key: FaceKey) -> Mesh:
         """Return the template at its recorded pose, for a camera at the origin. Raises MeshError.
@@ -173,7 +175,7 @@ class Biwi(FileFaces):
         people: dict[str, list[str]] = {}
         for number, person in enumerate(PEOPLE, start=1):
             folder = self.root / f"{number:02d}"
-            if folder.is_dir() and any(name.endswith("_pose.txt") for name in list_names(folder)):
+            if folder.is_dir() and entries(folder, (_POSE,))[0]:
                 people.setdefault(person, []).append(folder.name)
         return people
 

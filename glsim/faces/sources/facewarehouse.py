@@ -31,13 +31,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from glsim.core.errors import MeshError
+from glsim.core.files.listing import entries
 from glsim.core.mesh import Mesh
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
 from glsim.faces.meshes.obj import check_size, read_obj, read_vertices
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
-from glsim.faces.scans.file_tree import list_names
 
 SHAPES: Final = 47
 """The neutral face and 46 expressions. A reader that takes 46 as the total loses the last one."""
@@ -278,19 +278,16 @@ class FaceWarehouse(FileFaces):
 
 def _tester_folders(folder: Path, depth: int) -> Iterator[Path]:
     """Yield the Tester_N folders, at most ``depth`` levels below sub-folders."""
-    for name in list_names(folder):
-        path = folder / name
-        if not path.is_dir():
-            continue
+    for name in entries(folder, ())[1]:
         if _TESTER.fullmatch(name):
-            yield path
+            yield folder / name
         elif depth:
-            yield from _tester_folders(path, depth - 1)
+            yield from _tester_folders(folder / name, depth - 1)
 
 
 def _numbered(folder: Path, stem: str) -> dict[int, Path]:
     """Return the files ``stem_NUMBER.obj`` of a folder, number -> path."""
-    names = list_names(folder) if folder.is_dir() else []
+    names = entries(folder, (".obj",))[0] if folder.is_dir() else []
     matches = [re.fullmatch(rf"{stem}_(\d{{1,3}})\.obj", name, re.ASCII) for name in names]
     return {int(match[1]): folder / match[0] for match in matches if match}
 

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
+from glsim.core.files.listing import entries, files_below, natural
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import (
@@ -38,13 +39,7 @@ from glsim.faces.meshes.load import (
 )
 from glsim.faces.meshes.obj import EXTENSIONS
 from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
-from glsim.faces.scans.file_tree import (
-    find_meshes,
-    is_mesh,
-    last_number,
-    list_names,
-    unique_name,
-)
+from glsim.faces.scans.file_tree import last_number, unique_name
 
 MAIN_SEQUENCE: Final = "main"
 FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects FaceKey.time_s only
@@ -152,15 +147,13 @@ class Folder(FileFaces):
     def people(self) -> dict[str, list[FaceKey]]:
         """Keys of each subject's frames; the tree is listed once."""
         keys: dict[str, list[FaceKey]] = {}
-        names: Counter[str] = Counter()
-        for name in list_names(self.root):
+        names, root = Counter[str](), os.path.realpath(self.root)
+        single, folders = entries(self.root, EXTENSIONS)
+        trees = {name: files_below(self.root / name, EXTENSIONS, {root}) for name in folders}
+        for name in sorted([*single, *folders], key=natural):
             path = self.root / name
-            if path.is_dir():
-                files = list(find_meshes(path, {os.path.realpath(self.root)}))
-            else:
-                files = [path] if is_mesh(path) else []
-            if files:
-                subject = unique_name(name if path.is_dir() else path.stem, names)
+            if files := list(trees.get(name, [path])):
+                subject = unique_name(name if name in trees else path.stem, names)
                 keys[subject] = self._sequences(subject, path, files)
         return keys
 

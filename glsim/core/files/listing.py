@@ -1,0 +1,89 @@
+"""Listing of folders of any size: visible names in natural order, and no endless loops.
+
+Files of other kinds are passed over without a call to the disk or an object for each: a million
+take a second. More than MOST_FILES of the wanted kind are refused as soon as they are counted.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from glsim.core.errors import ConfigError
+
+#: Most files that are listed together: two hours of frames at 30 Hz are 216,000.
+MOST_FILES = 250_000
+#: Most folders below one; real sets have hundreds, a link to the root of a disk millions.
+_MOST_FOLDERS = 20_000
+_DIGITS = re.compile(r"(\d+)", re.ASCII)
+
+
+def natural(name: str | Path) -> tuple[list[str | int], str]:
+    """Return the key that sorts names in the order of their numbers, in any case: a2, A10, b."""
+    parts = _DIGITS.split(str(name))
+    return [int(part) if n % 2 else part.lower() for n, part in enumerate(parts)], str(name)
+
+
+def entries(folder: Path, ends: tuple[str, ...] = ("",)) -> tuple[list[str], list[str]]:
+    """Return the names of the visible files with one of these ends, and of the sub-folders.
+
+    Both in natural order. Ends are in lower case and match names in any case.
+
+    Raises:
+        ConfigError: the folder cannot be read, or holds more than MOST_FILES of these files.
+    """
+    files: list[str] = []
+    folders: list[str] = []
+    try:
+        with os.scandir(folder) as found:
+            for entry in found:
+                name = entry.name
+                if name.startswith("."):
+                    continue
+                if entry.is_dir():
+                    folders.append(name)
+                elif name.lower().endswith(ends):
+                    files.append(name)
+                    check_number(folder, len(files))
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be listed ({error.strerror or error})") from None
+    return sorted(files, key=natural), sorted(folders, key=natural)
+
+
+def check_number(folder: Path, count: int) -> None:
+    """Raise ConfigError for more than MOST_FILES files of a folder."""
+    if count > MOST_FILES:
+        raise ConfigError(
+            f"{folder}: holds more than {MOST_FILES} files to read: give a folder with a part of "
+            "them"
+        )
+
+
+def files_below(
+    folder: Path, ends: tuple[str, ...], seen: set[str] | None = None
+) -> Iterator[Path]:
+    """Yield the files of a folder and its sub-folders, as ``entries`` lists them.
+
+    Args:
+        folder: the top.
+        ends: of the names.
+        seen: real paths of folders that are passed over; those that are visited are added.
+
+    Raises:
+        ConfigError: as by ``entries``, and for more than _MOST_FOLDERS folders.
+    """
+    seen = set() if seen is None else seen
+    if (real := os.path.realpath(folder)) in seen:
+        return
+    if len(seen) > _MOST_FOLDERS:
+        raise ConfigError(
+            f"{folder}: one of more than {_MOST_FOLDERS} folders: does a link lead out of "
+            "the set? Remove it, or give a folder with fewer"
+        )
+    seen.add(real)
+    files, folders = entries(folder, ends)
+    yield from (folder / name for name in files)
+    for name in folders:
+        yield from files_below(folder / name, ends, seen)
