@@ -104,7 +104,7 @@ def test_a_file_is_old_or_new_after_a_power_cut(
 def test_json_of_a_bounded_size_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "run.json").write_text('{"steps": 1}')
     assert atomic.read_json(tmp_path / "run.json") == {"steps": 1}
-    monkeypatch.setattr(atomic, "_MAX_JSON_BYTES", 11)
+    monkeypatch.setattr(atomic, "MOST_HELD", 11)
     with pytest.raises(DatasetError, match=r"run\.json: cannot be read: .* MB are more than"):
         atomic.read_json(tmp_path / "run.json")
     os.mkfifo(tmp_path / "pipe.json")

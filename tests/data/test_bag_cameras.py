@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glsim.cli import main
 from glsim.core.camera import Distortion
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.data.recordings import bag
+from glsim.data.recordings import bag, mkv
 from glsim.data.recordings.recording import open_recording
 from tests.support.bags import azure_calibration, rvl, write_bag, write_mkv, write_topics
 
@@ -322,9 +322,18 @@ def test_what_a_part_of_a_bag_unpacks_to_is_bounded(
 ) -> None:
     write_bag(tmp_path / "a.bag", [np.full((48, 64), 900, np.uint16)] * 3)
     assert len(open_recording(tmp_path / "a.bag").frames) == 3
-    monkeypatch.setattr(bag, "_MOST_BYTES", 10_000)
+    monkeypatch.setattr(bag, "MOST_HELD", 10_000)
     with pytest.raises(DatasetError, match="or unpacks to more than"):
         open_recording(tmp_path / "a.bag")
+
+
+def test_a_large_calibration_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_mkv(tmp_path / "a.mkv", {"DEPTH": [_image(700, (640, 576))]}, b" " * 200_000)
+    monkeypatch.setattr(mkv, "MOST_HELD", 100_000)
+    with pytest.raises(DatasetError, match="before its frames"):
+        open_recording(tmp_path / "a.mkv")
 
 
 @pytest.mark.parametrize("name", ["x.bag", "x.mkv", "x.mcap"])

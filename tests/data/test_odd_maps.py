@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import zlib
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.cli import main
+from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError
 from glsim.core.files.exr import depth_channel
 from glsim.core.files.png import encode_png
@@ -199,6 +201,24 @@ def test_scannet_states_its_camera(tmp_path: Path) -> None:
     assert recording.camera is not None
     assert (recording.camera.width, recording.camera.fy, recording.camera.cx) == (40, 51, 0.5)
     assert not recording.notes
+
+
+def test_polycam_states_its_camera_at_the_size_of_its_colour_images(tmp_path: Path) -> None:
+    for name in ("depth", "cameras", "confidence"):
+        (tmp_path / name).mkdir()
+    for number in range(3):
+        (tmp_path / "depth" / f"{number}.png").write_bytes(encode_png(UNITS))
+        (tmp_path / "confidence" / f"{number}.png").write_bytes(encode_png(UNITS))
+        own = {"width": 160, "height": 128, "fx": 200 + number, "fy": 202, "cx": 81, "cy": 63}
+        (tmp_path / "cameras" / f"{number}.json").write_text(json.dumps(own))
+    for place in (tmp_path, tmp_path / "depth"):
+        recording = open_recording(place)
+        assert recording.camera == Intrinsics(40, 32, 201 / 4, 202 / 4, 81 / 4, 63 / 4)
+        assert (len(recording.frames), recording.notes) == (3, ())
+    for file in (tmp_path / "cameras").iterdir():
+        file.write_text(json.dumps({**own, "fx": 1e400}))
+    with pytest.raises(DatasetError, match="of no camera"):
+        open_recording(tmp_path)
 
 
 def test_names_sort_by_their_numbers_and_hidden_files_are_none(tmp_path: Path) -> None:

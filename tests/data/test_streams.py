@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pickle
+import shutil
 import subprocess
 import sys
 import tracemalloc
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -61,8 +63,11 @@ def test_a_bag_of_a_ros_node_with_depth_in_metres(tmp_path: Path) -> None:
     assert frame.step_mm == 0.0
 
 
-def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
-    from rosbags.rosbag2 import Writer
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_ros_2_bag_is_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, packed: bool
+) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
     from rosbags.typesys import Stores, get_typestore
 
     types = get_typestore(Stores.ROS2_HUMBLE)
@@ -70,7 +75,10 @@ def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
     stamp = message["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
     header = message["std_msgs/msg/Header"](stamp=stamp, frame_id="0")
     kind = "sensor_msgs/msg/Image"
-    with Writer(tmp_path / "bag", version=8) as bag:
+    writer = Writer(tmp_path / "bag", version=8)
+    if packed:
+        writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+    with writer as bag:
         topic = bag.add_connection("/camera/depth/image_rect_raw", kind, typestore=types)
         for number, depth in enumerate(DEPTHS):
             image = message[kind](
@@ -81,6 +89,10 @@ def test_a_ros_2_bag_is_a_folder(tmp_path: Path) -> None:
     recording = open_recording(tmp_path / "bag")
     assert (recording.kind, len(recording.frames)) == ("bag", 6)
     np.testing.assert_array_equal(recording.frames[3].noisy_mm, DEPTHS[3])
+    if packed:
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1000))
+        with pytest.raises(DatasetError, match="more than half of the free space"):
+            open_recording(tmp_path / "bag")
 
 
 def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from isal import isal_zlib
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.flush import flush_all, flush_file
-from glsim.core.files.regular import open_regular, read_regular
+from glsim.core.files.regular import MOST_HELD, open_regular, read_regular
 
 #: Advice on common file system errors.
 _ADVICE = {
@@ -42,8 +42,6 @@ _ADVICE = {
     errno.ENAMETOOLONG: "choose a shorter name",
 }
 _BLOCK_BYTES = 1 << 20
-#: Largest file that ``read_json`` reads: forty times MakeHuman's weights, the largest known.
-_MAX_JSON_BYTES = 1 << 26
 
 #: Temporary files beside their target, and temporary folders: PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
@@ -104,7 +102,7 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises DatasetError for anything else.
     """
     try:
-        return parse_json(read_regular(path, _MAX_JSON_BYTES), path)
+        return parse_json(read_regular(path, MOST_HELD), path)
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
 

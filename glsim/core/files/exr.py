@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import io
+import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from threading import Lock
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import require_package
+from glsim.core.files.regular import MOST_HELD
 
 #: Words in names of channels that are no depth.
 _OTHER: Final = re.compile(
@@ -18,8 +24,8 @@ _OTHER: Final = re.compile(
 )
 #: Names of depth in lower case, the surest first. Mitsuba calls it dd.T, Blender *.Z and *.V.
 _DEPTH: Final = (r"(.*\.)?depth(\..*)?|z", r".*depth.*", r".*\.[zt]", r"(.*\.)?v")
-#: Most numbers of all channels together: 256 MB, since the library reads all. Chosen.
-_MOST_NUMBERS: Final = 1 << 26
+#: Held while the outputs, which all threads share, are turned away.
+_OUTPUT: Final = Lock()
 #: Other axes of the vectors and colours that z and v may belong to.
 _AXES: Final = {"z": "xy", "v": "uhs"}
 
@@ -47,11 +53,24 @@ def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
     return data.getvalue()
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep from both outputs what the library writes there of damage, which is raised too."""
+    with _OUTPUT, Path(os.devnull).open("w") as nothing, redirect_stdout(nothing):
+        kept = os.dup(2)
+        os.dup2(nothing.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
 def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     """Return the channels of an OpenEXR file by name; None if it is too large.
 
-    It may have ``max_px`` pixels, and _MOST_NUMBERS numbers in all channels.
-    In files of several parts the name of the part comes first.
+    It may have ``max_px`` pixels, and MOST_HELD numbers in all channels: the library reads
+    all. In files of several parts the name of the part comes first.
 
     Raises:
         ConfigError: without the library.
@@ -68,9 +87,9 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
                 low, high = part.header["dataWindow"]
                 pixels = (high[0] - low[0] + 1) * (high[1] - low[1] + 1)
                 numbers += pixels * len(part.header["channels"])
-                if pixels > max_px or numbers > _MOST_NUMBERS:
+                if pixels > max_px or numbers > MOST_HELD:
                     return None
-        with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
+        with _quiet(), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
             if not 0 < len(file.parts) == count:
                 raise ValueError("a part is missing")
             for part in file.parts:

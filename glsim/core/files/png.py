@@ -177,18 +177,20 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
 
 
 def _is_whole_png(data: bytes) -> bool:
-    """Whether all chunks up to the last lie in the file, and none is of an animation.
+    """Whether all chunks up to the last lie in the file undamaged, and none is of an animation.
 
-    OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it.
+    OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it, and
+    its library prints what is damaged.
     """
-    at: int = len(_SIGNATURE)
+    at, view = len(_SIGNATURE), memoryview(data)
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
-        at += 12 + length
-        if kind == b"IEND":
-            return bool(at <= len(data))
-        if kind in _ANIMATION or at > len(data):
+        end = at + 8 + length
+        if kind in _ANIMATION or isal_zlib.crc32(view[at + 4 : end]).to_bytes(4) != view[end:][:4]:
             return False
+        if kind == b"IEND":
+            return True
+        at = end + 4
     return False
 
 

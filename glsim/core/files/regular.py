@@ -12,11 +12,14 @@ import io
 import os
 import stat
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from glsim.core.errors import DatasetError
 
 _BLOCK_BYTES = 1 << 22
+#: Most bytes that a reader holds of a text, a header or a part that is unpacked. Recorders of bags
+#: make parts of 1 to 4 MB; MakeHuman's weights, the largest JSON known, have 2 MB: chosen.
+MOST_HELD = 1 << 26
 
 
 def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = None) -> IO[bytes]:
@@ -29,6 +32,31 @@ def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = 
             opened.
     """
     return os.fdopen(_open(path, limit, inside), "rb")
+
+
+class BoundedFile:
+    """A file that a library reads as far as the file says, but never more than ``left`` bytes.
+
+    Args:
+        file: to read; it ends there, and ``left`` is then below 0.
+        left: bytes that may yet be read.
+    """
+
+    def __init__(self, file: Any, left: int) -> None:
+        self._file, self.left = file, left
+        self.seek, self.tell, self.close = file.seek, file.tell, file.close
+
+    def read(self, size: int = -1) -> bytes:
+        """Read up to ``size`` bytes."""
+        data: bytes = self._file.read(size)
+        self.left -= len(data)
+        return data if self.left >= 0 else b""
+
+    def __enter__(self) -> BoundedFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes:

@@ -10,6 +10,8 @@ or ``*.db3``. librealsense names its topics ``/device_0/sensor_0/Depth_0/image/d
 from __future__ import annotations
 
 import re
+import shutil
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import takewhile
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.regular import open_regular
+from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.ros_images import TYPES, encoding_of, read_pixels
 from glsim.data.recordings.streams import FrameStream
@@ -36,16 +38,25 @@ _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
 _UNEQUAL = 0.02
 
 
-#: Most bytes that a compressed part of a bag unpacks to. Recorders make parts of 1 to 4 MB: chosen.
-_MOST_BYTES = 1 << 26
-
-
 def _unpack(decompressor: Any, data: bytes) -> bytes:
-    """Decompress a part of a bag, as the library does, within _MOST_BYTES. Raises ValueError."""
-    unpacked: bytes = decompressor.decompress(data, _MOST_BYTES)
+    """Decompress a part of a bag, as the library does, within MOST_HELD. Raises ValueError."""
+    unpacked: bytes = decompressor.decompress(data, MOST_HELD)
     if not decompressor.eof:
-        raise ValueError(f"a part is cut short, or unpacks to more than {_MOST_BYTES >> 20} MB")
+        raise ValueError(f"a part is cut short, or unpacks to more than {MOST_HELD >> 20} MB")
     return unpacked
+
+
+class _UnpackedFile(BoundedFile):
+    """A file that the library unpacks on the disk: to half of its free space, else ValueError."""
+
+    def __init__(self, file: Any) -> None:
+        super().__init__(file, shutil.disk_usage(tempfile.gettempdir()).free // 2)
+
+    def read(self, size: int = -1) -> bytes:
+        data = super().read(size)
+        if self.left < 0:
+            raise ValueError("a file unpacks to more than half of the free space of TMPDIR")
+        return data
 
 
 def _words(words: str) -> re.Pattern[str]:
@@ -145,8 +156,10 @@ class BagStream(FrameStream):
         ros1.decompressors["lz4"] = lambda data: _unpack(LZ4FrameDecompressor(), data)
         mcap.DECOMPRESSORS["lz4"] = lambda data, _: _unpack(LZ4FrameDecompressor(), data)
         mcap.DECOMPRESSORS["zstd"] = lambda data, _: _unpack(zstd(), data)
-        open_zstd = mcap.zstd.open
-        ros2.zstd = SimpleNamespace(decompress=lambda data: _unpack(zstd(), data), open=open_zstd)
+        ros2.zstd = SimpleNamespace(
+            decompress=lambda data: _unpack(zstd(), data),
+            open=lambda file, mode: _UnpackedFile(mcap.zstd.open(file, mode)),
+        )
         if self._file is None:
             if not self.path.is_dir():
                 open_regular(self.path).close()  # a pipe would wait for ever

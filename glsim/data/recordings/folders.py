@@ -11,9 +11,10 @@ import numpy as np
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError, MeshError, NoDepthError
+from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import entries
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
-from glsim.core.files.regular import read_data, read_regular
+from glsim.core.files.regular import MOST_HELD, read_data, read_regular
 from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, SUFFIXES
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
 from glsim.data.recordings.names import other_kind
@@ -23,7 +24,10 @@ from glsim.faces.scans.biwi_files import read_calibration
 
 #: The calibration of iai_kinect2, in the folder of its frames.
 CALIBRATION = "calib_ir.yaml"
-_MAX_LIST_BYTES = 1 << 26
+#: Files of Polycam's cameras that are read, evenly spread.
+_SAMPLE = 16
+#: Largest difference of the scales of depth to colour along x and y: 256 x 192 of 1024 x 768.
+_UNEQUAL = 0.02
 #: Kind of depth files -> ends of their names, the first that is there.
 _KINDS = {
     "images": tuple(suffix for suffix in SUFFIXES if suffix != ".npy"),
@@ -88,7 +92,7 @@ def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
     for name, read in _READERS.items():
         for folder in dict.fromkeys([*folders, *above]):
             open_yet = stated.intrinsics is None or stated.unit_mm is None
-            if open_yet and (file := folder / name).is_file():
+            if open_yet and (file := folder / name).exists():
                 found = read(file)
                 first = first or (file if found != StatedCamera() else None)
                 stated = stated.over(found)
@@ -104,22 +108,48 @@ def _biwi_calibration(file: Path) -> StatedCamera:
 
 def _tum_list(file: Path) -> StatedCamera:
     """Return the unit of depth, 1/5000 m, if a text lists images depth/*.png, as TUM's do."""
-    text = read_data(file, _MAX_LIST_BYTES)
+    text = read_data(file, MOST_HELD)
     listed = re.search(rb"^[\d.]+[ \t](.*[ \t])?depth/\S+\.png", text, re.MULTILINE)
     return StatedCamera(unit_mm=0.2) if listed else StatedCamera()
 
 
 def _scannet_calibration(file: Path) -> StatedCamera:
     """Return the camera of ScanNet's 4 x 4 matrix; its depth is in millimetres."""
-    folder = file.parents[1] / "depth"
-    names = entries(folder, (".png",))[0] if folder.is_dir() else []
     try:
-        size = image_size(read_regular(folder / names[0], MAX_IMAGE_BYTES)) if names else None
+        size = _size_of_maps(file.parents[1])
         (fx, _, cx, *_), (_, fy, cy, *_) = np.loadtxt(file)[:2].tolist()
         intrinsics = None if size is None else Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5)
     except (OSError, ValueError, TypeError) as error:
         raise DatasetError(f"{file}: is no 4 x 4 matrix of intrinsics ({error})") from None
     return StatedCamera(intrinsics, unit_mm=1.0)
+
+
+def _polycam_cameras(folder: Path) -> StatedCamera:
+    """Return Polycam's camera, scaled from its colour images; its depth is in millimetres.
+
+    The focus changes from image to image: the median of some files is taken.
+    """
+    names, _ = entries(folder, (".json",))
+    files = [read_json(folder / name) for name in names[:: len(names) // _SAMPLE + 1]]
+    size = _size_of_maps(folder.parent)
+    try:
+        rows = [[f[k] for k in ("width", "height", "fx", "fy", "cx", "cy")] for f in files]
+        width, height, *matrix = np.median(np.array(rows, np.float64), axis=0).tolist()
+    except (KeyError, ValueError, TypeError):
+        return StatedCamera()  # cameras of something else
+    if size is None:
+        return StatedCamera()
+    x, y = size[0] / width, size[1] / height
+    if not (np.isfinite(matrix).all() and min(matrix[:2]) >= 1 and abs(x / y - 1) < _UNEQUAL):
+        raise DatasetError(f"{folder}: its numbers are of no camera of depth maps of {size}")
+    fx, fy, cx, cy = matrix
+    return StatedCamera(Intrinsics(*size, fx * x, fy * y, cx * x, cy * y), unit_mm=1.0)
+
+
+def _size_of_maps(folder: Path) -> tuple[int, int] | None:
+    """Return (width, height) of the first PNG in the folder depth; None without one."""
+    names = entries(folder / "depth", (".png",))[0] if (folder / "depth").is_dir() else []
+    return image_size(read_regular(folder / "depth" / names[0], MAX_IMAGE_BYTES)) if names else None
 
 
 def _opencv_calibration(file: Path) -> StatedCamera:
@@ -143,6 +173,7 @@ _READERS: Final[dict[str, Callable[[Path], StatedCamera]]] = {
     BIWI_CALIBRATION: _biwi_calibration,
     CALIBRATION: _opencv_calibration,
     "intrinsic/intrinsic_depth.txt": _scannet_calibration,
+    "cameras": _polycam_cameras,
     "depth.txt": _tum_list,
     "associations.txt": _tum_list,
     "associated.txt": _tum_list,

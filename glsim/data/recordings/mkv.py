@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import MAX_MAP_PX
-from glsim.core.files.regular import open_regular
+from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.streams import FrameStream
 
@@ -52,7 +53,14 @@ class MkvStream(FrameStream):
         import av
 
         if self._file is None:
-            open_regular(self.path).close()  # a pipe would wait for ever
+            with BoundedFile(open_regular(self.path), MOST_HELD) as head:  # attachments come first
+                with suppress(av.error.FFmpegError):  # raised below
+                    av.open(head, format="matroska").close()
+                if head.left < 0:
+                    raise DatasetError(
+                        f"{self.path}: has {MOST_HELD >> 20} MB or more before its frames; a "
+                        "calibration has some kB: record it again"
+                    )
             self._file = av.open(str(self.path), format="matroska")
         return self._file
 
