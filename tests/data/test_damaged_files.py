@@ -1,4 +1,4 @@
-"""Damaged recordings are read, or refused in one line."""
+"""Damaged files and arrays of any kind: maps of finite depth in range, or one line."""
 
 from __future__ import annotations
 
@@ -11,51 +11,112 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.files.exr import encode_exr
+from glsim.core.files.png import encode_png
+from glsim.data.map_files import FAR_MM
 from glsim.data.recordings.recording import open_recording
+from glsim.denoise.depth_files import map_files
+from tests.support.bags import azure_calibration, write_bag, write_mkv, write_topics
 
 DEPTH = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32) + np.uint16(600)
 YAML = (
     "%YAML:1.0\n---\ncameraMatrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
     "   data: [ 365.4, 0., 254.8, 0., 365.4, 205.4, 0., 0., 1. ]\n"
 )
-
-
-def write_whole(folder: Path, name: str) -> bytes:
-    """Write a recording with a file of this name, and return the bytes of that file."""
-    if name == "depth.npy":
-        np.save(folder / name, np.stack([DEPTH, DEPTH]))
-    else:
-        image = "depth_0.png" if name.endswith(("toml", "yaml")) else name
-        cv2.imwrite(str(folder / image), DEPTH)
-    if name == "camera.toml":
-        text = "unit_mm = 0.5\nwidth = 32\nheight = 24\nfocal_px = [30.0, 30.0]\n"
-        (folder / name).write_text(text)
-    if name == "calib_ir.yaml":
-        (folder / name).write_text(YAML)
-    return (folder / name).read_bytes()
-
-
-@pytest.mark.parametrize(
-    "name", ["depth_0.png", "depth_0.tiff", "depth.npy", "camera.toml", "calib_ir.yaml"]
-)
-@settings(
+TEXTS = {
+    "camera.toml": "unit_mm = 0.5\nwidth = 32\nheight = 24\nfocal_px = [30.0, 30.0]\n",
+    "calib_ir.yaml": YAML,
+}
+any_case = settings(
     deadline=None,
     max_examples=60,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+
+
+def write_whole(folder: Path, name: str) -> bytes:
+    """Write a recording with a file of this name, and return the bytes of that file."""
+    file = folder / name
+    file.unlink(missing_ok=True)
+    if name in TEXTS:
+        (folder / "depth_0.png").write_bytes(encode_png(DEPTH))
+        file.write_text(TEXTS[name])
+    elif file.suffix == ".npy":
+        np.save(file, np.stack([DEPTH, DEPTH]))
+    elif file.suffix == ".exr":
+        file.write_bytes(encode_exr(DEPTH.astype(np.float32) / 1000))
+    elif file.suffix == ".bag":
+        write_bag(file, [DEPTH] * 2)
+    elif file.suffix == ".mcap":
+        write_topics(file, {"/depth/image": (DEPTH, "16UC1")}, {}, count=2)
+    elif file.suffix == ".mkv":
+        write_mkv(file, {"DEPTH": [DEPTH] * 2}, azure_calibration())
+    else:
+        cv2.imwrite(str(file), DEPTH)
+    return file.read_bytes()
+
+
+def refused(path: Path) -> str:
+    """Read the first maps of a recording: return the line that refuses it, else "" for depth."""
+    try:
+        recording = open_recording(path)
+        images = [frame.noisy_mm for frame in recording.read(2)]
+        assert len({image.shape for image in images}) == 1
+    except (ConfigError, DatasetError) as error:
+        return str(error)
+    for image in images:
+        assert (image.ndim, image.dtype) == (2, np.float32)
+        assert np.isfinite(image).all()
+        assert 0 <= image.min() <= image.max() < FAR_MM
+        assert image.any()
+    return ""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "depth_0.png", "depth_0.tiff", "depth.npy", *TEXTS,
+        *(pytest.param(f"depth.{end}", marks=pytest.mark.long) for end in ("exr", "bag", "mcap")),
+        pytest.param("depth.mkv", marks=pytest.mark.long),
+    ],
+)  # fmt: skip
+@any_case
 @given(at=st.floats(0, 1), length=st.integers(0, 40), new=st.binary(max_size=12))
-def test_damage_anywhere_is_read_or_refused(
-    tmp_path: Path, name: str, at: float, length: int, new: bytes
+def test_damage_anywhere_is_depth_or_one_line(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, at: float, length: int, new: bytes
 ) -> None:
     whole = write_whole(tmp_path, name)
     start = int(at * len(whole))
     (tmp_path / name).write_bytes(whole[:start] + new + whole[start + length :] * (length < 40))
-    try:
-        frames = open_recording(tmp_path).read(2)
-    except (ConfigError, DatasetError) as error:
-        message = str(error)
-    else:
-        message = ""
-        assert all(frame.noisy_mm.any() for frame in frames)
-    assert "\n" not in message
+    line = refused(tmp_path)
+    assert "\n" not in line
+    assert line == "" or str(tmp_path) in line
+    assert capfd.readouterr() == ("", "")  # nothing by a library
+
+
+@any_case
+@given(
+    kind=st.sampled_from(["u1", "<u2", ">u2", "i2", "<i4", "f2", "f4", ">f8", "?", "c8"]),
+    shape=st.lists(st.sampled_from([0, 1, 2, 3, 4, 8, 24]), max_size=4),
+    seed=st.integers(0, 99),
+)
+def test_any_array_is_depth_or_one_line(
+    tmp_path: Path, kind: str, shape: list[int], seed: int
+) -> None:
+    """Random bits hold infinities, values that are no numbers, and 1e30."""
+    file = tmp_path / "a.npy"
+    size = int(np.prod(shape)) * np.dtype(kind).itemsize
+    data = np.random.default_rng(seed).bytes(size)
+    np.save(file, np.frombuffer(data, kind).reshape(shape))
+    line = refused(file)
+    assert "\n" not in line
+    with_depth = np.dtype(kind).kind == "f" or np.dtype(kind).str[1:] == "u2"
+    axes = [side for side in shape if side != 1]
+    if not with_depth or 0 in shape or len(axes) == 4:
+        assert str(file) in line
+    if kind == "<u2" and len(shape) == 2 and min(shape) >= 8:
+        assert line == ""
+        stored = np.frombuffer(data, kind).reshape(shape)
+        kept = np.where(stored < FAR_MM, stored, 0)
+        np.testing.assert_array_equal(map_files([file], 1.0).depth(0)[0], kept)

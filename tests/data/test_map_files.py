@@ -89,18 +89,6 @@ def test_other_arrays_are_refused(
         read_map_mm(write(tmp_path / name, values), 1.0)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_damaged_files_are_one_line(tmp_path: Path, suffix: str) -> None:
-    if suffix == ".exr":
-        pytest.importorskip("OpenEXR")
-    (tmp_path / f"bad{suffix}").write_bytes(
-        encode_map(METRES, format_of(Path(f"x{suffix}")), 1.0)[:90]
-    )
-    for name in (f"bad{suffix}", f"missing{suffix}"):
-        with pytest.raises(DatasetError, match=name):
-            read_map_mm(tmp_path / name, 1.0)
-
-
 def test_openexr_that_is_not_installed_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

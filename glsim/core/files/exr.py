@@ -84,8 +84,8 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
         with OpenEXR.File(io.BytesIO(data), header_only=True) as header:
             count, numbers = len(header.parts), 0
             for part in header.parts:
-                low, high = part.header["dataWindow"]
-                pixels = (high[0] - low[0] + 1) * (high[1] - low[1] + 1)
+                (left, top), (right, bottom) = np.array(part.header["dataWindow"]).tolist()
+                pixels = (right - left + 1) * (bottom - top + 1)
                 numbers += pixels * len(part.header["channels"])
                 if pixels > max_px or numbers > MOST_HELD:
                     return None

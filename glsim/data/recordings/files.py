@@ -74,7 +74,8 @@ class MapFiles:
             DatasetError: whole numbers are shifted, or floats neither metres nor millimetres.
         """
         self._places, self._channel, self._infrared = tuple(places), channel or None, infrared
-        self.step_mm, self.notes = unit_mm or 1.0, ()
+        self.step_mm = unit_mm or 1.0
+        self.notes: tuple[str, ...] = ()
         self._unit_wins = unit_wins
         self.paths = [place.file for place in self._places]
         folders: dict[Path, list[FramePlace]] = {}
