@@ -72,12 +72,14 @@ def find_tip(
         near_mm: (x, y) within a few cells of the tip.
     """
     x, y, z = near_mm[0], near_mm[1], 0.0
-    corner = points_mm[faces]
-    lower, upper = corner.min(axis=1), corner.max(axis=1)
+    columns, corners = points_mm.T[:2], np.ascontiguousarray(faces.T)
     for _ in range(4):  # the ball comes whole into the square round it
         middle = np.array([x, y])
-        near = (lower[:, :2] <= middle + 2 * CELL_MM) & (upper[:, :2] >= middle - 2 * CELL_MM)
-        samples = sample_surface(points_mm, faces[near.all(axis=1)], TIP_SAMPLES)
+        near = np.ones(len(faces), bool)
+        for column, centre in zip(columns, middle, strict=True):
+            for beyond in (column <= centre + 2 * CELL_MM, column >= centre - 2 * CELL_MM):
+                near &= np.logical_or.reduce(beyond[corners])
+        samples = sample_surface(points_mm, faces[near], TIP_SAMPLES)
         inside = (np.abs(samples[:2] - middle[:, None]) <= 2 * CELL_MM).all(axis=0)
         samples = samples[:, inside]
         z = float(samples[2].max())
