@@ -65,7 +65,7 @@ def corrupt(
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
     from glsim.core.files.atomic import flush_outputs
-    from glsim.data.recordings.names import left_out, left_out_text
+    from glsim.data.recordings.names import left_out_text
     from glsim.denoise.depth_files import map_files
     from glsim.settings.schema import load_settings
 
@@ -74,7 +74,7 @@ def corrupt(
         assignments or [],
         overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm),
     )
-    pairs = _pairs(clean, out)
+    pairs, others = _pairs(clean, out)
     given_mm = settings.output.depth_unit_mm
     given = given_mm if given_mm != 1 else depth_unit_mm
     maps = map_files([source for source, _ in pairs], given, channel)
@@ -83,7 +83,7 @@ def corrupt(
     failures = _corrupt_maps(pairs, maps, settings, backend, focal, centre)
     if len(pairs) > 1:
         flush_outputs(out)
-    if others := left_out([clean], "clean"):
+    if others:
         print_message(f"left out {left_out_text(others)}: no clean depth")
     for note in maps.notes:
         print_message(note)
@@ -132,13 +132,14 @@ def _corrupt_maps(
     return failures
 
 
-def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path]]:
-    """List (input, output) of a file or of a folder's clean maps."""
+def _pairs(clean: Path, out: Path) -> tuple[list[tuple[Path, Path]], Counter[str]]:
+    """List (input, output) of a file or of a folder's clean maps, and what is left out."""
     from glsim.data.recordings.names import maps_in
     from glsim.denoise.depth_files import check_name
 
     if not clean.exists():
         raise ConfigError(f"{clean}: no such file or folder")
+    others: Counter[str] = Counter()
     if clean.is_file():
         target = out / clean.name if out.is_dir() else out
         check_name(target)
@@ -146,8 +147,9 @@ def _pairs(clean: Path, out: Path) -> list[tuple[Path, Path]]:
     else:
         if out.is_file():
             raise ConfigError(f"-o {out}: is a file; {clean} is a folder, so give a folder")
-        pairs = [(map_, out / map_.relative_to(clean)) for map_ in maps_in(clean, "clean")[0]]
+        files, others = maps_in(clean, "clean")
+        pairs = [(file, out / file.relative_to(clean)) for file in files]
     for source, target in pairs:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite the clean map {source}")
-    return pairs
+    return pairs, others

@@ -71,8 +71,8 @@ def denoise(
     from glsim.core.depth_protocol import check_protocol
     from glsim.core.files.atomic import flush_outputs
     from glsim.data.map_files import FORMATS
-    from glsim.data.recordings.names import left_out, left_out_text
-    from glsim.denoise.depth_files import find_maps, infrared_files, map_files, output_step_mm
+    from glsim.data.recordings.names import left_out_text
+    from glsim.denoise.depth_files import check_infrared, find_maps, map_files, output_step_mm
     from glsim.denoise.frames import MapReader
     from glsim.denoise.registry import load_denoiser
 
@@ -85,18 +85,19 @@ def denoise(
         print_message(f"{device}: subtracts {' and '.join(loaded.device.parts)}")
     if infrared is not None and not loaded.infrared:
         raise ConfigError(f"--infrared: {loaded.label} does not use infrared")
-    pairs = find_maps(noisy, out, form)
-    files = map_files([source for source, _ in pairs], depth_unit_mm, channel)
+    pairs, others = find_maps(noisy, out, form)
+    files = map_files([source for source, _ in pairs], depth_unit_mm, channel, infrared)
     out_step_mm = output_step_mm(pairs, files.step_mm, form, out_unit_mm)
-    images = infrared_files([s for s, _ in pairs], infrared) if loaded.infrared else ()
-    maps = MapReader(files, loaded.device, images, chosen)
+    if loaded.infrared:
+        check_infrared(files)
+    maps = MapReader(files, loaded.device, loaded.infrared, chosen)
     sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
     failures = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
     if len(pairs) > 1:
         flush_outputs(out)
         if uncertainty is not None:
             flush_outputs(uncertainty)
-    if others := left_out([Path(text) for text in noisy], "noisy"):
+    if others:
         print_message(f"left out {left_out_text(others)}: no noisy depth")
     for note in files.notes:
         print_message(note)
@@ -165,7 +166,7 @@ def _sigma_targets(
             f"--uncertainty: {denoiser.label} does not estimate its uncertainty; networks trained "
             "with uncertainty = true do, without --around"
         )
-    targets = [target for _, target in find_maps(noisy, uncertainty, "png")]
+    targets = [target for _, target in find_maps(noisy, uncertainty, "png")[0]]
     if {*targets} & {*maps}:
         raise ConfigError(
             f"--uncertainty {uncertainty}: is also the output of the depth: give another name"

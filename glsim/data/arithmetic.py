@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from glsim.core.errors import ConfigError, DeviceError
+from glsim.core.errors import ConfigError
 from glsim.core.mesh import occluder_of
-from glsim.data.worker_processes import WorkerFailure, WorkerProcess
+from glsim.data.worker_processes import run_tasks
 
 
 @dataclass(frozen=True)
@@ -63,19 +63,8 @@ def this_machine(context: Any) -> Machine:
 
 def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:
     """Start a worker process and return its Machine. Raises the errors of the worker."""
-    worker = WorkerProcess(_MachineReport(backend), environment)
-    try:
-        answer = worker.connection.recv()
-    except (EOFError, ConnectionError):
-        raise DeviceError(
-            f"a worker process with {dict(environment)} ended with status {worker.process.wait()}"
-        ) from None
-    finally:
-        worker.stop()
-    if isinstance(answer, WorkerFailure):
-        raise answer.error
-    assert isinstance(answer, Machine)
-    return answer
+    (machine,) = run_tasks(_MachineReport(backend), [None], 1, environment)
+    return machine
 
 
 @dataclass(frozen=True)
@@ -84,14 +73,15 @@ class _MachineReport:
 
     backend: str | None
 
-    def run(self, _: Iterator[None]) -> Iterator[Machine]:
+    def run(self, tasks: Iterator[None]) -> Iterator[Machine]:
         from glsim.gl.context import borrowed_context
 
-        with borrowed_context(self.backend) as context:
-            yield this_machine(context)
+        for _ in tasks:
+            with borrowed_context(self.backend) as context:
+                yield this_machine(context)
 
     def doing(self, _: None) -> str:
-        return "computing"
+        return "computing what tells machines apart"
 
 
 @lru_cache(maxsize=1)

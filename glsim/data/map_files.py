@@ -216,16 +216,13 @@ def encode_map(
     Raises:
         DepthRangeError: a depth is beyond 16 bits of the unit.
     """
-    if form == "npy":
-        return encode_npy(depth_m)
-    if form == "exr":
-        return encode_exr(depth_m)
-    if form == "tiff-float":
-        return _encode_tiff(depth_m)
+    if form in FLOAT_FORMATS:
+        encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)
+        return encode(depth_m)
     units = encode_depth(depth_m, unit_mm, option)
-    if form == "tiff":
-        return _encode_tiff(units)
-    return encode_png(units, unit_mm if state_unit else None)
+    return (
+        encode_png(units, unit_mm if state_unit else None) if form == "png" else _encode_tiff(units)
+    )
 
 
 def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:

@@ -25,8 +25,7 @@ from glsim.data.map_files import (
 )
 from glsim.data.recordings.files import FramePlace, MapFiles
 from glsim.data.recordings.folders import stated_camera
-from glsim.data.recordings.names import infrared_beside, maps_in
-from glsim.data.recordings.names import infrared_files as named_infrared_files
+from glsim.data.recordings.names import infrared_files, maps_in
 from glsim.data.recordings.recording import agreed_unit_mm
 
 #: Step of denoised maps where a reader can know it, mm: rounding to it adds 0.03 mm, and depth up
@@ -36,7 +35,9 @@ FINE_MM: Final = 0.1
 _DEEPEST: Final = 65000
 
 
-def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list[tuple[Path, Path]]:
+def find_maps(
+    inputs: Sequence[str], out: Path, form: str | None = None
+) -> tuple[list[tuple[Path, Path]], Counter[str]]:
     """Pair input files with output files.
 
     Args:
@@ -45,15 +46,15 @@ def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list
         form: format of the output, one of ``FORMATS``; default: by the suffix.
 
     Returns:
-        (input, output) of each map, in natural order of the inputs. Where two have the same
-        name, all keep their folders below the one that they share.
+        (input, output) of each map, in natural order of the inputs, and what of folders is left
+        out. Where two have the same name, all keep their folders below the one that they share.
 
     Raises:
         ConfigError: no file matches, one is given twice, or one would be overwritten.
     """
-    pairs = sorted(
-        (pair for text in inputs for pair in _of_one(text, out)), key=lambda pair: natural(pair[0])
-    )
+    left_out: Counter[str] = Counter()
+    pairs = [pair for text in inputs for pair in _of_one(text, out, left_out)]
+    pairs.sort(key=lambda pair: natural(pair[0]))
     if len(pairs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
         check_name(out, form)
         pairs = [(pairs[0][0], out)]
@@ -73,7 +74,7 @@ def find_maps(inputs: Sequence[str], out: Path, form: str | None = None) -> list
     for source, target in pairs:
         if target.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite {source}")
-    return pairs
+    return pairs, left_out
 
 
 def check_name(out: Path, form: str | None = None) -> None:
@@ -85,20 +86,14 @@ def check_name(out: Path, form: str | None = None) -> None:
         )
 
 
-def infrared_files(maps: Sequence[Path], given: Path | None) -> list[Path]:
-    """Return the infrared image of each depth map: beside it, or as ``given`` says.
-
-    given: see ``glsim.data.recordings.names.infrared_files``. Raises ConfigError if one is missing.
-    """
-    if given is not None:
-        return named_infrared_files(maps, given)
-    beside = {depth: infrared_beside(depth) for depth in maps}
-    for depth in (depth for depth, file in beside.items() if file is None):
-        raise ConfigError(
-            f"{depth}: has no infrared image beside it ({depth.stem}_infrared.png), which this "
-            "denoiser uses: give one with --infrared, or choose the network face"
-        )
-    return [file for file in beside.values() if file is not None]
+def check_infrared(maps: MapFiles) -> None:
+    """Raise ConfigError if a map has no infrared image."""
+    for depth, infrared in map(maps.files, range(len(maps))):
+        if infrared is None:
+            raise ConfigError(
+                f"{depth}: has no infrared image beside it ({depth.stem}_infrared.png), which this "
+                "denoiser uses: give one with --infrared, or choose the network face"
+            )
 
 
 def dataset_root(folder: Path) -> Path | None:
@@ -118,8 +113,15 @@ def dataset_root(folder: Path) -> Path | None:
     return split.parent if ours else None
 
 
-def map_files(files: Sequence[Path], given: float | None, channel: str | None = None) -> MapFiles:
+def map_files(
+    files: Sequence[Path],
+    given: float | None,
+    channel: str | None = None,
+    infrared: Path | None = None,
+) -> MapFiles:
     """Open depth maps of one step: the one that they state, else ``given``, else 1 mm.
+
+    infrared: see ``infrared_files``; by default the images beside the maps.
 
     Files of a data set state it in its header, PNG files of ``glsim denoise`` themselves, others by
     ``stated_camera``.
@@ -136,7 +138,8 @@ def map_files(files: Sequence[Path], given: float | None, channel: str | None = 
             "those of one step at a time"
         )
     step_mm = agreed_unit_mm(given, next(iter(stated), None), "a file or its data set")
-    return MapFiles([FramePlace(file.stem, file) for file in files], step_mm, channel)
+    lights = None if infrared is None else infrared_files(files, infrared)
+    return MapFiles([FramePlace(file.stem, file) for file in files], step_mm, channel, lights)
 
 
 def output_step_mm(
@@ -190,11 +193,13 @@ def _stated_mm(files: Sequence[Path]) -> set[float]:
     return set() if stated == {None} else {1.0 if step is None else step for step in stated}
 
 
-def _of_one(text: str, out: Path) -> list[tuple[Path, Path]]:
+def _of_one(text: str, out: Path, left_out: Counter[str]) -> list[tuple[Path, Path]]:
     """Pair the files of one input. Raises ConfigError if there is none."""
     path = Path(text)
     if path.is_dir():
-        pairs = [(file, out / file.relative_to(path)) for file in maps_in(path, "noisy")[0]]
+        files, others = maps_in(path, "noisy")
+        left_out += others
+        pairs = [(file, out / file.relative_to(path)) for file in files]
     else:
         # Unlike that of pathlib, it leaves out hidden files.
         matching = [text] if path.is_file() else glob.iglob(text, recursive=True)  # noqa: PTH207

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,6 @@ from glsim.core.depth_protocol import (
     subtract_offset,
 )
 from glsim.core.errors import DatasetError
-from glsim.core.files.png import read_depth_png
 from glsim.data.recordings.files import MapFiles
 from glsim.denoise.depth_files import dataset_root
 from glsim.denoise.interface import MIN_MEASURED_MM, Depth
@@ -91,7 +89,7 @@ class MapReader:
         self,
         maps: MapFiles,
         device: DeviceCalibration | None = None,
-        infrared: Sequence[Path] = (),
+        infrared: bool = False,
         protocol: DepthProtocol = "depth",
     ) -> None:
         """Find the data sets to which the files belong. Raises DatasetError for a damaged data set.
@@ -99,7 +97,7 @@ class MapReader:
         Args:
             maps: as ``map_files`` opens them.
             device: subtract its errors; crops of data sets have their place in its image.
-            infrared: one 16-bit image for each map.
+            infrared: frames have it.
             protocol: "depth": as measured, with the offset that a data set states. "paper": the
                 nearest point of each map at 1 mm.
         """
@@ -142,7 +140,7 @@ class MapReader:
             depth = subtract_offset(depth, offset_mm)
         layers: dict[str, Layer] = {"noisy_mm": depth}
         if self._infrared:
-            layers["infrared"] = partial(read_depth_png, self._infrared[number])
+            layers["infrared"] = partial(self._maps.infrared, number)
         camera = Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0)
         return DepthFrame(self._key(number), camera, layers, offset_mm=offset_mm, name=str(file))
 

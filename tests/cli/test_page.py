@@ -23,7 +23,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.cli.tune_page.tuning import StageCode, Tuning, tuning_of_link
-from glsim.core.files.png import read_depth_png
+from glsim.core.files.png import read_image
 
 pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -238,7 +238,7 @@ def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: S
         "(p => [p.head.width, p.head.height, p.head.window, Array.from(p.layers.noisy)])"
         "(glsimTune.state.picture)"
     )
-    rendered = read_depth_png(out / "plate_noisy.png")
+    rendered = read_image(out / "plate_noisy.png")
     assert rendered.shape == (height, width)
     left, top, w, h = window
     assert rendered[top : top + h, left : left + w].ravel().tolist() == noisy

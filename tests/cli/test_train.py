@@ -16,7 +16,7 @@ import torch
 from glsim import generate, load_settings
 from glsim.cli import main
 from glsim.cli.train import _print_result, stopping
-from glsim.core.files.png import read_depth_png
+from glsim.core.files.png import read_image
 from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
 from tests.support.imports import loaded_after
@@ -137,7 +137,7 @@ def test_train_denoise_and_score(
     ]
     assert scales[0] != 1, "calibrated by the frames of the validation"
     assert scales[1] == 1, "which training knows nothing of"
-    frame = read_depth_png(noisy).astype(np.float32)
+    frame = read_image(noisy).astype(np.float32)
     *_, sigma_mm = load_network(run / "best.pt")(frame[None], frame[None] > 0, 0)
     assert (sigma_mm > 0).all()
 

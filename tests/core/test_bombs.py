@@ -14,7 +14,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import DatasetError
-from glsim.core.files.png import decode_png, encode_png, image_size, read_depth_png, size_problem
+from glsim.core.files.png import decode_png, encode_png, image_size, read_image, size_problem
 from glsim.core.files.regular import open_regular, read_regular
 from glsim.data.layer_images import decode_layer
 
@@ -46,7 +46,7 @@ def test_a_bomb_is_refused_by_its_header_everywhere(
     problem = "is 32000 x 32000 pixels, more than the"
     assert decode_png(data) is None
     with pytest.raises(DatasetError, match=problem):
-        read_depth_png(file)
+        read_image(file)
     with pytest.raises(DatasetError, match=problem):
         decode_layer(data, "noisy", "x")
     for command in (["denoise", "-d", "median"], ["corrupt", "--backend", "numpy"]):
@@ -59,7 +59,7 @@ def test_a_bomb_is_refused_by_its_header_everywhere(
 def test_maps_have_at_most_four_million_pixels(tmp_path: Path, size: tuple[int, int]) -> None:
     (tmp_path / "wide.png").write_bytes(bomb(*size))
     with pytest.raises(DatasetError, match="more than the"):
-        read_depth_png(tmp_path / "wide.png")
+        read_image(tmp_path / "wide.png")
 
 
 @pytest.mark.parametrize("suffix", ["png", "tiff"])

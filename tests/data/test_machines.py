@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from glsim.core.errors import ConfigError, DeviceError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.data import arithmetic, chunks
 from glsim.data.arithmetic import Machine, machine_of_workers
 from glsim.data.chunks import parse_part
@@ -44,7 +44,9 @@ def test_the_number_of_threads_does_not_make_another_machine() -> None:
 
 
 def test_a_worker_that_cannot_start_is_one_clear_line() -> None:
-    with pytest.raises(DeviceError, match=r"a worker process with .* ended with status 1"):
+    with pytest.raises(
+        DatasetError, match=r"worker process \d+ ended with status 1, for the second"
+    ):
         machine_of_workers({"PYTHONHOME": "/nowhere"}, None)
 
 

@@ -10,7 +10,7 @@ import pytest
 from glsim import Frame, load_settings, simulate
 from glsim.cli import main
 from glsim.core.errors import ConfigError
-from glsim.core.files.png import encode_png, read_depth_png
+from glsim.core.files.png import encode_png, read_image
 from glsim.denoise.interface import Depth
 from glsim.denoise.record import AROUND_PX
 from glsim.denoise.registry import load_denoiser
@@ -100,7 +100,7 @@ def test_the_command_and_what_it_refuses(
     Path("a.png").write_bytes(encode_png(depth.astype(np.uint16)))
     command = ["denoise", "a.png", "-o", "b.png", "-d", "masked_gaussian"]
     assert main([*command, "--around", "face"]) == 0
-    changed = read_depth_png(Path("b.png")) != read_depth_png(Path("a.png"))
+    changed = read_image(Path("b.png")) != read_image(Path("a.png"))
     assert 0.01 < changed.mean() < 0.2
     capsys.readouterr()
     assert main([*command, "--around", "hand"]) == 2

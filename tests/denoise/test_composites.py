@@ -13,7 +13,7 @@ from glsim import Frame, load_settings, simulate
 from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.camera import Intrinsics
-from glsim.core.files.png import read_depth_png
+from glsim.core.files.png import read_image
 from glsim.denoise.composites import BESIDE_PX, composed
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.interface import Denoised, Depth
@@ -203,7 +203,7 @@ def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
     network = load_denoiser("face")
     lost = {"hard": np.zeros(2), "measured": np.zeros(2)}
     for name in ("0030",):
-        noisy = read_depth_png(REAL_FRAMES / f"{name}_depth.png").astype(np.float32)
+        noisy = read_image(REAL_FRAMES / f"{name}_depth.png").astype(np.float32)
         camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
         edges = find_edges(frames_of("real", [noisy], camera=camera)[0])
         estimate = network.estimate(noisy[None])

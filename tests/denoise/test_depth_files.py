@@ -10,7 +10,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.png import encode_png, read_depth_png, stated_unit_mm
+from glsim.core.files.png import encode_png, read_image, stated_unit_mm
 from glsim.data.recordings.files import read_map_mm
 from glsim.denoise.depth_files import find_maps, map_files
 from tests.support.dataset_fakes import make, make_settings, make_tasks
@@ -31,7 +31,7 @@ def denoise(*arguments: str) -> int:
 def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> None:
     plain, stated = write(tmp_path / "a.png", 0.1), write(tmp_path / "b.png", 0.1, stated=True)
     assert (stated_unit_mm(plain), stated_unit_mm(stated)) == (None, 0.1)
-    np.testing.assert_array_equal(read_depth_png(plain), read_depth_png(stated))
+    np.testing.assert_array_equal(read_image(plain), read_image(stated))
     assert map_files([stated], None).step_mm == map_files([stated], 0.1).step_mm == 0.1
     assert map_files([plain], None).step_mm == 1.0
     assert "nothing states a unit" in map_files([plain], None).notes[0]
@@ -65,7 +65,7 @@ def test_the_step_of_the_output(
         assert denoise(source, "-o", target, *options) == 0
         assert f"in steps of {step:g} mm" in capsys.readouterr().err
         assert stated_unit_mm(Path(target)) == step
-    fine, coarse = (len(np.unique(read_depth_png(Path(name)))) for name in ("b.png", "a.png"))
+    fine, coarse = (len(np.unique(read_image(Path(name)))) for name in ("b.png", "a.png"))
     assert fine > 2 * coarse
 
 
@@ -119,10 +119,10 @@ def test_maps_of_the_same_name_keep_their_folders(
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(name, np.full((4, 4), 900, np.uint16))
     out = Path("out")
-    different = find_maps(["day/a", "day/b/c"], out)
+    different, _ = find_maps(["day/a", "day/b/c"], out)
     assert [target for _, target in different] == [out / "x.png", out / "y.png"]
     for inputs in (["day/a", "day/b"], ["day/*/x.png", "day/b/c/y.png"]):
-        assert {str(source): target for source, target in find_maps(inputs, out)} == {
+        assert {str(source): target for source, target in find_maps(inputs, out)[0]} == {
             "day/a/x.png": out / "a/x.png",
             "day/b/x.png": out / "b/x.png",
             "day/b/c/y.png": out / "b/c/y.png",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import glsim
 from glsim.cli import main
 from glsim.core.errors import DenoiserError
-from glsim.core.files.png import encode_png, read_depth_png
+from glsim.core.files.png import encode_png, read_image
 from glsim.data.reader import open_dataset
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.inputs import NetworkInputs
@@ -178,7 +178,7 @@ def test_the_command_finds_infrared_and_earlier_frames(
     given = ["-o", "given", "--uncertainty", "sigma", "--infrared", "light"]
     assert main(["denoise", "maps", *given, "-d", "all.pt", "-q"]) == 0
     beside, there, sigma = (
-        read_depth_png(Path(folder) / "f1_noisy.png") for folder in ("beside", "given", "sigma")
+        read_image(Path(folder) / "f1_noisy.png") for folder in ("beside", "given", "sigma")
     )
     np.testing.assert_array_equal(beside, there)
     found = load_denoiser("all.pt").estimate(np.floor(stack), 1, np.floor(infrared))

@@ -12,7 +12,7 @@ from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
-from glsim.core.files.png import encode_png, read_depth_png
+from glsim.core.files.png import encode_png, read_image
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
 from glsim.settings.toml_tables import read_toml
@@ -97,7 +97,7 @@ def test_calibration_takes_bias_and_pattern_from_planes(
     bias, spread = {}, {}
     for out in ("raw", "calibrated"):
         error = [
-            (read_depth_png(tmp_path / out / f"{d}.png").astype(float) - truth[d])[middle]
+            (read_image(tmp_path / out / f"{d}.png").astype(float) - truth[d])[middle]
             for d in DISTANCES_MM
         ]
         bias[out] = np.array([np.mean(e) for e in error])

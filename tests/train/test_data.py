@@ -14,7 +14,7 @@ import torch
 from torch.utils.data import DataLoader
 
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.png import read_depth_png
+from glsim.core.files.png import read_image
 from glsim.data.reader import open_dataset
 from glsim.denoise.inputs import NetworkInputs
 from glsim.train import Augmentation, StoredPairs, stored_batches
@@ -109,7 +109,7 @@ def test_a_normalised_data_set_has_its_offset_back(tmp_path: Path) -> None:
     for _ in range(2):
         noisy_mm, _ = pairs[0]
         (file, *_) = sorted((out / "train").rglob("*_noisy.png"))
-        units = read_depth_png(file)
+        units = read_image(file)
         np.testing.assert_array_equal(noisy_mm[0], np.where(units > 0, units + np.float32(7), 0))
 
 

@@ -211,18 +211,6 @@ def read_image(path: Path, *, inside: Path | None = None) -> NDArray[np.generic]
     return image
 
 
-def read_depth_png(path: Path, *, inside: Path | None = None) -> NDArray[np.uint16]:
-    """Read a 16-bit image of one channel, (H, W) uint16 as stored; else raise DatasetError."""
-    image = read_image(path, inside=inside)
-    if image.dtype != np.uint16 or image.ndim != 2:
-        channels = 1 if image.ndim == 2 else image.shape[2]
-        raise DatasetError(
-            f"{path}: has {channels} channels of {image.dtype.itemsize * 8} bits; a depth map has "
-            "one of 16 bits, in millimetres (or --depth-unit-mm)"
-        )
-    return image.view(np.uint16)
-
-
 def write_picture(picture: NDArray[np.uint8], path: Path) -> None:
     """Write an (H, W, 3) uint8 BGR picture as a PNG file, atomically. Raises DatasetError."""
     import cv2

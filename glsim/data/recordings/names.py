@@ -80,11 +80,6 @@ def other_kind(name: str, kind: DepthKind) -> str:
     return f"*_{ending}.{suffix}" if ending in _ENDINGS and ending != kind else ""
 
 
-def left_out(inputs: Sequence[Path], kind: DepthKind) -> Counter[str]:
-    """Count what ``maps_in`` leaves out of those inputs that are folders."""
-    return sum((maps_in(path, kind)[1] for path in inputs if path.is_dir()), Counter[str]())
-
-
 def left_out_text(others: Counter[str]) -> str:
     """Return e.g. "4 *_clean.png, 4 *_infrared.png"."""
     return ", ".join(f"{count} {name}" for name, count in sorted(others.items()))

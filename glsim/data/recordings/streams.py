@@ -137,10 +137,6 @@ def nearest(times: NDArray[np.int64], others: NDArray[np.int64]) -> list[int | N
     limit = float(np.median(steps)) / 2 if steps.size else np.inf
     if len(times) == len(others) and (np.abs(times - others) <= limit).all():
         return list(range(len(times)))  # as they follow each other: stamps may be alike
-    after = np.searchsorted(others, times).clip(1, max(len(others) - 1, 1))
-    before = after - 1
-    after = after.clip(0, len(others) - 1)
-    closer = np.abs(others[after] - times) < np.abs(others[before] - times)
-    chosen = np.where(closer, after, before)
+    chosen = np.searchsorted((others[1:] + others[:-1]) / 2, times)
     far = np.abs(others[chosen] - times) > limit
     return [None if away else int(number) for number, away in zip(chosen, far, strict=True)]

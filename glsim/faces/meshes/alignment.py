@@ -126,7 +126,7 @@ def estimate_alignment(
     samples = sample_surface(vertices, faces) * mm_per_unit
     doubts: list[str] = []
     better = ""
-    # Each row of a rotation has one entry that is not 0: 20 times faster than a product.
+    # Each row of a rotation has one entry that is not 0: a third of the time of a product.
     turned = {n: samples[np.abs(m).argmax(1)] * m.sum(1)[:, None] for n, m in _ROTATIONS.items()}
     matches = {name: match_nose(points) for name, points in turned.items()}
     best = max(matches, key=lambda name: matches[name].score)
