@@ -109,4 +109,4 @@ def _open(path: Path, limit: int | None, inside: Path | None) -> int:
 
 
 def _too_large(size: int, limit: int) -> OSError:
-    return OSError(errno.EFBIG, f"{size / 1e6:.0f} MB are more than the {limit / 1e6:.3g} allowed")
+    return OSError(errno.EFBIG, f"{size / 1e6:.0f} MB are more than the {limit / 1e6:.4g} allowed")

@@ -93,17 +93,13 @@ def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
         for folder in dict.fromkeys([*folders, *above]):
             open_yet = stated.intrinsics is None or stated.unit_mm is None
             if open_yet and (file := folder / name).exists():
-                found = read(file)
+                try:
+                    found = read(file)
+                except MeshError as error:  # of a file of Biwi
+                    raise DatasetError(str(error)) from None
                 first = first or (file if found != StatedCamera() else None)
                 stated = stated.over(found)
     return stated, first
-
-
-def _biwi_calibration(file: Path) -> StatedCamera:
-    try:
-        return StatedCamera(read_calibration(file))
-    except MeshError as error:
-        raise DatasetError(str(error)) from None
 
 
 def _tum_list(file: Path) -> StatedCamera:
@@ -170,7 +166,7 @@ def _opencv_calibration(file: Path) -> StatedCamera:
 #: What states a camera or a unit in the folder of a recording -> its reader, the surest first.
 _READERS: Final[dict[str, Callable[[Path], StatedCamera]]] = {
     CAMERA_FILE: read_camera_file,
-    BIWI_CALIBRATION: _biwi_calibration,
+    BIWI_CALIBRATION: lambda file: StatedCamera(read_calibration(file)),
     CALIBRATION: _opencv_calibration,
     "intrinsic/intrinsic_depth.txt": _scannet_calibration,
     "cameras": _polycam_cameras,

@@ -34,7 +34,6 @@ from glsim.faces.meshes.gltf import read_gltf
 from glsim.faces.meshes.obj import (
     EXTENSIONS,
     check_count,
-    check_size,
     read_bytes,
     read_material_colours,
     read_obj,
@@ -176,7 +175,6 @@ def read_mesh(path: Path) -> FileMesh:
             f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "
             f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
         )
-    check_size(path)
     read: Callable[[Path], Any] = {".stl": _read_stl, ".glb": read_gltf, ".gltf": read_gltf}.get(
         suffix, _read_polygons
     )

@@ -6,7 +6,6 @@ trimesh splits vertices by texture coordinate; a morphable model needs the verte
 from __future__ import annotations
 
 import codecs
-import os
 import re
 from collections.abc import Container
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
-from glsim.core.files.regular import open_regular, read_regular
+from glsim.core.files.regular import read_regular
 
 EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 """Readable formats: STL by trimesh, the others by glsim."""
@@ -94,21 +93,6 @@ class PolygonFile:
             ears.append(corners[clipped])
             source.append(np.full(len(clipped), number))
         return np.concatenate(ears), np.concatenate(source)
-
-
-def check_size(path: Path, max_bytes: int = MAX_BYTES) -> None:
-    """Check the size of a file. Raises MeshError if it is 0 or above ``max_bytes``."""
-    try:
-        with open_regular(path) as file:
-            size = os.fstat(file.fileno()).st_size
-    except OSError as error:
-        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if size == 0:
-        raise MeshError(f"{path}: the file is empty")
-    if size > max_bytes:
-        raise MeshError(
-            f"{path}: {size / 1e6:.0f} MB is more than the {max_bytes / 1e6:.0f} MB allowed"
-        )
 
 
 def check_count(path: Path, triangles: int) -> None:
@@ -203,6 +187,8 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MeshError(f"{path}: cannot be read ({reason})") from None
+    if not data:
+        raise MeshError(f"{path}: the file is empty")
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.decode("utf-16", errors="replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)

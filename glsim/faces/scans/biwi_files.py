@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import MeshError
-from glsim.faces.meshes.obj import check_size
+from glsim.faces.meshes.obj import read_bytes
 from glsim.faces.scans.file_source import one_bad_file
 
 _MAX_SIDE: Final = 2048
@@ -43,9 +43,8 @@ def read_depth_bin(path: Path) -> NDArray[np.uint16]:
     Format: int32 width, int32 height, then runs until all pixels are covered: int32 number of
     empty pixels, int32 number of full pixels, and the int16 depths of the full ones.
     """
-    check_size(path, 8 + 10 * _MAX_SIDE**2)
     with one_bad_file(path):
-        data = path.read_bytes()
+        data = read_bytes(path, 8 + 10 * _MAX_SIDE**2)
         width, height = struct.unpack_from("<ii", data)
         if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
             raise ValueError(f"an image of {width} x {height} pixels")
@@ -97,9 +96,8 @@ def read_calibration(path: Path) -> Intrinsics:
 
 def _numbers(path: Path, count: int) -> NDArray[np.float64]:
     """Read a small text file of exactly ``count`` numbers. Raises MeshError."""
-    check_size(path, _MAX_TEXT)
     with one_bad_file(path):
-        numbers = np.array([float(word) for word in path.read_bytes().split()])
+        numbers = np.array([float(word) for word in read_bytes(path, _MAX_TEXT).split()])
         if len(numbers) != count or not np.isfinite(numbers).all():
             raise ValueError(f"it holds {len(numbers)} numbers, not {count} finite ones")
     return numbers

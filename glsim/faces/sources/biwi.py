@@ -30,7 +30,6 @@ from glsim.core.products import product
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, read_mesh
-from glsim.faces.meshes.obj import check_size
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces
 from glsim.faces.scans.file_tree import last_number
@@ -38,7 +37,6 @@ from glsim.faces.scans.file_tree import last_number
 AXES: Final = "+x-y-z"
 FRAMES_PER_SECOND: Final = 30.0
 _POSE: Final = "_pose.txt"  # end of the names of pose files
-MAX_BYTES: Final = 50_000_000  # a template is 0.6 MB
 
 PEOPLE: Final = (
     "F01", "F02", "F03", "F04", "F05", "F06", "M01", "M02", "M03", "M04", "M05", "M06",
@@ -156,7 +154,6 @@ class Biwi(FileFaces):
 
     def _read_template(self, recording: str) -> tuple[Mesh, Alignment]:
         path = self.root / f"{recording}.obj"
-        check_size(path, MAX_BYTES)
         file_mesh = read_mesh(path)
         unit = "mm" if self._unit == "auto" else self._unit
         alignment = find_alignment_in_format(

@@ -36,7 +36,7 @@ from glsim.core.mesh import Mesh
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
-from glsim.faces.meshes.obj import check_size, read_obj, read_vertices
+from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
 
 SHAPES: Final = 47
@@ -45,7 +45,6 @@ SHAPES: Final = 47
 AXES: Final = "+x+y+z"
 FRAMES_PER_SECOND: Final = 30.0
 PLAUSIBLE_UNIT_MM: Final = (60.0, 250.0)  # public tools use 100 to 150 mm per unit
-MAX_BYTES: Final = 50_000_000  # an OBJ of the set is 2 MB
 
 _TESTER: Final = re.compile(r"Tester_\d+", re.ASCII)
 _MAX_DEPTH: Final = 3
@@ -192,8 +191,8 @@ class FaceWarehouse(FileFaces):
         if files.bs and weights:
             meshes = [*read_blend_shapes(files.bs, weights)]
         else:
-            meshes = [_read_points(files.shapes[number]) for number in weights]
-            meshes = meshes or [_read_points(self.root / key.path)]
+            meshes = [read_vertices(files.shapes[number]) for number in weights]
+            meshes = meshes or [read_vertices(self.root / key.path)]
         shares = list(weights.values())
         points = meshes[0] if len(meshes) == 1 else shares[0] * meshes[0] + shares[1] * meshes[1]
         if len(points) != count or not np.isfinite(points).all():
@@ -241,7 +240,6 @@ class FaceWarehouse(FileFaces):
     def _topology(self, subject: str) -> tuple[NDArray[np.int64], int]:
         """Read the triangles (F, 3) and the number of vertices. Raises MeshError."""
         for path in self._topology_file(subject):
-            check_size(path, MAX_BYTES)
             obj = read_obj(path)
             triangles, _ = obj.triangles()
             if len(triangles):
@@ -290,11 +288,6 @@ def _numbered(folder: Path, stem: str) -> dict[int, Path]:
     names = entries(folder, (".obj",))[0] if folder.is_dir() else []
     matches = [re.fullmatch(rf"{stem}_(\d{{1,3}})\.obj", name, re.ASCII) for name in names]
     return {int(match[1]): folder / match[0] for match in matches if match}
-
-
-def _read_points(path: Path) -> NDArray[np.float64]:
-    check_size(path, MAX_BYTES)
-    return read_vertices(path)
 
 
 def read_blend_shapes(path: Path, numbers: Iterable[int]) -> list[NDArray[np.float32]]:

@@ -10,7 +10,6 @@ groups, the landmarks of vertex_indices.json and pictures of 160 people.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,14 +19,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, DatasetError, MeshError
+from glsim.core.files.atomic import read_json
 from glsim.core.mesh import Mesh, occluder_of
 from glsim.core.seeds import rng_for
 from glsim.faces.action_units import SHAPES, shape_weights
 from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
 from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
-from glsim.faces.meshes.obj import check_size, read_obj, read_vertices
+from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.model_cache import Arrays, cached_arrays
 
 #: Which vertices and triangles of the neutral mesh are drawn.
@@ -49,7 +49,6 @@ _DRAWS: Final = 4  # the probability that all four exceed the limit is 5e-11
 
 _NEUTRAL: Final = "generic_neutral_mesh.obj"
 _INDICES: Final = "vertex_indices.json"
-_MAX_INDICES_BYTES: Final = 1 << 24  # the model's own has 0.2 MB
 _GET: Final = "get the whole face model with 'git clone https://github.com/ICT-VGL/ICT-FaceKit'"
 _CACHE_VERSION: Final = "7"  # raise it when the content of the cache changes
 _MM_PER_UNIT: Final = 10.0  # the model is in centimetres
@@ -254,13 +253,12 @@ def _identity_files(folder: Path) -> list[Path]:
 
 def _read_expressions(path: Path) -> tuple[str, ...]:
     """Read the names of the model's expressions. Raises MeshError."""
-    check_size(path, _MAX_INDICES_BYTES)
     try:
-        names = json.loads(path.read_text(encoding="utf-8"))["expressions"]
+        names = read_json(path)["expressions"]
         expressions = tuple(str(name) for name in names)
         if missing := sorted(KNOWN_SHAPES - set(expressions)):
             raise ValueError(f"no expression {missing[0]}")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (DatasetError, ValueError, KeyError, TypeError) as error:
         raise MeshError(
             f"{path}: damaged or of another model ({type(error).__name__}: {error}); {_GET}"
         ) from None

@@ -223,7 +223,7 @@ def test_huge_files_and_meshes_are_refused(tmp_path: Path, monkeypatch: pytest.M
     obj = tmp_path / "a.obj"
     with obj.open("wb") as file:  # a sparse file
         file.truncate(limits.MAX_BYTES + 1)
-    with pytest.raises(MeshError, match="1000 MB is more than the 1000 MB allowed"):
+    with pytest.raises(MeshError, match="1000 MB are more than the 1000 allowed"):
         load_mesh(obj)
     monkeypatch.setattr(limits, "MAX_TRIANGLES", 100)
     obj.write_text(GOOD_OBJ)
