@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -173,9 +173,10 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
     if not frames[0].has_clean:
         return np.vstack([head, rows])
     used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
-    known = all(frame.has_reasons for frame in frames)
-    legend = _legend(width, [(code, legend_text(code, known)) for code in used])
-    return np.vstack([head, rows, legend])
+    texts = {code: f"{int(code)} {code.name.lower()}: {code.help}" for code in used}
+    if Reason.DROPPED in texts and not all(frame.has_reasons for frame in frames):
+        texts[Reason.DROPPED] = "lost, reason unknown: the data set has no layer reason"
+    return np.vstack([head, rows, _legend(width, texts)])
 
 
 def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
@@ -184,17 +185,6 @@ def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
     height = len(cells) // columns
     groups = [cells[n::height] if down else cells[n * columns :][:columns] for n in range(height)]
     return np.vstack([np.hstack(group) for group in groups])
-
-
-def legend_text(code: Reason, known: bool) -> str:
-    """Return the legend's text for a reason code.
-
-    Args:
-        known: whether the frames have a reason layer.
-    """
-    if code is Reason.DROPPED and not known:
-        return "lost, reason unknown: the data set has no layer reason"
-    return f"{int(code)} {code.name.lower()}: {code.help}"
 
 
 def gallery(
@@ -213,13 +203,13 @@ def gallery(
     return np.vstack([head, _grid(cells, columns, down=False)])
 
 
-def _legend(width: int, used: Sequence[tuple[Reason, str]]) -> Picture:
-    lines = 1 + len(used)
+def _legend(width: int, texts: Mapping[Reason, str]) -> Picture:
+    lines = 1 + len(texts)
     bar = np.full((24 * lines + 14, width, 3), _BACKGROUND, np.uint8)
     ramp = np.linspace(-DIFFERENCE_MM, DIFFERENCE_MM, 240, dtype=np.float32)[None] / 1000.0
     bar[8:22, 10:250] = np.repeat(difference(np.ones_like(ramp), 1 + ramp), 14, axis=0)
     _write(bar, f"-{DIFFERENCE_MM:.0f} to +{DIFFERENCE_MM:.0f} mm", (260, 21), 0.45)
-    for line, (code, text) in enumerate(used, start=1):
+    for line, (code, text) in enumerate(texts.items(), start=1):
         y = 24 * line + 8
         bar[y : y + 14, 10:34] = _REASON_COLOURS[code]
         cv2.rectangle(bar, (10, y), (34, y + 14), (90, 90, 90), 1)

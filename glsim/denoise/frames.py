@@ -139,8 +139,8 @@ class MapReader:
             offset_mm = stored_mm if at_1_mm else offset_to_nearest(depth)
             depth = subtract_offset(depth, offset_mm)
         layers: dict[str, Layer] = {"noisy_mm": depth}
-        if self._infrared:
-            layers["infrared"] = partial(self._maps.infrared, number)
+        if self._infrared and (counts := self._maps.infrared(number)) is not None:
+            layers["infrared"] = counts
         camera = Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0)
         return DepthFrame(self._key(number), camera, layers, offset_mm=offset_mm, name=str(file))
 

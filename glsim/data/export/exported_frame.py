@@ -103,16 +103,6 @@ def export_frames(
     Raises:
         ConfigError: a layer that is not there, and the errors of the reader.
     """
-    chosen = depth_layers(dataset, layers)
-    lens = kept_lens(dataset.header)
-    names = {number: name for name, number in dataset.regions.items()}
-    frames = dataset.frames() if split is None else dataset.split(split)
-    for frame in frames[:count]:
-        yield _frame(frame, chosen, lens, names)
-
-
-def depth_layers(dataset: Dataset, layers: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the chosen depth layers in a fixed order. Raises ConfigError for absent layers."""
     there = [layer for layer in DEPTH_LAYERS if layer in dataset.layers]
     for layer in layers or ():
         if layer not in there:
@@ -122,7 +112,11 @@ def depth_layers(dataset: Dataset, layers: Sequence[str] | None = None) -> tuple
     chosen = there if layers is None else [layer for layer in there if layer in layers]
     if not chosen:
         raise ConfigError(f"{dataset}: has no layer of depth to export")
-    return tuple(chosen)
+    lens = kept_lens(dataset.header)
+    names = {number: name for name, number in dataset.regions.items()}
+    frames = dataset.frames() if split is None else dataset.split(split)
+    for frame in frames[:count]:
+        yield _frame(frame, chosen, lens, names)
 
 
 def kept_lens(header: Mapping[str, Any]) -> Distortion:

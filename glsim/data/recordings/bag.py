@@ -180,18 +180,15 @@ class BagStream(FrameStream):
         return None
 
     def _find_times(self, tracks: Sequence[str]) -> dict[str, NDArray[np.int64]]:
-        return {topic: self._times_of(topic) for topic in tracks}
-
-    def _times_of(self, topic: str) -> NDArray[np.int64]:
-        """Return the times of a topic's messages, ns: from the index of a ROS 1 bag."""
-        times: list[int] = []
-        for connection in self._of(topic):
-            indexes = getattr(connection.owner, "indexes", None)
-            if indexes is not None:
-                times += [entry.time for entry in indexes[connection.id]]
-            else:
-                times += [time for _, time, _ in self._open().messages([connection])]
-        return np.array(sorted(times), np.int64)
+        """Return the times of each topic's messages, ns: from the index of a ROS 1 bag."""
+        found: dict[str, list[int]] = {topic: [] for topic in tracks}
+        for topic, times in found.items():
+            for connection in self._of(topic):
+                if (indexes := getattr(connection.owner, "indexes", None)) is not None:
+                    times += [entry.time for entry in indexes[connection.id]]
+                else:
+                    times += [time for _, time, _ in self._open().messages([connection])]
+        return {topic: np.array(sorted(times), np.int64) for topic, times in found.items()}
 
     def _image(self, topic: str, number: int) -> NDArray[np.generic]:
         """Read an image; the next one of a topic goes on where the last was read."""

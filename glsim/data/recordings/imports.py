@@ -256,12 +256,6 @@ class RecordingSource(FaceSource):
             hashes |= {os.path.relpath(path, self.folder): content_hash(path) for path in paths}
         return hashes
 
-    def without_infrared(self) -> tuple[list[str], int]:
-        """Return the names of the frames without an infrared image, and the number of all."""
-        readers = [self.reader(subject) for subject in self.recordings]
-        dark = [r.name(n) for r in readers for n in range(len(r)) if r.files(n)[1] is None]
-        return dark, sum(map(len, readers))
-
     @property
     def step_mm(self) -> float:
         """The step of depth files, mm, that keeps integers exactly and floats nearly so."""
@@ -298,7 +292,8 @@ def import_recordings(
     Raises ConfigError without such a folder, DatasetError without frames or by ``write_dataset``.
     """
     source = RecordingSource(root, depth_unit_mm, mirror, every, topic)
-    dark, count = source.without_infrared()
+    frames = [(r, n) for r in map(source.reader, source.recordings) for n in range(len(r))]
+    dark = [reader.name(number) for reader, number in frames if reader.files(number)[1] is None]
     layers = ("noisy",) if dark else ("noisy", "infrared")
     tree: dict[str, Any] = {
         "source": {"kind": "kinect2", "root": root, "every": every},
@@ -321,12 +316,11 @@ def import_recordings(
         progress=progress,
         inputs=lambda: InputHashes(sources=source_hashes([source], tasks)),
     )
-    lacks = (
-        f"{root}: {dark[0]} has no infrared image: that of the other frames is left out"
-        if dark
-        else ""
-    )
-    return replace(summary, notes=(*source.notes, *([lacks] if 0 < len(dark) < count else [])))
+    notes = source.notes
+    if 0 < len(dark) < len(frames):
+        lacks = f"{dark[0]} has no infrared image: that of the other frames is left out"
+        notes = (*notes, f"{root}: {lacks}")
+    return replace(summary, notes=notes)
 
 
 def _recorded_frames(

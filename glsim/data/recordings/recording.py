@@ -204,12 +204,19 @@ def open_recording(
         ConfigError: a path, topic or step is wrong, or ``camera.toml`` is.
         DatasetError: there are no depth frames of a known kind.
     """
-    if unit_mm is not None and not unit_mm > 0:
-        raise ConfigError(f"--depth-unit-mm {unit_mm:g}: must be above 0")
     given = [paths] if isinstance(paths, Path) else list(paths)
-    _check_paths(given)
+    if missing := next((path for path in given if not path.exists()), None):
+        kind = "file or folder" if missing.suffix or len(given) > 1 else "folder"
+        raise ConfigError(f"{missing}: no such {kind}")
+    if given[0].is_file() and (packed := _PACKED.get(given[0].suffix.lower())):
+        raise DatasetError(f"{given[0]}: {packed}")
     if len(given) == 1 and is_dataset(given[0]):
-        return _dataset_recording(given[0])
+        dataset = open_dataset(given[0])
+        if len(dataset) == 0:
+            raise DatasetError(f"{given[0]}: has no frames")
+        dataset.require("noisy")
+        stated = StatedCamera(dataset.frames().intrinsics, unit_mm=dataset.depth_unit_mm)
+        return Recording(given[0], "data set", dataset.frames(), None, stated)
     if whole := whole_recording(given):
         return _stream_recording(whole, unit_mm, mirror, infrared, topic)
     found = [depth_files(path) if path.is_dir() else ("", [path]) for path in given]
@@ -264,32 +271,16 @@ def _check_least_size(shape: tuple[int, ...], where: Path) -> None:
 def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
     """Return the depth of one step of whole numbers, mm, as given or as stated in files.
 
-    Raises ConfigError where these differ.
+    Raises ConfigError where these differ, and for 0 or less.
     """
+    if given is not None and not given > 0:
+        raise ConfigError(f"--depth-unit-mm {given:g}: must be above 0")
     if given is not None and stated is not None and given != stated:
         raise ConfigError(
             f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
             "out, or correct the camera.toml"
         )
     return stated or given
-
-
-def _check_paths(given: Sequence[Path]) -> None:
-    if missing := next((path for path in given if not path.exists()), None):
-        kind = "file or folder" if missing.suffix or len(given) > 1 else "folder"
-        raise ConfigError(f"{missing}: no such {kind}")
-    if given[0].is_file() and (packed := _PACKED.get(given[0].suffix.lower())):
-        raise DatasetError(f"{given[0]}: {packed}")
-
-
-def _dataset_recording(path: Path) -> Recording:
-    dataset = open_dataset(path)
-    if len(dataset) == 0:
-        raise DatasetError(f"{path}: has no frames")
-    dataset.require("noisy")
-    frames = dataset.frames()
-    stated = StatedCamera(frames.intrinsics, unit_mm=dataset.depth_unit_mm)
-    return Recording(path, "data set", frames, None, stated)
 
 
 def _stream_recording(

@@ -38,7 +38,11 @@ def encode_npz(frame: ExportFrame) -> bytes:
             arrays[name] = image
     arrays["K"] = centre_at_zero(frame.camera)
     arrays["distortion"] = np.array(coefficients(frame.lens))
-    arrays |= geometry_arrays(frame)
+    if "head_to_camera" in frame.record:
+        arrays["head_to_camera"] = np.array(frame.record["head_to_camera"], np.float64)
+    if "landmarks" in frame.record:
+        arrays["landmarks_m"] = np.array(frame.record["landmarks"]["points_m"], np.float64)
+        arrays["landmarks_px"] = np.array(frame.record["landmarks"]["pixels"], np.float64) - 0.5
     arrays["record"] = np.array(to_json(frame.record, frame.stem))
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as file:
@@ -48,20 +52,6 @@ def encode_npz(frame: ExportFrame) -> bytes:
             info.external_attr = 0o644 << 16
             file.writestr(info, encode_npy(array), compresslevel=1)
     return data.getvalue()
-
-
-def geometry_arrays(frame: ExportFrame) -> dict[str, NDArray[Any]]:
-    """Return the arrays head_to_camera, landmarks_m and landmarks_px, as far as recorded.
-
-    Pixels are those of programs that give the first pixel's centre the coordinates (0, 0).
-    """
-    arrays: dict[str, NDArray[Any]] = {}
-    if "head_to_camera" in frame.record:
-        arrays["head_to_camera"] = np.array(frame.record["head_to_camera"], np.float64)
-    if "landmarks" in frame.record:
-        arrays["landmarks_m"] = np.array(frame.record["landmarks"]["points_m"], np.float64)
-        arrays["landmarks_px"] = np.array(frame.record["landmarks"]["pixels"], np.float64) - 0.5
-    return arrays
 
 
 ARRAYS = (
