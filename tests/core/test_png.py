@@ -1,21 +1,18 @@
-"""Test the PNG encoder against OpenCV and Pillow, and the readers of depth files."""
+"""Test the PNG encoder against OpenCV and Pillow."""
 
 from __future__ import annotations
 
 import io
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from glsim.core.errors import DatasetError
-from glsim.core.files.png import encode_png, read_image
+from glsim.core.files.png import encode_png
 
 
 def decoded(data: bytes) -> np.ndarray:
@@ -45,7 +42,7 @@ def make_image(
     st.integers(0, 9),
 )
 def test_any_image_survives(dtype, height, width, top, bottom, seed) -> None:
-    image = make_image(dtype, height, width, top, bottom, seed)
+    image = make_image(dtype, height, width, top, bottom, seed)[::-1]  # with strides
     data = encode_png(image)
     read = decoded(data)
     assert read.dtype == dtype
@@ -56,27 +53,9 @@ def test_any_image_survives(dtype, height, width, top, bottom, seed) -> None:
         np.testing.assert_array_equal(np.asarray(other), image)
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-@pytest.mark.parametrize("shape", [(424, 512), (1, 1), (1080, 1920)])
-def test_empty_full_and_strided_images(dtype, shape) -> None:
-    full = make_image(dtype, shape[0], shape[1], 0, 0, 1)
-    for image in (np.zeros(shape, dtype), full, full[::-1], np.full(shape, 255, dtype)):
-        np.testing.assert_array_equal(decoded(encode_png(image)), image)
-
-
 def test_same_image_same_bytes_and_empty_rows_cost_little() -> None:
     image = make_image(np.uint16, 124, 512, 0, 0, 3)
     padded = np.vstack([np.zeros((150, 512), np.uint16), image, np.zeros((150, 512), np.uint16)])
     assert encode_png(padded) == encode_png(padded.copy())
     empty_rows = 300 * (1 + 2 * 512)
     assert len(encode_png(padded)) < len(encode_png(image)) + empty_rows // 100
-
-
-def test_what_is_no_image_is_refused_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "depth.png"
-    with pytest.raises(DatasetError, match=r"depth\.png: No such file or directory$"):
-        read_image(path)
-    for data in (b"", b"no image", encode_png(np.zeros((9, 9), np.uint16))[:40]):
-        path.write_bytes(data)
-        with pytest.raises(DatasetError, match=r"depth\.png: is no readable image$"):
-            read_image(path)

@@ -63,19 +63,10 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
     np.testing.assert_allclose(read_map_mm(tmp_path / f"x{suffix}", 0.5), UNITS, atol=1e-4)
 
 
-def test_nan_and_infinity_are_no_depth(tmp_path: Path) -> None:
-    values = METRES.copy()
-    values[0, :3] = np.nan, np.inf, -1
-    found = read_map_mm(write(tmp_path / "a.npy", values), 1.0)
-    assert not found[0].any()
-    assert found[5].all()
-
-
 @pytest.mark.parametrize(
     ("name", "values", "reason"),
     [
         ("a.npy", UNITS.astype(np.float32) / 10, "neither metres"),
-        ("a.npy", UNITS.astype(np.int32), "uint16 or float metres"),
         ("a.npy", np.stack([METRES] * 5), "is a stack of 5 maps"),
         ("a.npy", np.dstack([METRES, METRES, 2 * METRES]), r"is \(24, 32, 3\) float32"),
         ("a.npy", METRES.ravel(), r"is \(1, 768\) float32"),

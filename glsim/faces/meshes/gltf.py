@@ -85,6 +85,8 @@ class _Scene:
 
     def _placed(self, roots: Iterable[int]) -> dict[int, _Array]:
         """Return the (4, 4) matrix of each node below the roots."""
+        from trimesh.transformations import quaternion_matrix  # takes 0.2 s to import
+
         places: dict[int, _Array] = {}
         left = [(root, np.eye(4)) for root in reversed(list(roots))]
         while left:
@@ -95,13 +97,9 @@ class _Scene:
             if "matrix" in node:
                 own = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
             else:
-                x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
-                turn = [
-                    [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                    [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                    [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-                ]
-                own[:3, :3] = turn * np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+                x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+                own = np.asarray(quaternion_matrix((w, x, y, z)))
+                own[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
                 own[:3, 3] = node.get("translation", (0, 0, 0))
             places[number] = product(above, own)
             left += [(child, places[number]) for child in reversed(node.get("children", ()))]

@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from glsim.core.errors import ConfigError, GlsimError, MeshError, did_you_mean
 from glsim.core.files.contents import content_hash
 from glsim.core.files.listing import entries
@@ -44,10 +47,11 @@ class FileFaces(FaceSource):
         self.root = check_root(root)
         self._unit, self._axes = unit, axes
         self._kept: dict[Any, Any] = {}  # what was read once, or its error
+        self._topologies: list[NDArray[np.int32]] = []
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the settings, without cached files."""
-        state = self.__dict__ | {"_kept": {}}
+        state = self.__dict__ | {"_kept": {}, "_topologies": []}
         state.pop("people", None)
         return state
 
@@ -71,6 +75,14 @@ class FileFaces(FaceSource):
         if subject not in self.people:
             known = did_you_mean(subject, self.people)
             raise ConfigError(f"{self.root}: no subject {subject!r} ({known})")
+
+    def shared(self, faces: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return triangles, as the same array as earlier if equal ones were given."""
+        for known in self._topologies:
+            if np.array_equal(known, faces):
+                return known
+        self._topologies.append(faces)
+        return faces
 
     def read_once(self, name: Any, make: Callable[[Any], _T]) -> _T:
         """Return ``make(name)``, computed once; a MeshError is cached and raised again."""

@@ -160,11 +160,7 @@ class Biwi(FileFaces):
             path, file_mesh, unit=unit, axes=self._axes, format_axes=AXES
         )
         mesh = check_head_size(path, file_mesh.to_mesh(alignment))
-        for other in self._kept.values():
-            if not isinstance(other, MeshError) and np.array_equal(other[0].faces, mesh.faces):
-                mesh = replace(mesh, faces=other[0].faces)
-                break
-        return mesh, alignment
+        return replace(mesh, faces=self.shared(mesh.faces)), alignment
 
     @cached_property
     def people(self) -> dict[str, list[str]]:

@@ -230,11 +230,7 @@ class FaceWarehouse(FileFaces):
         )
         if alignment.flip_winding:
             faces = faces[:, ::-1]
-        shared = np.ascontiguousarray(faces, dtype=np.int32)
-        for other in self._kept.values():
-            if isinstance(other, _PersonGeometry) and np.array_equal(other.faces, shared):
-                shared = other.faces
-                break
+        shared = self.shared(np.ascontiguousarray(faces, dtype=np.int32))
         return _PersonGeometry(shared, count, alignment, estimated_scale)
 
     def _topology(self, subject: str) -> tuple[NDArray[np.int64], int]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.data.export.exported_frame import Export
+from glsim.data.recordings.camera_file import opencv_order
 
 #: Coordinate of the first pixel's centre here minus that in OpenCV, ROS and Open3D, pixels.
 HALF_PIXEL = 0.5
@@ -30,8 +31,7 @@ def centre_at_zero(camera: Intrinsics) -> NDArray[np.float64]:
 
 def coefficients(lens: Distortion) -> list[float]:
     """Return distortion coefficients in OpenCV's order: k1, k2, p1, p2, k3, and maybe k4 to k6."""
-    simple = [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]
-    return [*simple, lens.k4, lens.k5, lens.k6] if lens.is_rational else simple
+    return [*opencv_order(lens)] or [0.0] * 5
 
 
 def open3d_json(camera: Intrinsics) -> bytes:
