@@ -279,6 +279,7 @@ class TensorEngine:
             device_seed=words[2],
             focal_baseline_px_m=focal_px * self.rig.baseline_m,
             emitter_m=self.rig.emitter_m,
+            second_view_m=self.rig.second_view_m,
             modulation_mhz=self.rig.modulation_mhz,
             focal_px=focal_px,
             lens=self.rig.distortion,

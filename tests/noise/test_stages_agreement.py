@@ -60,6 +60,8 @@ CASES: list[tuple[str, dict[str, float]]] = [
     ("perlin", {"lattice_x_px": 7.3, "lattice_y_px": 3, "drift_hz": 2, "lacunarity": 1.7}),
     ("range_gate", {"near_mm": 800, "far_mm": 1300}),
     ("simplex", {"amplitude_px": 0.5, "lattice_px": 3, "drift_hz": 2}),
+    ("single_view_match", {"growth_px": 6.0, "largest_px": 40, "support_px": 7, "shadow_px": 1}),
+    ("single_view_noise", {"growth_across_px": -2, "rim_px": 5, "dark_albedo": 0.3}),
 ]
 
 WINDOWS = [Rect(0, 0, 256, 212), Rect(31, 17, 150, 130), Rect(100, 50, 1, 1)]
@@ -92,6 +94,8 @@ REACH = {
     "max_filter": 4,
     "correlation_window": 12,
     "dot_spread": 6,
+    "single_view_match": 45,  # what disparities differ by, and 3 px
+    "single_view_noise": 6,
 }
 
 

@@ -22,6 +22,7 @@ torch: Any = pytest.importorskip("torch")
 #: differs in its last bit, and shadows end at pixels' centres and not at a mesh's edge: by NumPy,
 #: the Kinect V2 has 0.986 of OpenGL's reasons on these domes with their wide shadows.
 AGREEMENT = {
+    "realsense-d4xx-fast": (0.99, 0.99),
     "kinect-v2": (0.985, 0.97),
     "kinect-v2-fast": (0.999, 0.999),
     "azure-kinect": (0.99, 0.99),

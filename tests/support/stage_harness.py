@@ -47,6 +47,7 @@ def frame(seed: int = 0, **changes: Any) -> FrameContext:
         device_seed=4242,
         time_s=0.0,
         focal_baseline_px_m=FOCAL_BASELINE,
+        second_view_m=(BASELINE_M, 0.0, 0.0),
     )
     return replace(at, **changes)
 
@@ -214,7 +215,15 @@ def scene(seed: int = 0) -> dict[str, Image]:
     holes = (rng.random(depth.shape) < 0.03) & (depth > 0)
     layers["depth"][holes], layers["reason"][holes] = 0.0, float(Reason.DROPPED)
     layers["lit"], layers["albedo"], light = rng.random((3, *depth.shape), np.float32)
-    return {**layers, "infrared": 970 * light, **run_twin("correlation_window", layers)}
+    return {
+        **layers,
+        "infrared": 970 * light,
+        "fate": np.where(light < 0.1, np.float32(Reason.SHADOW), np.float32(0)),
+        "disparity": np.where(depth > 0, FOCAL_BASELINE / np.where(depth > 0, depth, 1), 0).astype(
+            np.float32
+        ),
+        **run_twin("correlation_window", layers),
+    }
 
 
 def crop(layers: Layers, at: FrameContext) -> dict[str, Image]:

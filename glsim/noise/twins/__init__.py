@@ -14,7 +14,7 @@ import numpy as np
 
 from glsim.core.seeds import stage_seed
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins import any_camera, edges, stereo, tof_decode, tof_light, values
+from glsim.noise.twins import any_camera, edges, single_view, stereo, tof_decode, tof_light, values
 from glsim.noise.twins.layers import Image, Layers, normal_pair, pixels, random_bits, uniform01
 
 #: For twins of your own stages: docs/howto/noise_stage.md.
@@ -30,7 +30,7 @@ __all__ = [
 
 Twin = Callable[[FrameContext, Layers, Mapping[str, Any]], dict[str, Image]]
 
-_MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera)
+_MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera, single_view)
 
 
 #: Stages whose twins read pixels in an order of their own, or match images.

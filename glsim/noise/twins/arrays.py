@@ -56,6 +56,10 @@ class _NumPy:
         """Shift 32-bit words to the right; zeros come in."""
         return words >> (np.uint32(by) if isinstance(by, int) else by)
 
+    def running_maximum(self, x: Any, axis: int) -> Any:
+        """Return the largest value up to each place along an axis."""
+        return np.maximum.accumulate(x, axis)
+
     def range(self, start: int, stop: int, like: Any) -> Any:
         """Return the integers from ``start`` up to ``stop`` on the device of ``like``."""
         return np.arange(start, stop)
@@ -130,6 +134,9 @@ class _Torch(_NumPy):
         if isinstance(by, int):
             return (words >> by) & (2 ** (32 - by) - 1)
         return (words >> by) & ~(-2 << (31 - by))
+
+    def running_maximum(self, x: Any, axis: int) -> Any:
+        return x.cummax(axis).values
 
     def range(self, start: int, stop: int, like: Any) -> Any:
         return self._torch.arange(start, stop, dtype=self._torch.int32, device=like.device)
