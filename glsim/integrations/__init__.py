@@ -1,0 +1,1 @@
+"""Noise in the programs of others: robot learning."""
