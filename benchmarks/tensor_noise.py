@@ -1,10 +1,9 @@
 """Time noise on batches of depth maps: python -m benchmarks.tensor_noise [--device cuda] [...].
 
-Maps a second of each sensor: "torch" in batches on the device, "compiled" the same chain compiled
-(minutes for each size), "OpenGL" map by map. "lean" is noise as people write it in PyTorch:
-Gaussian with a sigma that grows with the distance, lateral shifts, and losses at edges. On a CPU
-seconds are those of the process on all cores (user and system time), so that other processes count
-little; the best of some rounds, in which the ways take turns.
+Maps a second of each sensor: "torch" in batches on the device, "OpenGL" map by map. "lean" is noise
+as people write it in PyTorch: Gaussian with a sigma that grows with the distance, lateral shifts,
+and losses at edges. On a CPU seconds are those of the process on all cores (user and system time),
+so that other processes count little; the best of some rounds, in which the ways take turns.
 """
 
 from __future__ import annotations
@@ -20,7 +19,9 @@ import torch
 
 from glsim import DepthNoise
 
-_SENSORS = ("kinect-v2-fast", "kinect-v2", "any-depth-camera", "azure-kinect")
+_SENSORS = (
+    "realsense-d4xx-fast", "kinect-v2-fast", "kinect-v2", "any-depth-camera", "azure-kinect"
+)  # fmt: skip
 
 
 def domes(batch: int, height: int, width: int) -> Any:
@@ -68,7 +69,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--size", nargs=2, type=int, default=(128, 128), help="width height")
     parser.add_argument("--batch", type=int, default=64)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--compiled", action="store_true")
     options = parser.parse_args(arguments)
     maps = domes(options.batch, options.size[1], options.size[0]).to(options.device)
     some, seeds = maps[:8].cpu(), torch.arange(options.batch, device=options.device)
@@ -80,9 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "torch": (len(maps), partial(made, maps, seeds=seeds)),
             "lean": (len(maps), lambda: lean(maps)),
         }
-        if options.compiled:
-            fast = DepthNoise(sensor, device=options.device, compiled=True)
-            ways["compiled"] = len(maps), partial(fast, maps, seeds=seeds)
         for _, call in ways.values():
             call()
         best = dict.fromkeys(ways, np.inf)

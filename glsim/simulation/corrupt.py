@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import zlib
 from collections.abc import Callable
@@ -191,17 +192,13 @@ def depth_batch(
     PyTorch is not imported: its tensors are known by their type's module.
 
     Args:
-        depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
+        depth: as of ``map_shape``.
 
     Returns:
         (B, H, W) view of the maps, a copy only of a tensor on a GPU and of rows that are not
         contiguous; (B, H, W) view of the array to return, unset; and a function that gives that
         array in the form of the input: type, shape, number type and device.
-
-    Raises:
-        ConfigError: for whole numbers, for another size and for what is no array.
     """
-    check_depth(depth, shape)
     full, stack = tuple(int(side) for side in depth.shape), (-1, *shape)
     if type(depth).__module__.partition(".")[0] != "torch":
         array = np.asarray(depth)
@@ -212,17 +209,32 @@ def depth_batch(
     return (host.numpy().reshape(stack), made.numpy().reshape(stack), lambda: made.to(depth.device))
 
 
-def check_depth(depth: Any, shape: tuple[int, int]) -> None:
-    """Raise ConfigError for what is no array or tensor of float depth maps of (height, width)."""
+def map_shape(depth: Any, size: tuple[int, int] | None = None) -> tuple[tuple[int, int], int]:
+    """Return (height, width) and the number of maps of an array or tensor of float depth.
+
+    Args:
+        depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
+        size: (height, width) that the maps must have.
+
+    Raises:
+        ConfigError: for whole numbers, for another size and for what is no array.
+    """
+    full = tuple(int(side) for side in getattr(depth, "shape", ()))
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")
-    if kind not in _FLOATS or not hasattr(depth, "shape"):
+    if kind not in _FLOATS or len(full) < 2:
         raise ConfigError(
-            f"depth must be an array or a tensor of float metres ({', '.join(_FLOATS)}), "
-            f"not {kind}: of whole millimetres give depth.astype('float32') / 1000"
+            "depth must be an array or a tensor of float metres (..., H, W) "
+            f"({', '.join(_FLOATS)}), not {kind} {full}: of whole millimetres give "
+            "depth.astype('float32') / 1000"
         )
-    full = tuple(int(side) for side in depth.shape)
-    if full[-2:] != shape and full[-3:] != (*shape, 1):
+    if math.prod(full) == 0:
+        raise ConfigError(f"depth has the shape {full}: there is no map in it")
+    deep = full[-1] == 1 and len(full) > 2 and size in (None, full[-3:-1])
+    *batch, height, width = full[:-1] if deep else full
+    if size not in (None, (height, width)):
+        height, width = size or full
         raise ConfigError(
-            f"depth has the shape {full}: the camera has {shape[1]}x{shape[0]} pixels, so it must "
-            f"be {shape}, (batch, {shape[0]}, {shape[1]}), or one of them with a last axis of 1"
+            f"depth has the shape {full}: the camera has {width}x{height} pixels, so it must "
+            f"be {size}, (batch, {height}, {width}), or one of them with a last axis of 1"
         )
+    return (height, width), math.prod(batch)

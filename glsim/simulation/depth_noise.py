@@ -14,7 +14,6 @@ used.
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from collections import OrderedDict
@@ -31,7 +30,7 @@ from glsim.noise.array_chain import without_tensors
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, load_settings
-from glsim.simulation.corrupt import MapEngine, check_depth, depth_batch, surface_depth
+from glsim.simulation.corrupt import MapEngine, depth_batch, map_shape, surface_depth
 from glsim.simulation.frame import Frame, decode_depth, refuse_millimetres
 
 #: An array of NumPy or a tensor of PyTorch.
@@ -59,8 +58,6 @@ class DepthNoise:
             (whole batches on their device). Default: "torch" if ``device`` or ``seeds`` are given
             and for tensors on a GPU if the sensor's stages take them, else an OpenGL that works.
         device: of the tensors that come back, for "torch"; default: the depth's own.
-        compiled: whether "torch" compiles the chain for each shape, which takes minutes, and then
-            runs faster; only with ``seeds``.
         focal_px: (x, y) of the camera that made the maps; default: the sensor's.
         centre_px: (x, y) of its principal point; default: the sensor's for maps of its size, or the
             middle of crops.
@@ -77,7 +74,6 @@ class DepthNoise:
         seed: int | None = None,
         backend: str | None = None,
         device: Any = None,
-        compiled: bool = False,
         focal_px: tuple[float, float] | None = None,
         centre_px: tuple[float, float] | None = None,
     ) -> None:
@@ -97,8 +93,8 @@ class DepthNoise:
         )
         stages = sensor_of(self.settings).stages  # now, not in a worker
         self._takes_tensors = without_tensors(stages) is None
-        self.p, self.device, self.compiled = p, device, compiled
-        self._backend = "torch" if device is not None or compiled else backend
+        self.p, self.device = p, device
+        self._backend = "torch" if device is not None else backend
         self._camera = focal_px, centre_px
         self._size: tuple[int, int] | None = None
         self._forget()
@@ -183,7 +179,7 @@ class DepthNoise:
         Raises:
             ConfigError: for whole numbers, millimetres, and what is no depth map.
         """
-        shape, count = self._shape_of(depth_m)
+        shape, count = map_shape(depth_m, self._size)
         if seeds is None:
             if frame is None:
                 sequence, frame = self._next(count)
@@ -191,8 +187,7 @@ class DepthNoise:
             if self.p < 1 and chance.random() >= self.p:
                 return depth_m
         if self.backend_for(depth_m, seeds) == "torch":
-            made = self._on_tensors(depth_m, shape, frame, sequence, seeds=seeds, **given)
-            changed: _Depths = made[0]
+            changed: _Depths = self._on_tensors(depth_m, frame, sequence, seeds, **given)[0]
             return changed
         if seeds is not None or given:
             names = ", ".join(["seeds"] * (seeds is not None) + sorted(given))
@@ -222,12 +217,9 @@ class DepthNoise:
         """
         if self.backend_for(depth_m, seeds, wanted="torch") != "torch":
             raise ConfigError(f'layers: only with backend="torch", not {self._backend!r}')
-        shape, count = self._shape_of(depth_m)
         if seeds is None and frame is None:
-            sequence, frame = self._next(count)
-        return self._on_tensors(
-            depth_m, shape, frame, sequence, seeds=seeds, expected=True, **given
-        )[1]
+            sequence, frame = self._next(map_shape(depth_m, self._size)[1])
+        return self._on_tensors(depth_m, frame, sequence, seeds, expected=True, **given)[1]
 
     def corrupt_depth(
         self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
@@ -290,9 +282,7 @@ class DepthNoise:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the settings only; GL contexts and counters stay in their process."""
-        names = (
-            "settings", "p", "device", "compiled", "_backend", "_camera", "_size", "_takes_tensors",
-        )  # fmt: skip
+        names = ("settings", "p", "device", "_backend", "_camera", "_size", "_takes_tensors")
         return {name: self.__dict__[name] for name in names}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -314,20 +304,6 @@ class DepthNoise:
         number = self._maps.get(worker, 0)
         self._maps = {worker: number + maps}
         return worker, number
-
-    def _shape_of(self, depth_m: Any) -> tuple[tuple[int, int], int]:
-        """Return (height, width) and the number of maps of a batch. Raises ConfigError."""
-        full: tuple[int, ...] = tuple(getattr(depth_m, "shape", ()))
-        if len(full) < 2:
-            raise ConfigError(
-                f"depth must be an array or a tensor of float metres (..., H, W), not "
-                f"{full or type(depth_m).__name__}"
-            )
-        if math.prod(full) == 0:
-            raise ConfigError(f"depth has the shape {full}: there is no map in it")
-        deep = full[-1] == 1 and len(full) > 2 and self._size in (None, full[-3:-1])
-        size = self._size or (full[-3:-1] if deep else full[-2:])
-        return (int(size[0]), int(size[1])), math.prod(full[:-3] if deep else full[:-2])
 
     def _engine(self, size: tuple[int, int], backend: str | None) -> Any:
         if backend != "torch" and self._process != os.getpid():  # contexts stay in their process
@@ -361,23 +337,16 @@ class DepthNoise:
         return engine.frame(clean, key, self._keys(frame, sequence))
 
     def _on_tensors(
-        self,
-        depth_m: Any,
-        size: tuple[int, int],
-        frame: Any,
-        sequence: str,
-        **given: Any,
+        self, depth_m: Any, frame: Any, sequence: str, seeds: Any, **given: Any
     ) -> tuple[Any, dict[str, Any]]:
-        check_depth(depth_m, size)
+        size, count = map_shape(depth_m, self._size)
         keys, engine = None, self._engine(size, "torch")
-        if given["seeds"] is None:
-            count = math.prod(depth_m.shape) // math.prod(size)
+        if seeds is None:
             keys = [self._keys(frame + number, sequence) for number in range(count)]
         else:
-            given["frames"] = 0 if frame is None else frame
-        settings = self.settings.seed, self.p, self.compiled
+            given |= {"seeds": seeds, "frames": 0 if frame is None else frame}
         made: tuple[Any, dict[str, Any]] = engine.measure(
-            depth_m, self.device, keys, settings, **given
+            depth_m, self.device, keys, self.settings.seed, self.p, **given
         )
         return made
 

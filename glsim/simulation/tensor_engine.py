@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -113,7 +112,6 @@ class TensorEngine:
             for stage in self._stages
         }
         self._rays: dict[Any, Any] = {}
-        self._programs: dict[Any, Any] = {}
         self._size = rig.intrinsics.height, rig.intrinsics.width
         self._compared = False  # whether a depth's range has been looked at
 
@@ -123,7 +121,8 @@ class TensorEngine:
         depth_m: Any,
         device: Any,
         keys: Sequence[DrawKeys] | None,
-        settings: tuple[int, float, bool],
+        seed: int,
+        p: float,
         *,
         expected: bool = False,
         **given: Any,
@@ -134,64 +133,41 @@ class TensorEngine:
             depth_m: as of a call of DepthNoise.
             device: to compute on; default: the depth's.
             keys: the maps' seeds, if they are not given as seeds.
-            settings: seed, probability that a map is changed, and whether to compile the chain.
+            seed: of the settings.
+            p: probability that a map is changed, if seeds are given.
             expected: whether this layer is wanted.
             given: of ``batch_inputs``.
         """
-        if not isinstance(depth_m, torch.Tensor):
-            depth_m = np.require(depth_m, requirements=("C", "W"))
-            noisy, layers = self.measure(
-                torch.from_numpy(depth_m), device, keys, settings, expected=expected, **given
-            )
-            return noisy.cpu().numpy(), layers
+        array = not isinstance(depth_m, torch.Tensor)
+        whole = torch.from_numpy(np.require(depth_m, None, ("C", "W"))) if array else depth_m
         try:
-            whole = depth_m.to(device)
+            whole = whole.to(device)
         except (RuntimeError, AssertionError) as error:
             raise ConfigError(f"device {device!r}: {str(error).splitlines()[0]}") from None
         maps = whole.reshape(-1, *self._size).to(torch.float32)
         if whole.device.type == "cpu" or not self._compared:  # a GPU is waited for, once
             refuse_millimetres(maps.detach().cpu().numpy(), self.rig.near_m, self.rig.far_m)
             self._compared = True
+        count = len(maps) if maps.is_cuda else max(_CACHED_PX // math.prod(self._size), 1)
+        parts = []
         with torch.no_grad():
             inputs = batch_inputs(maps, given)
             if expected:
                 inputs[EXPECTED_LAYER] = inputs["maps"]
-            seed, p, compiled = settings
-            if keys is None and compiled:
-                layers = self._compiled(seed, p, inputs)
-            else:
-                layers = self._in_parts(seed, p, inputs, keys)
+            for start in range(0, len(maps), count):
+                part = {name: tensor[start : start + count] for name, tensor in inputs.items()}
+                of_part = None if keys is None else keys[start : start + count]
+                parts.append(
+                    self._seeded(seed, p, part)
+                    if of_part is None
+                    else self._named(seed, part, of_part)
+                )
+        layers = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
         noisy = layers["depth"]
         if maps.requires_grad:  # straight through: rounding alone would make all gradients 0
             noisy = noisy + torch.where(noisy > 0, maps - maps.detach(), 0.0)
-        return noisy.to(whole.dtype).reshape(whole.shape), layers
-
-    def _in_parts(
-        self, seed: int, p: float, inputs: dict[str, Any], keys: Sequence[DrawKeys] | None
-    ) -> dict[str, Any]:
-        """Return the layers of a batch, on a CPU in parts that fit its cache."""
-        maps = inputs["maps"]
-        count = len(maps) if maps.is_cuda else max(_CACHED_PX // math.prod(self._size), 1)
-        parts = []
-        for start in range(0, max(len(maps), 1), max(count, 1)):
-            part = {name: tensor[start : start + count] for name, tensor in inputs.items()}
-            parts.append(
-                self._seeded(seed, p, part)
-                if keys is None
-                else self._named(seed, part, keys[start : start + count])
-            )
-        return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
-
-    def _compiled(self, seed: int, p: float, inputs: dict[str, Any]) -> dict[str, Any]:
-        """Do as ``_seeded``, by a chain that is compiled for these shapes when they first come."""
-        from torch.fx.experimental.proxy_tensor import make_fx
-
-        key = seed, p, *((n, tuple(t.shape), t.device) for n, t in sorted(inputs.items()))
-        if key not in self._programs:
-            traced = make_fx(partial(self._seeded, seed, p))(inputs)
-            self._programs[key] = torch.compile(traced, dynamic=False)
-        made: dict[str, Any] = self._programs[key](inputs)
-        return made
+        noisy = noisy.to(whole.dtype).reshape(whole.shape)
+        return (noisy.cpu().numpy() if array else noisy), layers
 
     def _named(
         self, seed: int, inputs: Mapping[str, Any], keys: Sequence[DrawKeys]

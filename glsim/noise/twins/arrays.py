@@ -141,12 +141,6 @@ class _Torch(_NumPy):
     def range(self, start: int, stop: int, like: Any) -> Any:
         return self._torch.arange(start, stop, dtype=self._torch.int32, device=like.device)
 
-    def may_branch(self, x: Any) -> bool:
-        """Return whether control flow may depend on values: not on a GPU, nor in a trace."""
-        tracer = sys.modules.get("torch.fx.experimental.proxy_tensor")
-        traced = tracer is not None and tracer.get_proxy_mode() is not None
-        return not traced and x.device.type == "cpu"
-
     def plus(self, total: Any, weight: Any, part: Any) -> Any:
         tensor = self._torch.Tensor
         if not isinstance(total, tensor):

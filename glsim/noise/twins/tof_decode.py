@@ -366,7 +366,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     dimmed = seen[2] + xp.amax(sigma, -1) * white
     kept = xp.where(dimmed < 1.1 * p["min_amplitude"], 0.0, 1.0)[..., None]
     even = [kept * seen[0], kept * seen[1], seen[2], sigma, at_step & False]
-    if view.batched and xp.may_branch(clean):
+    if view.batched and clean.device.type == "cpu":  # a GPU would be waited for
         at = at_step.nonzero(as_tuple=True)
         picked = {n: v if isinstance(v, float) else v.expand(clean.shape)[at] for n, v in p.items()}
         stepped = _at_steps(
