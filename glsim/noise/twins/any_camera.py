@@ -277,6 +277,8 @@ def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) ->
     xp = of(seed)
     key = pcg_word(xp.words(seed, seed))
     starts = uniform01(key), uniform01(pcg_word(key))
+    if view.batched:
+        return _lattice_of_batch(view, spacing_px, starts, key)
     weights, firsts, norms = [], [], []
     places = pixels(view.window, seed)
     for place, spacing, start in zip(places, spacing_px, starts, strict=True):
@@ -295,6 +297,26 @@ def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) ->
         along = sum(weights[0][i] * _node(pcg_word(row + firsts[0] + xp.word(i))) for i in range(3))
         total = total + weights[1][j] * along
     return total / xp.sqrt(norms[0] * norms[1])
+
+
+def _lattice_of_batch(
+    view: FrameContext, spacing_px: tuple[Any, Any], starts: tuple[Image, Image], key: Words
+) -> Image:
+    """Return (B, H, W) ``lattice_noise``: nodes are drawn once, and two products blend them."""
+    xp, blends, nodes = of(key), [], []
+    for side, spacing, start in zip((view.width, view.height), spacing_px, starts, strict=True):
+        # Without a look at values, which would wait for a GPU, nodes may stand on every pixel.
+        node = xp.range(
+            -1, int((side - 1) / (spacing if isinstance(spacing, float) else 1)) + 3, key
+        )
+        at = xp.floats(xp.range(0, side, key))[:, None] / spacing + start
+        away = xp.abs(at - node)
+        outer = xp.maximum(1.5 - away, 0.0)
+        blend = xp.where(away < 0.5, 0.75 - away * away, 0.5 * outer * outer)
+        blends.append(blend / xp.sqrt((blend * blend).sum(-1))[..., None])
+        nodes.append(node)
+    row = pcg_word(key ^ pcg_word(nodes[1])[:, None])
+    return blends[1] @ _node(pcg_word(row + nodes[0])) @ blends[0].mT
 
 
 def normal_share(n: Image) -> Image:
