@@ -1,7 +1,7 @@
-"""Draw sensors.webp and rooms.webp of docs/figures: python -m scripts.readme_figures.
+"""Draw sensors.webp, rooms.webp and one_map.webp of docs/figures: python -m scripts.readme_figures.
 
-One face seen by seven sensors, and ten people of the presets office and living-room. Takes a
-minute and needs glsim fetch people.
+One face seen by seven sensors, ten people of the presets office and living-room, and one depth map
+with the noise of nine sensors. Takes a minute and needs glsim fetch people.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
-from glsim import Frame, load_denoiser, load_settings, simulate
+from glsim import DepthNoise, Frame, load_denoiser, load_settings, simulate
 from glsim.core.files.atomic import write_atomic
 from glsim.data.contact_sheet import Picture, brightness, shaded
 
@@ -34,6 +34,11 @@ _CAPTION_PX, _MARGIN_PX = 30, 92
 #: Preset -> seed of its people, number of them, and depths at the ends of the scale, mm.
 _ROOMS: Final = {"office": 11, "living-room": 12}
 _PEOPLE, _NEAR_MM, _FAR_MM = 5, 600.0, 4500.0
+#: Sensors of one_map, in reading order after the clean map.
+_ON_ONE_MAP: Final = (
+    "kinect-v2-fast", "kinect-v2", "azure-kinect", "realsense-d4xx-fast", "realsense-d435",
+    "truedepth", "kinect-v1-pattern", "kinect-v2-fankhauser", "any-depth-camera",
+)  # fmt: skip
 
 
 def _frames(preset: str, people: int, **overrides: Any) -> list[Frame]:
@@ -103,7 +108,25 @@ def rooms() -> Picture:
     return np.hstack(columns)
 
 
+def one_map() -> Picture:
+    """Draw one depth map, shaded, without noise and with that of several sensors."""
+    pose = {"distance_mm": 800, "x_mm": 0, "y_mm": 132}
+    scene = {"camera_mm": 1240, "behind_mm": 700, "people": 0}
+    (frame,) = _frames("office", 1, sensor="ideal", seed=74, pose=pose, scene=scene)
+    image, clean_m = frame.intrinsics, (0.001 * frame.clean).astype(np.float32)
+    camera: Any = {"focal_px": (image.fx, image.fy), "centre_px": (image.cx, image.cy)}
+    maps = {"clean": clean_m}
+    for sensor in _ON_ONE_MAP:
+        with DepthNoise(sensor, **camera) as noise:
+            maps[sensor] = noise(clean_m, frame=2)
+    tiles = []
+    for name, depth_m in maps.items():
+        picture = shaded(depth_m, image)[100:-100, 130:-130]
+        tiles.append(np.vstack([_caption(name, picture.shape[1], _CAPTION_PX), picture]))
+    return np.vstack([np.hstack(tiles[:5]), np.hstack(tiles[5:])])
+
+
 if __name__ == "__main__":
-    for draw in (sensors, rooms):
+    for draw in (sensors, rooms, one_map):
         encoded = cv2.imencode(".webp", draw(), [cv2.IMWRITE_WEBP_QUALITY, 82])[1]
         write_atomic(encoded.tobytes(), _FIGURES / f"{draw.__name__}.webp")
