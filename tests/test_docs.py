@@ -28,7 +28,7 @@ PAGES = [
 ]
 SCRIPTS = sorted([*(DOCS / "tutorials").glob("*.py"), *(DOCS / "gallery").glob("*.py")])
 #: Where a user imports from; nothing deeper.
-PUBLIC = ("glsim", "glsim.train", "glsim.noise.twins")
+PUBLIC = ("glsim", "glsim.train", "glsim.noise.twins", "glsim.integrations.gymnasium")
 
 
 def blocks(page: Path, language: str) -> list[str]:

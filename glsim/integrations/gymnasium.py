@@ -12,6 +12,8 @@ from glsim.core.errors import ConfigError
 from glsim.settings.schema import Settings
 from glsim.simulation.depth_noise import DepthNoise
 
+__all__ = ["NoisyDepth"]
+
 
 class NoisyDepth(gymnasium.ObservationWrapper):  # type: ignore[misc]  # it has no types for us
     """Adds a sensor's noise to the depth images of an environment; each episode has another device.
