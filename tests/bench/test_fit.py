@@ -20,7 +20,7 @@ from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.recordings.recording import open_recording
 from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import white_sigma_mm
@@ -258,7 +258,7 @@ def test_infrared_in_a_folder_of_its_own(recording: Path, tmp_path: Path) -> Non
     for pair, apart in zip(read(recording), read(depth, infrared=light), strict=True):
         np.testing.assert_array_equal(pair.infrared, apart.infrared)
     (light / "0003.png").unlink()
-    with pytest.raises(DatasetError, match="holds 29 infrared images for 30 depth maps"):
+    with pytest.raises(ConfigError, match="holds 29 infrared images for 30 depth maps"):
         read(depth, infrared=light)
     (depth / "0004_ir.png").write_bytes((light / "0001.png").read_bytes())
     with pytest.raises(DatasetError, match=r"0000_depth has no infrared image, but other frames"):
