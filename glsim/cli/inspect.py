@@ -152,7 +152,8 @@ def _print_camera(content: dict[str, Any]) -> None:
         out.print(f"camera: like {content['sensor']}, because {content['because']}")
     else:
         out.print("camera: not recognised: state it in a camera.toml")
-    out.print(f"denoise: glsim denoise {content['path']} -o denoised -d {content['denoiser']}")
+    if content["kind"] not in ("bag", "mkv"):  # denoise takes maps in files of their own
+        out.print(f"denoise: glsim denoise {content['path']} -o denoised -d {content['denoiser']}")
     if content["intrinsics"] is None:
         out.print("no intrinsics are stated: a camera.toml beside the frames states them")
     for note in content["notes"]:

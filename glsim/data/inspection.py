@@ -10,6 +10,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from glsim.core.errors import ConfigError, GlsimError
 from glsim.core.files.listing import entries
 from glsim.data.contact_sheet import PreviewFrame
@@ -148,10 +150,8 @@ def _add_notes(report: FaceSetReport, face: Face) -> None:
 
 def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
     """Return ``count`` evenly spaced keys, including the first and the last."""
-    if len(keys) <= count:
-        return keys
-    last = len(keys) - 1
-    return [keys[round(number * last / max(1, count - 1))] for number in range(count)]
+    chosen = np.linspace(0, len(keys) - 1, min(count, len(keys)))
+    return [keys[number] for number in chosen.round().astype(int)]
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:

@@ -51,28 +51,36 @@ Crc32 = Annotated[int, Field(strict=True, ge=0, lt=2**32)]
 Split = Literal["train", "val", "test"]
 Unit = Annotated[float, Field(strict=True, ge=DEPTH_UNIT_MM[0], le=DEPTH_UNIT_MM[1])]
 Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
-_OPEN, _CLOSED = ConfigDict(extra="allow"), ConfigDict(extra="forbid")
 
 
-class _File(TypedDict):
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
+class _Open(TypedDict):
+    """The base of entries whose further keys are kept as they are."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+
+class _Closed(TypedDict):
+    """The base of entries without further keys."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc]
+
+
+class _File(_Open):
     size: Count
     crc32: Crc32
 
 
-class _Shard(TypedDict):
+class _Shard(_Open):
     """The entry of a shard; the order of its keys is part of a chunk record's checksum."""
 
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
     name: FileName
     size: Count
     crc32: Crc32
 
 
-class _Image(TypedDict):
+class _Image(_Open):
     """The entry of an image, either a file or a shard's member at an offset in bytes."""
 
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
     name: FileName
     size: Annotated[int, Field(strict=True, ge=0, le=MAX_IMAGE_BYTES)]
     crc32: Crc32
@@ -80,8 +88,7 @@ class _Image(TypedDict):
     offset: NotRequired[Count]
 
 
-class _Intrinsics(TypedDict):
-    __pydantic_config__ = _CLOSED  # type: ignore[misc]
+class _Intrinsics(_Closed):
     width: Side
     height: Side
     fx: Positive
@@ -90,17 +97,15 @@ class _Intrinsics(TypedDict):
     cy: Number
 
 
-class _Landmarks(TypedDict):
-    __pydantic_config__ = _CLOSED  # type: ignore[misc]
+class _Landmarks(_Closed):
     points_m: Annotated[list[tuple[Number, Number, Number]], Field(min_length=68, max_length=68)]
     pixels: Annotated[list[tuple[Number, Number]], Field(min_length=68, max_length=68)]
     visible: Annotated[list[bool], Field(min_length=68, max_length=68)]
 
 
-class FrameRecord(TypedDict):
+class FrameRecord(_Open):
     """The schema of a manifest line, see ``glsim.data.records.frame_record``."""
 
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
     index: Count
     split: Split
     subject: Word
@@ -116,10 +121,9 @@ class FrameRecord(TypedDict):
     regions: NotRequired[dict[str, Count]]
 
 
-class _Summary(TypedDict):
+class _Summary(_Closed):
     """The schema of a chunk record's first line, see ``glsim.data.records.ChunkSummary``."""
 
-    __pydantic_config__ = _CLOSED  # type: ignore[misc]
     chunk: Count
     frames: Count
     skipped: Count
@@ -127,27 +131,23 @@ class _Summary(TypedDict):
     shard: _Shard | None
 
 
-class _Output(TypedDict):
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
+class _Output(_Open):
     layers: Annotated[list[LayerName], Field(min_length=1)]
     format: Literal["png", "webdataset"]
 
 
-class _Source(TypedDict):
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
+class _Source(_Open):
     kind: str
 
 
-class _Settings(TypedDict):
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
+class _Settings(_Open):
     output: _Output
     source: NotRequired[list[_Source]]
 
 
-class HeaderRecord(TypedDict):
+class HeaderRecord(_Open):
     """The schema of the entries of dataset.json that readers use."""
 
-    __pydantic_config__ = _OPEN  # type: ignore[misc]
     format: Literal["glsim"]
     frames: dict[Split, Count]
     depth_unit_mm: Unit

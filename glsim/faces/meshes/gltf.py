@@ -98,7 +98,7 @@ class _Scene:
                 own = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
             else:
                 x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-                own = np.asarray(quaternion_matrix((w, x, y, z)))
+                own = np.asarray(quaternion_matrix((w, x, y, z)))  # type: ignore[no-untyped-call]
                 own[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
                 own[:3, 3] = node.get("translation", (0, 0, 0))
             places[number] = product(above, own)

@@ -1,4 +1,4 @@
-"""Damaged files of face sets are read or skipped with a reason."""
+"""Damaged files of face sets are read or skipped with a reason; meshes: see test_load."""
 
 from __future__ import annotations
 
@@ -16,22 +16,10 @@ from glsim.core.errors import MeshError
 from glsim.faces.face_source import BadFace, Face, FaceSource
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import Biwi
-from glsim.faces.sources.d3dfacs import D3dfacs
 from glsim.faces.sources.facewarehouse import FaceWarehouse
-from tests.support.face_sets import (
-    FACE,
-    TRIANGLES,
-    all_keys,
-    obj_bytes,
-    ply_bytes,
-    put,
-    write_recording,
-    write_tester,
-)
+from tests.support.face_sets import all_keys, write_recording, write_tester
 
 _SOURCES: dict[str, tuple[Callable[[Path], FaceSource], str]] = {
-    "ply": (D3dfacs, "Joe/1+2/1+2_2.ply"),
-    "obj": (D3dfacs, "Joe/1+2/1+2_2.obj"),
     "shape.bs": (FaceWarehouse, "Tester_1/Blendshape/shape.bs"),
     "pose.txt": (Biwi, "01/frame_00004_pose.txt"),
 }
@@ -43,14 +31,8 @@ _READERS: dict[str, tuple[Callable[[Path], object], str]] = {
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A set of each kind; the first frame of a sequence stays whole."""
+    """A set of each kind."""
     root = tmp_path_factory.mktemp("damage")
-    for name, data in (
-        ("ply", ply_bytes(FACE / 1000, TRIANGLES)),
-        ("obj", obj_bytes(FACE, TRIANGLES)),
-    ):
-        for number in (1, 2):
-            put(root / name / f"Joe/1+2/1+2_{number}.{name}", data)
     write_tester(root / "shape.bs", 1, poses=0)
     for name in ("pose.txt", *_READERS):
         write_recording(root / name, 1, frames=2)
