@@ -3,6 +3,7 @@
 title = "..."
 extends = "azure-kinect"  optional: another sensor's name, or a path that ends in .toml, from this
                           file's folder; a mode of a camera says only what differs
+binning = 2               optional: this mode averages 2 x 2 pixels of the extended sensor into one
 [rig]                     see glsim.sensors.rig_table
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
@@ -47,6 +48,19 @@ from glsim.settings.toml_tables import (
 SENSOR_FOLDER = Path(__file__).parent
 #: The key that names the other file.
 EXTENDS = "extends"
+#: The key that says how many pixels along each side are averaged into one of the extended sensor.
+BINNING = "binning"
+#: Power of the binning n by which a parameter changes, (stage or "rig", key) -> power. Derived: a
+#: mean of n^2 taps has 1 / n^2 of their variance (Microsoft's ranges of the modes agree: the same
+#: noise from half of the light, (5.46 / 3.86)^2 = 2.0). The decoder's limits are those of the sum,
+#: as real binned frames with depth to 5.4 m say. Noise of single pixels averages out.
+_BINNED = {
+    ("rig", "width"): -1, ("rig", "height"): -1, ("rig", "focal_px"): -1, ("rig", "centre_px"): -1,
+    ("tof_taps", "read_variance"): -2, ("tof_taps", "shot_variance"): -2,
+    ("tof_taps", "psf_sigma_px"): -1, ("tof_smooth", "min_amplitude"): -2,
+    ("tof_unwrap", "min_amplitude"): -2, ("tof_unwrap", "min_sum"): -2,
+    ("tof_floor", "sigma_mm"): -1, ("fixed_pattern", "pixel_sigma_mm"): -1,
+}  # fmt: skip
 #: The keys of [rig] that name a file, from the folder of the sensor file.
 RIG_FILES = ("fixed_pattern_map", "projector_image")
 
@@ -199,10 +213,31 @@ def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any
     other = file.parent / base if base.endswith(".toml") else sensor_file(base)
     tree = read_sensor_tree(other, (*before, file.resolve()))
     _anchor(tree, other.parent)
+    _bin(tree, own.pop(BINNING, 1), file)
     stages = own.pop("stage", [])
     merge_tables(tree, own)
     _merge_stages(tree, stages, file, other)
     return tree
+
+
+def _bin(tree: dict[str, Any], binning: Any, file: Path) -> None:
+    """Change the parameters of _BINNED, in place, for a mode that averages pixels."""
+    if binning not in (1, 2, 4):
+        raise ConfigError(f"{file}: {BINNING} must be 1, 2 or 4, not {binning!r}")
+    named = {_name(stage, file): stage for stage in tree.get("stage", [])}
+    named["rig"] = tree.get("rig", {})
+    for (name, key), power in _BINNED.items():
+        if key in named.get(name, {}):
+            named[name][key] = _times(named[name][key], float(binning) ** power)
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Multiply a number, the numbers of a list, or those of a distribution."""
+    if isinstance(value, dict):
+        return {name: _times(part, factor) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_times(part, factor) for part in value]
+    return value * factor if isinstance(value, int | float) else value
 
 
 def _anchor(tree: dict[str, Any], folder: Path) -> None:

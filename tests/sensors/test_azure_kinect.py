@@ -87,8 +87,9 @@ def test_modes_see_their_part_of_the_chip_to_their_range(
     cam = Camera.open(context, sensor)
     image = cam.sensor.rig.intrinsics
     assert (image.width, image.height) == size
+    albedo = 0.6 if size == (320, 288) else 0.95  # the sum of four pixels is bright enough
     crop = Rect(image.width // 2 - 40, image.height // 2 - 40, 80, 80)
-    inside = cam.shoot([quad(1000 * far_m - 60, albedo=0.95)], crop=crop)["depth"][30:50, 30:50]
+    inside = cam.shoot([quad(1000 * far_m - 60, albedo=albedo)], crop=crop)["depth"][30:50, 30:50]
     beyond = cam.shoot([quad(1000 * far_m + 100, albedo=0.95)], crop=crop)["depth"]
     assert (inside > 0).mean() > 0.8
     assert (beyond > 0).mean() < 0.02

@@ -106,6 +106,7 @@ def test_a_file_says_only_what_differs_from_the_one_it_extends(tmp_path: Path) -
         ('extends = "azure-kinct"', "no such sensor 'azure-kinct'"),
         ("extends = 3", "extends must be the name of a sensor, not 3"),
         ('extends = "mine.toml"', "extends itself"),
+        ('extends = "azure-kinect"\nbinning = 3', "binning must be 1, 2 or 4, not 3"),
         ('extends = "ideal"\n[[stage]]\nuse = "axial"', "changes the stage 'axial', which ideal"),
         ('extends = "azure-kinect"\n[stage]\nuse = "axial"', "write each stage as a table"),
     ],

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import correlation_of, lagged_sums
 from glsim.bench.measures.pixel_runs import successive_runs
+from glsim.bench.measures.stacks import sigma_temporal
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
@@ -239,6 +240,21 @@ def limits(captures: Captures) -> dict[str, Measurement]:
         ),
         "13": Measurement({k: max(v, 0.0) for k, v in share.items()}, note="of one device"),
         "14": Measurement(noise),
+    }
+
+
+@validation_check(f"{_SHEET}-nfov-binned")
+def binned(captures: Captures) -> dict[str, Measurement]:
+    """Measure the noise and the range of the mode that averages 2 x 2 pixels, on whole walls."""
+    near, *far = (
+        captures.camera.capture(scenes.wall(z, 0.6), 4, None, scene=f"binned {z}").whole_mm
+        for z in (1000.0, 2500.0, 3400.0, 4400.0, 5400.0)
+    )
+    middle = far[-1][:, 124:164, 140:180]
+    return {
+        "1": Measurement({"sigma": sigma_temporal(near)}),
+        "2": Measurement({"all": float(np.mean(np.isfinite(far)))}),
+        "3": Measurement({"middle": float(np.isfinite(middle).mean())}),
     }
 
 
