@@ -32,6 +32,8 @@ from glsim.noise.twins.layers import normal_pair, pixels, random_bits
 
 __all__ = ["match_stereo"]
 
+Image = NDArray[np.float32]
+
 #: Cameras deliver 16 bits.
 _LARGEST_UNITS = 65535
 #: Tells the random words of the device's error from those of other stages' draws.
@@ -94,6 +96,14 @@ def _reach_px(p: Mapping[str, float]) -> int:
     ),
     device_sigma_px=("float", 0.0, 0, 1, "px", "error of the device's own, standard deviation"),
     device_grain_px=("float", 4.0, 0.5, 64, "px", "sigma of the Gaussian that smooths it"),
+    device_fine=("float", 0.0, 0, 1, "1", "share of its variance in bricks of a finer grain"),
+    device_fine_px=(
+        "float", 1.0, 0.3, 16, "px", "their sigma along the baseline, three times that across it",
+    ),
+    device_patches=(
+        "float", 0.0, 0, 2, "1", "standard deviation of the log of its strength, over places 12 px "
+        "apart",
+    ),
     depth_unit_mm=("float", 1.0, 0.01, 100, "mm", "the camera's own step of depth"),
     half_floats=("int", 0, 0, 1, "1", "1: depths are 16-bit floats of metres, as Apple's are"),
     earlier_frames=(
@@ -120,7 +130,8 @@ def match_stereo(
     exact = disparity / np.float64(STEPS_PER_PX)
     exact += p["amplitude_px"] * np.sin(2 * np.pi * exact)
     if p["device_sigma_px"] > 0:
-        own = _device_error(view.device_seed, view.window, p["device_grain_px"])
+        names = ("device_grain_px", "device_fine", "device_fine_px", "device_patches")
+        own = _device_error(view.device_seed, view.window, turn.upright, *(p[n] for n in names))
         exact += p["device_sigma_px"] * own
     steps = np.rint(exact * p["subpixel_steps"])
     kept = (disparity >= 0) & (steps > 0) & (steps <= p["largest_px"] * p["subpixel_steps"])
@@ -163,24 +174,58 @@ class _Turn:
         return whole - first - size if self.mirrored else first
 
 
-@lru_cache(maxsize=4)
-def _device_error(device_seed: int, window: Rect, grain_px: float) -> NDArray[np.float32]:
-    """Draw an (h, w) float32 smooth standard normal field, the same in every frame of a device."""
-    import cv2
+#: Sigma of the Gaussian that smooths the strength of the device's error, px. Chosen: real TrueDepth
+#: boards differ from tile of 24 px to tile.
+_PATCH_PX = 16.0
 
-    reach = int(np.ceil(3 * grain_px))
+
+@lru_cache(maxsize=4)
+def _device_error(
+    device_seed: int,
+    window: Rect,
+    upright: bool,
+    grain_px: float,
+    fine: float,
+    fine_px: float,
+    patches: float,
+) -> NDArray[np.float32]:
+    """Draw an (h, w) float32 smooth standard normal field, the same in every frame of a device.
+
+    Args:
+        upright: whether the baseline lies along columns.
+        grain_px: sigma of its Gaussian.
+        fine: share of its variance in bricks.
+        fine_px: sigma of their Gaussian along the baseline; across it three times that.
+        patches: standard deviation of the log of its strength from place to place.
+    """
+    bricks = (3 * fine_px, fine_px) if upright else (fine_px, 3 * fine_px)
+    reach = int(np.ceil(3 * max(grain_px, *(bricks if fine else ()), _PATCH_PX if patches else 0)))
     around = Rect(
         window.left - reach, window.top - reach, window.width + 2 * reach, window.height + 2 * reach
     )
-    first, second, _, _ = random_bits(*pixels(around), device_seed, _DEVICE_DRAW)
-    white, _ = normal_pair(first, second)
-    side = np.arange(-reach, reach + 1, dtype=np.float64)
-    kernel = np.exp(-0.5 * (side / grain_px) ** 2)
-    kernel /= np.sqrt((kernel**2).sum())  # keeps the variance of white noise
-    smooth = cv2.sepFilter2D(white.astype(np.float64), -1, kernel, kernel)
-    field: NDArray[np.float32] = smooth[reach:-reach, reach:-reach].astype(np.float32)
+    first, second, *others = random_bits(*pixels(around), device_seed, _DEVICE_DRAW)
+    white, strength = normal_pair(first, second)
+    field = _smooth(white, (grain_px, grain_px), reach)
+    if fine:
+        dots = _smooth(normal_pair(*others)[0], bricks, reach)
+        field = np.sqrt(1.0 - fine) * field + np.sqrt(fine) * dots
+    if patches:
+        strength = _smooth(strength, (_PATCH_PX, _PATCH_PX), reach)
+        field = field * np.exp(patches * strength - patches**2)  # of mean square 1
+    field = field.astype(np.float32)
     field.flags.writeable = False
     return field
+
+
+def _smooth(white: NDArray[np.float32], grain_px: tuple[float, float], reach: int) -> Image:
+    """Smooth white noise by a Gaussian that keeps its variance, without ``reach`` px of border."""
+    import cv2
+
+    side = np.arange(-reach, reach + 1, dtype=np.float64)
+    kernels = [np.exp(-0.5 * (side / grain) ** 2) for grain in grain_px]
+    kernels = [kernel / np.sqrt((kernel**2).sum()) for kernel in kernels]
+    smooth = cv2.sepFilter2D(white.astype(np.float64), -1, *kernels)
+    return np.asarray(smooth[reach:-reach, reach:-reach], np.float32)
 
 
 #: A match that is farther from the true disparity has found another surface, px: ten times the
@@ -243,9 +288,6 @@ def _hidden(view: FrameContext, layers: Layers, true_px: NDArray[np.float32]) ->
     there = right[row.clip(0, height - 1), column.clip(0, width - 1)]
     hidden: NDArray[np.bool_] = beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
     return hidden
-
-
-Image = NDArray[np.float32]
 
 
 def warp_to_camera(depth_m: Image, imager_m: Point, focal_px: float) -> Image:

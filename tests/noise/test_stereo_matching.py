@@ -12,7 +12,7 @@ from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.registry import find_stage
 from glsim.noise.semi_global import match
-from glsim.noise.stereo_matching import match_stereo, warp_to_camera
+from glsim.noise.stereo_matching import _device_error, match_stereo, warp_to_camera
 
 FOCAL_PX, BASELINE_M = 400.0, 0.05
 HEIGHT, WIDTH = 120, 320
@@ -146,6 +146,22 @@ def test_reasons_tell_hidden_from_unmatched_pixels() -> None:
     assert (reason[20:30, 100:300] == Reason.VALID).all()
     wrong = run(left, right, clean_m=np.full_like(clean, 0.5))["reason"]
     assert (wrong[20:30, 100:300] == Reason.MOVED).all()
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_bricks_and_patches_keep_the_size_of_the_device_s_error(upright: bool) -> None:
+    """Bricks are longer across the baseline, and patches make the strength differ from place."""
+    window = Rect(0, 0, 600, 600)
+    fine = _device_error(7, window, upright, 4.0, 0.9, 0.6, 0.0)
+    assert abs(fine.mean()) < 5 * 4 * 2 * np.sqrt(np.pi) / 600  # five standard errors of its mean
+    assert fine.std() == pytest.approx(1.0, abs=0.05)
+    alike = [float((fine[2:] * fine[:-2]).mean()), float((fine[:, 2:] * fine[:, :-2]).mean())]
+    assert alike[upright] > alike[not upright] + 0.3
+    patchy = _device_error(7, window, upright, 4.0, 0.9, 0.6, 1.0)
+    assert float((patchy**2).mean()) == pytest.approx(1.0, rel=0.25)  # some 200 patches
+    spread = [np.sqrt((f**2).reshape(25, 24, 25, 24).mean((1, 3))) for f in (fine, patchy)]
+    plain, more = (np.quantile(s, 0.9) / np.quantile(s, 0.1) for s in spread)
+    assert more > 1.8 > 1.4 > plain
 
 
 def test_the_device_s_own_error_stays_and_has_its_size() -> None:
