@@ -35,6 +35,8 @@ def compare(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.md")] = None,
     json_file: JsonFileOption = None,
     frames: Annotated[int, typer.Option(min=1, max=2000)] = 60,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    smooth_px: Annotated[float | None, typer.Option(min=0.5, max=20)] = None,
     depth_unit_mm: float | None = None,
     focal_px: Annotated[float | None, typer.Option(min=1)] = None,
     topic: str | None = None,
@@ -57,16 +59,22 @@ def compare(
         assignments: Set a parameter of that sensor. Repeatable.
         out: Write the table as Markdown. Default: print it.
         frames: Frames of each set; larger sets are thinned.
+        seed: Of the device and the noise of --replay.
+        smooth_px: Standard deviation of the smoothing that removes the noise of REAL before a
+            replay, pixels. Default: 1.6 times the distance at which its noise is half alike.
         depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
-        focal_px: Focal length of both, pixels. Default: stated, or a Kinect V2's.
+        focal_px: Focal length of both, pixels. Default: stated, or that of the sensor of --replay,
+            or a Kinect V2's.
         topic: Depth images of bags. Default: native images whose name says depth.
     """
     from glsim.bench.compare.comparison import compare_sets
     from glsim.bench.compare.replay import replay
+    from glsim.core.depth_frame import Frames
     from glsim.core.errors import ConfigError, require_package
     from glsim.core.files.atomic import write_atomic
     from glsim.data.recordings.folders import whole_recording
     from glsim.data.recordings.recording import open_recording
+    from glsim.sensors.sensor import load_sensor
 
     if (second is None) == (replay_sensor is None):
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
@@ -75,6 +83,11 @@ def compare(
     check_outputs(json_file, out)
     opened = [open_recording(first, depth_unit_mm, topic=topic)]
     real = opened[0].read(frames, focal_px)
+    taken = ""
+    if replay_sensor is not None and opened[0].assumed and focal_px is None:
+        taken = replay_sensor
+        camera = load_sensor(replay_sensor).rig.for_map(real[0].noisy_mm.shape).intrinsics
+        real = Frames.of([frame.changed(intrinsics=camera) for frame in real], real.title)
     if second is not None:
         own = topic if whole_recording([second]) else None
         opened.append(open_recording(second, depth_unit_mm, topic=own))
@@ -82,7 +95,9 @@ def compare(
     else:
         require_package("scipy", "--replay", "eval")
         print_message(f"rendering {len(real)} frames through {replay_sensor}")
-        simulated = replay(real, replay_sensor or "", assignments=assignments or ())
+        simulated = replay(
+            real, replay_sensor or "", seed=seed, assignments=assignments or (), smooth_px=smooth_px
+        )
     comparison = compare_sets(real, simulated, progress=print_message)
     table = comparison.as_markdown()
     written = []
@@ -94,5 +109,7 @@ def compare(
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)
-    for note in dict.fromkeys(n for recording in opened for n in recording.remarks(focal_px)):
+    for note in dict.fromkeys(
+        n for recording in opened for n in recording.remarks(focal_px, taken)
+    ):
         print_message(note)

@@ -134,9 +134,6 @@ def test_statistics_of_a_recording(recording: Path) -> None:
     assert found.frames == 30
     assert found.correlation[:3] == pytest.approx((0.63, 0.28, 0), abs=0.06)
     assert found.correlation[-1] == pytest.approx(0.42, abs=0.06)
-    assert found.edge_pixels > 1000
-    assert 0.3 < found.invalid_share < 1
-    assert found.flying_share < 0.1
     inner = [c for c in found.table if c.radius_px[1] <= 160]
     far = [c.value for c in inner if c.distance_m[0] >= 2.5]
     near = [c.value for c in inner if c.distance_m[1] <= 1.5]

@@ -59,23 +59,14 @@ def test_planted_noise_is_measured() -> None:
     assert found.focal_baseline_px_mm == pytest.approx(PRODUCT, rel=1e-3)
     assert found.noise.frame == pytest.approx(0.09, rel=0.1)
     assert found.noise.static == pytest.approx(0.06, rel=0.2)
-    assert found.holes == pytest.approx(0.5 * 900 / (480 * 620), rel=0.01)
-    assert found.flips == pytest.approx(900 / (480 * 640), rel=0.01)
     assert found.distances_mm == tuple(sorted(found.distances_mm))
     assert 700 < found.distances_mm[0] < found.distances_mm[-1] < 2200
 
 
-@pytest.mark.parametrize(
-    ("frames", "message"),
-    [
-        (frames_of("one", [np.full((480, 640), 900)]), "has one frame only"),
-        (frames_of("two", [np.full((480, 640), z) for z in (900, 990)]), "show different scenes"),
-        (frames_of("dust", [np.eye(480, 640) * 900] * 2), "parts of 40x40 px are full of depth"),
-    ],
-)
-def test_recordings_that_cannot_serve_are_refused(frames: Frames, message: str) -> None:
-    with pytest.raises(DatasetError, match=message):
-        measure_stereo(frames, None, STEPS, PRODUCT)
+def test_a_recording_without_planes_is_refused() -> None:
+    dust = frames_of("dust", [np.eye(480, 640) * 900] * 2)
+    with pytest.raises(DatasetError, match="parts of 40x40 px are full of depth"):
+        measure_stereo(dust, None, STEPS, PRODUCT)
 
 
 def test_the_depths_choose_the_base(tmp_path: Path) -> None:
@@ -98,7 +89,6 @@ def test_a_real_d435_is_stereo() -> None:
     found = measure_stereo(frames, find_lattice(frames), STEPS, 1.0)
     assert found.focal_baseline_px_mm == pytest.approx(390.4315 * 50.1707, rel=1e-3)
     assert found.noise.frame == pytest.approx(0.097, abs=0.01)
-    assert found.flips == pytest.approx(0.014, abs=0.001)
 
 
 def _noise(shot: NDArray[np.uint16], product: float) -> DisparityNoise:

@@ -75,6 +75,14 @@ def test_a_real_camera_of_two_infrared_images_stands_still() -> None:
     assert static_pairs(_frames(*real_depths("d435_robot_room"))) == [(0, 1)]
 
 
+def test_a_person_who_moves_before_a_still_wall_is_another_view() -> None:
+    """The median of all pixels does not see it: the person covers a twentieth of them."""
+    views = [noisy(plane(1500.0, 0.2), 6.0, seed, smooth=13) for seed in (1, 2)]
+    for depth, nearer in zip(views, (600, 630), strict=True):
+        depth[100:200, 300:400] -= nearer
+    assert static_pairs(_frames(*views)) == []
+
+
 def test_noise_that_grows_over_the_radius_grows_in_the_table() -> None:
     clean = plane(1000.0)
     radius = radius_px(_frames(clean)[0])

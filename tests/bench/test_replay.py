@@ -125,6 +125,14 @@ def test_frames_follow_the_seed_and_frames_without_depth_stay_so(recorded: Frame
     assert [np.isfinite(f.measured_mm).any() for f in made[0]] == [True, False]
 
 
+def test_a_gate_does_not_cut_the_real_scene(recorded: Frames) -> None:
+    close = [f.changed({"noisy_mm": 0.3 * f.noisy_mm}) for f in recorded[:1]]  # from 240 mm on
+    again = replay(Frames.of(close), "kinect-v2", smooth_px=3.0)[0]  # its gate begins at 500 mm
+    near = close[0].measured_mm < 450
+    assert near.sum() > 1000
+    assert np.isfinite(again.measured_mm[near]).mean() > 0.8
+
+
 @pytest.mark.long
 def test_mirrored_frames_are_replayed_mirrored(recorded: Frames) -> None:
     """Shadows stay on the side that they have in the real frames."""
@@ -154,6 +162,7 @@ def test_the_command_replays_and_refuses_what_it_cannot(
         ([real, real, "--replay", "kinect-v2"], "give the simulated frames, or --replay"),
         ([real, real, "--set", "a.b=1"], "add --replay"),
         ([real, "--replay", "kinekt"], "did you mean"),
+        ([real, "--replay", "kinect-v2", "--depth-unit-mm", "10"], "give the unit of the files"),
     ):
         capsys.readouterr()
         assert main(["compare", *wrong]) in (1, 2)

@@ -25,8 +25,8 @@ _STRATA = 8
 _TREES, _TREE_DEPTH = 80, 4
 #: Standardised features are clipped here, so that single patches do not decide; chosen.
 _CUT = 4.0
-#: Patches of each set after matching that an AUC needs: its error is then about 0.03.
-LEAST_PATCHES = 120
+#: Patches of each set after matching that an AUC needs: four to a fold.
+LEAST_PATCHES = 20
 _TOLD = 3
 
 
@@ -56,6 +56,7 @@ class Verdict:
     Attributes:
         auc: of the logistic regression, mean over five folds of views; NaN with too few patches.
         boosted_auc: the same of boosted trees.
+        auc_error, boosted_auc_error: standard errors of both, from the spread of the folds.
         patches: number in each set, matched.
         telling: the features whose medians differ most.
 
@@ -63,6 +64,8 @@ class Verdict:
 
     auc: float
     boosted_auc: float
+    auc_error: float
+    boosted_auc_error: float
     patches: int
     telling: tuple[TellingFeature, ...]
 
@@ -83,23 +86,24 @@ def tell_apart(
     """
     a, b = _matched(first.matched, second.matched)
     if min(len(a), len(b)) < LEAST_PATCHES:
-        return Verdict(float("nan"), float("nan"), min(len(a), len(b)), ())
+        return Verdict(*[float("nan")] * 4, min(len(a), len(b)), ())
     x = np.concatenate([first.features[a], second.features[b]])
     label = np.concatenate([np.zeros(len(a)), np.ones(len(b))])
     fold = np.concatenate([_folds(first, first_views)[a], _folds(second, second_views)[b]])
-    line, trees = _cross_validated(x, label, fold)
+    aucs = _cross_validated(x, label, fold)
     tells = [_telling(name, x[:, k], label) for k, name in enumerate(first.names)]
     tells.sort(key=lambda t: -abs(t.apart))
-    return Verdict(line, trees, len(a), tuple(tells[:_TOLD]))
+    return Verdict(*aucs, len(a), tuple(tells[:_TOLD]))
 
 
-def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> tuple[float, float]:
-    """Compute the mean AUC over the folds, for the logistic regression and for the trees."""
+def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> list[float]:
+    """Compute the mean AUC over the folds of regression and trees, then both standard errors."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.linear_model import LogisticRegression
     from sklearn.metrics import roc_auc_score
     from sklearn.model_selection import PredefinedSplit
     from sklearn.preprocessing import StandardScaler
+    from threadpoolctl import threadpool_limits
 
     scored = []
     for train, test in PredefinedSplit(fold).split():
@@ -107,15 +111,18 @@ def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> tuple[f
             continue
         scaler = StandardScaler().fit(x[train])
         design = np.clip(scaler.transform(x), -_CUT, _CUT)
-        line = LogisticRegression(max_iter=1000).fit(design[train], label[train])
         trees = HistGradientBoostingClassifier(
             max_iter=_TREES, max_depth=_TREE_DEPTH, early_stopping=False, random_state=0
-        ).fit(x[train], label[train])
-        found = line.decision_function(design[test]), trees.decision_function(x[test])
+        )
+        with threadpool_limits(1):  # on a busy machine threads wait for each other
+            line = LogisticRegression(max_iter=1000).fit(design[train], label[train])
+            trees.fit(x[train], label[train])
+            found = line.decision_function(design[test]), trees.decision_function(x[test])
         scored.append([float(roc_auc_score(label[test], f)) for f in found])
-    if not scored:
-        return float("nan"), float("nan")
-    return float(np.mean([s[0] for s in scored])), float(np.mean([s[1] for s in scored]))
+    if len(scored) < 2:
+        return [float("nan")] * 4
+    errors = np.std(scored, axis=0, ddof=1) / np.sqrt(len(scored))
+    return [*np.mean(scored, axis=0).tolist(), *errors.tolist()]
 
 
 def _telling(name: str, values: Array, label: Array) -> TellingFeature:

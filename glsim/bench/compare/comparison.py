@@ -9,6 +9,8 @@ from importlib.util import find_spec
 from itertools import pairwise, product
 from typing import Any
 
+import numpy as np
+
 from glsim.bench.compare.classifier import Verdict, tell_apart
 from glsim.bench.compare.patches import KINDS, Patches, edge_patches, surface_patches
 from glsim.bench.measures.correlation import LAGS
@@ -20,15 +22,23 @@ from glsim.bench.measures.depth_noise import (
     measure_spatial,
     measure_temporal,
 )
-from glsim.bench.measures.light import NO_LIGHT, Light, measure_light
+from glsim.bench.measures.light import Light, measure_light
 from glsim.bench.measures.pattern import FixedPattern, measure_pattern
 from glsim.bench.measures.silhouettes import Silhouettes, measure_silhouettes
 from glsim.bench.measures.stacks import ratio
 from glsim.bench.measures.static import static_pairs, view_numbers
 from glsim.bench.measures.validity import measure_invalid
 from glsim.core.depth_frame import Frames
+from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import without_nan
 from glsim.core.files.markdown import markdown_table
+
+#: AUC of both classifiers for frames of a simulated sensor against their replay through it.
+_FLOORS = {
+    "planes": "0.51 / 0.51",
+    "curved": "0.59 / 0.57",
+    "silhouettes, shadow side": "0.60 / 0.61",
+}
 
 
 @dataclass(frozen=True)
@@ -78,7 +88,8 @@ class Comparison:
         """Lines of the table with a value in at least one set."""
         first, second = _lines(self.first), _lines(self.second)
         rows = [
-            Row(*key[:3], first.get(key, math.nan), value, key[3]) for key, value in second.items()
+            Row(*key[:3], first.get(key, math.nan), second.get(key, math.nan), key[3])
+            for key in (first if self.first.light else second)
         ]
         return [r for r in rows if math.isfinite(r.first) or math.isfinite(r.second)]
 
@@ -110,18 +121,21 @@ class Comparison:
                 f"{t.feature} {_number(t.first)} / {_number(t.second)} (alone {t.auc:.2f})"
                 for t in v.telling
             )
-            few = "too few patches"
-            aucs = [f"{a:.2f}" if math.isfinite(a) else few for a in (v.auc, v.boosted_auc)]
-            verdicts.append([kind, *aucs, str(v.patches), tells])
+            aucs = [
+                f"{auc:.2f} +- {error:.2f}" if math.isfinite(auc) else "too few patches"
+                for auc, error in ((v.auc, v.auc_error), (v.boosted_auc, v.boosted_auc_error))
+            ]
+            verdicts.append([kind, *aucs, _FLOORS.get(kind, "-"), str(v.patches), tells])
         if verdicts:
             lines += [
                 "",
-                "AUC of a logistic regression and of boosted trees on patches; 0.5 = "
-                "indistinguishable. Features whose medians differ most come first.",
+                "AUC of a logistic regression and of boosted trees on patches, +- the standard "
+                "error; 0.5 = indistinguishable; floor: of a sensor's own frames, replayed. "
+                "Features whose medians differ most come first.",
                 "",
             ]
-            head = ["patches", "AUC", "boosted", "of each", "what tells, median first / second"]
-            lines += markdown_table(head, verdicts)
+            head = ["patches", "AUC", "boosted", "floor", "of each"]
+            lines += markdown_table([*head, "what tells, median first / second"], verdicts)
         return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
@@ -172,21 +186,26 @@ def _lines(m: Measurements) -> _Lines:
     for k, value in enumerate(pattern.alternation_mm):
         name = f"half step of odd rows, {k + 1}/{len(pattern.alternation_mm)} from the top"
         add(group, name, "mm", value, False)
-    light = m.light or NO_LIGHT
-    for words, law in (("static pairs", light.temporal), ("residuals in 7x7", light.spatial)):
-        group = f"noise over infrared, {words}: sigma^2 = a^2 + (b / IR)^2"
-        add(group, "a", "mm", law.floor_mm)
-        add(group, "b", "mm counts", law.slope_mm)
-    group, unit = "IR r^2 / cos of the brightest surfaces", "counts m^2"
-    add(group, "median over the distances", unit, light.overall)
-    for near, far, value in light.brightness:
-        add(group, f"{near:g} to {far:g} m", unit, value)
-    for inner, outer, value in light.rings:
-        add(group, f"{inner:.0f} to {outer:.0f} px, relative to the centre", "", value)
-    add("infrared", "saturated pixels", "%", 100 * light.saturated, False)
+    lines |= _light_lines(m.light) if m.light else {}
     lines |= _silhouette_lines(m.silhouettes)
     for inner, outer, share in m.invalid:
         add("pixels without depth", f"{inner:.0f} to {outer:.0f} px", "%", 100 * share)
+    return lines
+
+
+def _light_lines(light: Light) -> _Lines:
+    lines: _Lines = {}
+    for words, law in (("static pairs", light.temporal), ("residuals in 7x7", light.spatial)):
+        group = f"noise over infrared, {words}: sigma^2 = a^2 + (b / IR)^2"
+        lines[group, "a", "mm", True] = law.floor_mm
+        lines[group, "b", "mm counts", True] = law.slope_mm
+    group, unit = "IR r^2 / cos of the brightest surfaces", "counts m^2"
+    lines[group, "median over the distances", unit, True] = light.overall
+    for near, far, value in light.brightness:
+        lines[group, f"{near:g} to {far:g} m", unit, True] = value
+    for inner, outer, value in light.rings:
+        lines[group, f"{inner:.0f} to {outer:.0f} px, relative to the centre", "", True] = value
+    lines["infrared", "saturated pixels", "%", False] = 100 * light.saturated
     return lines
 
 
@@ -230,9 +249,20 @@ def compare_sets(
 ) -> Comparison:
     """Measure both sets and classify their patches; report each step's name to ``progress``.
 
-    Without scikit-learn there are no verdicts of the classifier.
+    Without scikit-learn there are no verdicts of the classifier. Raises ConfigError for sets whose
+    depths do not overlap: most likely one has another unit.
     """
     say = progress or (lambda _: None)
+    spans = [
+        np.nanquantile(np.concatenate([f.measured_mm[::4, ::4].ravel() for f in frames]), (0, 1))
+        for frames in (first, second)
+    ]
+    if spans[0][0] > spans[1][1] or spans[1][0] > spans[0][1]:
+        texts = " and ".join(f"{low:.0f} to {high:.0f} mm" for low, high in spans)
+        raise ConfigError(
+            f"{first.title} and {second.title} have depths of {texts}: nothing can be compared; "
+            "give the unit of the files, --depth-unit-mm"
+        )
     measured = []
     for frames in (first, second):
         say(f"measuring {frames.title}")

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.measures.correlation import LAGS, lagged_sums
 from glsim.bench.measures.measured_frame import lit, surfaces
+from glsim.bench.measures.quadrics import quadric_basis
 from glsim.bench.measures.silhouettes import HEAD_SHIFTS, find_edges
 from glsim.core.depth_frame import DepthFrame
 
@@ -84,7 +84,8 @@ class Patches:
 def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
     """Cut plane and curved surface patches from the frames, at every half patch."""
     found: dict[str, list[_Found]] = {"planes": [], "curved": []}
-    plane, quadric = _projections()
+    quadric = quadric_basis(SIDE_PX)
+    plane = quadric[:, :3]
     for number, frame in enumerate(frames):
         cells, columns = _whole_patches(frame)
         if len(cells) == 0:
@@ -92,8 +93,8 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
         flat = cells.reshape(len(cells), -1)
         distance = flat.mean(axis=1)
         flat = flat - distance[:, None]
-        by_plane = flat - flat @ plane
-        residual = flat - flat @ quadric
+        by_plane = flat - flat @ plane @ plane.T
+        residual = flat - flat @ quadric @ quadric.T
         rms = np.sqrt((residual**2).sum(axis=1) / (SIDE_PX**2 - 6))
         share = 1.0 - (residual**2).sum(axis=1) / np.maximum((by_plane**2).sum(axis=1), 1e-9)
         good = (rms < _ROUGHEST_MM + _ROUGHEST_MM_PER_M * distance / 1000.0) & (rms > 0.05)
@@ -146,16 +147,6 @@ def _thinned(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
         return numbers
     chosen = np.linspace(0, len(numbers) - 1, MOST_PER_FRAME).round().astype(int)
     return np.asarray(numbers[chosen])
-
-
-@lru_cache(maxsize=1)
-def _projections() -> tuple[Array, Array]:
-    """Compute (256, 256) projections of a patch onto planes and onto quadrics."""
-    half = (SIDE_PX - 1) / 2
-    y, x = np.mgrid[:SIDE_PX, :SIDE_PX] - half
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6)
-    plane, quadric = np.linalg.qr(terms[:, :3])[0], np.linalg.qr(terms)[0]
-    return plane @ plane.T, quadric @ quadric.T
 
 
 def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:

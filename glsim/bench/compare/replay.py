@@ -21,22 +21,30 @@ from glsim.bench.compare.replay_surfaces import (
     measure_noise_floor,
     mesh_of,
 )
-from glsim.bench.measures.disparity import LAGS_PX, measure_disparity_noise, to_disparity
+from glsim.bench.measures.correlation import lagged_sums
+from glsim.bench.measures.disparity import (
+    LAGS_PX,
+    LEAST_TILES,
+    find_tiles,
+    to_disparity,
+)
 from glsim.bench.measures.silhouettes import measure_silhouettes
 from glsim.bench.measures.static import view_numbers
 from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
+from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.context import borrowed_context
-from glsim.sensors.sensor import load_sensor
+from glsim.sensors.sensor import Sensor, load_sensor
 
 Array = NDArray[np.float64]
 
 #: Standard deviation of the window that removes a frame's noise, over the distance at which its
 #: correlation is one half; and its limits, px. Chosen: a Kinect V2's noise is alike over 1.5 px and
-#: leaves a fifth of itself in the surfaces at 3 px, a D435's over 5 px at 8.
-_SMOOTH_OVER_CORRELATION, _SMOOTH_PX = 1.6, (3.0, 10.0)
+#: leaves a fifth of itself in the surfaces at 3 px, a D435's over 5 px at 9. The correlation is the
+#: tenth percentile over tiles of 40 x 40 px: on faces and cloth most are bent, and look alike.
+_SMOOTH_OVER_CORRELATION, _SMOOTH_PX, _FLATTEST = 2.0, (3.0, 10.0), 0.1
 #: Even reflectivity of the first capture: no surface beyond 0.3 m is saturated by it.
 _EVEN_ALBEDO = 0.25
 #: Reflectivity stays in this range; surfaces that shine back at the lens are brighter. Chosen.
@@ -45,31 +53,42 @@ _LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
 #: infrared of a dark surface that it is still taken from, counts; chosen: noise is smaller.
 _LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
 #: Frames that the noise is measured on; more do not change the smoothing.
-_SOME_FRAMES = 8
+_SOME_FRAMES = 4
 #: Widest hole of a surface that is closed, px, without and with infrared. Chosen: infrared says how
 #: dark the surface is there, so that the sensor may lose it too; without it a hole may be anything.
 _WIDEST_HOLE_PX = (12, 80)
 
 
-def replay(real: Frames, sensor: str, *, seed: int = 0, assignments: Sequence[str] = ()) -> Frames:
+def replay(
+    real: Frames,
+    sensor: str,
+    *,
+    seed: int = 0,
+    assignments: Sequence[str] = (),
+    smooth_px: float | None = None,
+) -> Frames:
     """Render the surfaces of real frames through a sensor.
 
     Frames that are static in ``real`` show one scene here too. Frames whose shadows are on the
-    other side than the sensor's are mirrored, as libfreenect2 delivers them, and stay so. Raises
-    ConfigError for an unknown sensor.
+    other side than the sensor's are mirrored, as libfreenect2 delivers them, and stay so. A gate of
+    the sensor's range is widened to the depths of ``real``, so that it cuts nothing off.
+
+    Raises ConfigError for an unknown sensor, and for depths far outside its range: another unit.
 
     Args:
         real: the frames; their camera replaces that of the sensor.
         sensor: name of a sensor, or a sensor file.
         seed: of the device and its noise.
         assignments: parameters of the sensor's stages, as of ``--set``.
+        smooth_px: standard deviation of the smoothing; default: by the noise's correlation.
 
     Returns:
         Frames with the names, size and order of ``real``.
 
     """
-    mirrored = _is_mirrored(real, load_sensor(sensor).rig)
-    camera = real.intrinsics
+    loaded, camera = load_sensor(sensor), real.intrinsics
+    assignments = [*_range_assignments(real, loaded), *assignments]
+    mirrored = _is_mirrored(real, loaded.rig)
     rig = {
         "width": camera.width,
         "height": camera.height,
@@ -78,7 +97,7 @@ def replay(real: Frames, sensor: str, *, seed: int = 0, assignments: Sequence[st
     }
     frames = [_mirror(frame) if mirrored else frame for frame in real]
     some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
-    smooth_px = _smoothing_px(some)
+    smooth_px = smooth_px or _smoothing_px(some)
     noise = measure_noise_floor(some, smooth_px)
     with borrowed_context(None) as context:
         virtual = VirtualCamera(sensor, context, seed=seed, rig=rig, assignments=assignments)
@@ -99,6 +118,33 @@ def replay(real: Frames, sensor: str, *, seed: int = 0, assignments: Sequence[st
             rendered = _render(virtual, scene(frames[view]), frame)
             made.append((_mirror(rendered) if mirrored else rendered).changed(intrinsics=camera))
     return Frames.of(made, f"{sensor}, replay")
+
+
+def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
+    """Return settings that widen the sensor's gates; raises ConfigError for depths beyond reach."""
+    depths = np.concatenate([frame.measured_mm[::4, ::4].ravel() for frame in real])
+    near, middle, far = np.nanquantile(depths, (0.001, 0.5, 0.999)).tolist()
+    gates = [
+        (stage.name, stage.settings["near_mm"].typical, stage.settings["far_mm"].typical)
+        for stage in sensor.stages
+        if stage.spec.name == "range_gate"
+    ]
+    reach = 1000 * sensor.rig.near_m, 1000 * sensor.rig.far_m
+    least = max([reach[0], *(gate[1] for gate in gates)])
+    most = min([reach[1], *(gate[2] for gate in gates)])
+    if not 0.5 * least <= middle <= 2.0 * most:
+        raise ConfigError(
+            f"{real.title}: half of the depths are beyond {middle:.0f} mm, {sensor.name} sees "
+            f"{least:.0f} to {most:.0f} mm: give the unit of the files, --depth-unit-mm"
+        )
+    return [
+        text
+        for name, gate_near, gate_far in gates
+        for text in (
+            f"{name}.near_mm={min(near, gate_near):.0f}",
+            f"{name}.far_mm={max(far, gate_far):.0f}",
+        )
+    ]
 
 
 def _render(virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame) -> DepthFrame:
@@ -145,12 +191,12 @@ def _albedo(
 
 def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
     """Choose the smoothing of surfaces, px, from the correlation length of noise on planes."""
-    noise = measure_disparity_noise([to_disparity(frame.measured_mm) for frame in frames])
-    alike = 0.5 * (np.array(noise.rows) + np.array(noise.columns))
-    if not np.isfinite(alike).all():
+    tiles = np.concatenate([find_tiles(to_disparity(f.measured_mm)).residual for f in frames])
+    if len(tiles) < LEAST_TILES:
         return _SMOOTH_PX[0]
-    half = float(np.interp(-0.5, -alike, LAGS_PX))
-    return float(np.clip(_SMOOTH_OVER_CORRELATION * half, *_SMOOTH_PX))
+    products, squares = lagged_sums(tiles, [(0, lag) for lag in LAGS_PX], both_axes=True).T
+    alike = np.quantile(products / np.maximum(squares, 1e-30), _FLATTEST, axis=1)
+    return float(np.clip(_SMOOTH_OVER_CORRELATION * np.interp(-0.5, -alike, LAGS_PX), *_SMOOTH_PX))
 
 
 def _is_mirrored(real: Frames, rig: SensorRig) -> bool:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.quadrics import step_limit_mm
+from glsim.bench.measures.quadrics import local_planes, step_limit_mm
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import grid_triangles
@@ -211,7 +211,8 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
     lower = np.floor(level)
     above = level - lower  # share of the slab above, for a smooth change from slab to slab
     total, weight = np.zeros(depth_mm.shape), np.zeros(depth_mm.shape)
-    pad = int(np.ceil(3 * sigma_px))
+    away = np.arange(-np.ceil(3 * sigma_px), np.ceil(3 * sigma_px) + 1)
+    gaussian = np.exp(-0.5 * (away / sigma_px) ** 2)
     for centre in range(int(lower[known].min()), int(lower[known].max()) + 2):
         share = np.where(lower == centre, 1.0 - above, np.where(lower == centre - 1, above, 0.0))
         mask = np.abs(level - centre) < 1.5
@@ -221,31 +222,12 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
         part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         inside = mask[part]
         d = np.where(inside, 1000.0 / np.where(inside, depth_mm[part], 1.0), 0.0)
-        fitted, near = _local_planes(np.pad(d, pad), np.pad(inside, pad) * 1.0, sigma_px)
-        inner = np.s_[pad : pad + inside.shape[0], pad : pad + inside.shape[1]]
-        dense = share[part] * (near[inner] > _LEAST_NEIGHBOURS)
-        total[part] += dense * fitted[inner]
+        fitted, near = local_planes(d, inside, gaussian)
+        dense = share[part] * (near > _LEAST_NEIGHBOURS)
+        total[part] += dense * fitted
         weight[part] += dense
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(weight > 0.5, 1000.0 * weight / total, np.nan)
-
-
-def _local_planes(values: Array, mask: Array, sigma_px: float) -> tuple[Array, Array]:
-    """Fit a Gaussian-weighted plane at every pixel; also return the masked share of its window."""
-    y, x = np.mgrid[: values.shape[0], : values.shape[1]].astype(np.float64)
-    known = mask > 0
-    offset = float(values[known].mean())
-    d = np.where(known, values - offset, 0.0)
-    weight = np.maximum(_blur(mask, sigma_px), 1e-12)
-    mean_x, mean_y, mean = (_blur(mask * v, sigma_px) / weight for v in (x, y, d))
-    xx = _blur(mask * x * x, sigma_px) / weight - mean_x**2 + 0.05
-    yy = _blur(mask * y * y, sigma_px) / weight - mean_y**2 + 0.05
-    xy = _blur(mask * x * y, sigma_px) / weight - mean_x * mean_y
-    xd = _blur(mask * x * d, sigma_px) / weight - mean_x * mean
-    yd = _blur(mask * y * d, sigma_px) / weight - mean_y * mean
-    scale = np.maximum(xx * yy - xy * xy, 1e-9)
-    slope_x, slope_y = (xd * yy - yd * xy) / scale, (yd * xx - xd * xy) / scale
-    return offset + mean + slope_x * (x - mean_x) + slope_y * (y - mean_y), weight
 
 
 def _blur(image: Array, sigma_px: float) -> Array:

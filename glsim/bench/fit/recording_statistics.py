@@ -14,6 +14,7 @@ from glsim.bench.measures.correlation import correlation_of, lagged_sums, withou
 from glsim.bench.measures.depth_noise import Cell, root_cells
 from glsim.bench.measures.measured_frame import mean_frame, radius_px
 from glsim.bench.measures.pattern import measure_pattern
+from glsim.bench.measures.quadrics import local_planes
 from glsim.bench.measures.stacks import mean_of, moments
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
@@ -95,30 +96,11 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     NaN where less than a fifth of the window is usable, and beyond LARGEST_MM, which no pattern
     reaches.
     """
+    if not used.any():
+        return np.full(used.shape, np.nan, np.float32)
     inverse = np.where(used, 1000.0 / np.where(used, mean_mm, 1.0), 0.0)  # linear on a plane
-    weight = used.astype(np.float64)
-    rows, columns = np.mgrid[: mean_mm.shape[0], : mean_mm.shape[1]] / MAP_WINDOW_PX
-
-    def mean(image: Array) -> Array:
-        side = (MAP_WINDOW_PX, MAP_WINDOW_PX)
-        return np.asarray(cv2.boxFilter(image, -1, side, borderType=cv2.BORDER_CONSTANT))
-
-    share = mean(weight)
+    plane, share = local_planes(inverse, used, np.ones(MAP_WINDOW_PX))
     enough = used & (share >= _LEAST_WINDOW)
-    whole = np.where(share > 0, share, 1.0)
-    x, y, w = (mean(weight * i) / whole for i in (columns, rows, inverse))
-    xx, xy, yy = (
-        mean(weight * a * b) / whole - m * n
-        for a, b, m, n in (
-            (columns, columns, x, x), (columns, rows, x, y), (rows, rows, y, y),
-        )
-    )  # fmt: skip
-    xw = mean(weight * columns * inverse) / whole - x * w
-    yw = mean(weight * rows * inverse) / whole - y * w
-    enough &= xx * yy - xy**2 > 1e-6
-    determinant = np.where(enough, xx * yy - xy**2, 1.0)
-    along, down = (xw * yy - yw * xy) / determinant, (yw * xx - xw * xy) / determinant
-    plane = w + along * (columns - x) + down * (rows - y)
     residual = (plane - inverse) * mean_mm**2 / 1000.0
     enough &= np.abs(residual) <= LARGEST_MM
     return np.where(enough, residual, np.nan).astype(np.float32)
@@ -126,10 +108,6 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
 
 #: Least share of the frames in which a pixel has depth.
 _LEAST_VALID = 0.9
-#: Depth step of an edge, mm, as in libfreenect2's filter.
-_EDGE_MM = 100.0
-#: Least distance of a flying pixel from the surfaces on both sides of its edge, mm; chosen.
-_FLYING_MM = 20.0
 #: Lag of second differences, px: beyond the reach of two 3 x 3 filters, and even, so that an
 #: alternation of rows cancels.
 _LAG_PX = 4
@@ -152,9 +130,6 @@ class RecordingStatistics:
         table: temporal noise by distance and radius, rounding subtracted.
         correlation: of the temporal noise between pixels, at LAGS.
         pattern: fixed pattern.
-        edge_pixels: number of pixels per frame beside depth edges.
-        invalid_share: share of them without depth; NaN if there are none.
-        flying_share: share of them between the surfaces; NaN if there are none.
 
     """
 
@@ -165,9 +140,6 @@ class RecordingStatistics:
     table: tuple[Cell, ...]
     correlation: tuple[float, ...]
     pattern: DevicePattern
-    edge_pixels: int
-    invalid_share: float
-    flying_share: float
 
 
 def measure_recording(frames: Frames) -> RecordingStatistics:
@@ -187,7 +159,6 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
     flat = lit & _flat_mask(whole.infrared, mean, steady)
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
     halves = [mean_frame(frames[start::2]) for start in (0, 1)]
-    edge, invalid, flying = _edges(frames, mean, steady)
     quantum = frames[0].step_mm ** 2 / 12.0
     samples = [(mean, radius_px(whole), np.where(smooth, variance - quantum, np.nan))]
     return RecordingStatistics(
@@ -198,9 +169,6 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
         table=root_cells(samples),
         correlation=_correlation(frames, smooth),
         pattern=describe_pattern(halves, mean, used),
-        edge_pixels=edge,
-        invalid_share=invalid,
-        flying_share=flying,
     )
 
 
@@ -246,21 +214,3 @@ def second_difference(image: Array, axis: int, lag: int) -> Array:
     out = np.full(moved.shape, np.nan)
     out[lag:-lag] = moved[: -2 * lag] - 2 * moved[lag:-lag] + moved[2 * lag :]
     return np.moveaxis(out, 0, axis)
-
-
-def _edges(frames: Frames, mean: Array, steady: Mask) -> tuple[int, float, float]:
-    """Count the pixels beside depth edges; return their shares without depth and flying."""
-    kernel = np.ones((5, 5), np.uint8)
-    low = cv2.erode(np.where(steady, mean, 1e6), kernel, borderValue=1e6)
-    high = cv2.dilate(np.where(steady, mean, 0.0), kernel, borderValue=0.0)
-    low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
-    edge = (low < 1e6) & (high > 0) & (high - low > _EDGE_MM)
-    nearer = (steady & (mean < 0.5 * (low + high))).astype(np.uint8)
-    beside = edge & (cv2.dilate(nearer, np.ones((3, 3), np.uint8)) > 0)
-    beside &= cv2.erode(nearer, np.ones((3, 3), np.uint8)) == 0
-    pixels = int(beside.sum())
-    if pixels == 0:
-        return 0, float("nan"), float("nan")
-    values = np.stack([frame.measured_mm[beside] for frame in frames])
-    between = (values > low[beside] + _FLYING_MM) & (values < high[beside] - _FLYING_MM)
-    return pixels, float(np.isnan(values).mean()), float(between.mean())

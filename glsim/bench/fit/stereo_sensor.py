@@ -26,14 +26,12 @@ from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor
 from glsim.bench.fit.time_of_flight import BASES
 from glsim.bench.measures.disparity import (
     LEAST_TILES,
-    TILE_PX,
     DisparityNoise,
     find_tiles,
     measure_disparity_noise,
     to_disparity,
 )
 from glsim.bench.measures.lattice import Lattice, distinct_values, estimate_lattice
-from glsim.bench.measures.validity import flip_share, hole_share_beside_band
 from glsim.bench.validate import scenes
 from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import Intrinsics
@@ -48,9 +46,6 @@ Array = NDArray[np.float64]
 
 #: Frames that are measured. Chosen: a tile's noise in time is known to 3 % from 23 differences.
 FRAMES = 24
-#: Two frames show one view if half of the pixels change by less than this, px. Chosen: three times
-#: the median change of a D4xx's noise; a camera that moves by 1 px has more.
-_STILL_PX = 0.35
 #: Groups of tiles, by distance, at whose planes noise is reproduced.
 _GROUPS = 3
 
@@ -69,8 +64,6 @@ class StereoStatistics:
         distances_mm: of the planes of three groups of tiles, nearest first.
         slopes: of these in the image, px of disparity per px: noise depends on it. Medians of a
             group, because noise alone gives a tile a slope.
-        holes: share of holes right of the left border's band.
-        flips: share of pixels with depth in one of two frames only.
     """
 
     frames: int
@@ -81,8 +74,6 @@ class StereoStatistics:
     noise: DisparityNoise
     distances_mm: tuple[float, ...]
     slopes: tuple[float, ...]
-    holes: float
-    flips: float
 
 
 def find_lattice(frames: Frames) -> Lattice | None:
@@ -106,12 +97,11 @@ def measure_stereo(
         focal_baseline_px_mm: of the base sensor, for recordings without a lattice.
 
     Raises:
-        DatasetError: frames show different views, or no part of the scene is plane.
+        DatasetError: no part of the scene is plane.
     """
     unit = frames[0].step_mm or 1.0
     product = focal_baseline_px_mm if lattice is None else lattice.constant * unit / steps
     disparity = [to_disparity(f.measured_mm, product) for f in frames]
-    _check_still(frames, disparity)
     pairs = list(pairwise(range(len(disparity))))
     noise = measure_disparity_noise(disparity, pairs)
     if noise.tiles < LEAST_TILES or not np.isfinite([noise.frame, noise.static]).all():
@@ -119,7 +109,8 @@ def measure_stereo(
             f"{frames.title}: only {noise.tiles} parts of 40x40 px are full of depth: record "
             "walls, a floor, a table, at several distances, and do not move"
         )
-    levels, slopes = _planes(disparity[0])
+    tiles = find_tiles(disparity[0])
+    levels, slopes = tiles.level, tiles.slopes
     groups = np.array_split(np.argsort(-levels), _GROUPS)
     height, width = disparity[0].shape
     return StereoStatistics(
@@ -131,42 +122,7 @@ def measure_stereo(
         noise,
         tuple(product / float(np.median(levels[group])) for group in groups),
         tuple(float(np.hypot(*np.median(slopes[group], axis=0))) for group in groups),
-        hole_share_beside_band(disparity),
-        flip_share(disparity, pairs),
     )
-
-
-def _planes(disparity: Array) -> tuple[Array, Array]:
-    """Measure tiles: disparity, (N,) px, and slopes along rows and columns, (N, 2) px per px."""
-    tiles = find_tiles(disparity)
-    half = TILE_PX // 2
-    slopes = []
-    for top, left in zip(tiles.top, tiles.left, strict=True):
-        tile = disparity[top : top + TILE_PX, left : left + TILE_PX]
-        down = np.nanmean(tile[half:]) - np.nanmean(tile[:half])
-        right = np.nanmean(tile[:, half:]) - np.nanmean(tile[:, :half])
-        slopes.append((right / half, down / half))
-    return tiles.level, np.array(slopes)
-
-
-def _check_still(frames: Frames, disparity: list[Array]) -> None:
-    """Raise DatasetError if two successive frames show different views."""
-    if len(disparity) < 2:
-        raise DatasetError(
-            f"{frames.title}: has one frame only; noise is measured between frames: record at "
-            "least 12 frames of a scene in which nothing moves"
-        )
-    for number, (before, after) in enumerate(pairwise(disparity)):
-        change = np.abs(after - before)
-        known = change[np.isfinite(change)]
-        middle = float(np.median(known)) if known.size else float("inf")
-        if middle > _STILL_PX:
-            names = [frames[k].name for k in (number, number + 1)]
-            raise DatasetError(
-                f"{frames.title}: {names[0]} and {names[1]} show different scenes (half of the "
-                f"disparities change by more than {middle:.2g} px): give a static recording, one "
-                "camera and nothing that moves"
-            )
 
 
 #: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
@@ -177,8 +133,9 @@ _LATTICE_FRAMES = 12
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
 #: Lags of LAGS_PX that are compared: 1 to 8 px.
 _LAGS = slice(0, 6)
-#: Speckle that is tried first, and most, as a share of the signal; steps of refinement.
-_FIRST_SPECKLE, _MOST_SPECKLE, _REFINEMENTS = 0.1, 0.8, 3
+#: Value of a parameter that is tried first, and most; rounds, and bounds of the square's growth in
+#: one. Chosen: a round divides the error by about three.
+_FIRST, _MOST, _ROUNDS, _RATIO = 0.1, 0.8, 4, (0.1, 8.0)
 #: Frames of a plane, its albedo (that of the sheets of ``glsim validate``), steepest tilt, degrees.
 _FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
 #: Stages that expose: of two imagers, of one imager and a pattern.
@@ -236,7 +193,7 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
     """
     sensor = load_sensor(base)
     rig, steps = sensor.rig, _matcher_value(sensor, "subpixel_steps")
-    frames = recording.read(FRAMES)
+    frames = recording.read_static(FRAMES)
     product = 1000.0 * rig.intrinsics.fx * rig.baseline_m
     statistics = measure_stereo(frames, find_lattice(frames), steps, product)
     other_px = statistics.focal_baseline_px_mm / rig.baseline_m / 1000.0
@@ -245,13 +202,14 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
     with TemporaryDirectory() as folder, borrowed_context(None) as context:
         fit = _Fit(statistics, named, sensor, image, Path(folder), context)
         exposure = next((s.name for s in sensor.stages if s.spec.name in _EXPOSURES), None)
+        speckle = f"{exposure}.speckle_sigma"
         if exposure is not None:
-            fit.speckle(f"{exposure}.speckle_sigma")
+            fit.solve(speckle, "frame")
         fit.support()
         if exposure is not None and fit.values[_SUPPORT] != fit.own_support:
             fit.notes.clear()
-            fit.speckle(f"{exposure}.speckle_sigma")
-        fit.static()
+            fit.solve(speckle, "frame")
+        fit.solve(_DEVICE, "static")
         lines = {"base": named} | _result_lines(statistics, fit.noise(), image, fit.baseline_m)
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {image.width}x{image.height}: "
@@ -354,61 +312,26 @@ class _Fit:
                 break
         self.values[_SUPPORT] = best
 
-    def speckle(self, name: str) -> None:
-        """Find the speckle strength that gives the temporal noise of the recording.
+    def solve(self, name: str, measure: str) -> None:
+        """Find the value of a parameter with which a measure of noise is the recording's.
 
-        Variances of noise grow with the square of the speckle: false position in squares. Where so
-        few tiles are full of depth that the noise is not known, it is too large.
+        Variances grow with the square of the value, from what they are at 0. Where so few tiles are
+        full of depth that the noise is not known, it is too large.
         """
-        target = self.statistics.noise.frame
-
-        def noise(speckle: float) -> float:
-            found = self.noise(name, speckle).frame
-            return found if np.isfinite(found) else float("inf")
-
-        low, below = 0.0, noise(0.0)
-        if below >= target:
+        target = getattr(self.statistics.noise, measure)
+        least = getattr(self.noise(name, 0.0), measure)
+        value = 0.0 if least >= target else _FIRST
+        for _ in range(_ROUNDS if value else 0):
+            reached = getattr(self.noise(name, value), measure)
+            grown = reached**2 - least**2 if np.isfinite(reached) else np.inf
+            ratio = (target**2 - least**2) / max(grown, 1e-12)
+            value = min(value * float(np.sqrt(np.clip(ratio, *_RATIO))), _MOST)
+        if value in (0.0, _MOST):
             self.notes.append(
-                f"without speckle its noise in time is {below:.3f} px, the recording's {target:.3f}"
+                f"{name} = {value:g}: {measure} noise of {least:.3f} px without it, the recording "
+                f"has {target:.3f} px"
             )
-            self.values[name] = low
-            return
-        high, above = _FIRST_SPECKLE, noise(_FIRST_SPECKLE)
-        while above < target and high < _MOST_SPECKLE:
-            low, below = high, above
-            high *= 2.0
-            above = noise(high)
-        found = high
-        if above < target:
-            self.notes.append(
-                f"the most speckle makes {above:.3f} px in time, the recording has {target:.3f}"
-            )
-            self.values[name] = high
-            return
-        for _ in range(_REFINEMENTS):
-            share = (target**2 - below**2) / (above**2 - below**2) if np.isfinite(above) else 0.25
-            found = float(np.sqrt(low**2 + share * (high**2 - low**2)))
-            reached = noise(found)
-            if reached < target:
-                low, below = found, reached
-            else:
-                high, above = found, reached
-        self.values[name] = round(found, 4)
-
-    def static(self) -> None:
-        """Choose the device's own error that adds the static noise missing from the simulation."""
-        own, target = self.noise(_DEVICE, 0.0).static, self.statistics.noise.static
-        missing = target**2 - own**2
-        if missing <= 0:
-            self.notes.append(
-                f"the pattern alone leaves {own:.3f} px as it is, the recording {target:.3f} px"
-            )
-            self.values[_DEVICE] = 0.0
-            return
-        # Planes that are fitted to tiles hide some of it: measured with the same tiles.
-        reached = self.noise(_DEVICE, float(np.sqrt(missing))).static
-        gained = max(reached**2 - own**2, 0.25 * missing)
-        self.values[_DEVICE] = round(float(np.sqrt(missing**2 / gained)), 4)
+        self.values[name] = round(value, 4)
 
 
 def _rounded(value: float) -> float:
@@ -444,6 +367,4 @@ def _result_lines(
         "residual of planes": pair("residual"),
         "correlation in time at 1, 2, 3, 4, 6, 8 px along rows": correlations("frame_rows"),
         "the same along columns": correlations("frame_columns"),
-        "holes right of the left band": f"{100 * statistics.holes:.1f} %",
-        "pixels with depth in one of two frames only": f"{100 * statistics.flips:.1f} %",
     }

@@ -229,7 +229,7 @@ def _result_lines(
             f"{LEAST_PATTERN_FRAMES} the part of single pixels is not fitted, "
             "and the sensor does not name the map"
         )
-    lines = _light_lines(model, law) | {
+    return _light_lines(model, law) | {
         "fixed pattern": f"{pattern.total_mm:.2f} mm (alternation of rows "
         f"{abs(pattern.alternation_mm):.2f}, rows {pattern.row_mm:.2f}, columns "
         f"{pattern.column_mm:.2f}, pixels {pattern.pixel_mm:.2f}, these alike at 1 px by "
@@ -241,12 +241,6 @@ def _result_lines(
         + f"; {statistics.correlation[-1]:.2f}",
         "wiggling": _wiggling_text(wiggling),
     }
-    if statistics.edge_pixels:
-        lines[f"pixels beside depth edges ({statistics.edge_pixels} per frame)"] = (
-            f"{100 * statistics.invalid_share:.0f} % without depth, "
-            f"{100 * statistics.flying_share:.1f} % between the surfaces"
-        )
-    return lines
 
 
 def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> dict[str, str]:

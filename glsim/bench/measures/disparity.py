@@ -70,6 +70,7 @@ class Tiles:
         top: (N,) row of the first pixel.
         left: (N,) column of the first pixel.
         level: (N,) median disparity.
+        slopes: (N, 2) of the robust plane along rows and along columns, px per px.
         residual: (N, S, S) disparity minus the robust plane, NaN for outliers.
         sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.
 
@@ -78,6 +79,7 @@ class Tiles:
     top: NDArray[np.int64]
     left: NDArray[np.int64]
     level: Array
+    slopes: Array
     residual: Array
     sigma: Array
 
@@ -113,25 +115,29 @@ def find_tiles(disparity: Array, side_px: int = TILE_PX) -> Tiles:
     rows, columns = np.mgrid[: height // side_px, : width // side_px] * side_px
     full = np.isfinite(blocks).mean(axis=1) >= LEAST_SHARE
     values = blocks[full]
-    residual = _plane_residual(values, side_px)
+    residual, plane = _plane_residual(values, side_px)
     count = np.maximum(np.isfinite(residual).sum(axis=1) - 3, 1)
     sigma = np.sqrt(np.nansum(residual**2, axis=1) / count)
     level = np.nanmedian(values, axis=1) if len(values) else np.zeros(0)
     images = residual.reshape(-1, side_px, side_px)
-    return Tiles(rows.ravel()[full], columns.ravel()[full], level, images, sigma)
+    return Tiles(rows.ravel()[full], columns.ravel()[full], level, plane[:, 1:], images, sigma)
 
 
-def _plane_residual(values: Array, side_px: int) -> Array:
-    """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN."""
+def _plane_residual(values: Array, side_px: int) -> tuple[Array, Array]:
+    """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN.
+
+    Returns the residual, and the (N, 3) planes: constant, slopes along rows and columns.
+    """
     y, x = np.mgrid[:side_px, :side_px] - (side_px - 1) / 2
     design = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
+    squares = (design[:, :, None] * design[:, None]).reshape(-1, 9)
     known = np.isfinite(values)
     filled = np.where(known, values, 0.0)
     used = known
-    residual = values
+    residual, plane = values, np.zeros((len(values), 3))
     for _ in range(_ROUNDS):
         weight = used.astype(np.float64)
-        normal = np.einsum("np,pi,pj->nij", weight, design, design, optimize=True)
+        normal = (weight @ squares).reshape(-1, 3, 3)
         right = (weight * filled) @ design
         plane = np.linalg.solve(normal, right[..., None])[..., 0]
         residual = filled - plane @ design.T
@@ -147,7 +153,7 @@ def _plane_residual(values: Array, side_px: int) -> Array:
         if (closer == used).all():
             break
         used = closer
-    return np.where(used, residual, np.nan)
+    return np.where(used, residual, np.nan), plane
 
 
 def measure_disparity_noise(

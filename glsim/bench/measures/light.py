@@ -75,18 +75,6 @@ class Light:
     saturated: float
 
 
-#: Light of a set without infrared.
-_NO_LAW = NoiseLaw(float("nan"), float("nan"), ())
-NO_LIGHT = Light(
-    _NO_LAW,
-    _NO_LAW,
-    tuple((near, far, float("nan")) for near, far in pairwise(DISTANCES_M)),
-    float("nan"),
-    tuple((inner, outer, float("nan")) for inner, outer in pairwise(RINGS_PX)),
-    float("nan"),
-)
-
-
 def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> Light | None:
     """Measure light and its noise law; None if no frame has infrared."""
     with_light = [frame for frame in frames if frame.infrared is not None]

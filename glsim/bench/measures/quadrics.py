@@ -50,15 +50,12 @@ def step_limit_mm(depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=4)
-def _basis(size: int) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
-    """Compute orthonormal kernels of 1, x, y, x^2, xy, y^2, and their values at the centre."""
-    half = size // 2
-    y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
+def quadric_basis(size: int) -> NDArray[np.float64]:
+    """Compute orthonormal images of 1, x, y, x^2, xy, y^2 in size x size px, (size^2, 6)."""
+    y, x = np.mgrid[:size, :size] - 0.5 * (size - 1)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6)
     q = np.linalg.qr(terms)[0]
-    q *= np.sign((q * terms).sum(axis=0))
-    kernels = tuple(q[:, k].reshape(size, size) for k in range(6))
-    return kernels, q[(size * size) // 2]
+    return np.asarray(q * np.sign((q * terms).sum(axis=0)))
 
 
 def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
@@ -79,8 +76,9 @@ def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
     whole = cv2.erode((~torn).astype(np.uint8), np.ones((size, size), np.uint8), borderValue=0) > 0
     offset = float(np.median(z[known])) if known.any() else 0.0
     moved = np.where(known, z - offset, 0.0)
-    kernels, centre = _basis(size)
-    parts = [_filter(moved, kernel) for kernel in kernels]
+    basis = quadric_basis(size)
+    centre = basis[size * size // 2]
+    parts = [_filter(moved, kernel.reshape(size, size)) for kernel in basis.T]
     squares = cv2.boxFilter(
         moved * moved, cv2.CV_64F, (size, size), normalize=False, borderType=cv2.BORDER_REFLECT
     )
@@ -124,3 +122,37 @@ def _cosine(
         length = np.sqrt(gx**2 + gy**2 + normal_z**2)
         ray = np.sqrt(1.0 + (rays.astype(np.float64) ** 2).sum(axis=-1))
         return np.asarray(z / (length * ray))
+
+
+def local_planes(
+    values: NDArray[np.float64], known: Mask, window: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fit a plane to the known values around every pixel.
+
+    Args:
+        values: (H, W).
+        known: (H, W) pixels that count.
+        window: (2 n + 1,) weights along rows and along columns.
+
+    Returns:
+        (H, W) plane at its own pixel, and the known share of the weights.
+    """
+    away = np.arange(len(window)) - len(window) // 2
+    powers = [window / window.sum() * away**power for power in range(3)]
+    offset = float(values[known].mean())
+    ones, d = known.astype(np.float32), np.where(known, values - offset, 0.0).astype(np.float32)
+
+    def moment(image: Array, x: int, y: int) -> NDArray[np.float64]:
+        border = cv2.BORDER_CONSTANT
+        total = cv2.sepFilter2D(image, cv2.CV_32F, powers[x], powers[y], borderType=border)
+        return np.asarray(total, np.float64) / weight
+
+    weight: NDArray[np.float64] = np.ones(values.shape)
+    weight = np.maximum(moment(ones, 0, 0), 1e-12)
+    mean_x, mean_y, mean = moment(ones, 1, 0), moment(ones, 0, 1), moment(d, 0, 0)
+    xx, yy = moment(ones, 2, 0) - mean_x**2 + 0.05, moment(ones, 0, 2) - mean_y**2 + 0.05
+    xy = moment(ones, 1, 1) - mean_x * mean_y
+    xd, yd = moment(d, 1, 0) - mean_x * mean, moment(d, 0, 1) - mean_y * mean
+    scale = np.maximum(xx * yy - xy * xy, 1e-9)
+    slope_x, slope_y = (xd * yy - yd * xy) / scale, (yd * xx - xd * xy) / scale
+    return offset + mean - slope_x * mean_x - slope_y * mean_y, weight
