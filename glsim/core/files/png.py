@@ -16,6 +16,7 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from isal import isal_zlib
@@ -194,7 +195,7 @@ def _is_whole_png(data: bytes) -> bool:
     return False
 
 
-def read_image(path: Path, *, inside: Path | None = None) -> NDArray[np.generic]:
+def read_image(path: Path, *, inside: Path | None = None) -> NDArray[Any]:
     """Read a PNG or TIFF file of at most MAX_MAP_PX pixels, see ``decode_png``.
 
     Grey PNG files that state fewer significant bits (sBIT) are shifted down to them.
