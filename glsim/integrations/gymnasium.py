@@ -39,7 +39,7 @@ class NoisyDepth(gymnasium.ObservationWrapper):  # type: ignore[misc]  # it has 
         sensor: str | Settings = "realsense-d4xx-fast",
         *,
         key: str = "depth",
-        camera: dict[str, float] | None = None,
+        camera: dict[str, Any] | None = None,
         **options: Any,
     ) -> None:
         super().__init__(env)
