@@ -222,9 +222,9 @@ def _smooth(white: NDArray[np.float32], grain_px: tuple[float, float], reach: in
     import cv2
 
     side = np.arange(-reach, reach + 1, dtype=np.float64)
-    kernels = [np.exp(-0.5 * (side / grain) ** 2) for grain in grain_px]
-    kernels = [kernel / np.sqrt((kernel**2).sum()) for kernel in kernels]
-    smooth = cv2.sepFilter2D(white.astype(np.float64), -1, *kernels)
+    x, y = (np.exp(-0.5 * (side / grain) ** 2) for grain in grain_px)
+    size = np.sqrt((x**2).sum() * (y**2).sum())
+    smooth = cv2.sepFilter2D(white.astype(np.float64), -1, x / size, y)
     return np.asarray(smooth[reach:-reach, reach:-reach], np.float32)
 
 

@@ -77,8 +77,8 @@ def _change(first: NDArray[np.float32], lag: int, second: NDArray[np.float32]) -
         moved = ratio(float(products.sum()), float(squares.sum())) > _MOST_ALIKE
     if moved:
         return f"half of the pixels change by more than {median_mm:.0f} mm"
-    moved = _moved_share(change)
-    return f"{100 * moved:.0f} % of the view moved" if moved > _MOST_MOVED else ""
+    share = _moved_share(change)
+    return f"{100 * share:.1f} % of the view moved" if share > _MOST_MOVED else ""
 
 
 def _moved_share(change_mm: NDArray[np.float64]) -> float:
