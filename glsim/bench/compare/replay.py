@@ -132,7 +132,7 @@ def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
     reach = 1000 * sensor.rig.near_m, 1000 * sensor.rig.far_m
     least = max([reach[0], *(gate[1] for gate in gates)])
     most = min([reach[1], *(gate[2] for gate in gates)])
-    if not 0.5 * least <= middle <= 2.0 * most:
+    if not 0.5 * least <= middle <= 1.2 * most:
         raise ConfigError(
             f"{real.title}: half of the depths are beyond {middle:.0f} mm, {sensor.name} sees "
             f"{least:.0f} to {most:.0f} mm: give the unit of the files, --depth-unit-mm"
