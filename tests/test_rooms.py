@@ -95,7 +95,7 @@ HOMES = {
     "OpenEXR": ("glsim.core.files.exr",),
     "bm3d": ("glsim.denoise.filters.block_matching",),
     "fsspec": ("glsim.core.files.cloud",),
-    "ray": ("glsim.data.ray_cluster", "glsim.data.ray_renderer", "glsim.train.data.ray_blocks"),
+    "ray": ("glsim.data.ray_cluster", "glsim.data.ray_renderer"),
     "s3fs": (),
     "moto": (),
     "datasets": (),

@@ -137,13 +137,12 @@ class StoredBatches:
 class SimulatedBatches:
     """Batches of pairs rendered on demand; each epoch continues the same stream."""
 
-    def __init__(self, settings: Settings, recipe: Recipe, ray: str | None = None) -> None:
+    def __init__(self, settings: Settings, recipe: Recipe) -> None:
         """Render the validation frames.
 
         Args:
             settings: what is simulated.
             recipe: the training.
-            ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
 
         Raises:
             ConfigError: for settings that cannot be simulated.
@@ -157,7 +156,6 @@ class SimulatedBatches:
             inputs=inputs_of(recipe.model),
             target=recipe.data.target,
             protocol=recipe.data.protocol,
-            ray=ray,
         )
         self.fingerprint = self._pairs(0, 0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
@@ -213,7 +211,9 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
         target=data.target,
         protocol=data.protocol,
     )
-    changes = Augmentation(data.flip, data.relief_mm, data.slope_mm_per_px, vary_inputs=True)
+    changes = Augmentation(
+        data.flip, data.relief_mm, data.slope_mm_per_px, data.texture, data.averaged, True
+    )
     train = [
         open_split(
             dataset, "train", cut=data.cut, augmentation=changes,
@@ -237,14 +237,10 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     )
 
 
-def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatches:
+def simulated_batches(recipe: Recipe) -> SimulatedBatches:
     """Create the batches that the table [simulate] of a recipe describes.
 
     Its settings change those of `randomised`, or the defaults of glsim if it names a sensor.
-
-    Args:
-        recipe: the training.
-        ray: address of a Ray cluster that renders, as in `SimulatedPairs`.
 
     Raises:
         ConfigError: for settings that cannot be simulated.
@@ -255,7 +251,7 @@ def simulated_batches(recipe: Recipe, ray: str | None = None) -> SimulatedBatche
     if recipe.data.crop:
         changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}
     load = load_settings if "sensor" in changes else randomised
-    return SimulatedBatches(load(overrides=changes), recipe, ray)
+    return SimulatedBatches(load(overrides=changes), recipe)
 
 
 def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]:

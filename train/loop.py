@@ -16,7 +16,6 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 
 from glsim.core.errors import ConfigError, TrainError
-from glsim.core.seeds import stable_seed
 from glsim.denoise import checkpoint
 from glsim.denoise.interface import MIN_DEPTH_MM
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
@@ -197,13 +196,10 @@ class TrainingRun:
             factor = self.recipe.schedule.factor(progress.steps, self._fraction_done())
             group["lr"] = settings.lr * factor
         self.model.train()
-        generator = torch.Generator().manual_seed(
-            stable_seed("step", self.recipe.seed, progress.steps, self.fabric.global_rank) >> 1
-        )
         noisy_mm, clean_mm = (
             part.contiguous(memory_format=torch.channels_last) for part in (noisy_mm, clean_mm)
         )
-        total, _ = self.state.loss.training_loss(self.model, noisy_mm, clean_mm, generator)
+        total, _ = self.state.loss(to_float32(self.model(noisy_mm)), noisy_mm[:, :1], clean_mm)
         loss = float(total.detach())
         if not math.isfinite(loss):
             self._fail(noisy_mm, clean_mm, f"the loss is {loss}")

@@ -8,12 +8,12 @@ the total and its parts by name. All arithmetic is float32.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Final, Literal
+from collections.abc import Mapping
+from typing import Any, Final, Literal
 
 import torch
 from pydantic import BaseModel, ConfigDict, Field
-from torch import Generator, Tensor
+from torch import Tensor
 from torch.nn import functional
 
 from glsim.core.depth_map import BAND_PX, JUMP_MM
@@ -29,36 +29,12 @@ class Loss(BaseModel):
     """Base class of all losses."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    #: Whether a lower value on validation frames means a better network.
-    can_be_monitored: ClassVar[bool] = True
-    #: Whether it trains networks of single depth frames alone, because it changes their input.
-    depth_alone: ClassVar[bool] = False
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
         """Compute the loss of a prediction: the total, a scalar, and its named parts."""
         raise NotImplementedError
-
-    def training_loss(
-        self,
-        model: Callable[[Tensor], Prediction],
-        noisy_mm: Tensor,
-        clean_mm: Tensor,
-        generator: Generator,
-    ) -> tuple[Tensor, LossParts]:
-        """Run the network on a batch and return its loss; a subclass may change the input.
-
-        Args:
-            model: the network.
-            noisy_mm: (B, C, H, W) all inputs of the network.
-            clean_mm: (B, 1, H, W) target.
-            generator: random numbers of this step, on the CPU.
-
-        Returns:
-            The total, a scalar, and its parts.
-        """
-        return self(to_float32(model(noisy_mm)), noisy_mm[:, :1], clean_mm)
 
 
 def to_float32(prediction: Prediction) -> Prediction:
@@ -249,75 +225,9 @@ def _smooth_l1(values: Tensor, beta: float) -> Tensor:
     return functional.smooth_l1_loss(values, torch.zeros_like(values), reduction="none", beta=beta)
 
 
-class Recorrupted(Loss):
-    """Recorrupted-to-recorrupted loss, for Gaussian noise of known size on measured pixels.
-
-    Pang, Zheng, Quan, Ji, CVPR 2021, in the form of Monroy, Bacca, Tachella, "Generalized
-    Recorrupted-to-Recorrupted", CVPR 2025. With more noise w ~ N(0, sigma), the input y + tau w
-    and the target y - w / tau, tau = sqrt(alpha / (1 - alpha)), carry independent noise: the
-    squared error against the target is that against the clean depth plus a constant. It assumes
-    noise that is independent from pixel to pixel, skips holes and does not train validity. It
-    never sees a clean frame; limits: docs/rivals.md.
-    """
-
-    can_be_monitored: ClassVar[bool] = False
-    depth_alone: ClassVar[bool] = True
-    kind: Literal["recorrupted"] = "recorrupted"
-    alpha: float = Field(0.15, gt=0, lt=1, description="0.15 as in Monroy et al.")
-    sigma_mm: float = Field(1.65, gt=0, description="assumed noise; kinect-v2 at 0.9 m has 1.65")
-    beta_mm: float = Field(
-        3.0, gt=0, description="error below which depth counts squared, above linearly"
-    )
-
-    @property
-    def tau(self) -> float:
-        """Factor of the added noise in the input; its factor in the target is -1 / tau."""
-        return math.sqrt(self.alpha / (1 - self.alpha))
-
-    def __call__(
-        self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
-    ) -> tuple[Tensor, LossParts]:
-        """Compute the distance from the measured depth, which validation reports.
-
-        Lower is not better: the identity has 0. clean_mm is ignored.
-        """
-        total = _depth_loss(prediction, noisy_mm, noisy_mm > 0, self.beta_mm)
-        return total, {"measured": total}
-
-    def training_loss(
-        self,
-        model: Callable[[Tensor], Prediction],
-        noisy_mm: Tensor,
-        clean_mm: Tensor,
-        generator: Generator,
-    ) -> tuple[Tensor, LossParts]:
-        """Compute the loss against the recorrupted target; clean_mm is ignored."""
-        added_mm = self.added_noise_mm(noisy_mm, generator)
-        prediction = to_float32(model(noisy_mm + self.tau * added_mm))
-        # Squared, as the method demands, up to four standard deviations of the target's noise.
-        # Larger errors are those of flying pixels, whose squares would dominate the loss.
-        reach_mm = 4 * self.sigma_mm * math.hypot(1, 1 / self.tau)
-        target_mm = noisy_mm - added_mm / self.tau
-        total = _depth_loss(prediction, target_mm, noisy_mm > 0, reach_mm)
-        return total * (reach_mm / self.beta_mm) ** 2, {"recorrupted": total}
-
-    def added_noise_mm(self, noisy_mm: Tensor, generator: Generator) -> Tensor:
-        """Draw Gaussian noise on the measured pixels, 0 elsewhere, in the depth's shape."""
-        noise = torch.randn(noisy_mm.shape, generator=generator).to(noisy_mm.device)
-        return torch.where(noisy_mm > 0, self.sigma_mm * noise, 0.0)
-
-
-def _depth_loss(prediction: Prediction, target_mm: Tensor, mask: Tensor, beta_mm: float) -> Tensor:
-    """Compute the smooth L1 loss in units of beta, averaged over the pixels of the mask."""
-    error = (prediction.depth_mm - target_mm) / beta_mm
-    per_pixel = functional.smooth_l1_loss(error, torch.zeros_like(error), reduction="none")
-    return weighted_mean(per_pixel, mask.float())
-
-
 LOSSES: Final[dict[str, type[Loss]]] = {
     "all_pixels": AllPixels,
     "masked": Masked,
-    "recorrupted": Recorrupted,
 }
 
 

@@ -13,7 +13,6 @@ from torch.optim import Optimizer
 from torch.optim.swa_utils import AveragedModel
 
 from glsim.core.errors import ConfigError, TrainError
-from glsim.denoise.inputs import DEPTH_ALONE
 from glsim.train.losses import Loss, build_loss
 from glsim.train.models.base import DepthModel, channels_last
 from glsim.train.models.registry import build_model
@@ -75,25 +74,13 @@ class TrainingState:
             weights: initial weights; None: random ones.
 
         Raises:
-            ConfigError: for an unknown model or loss, a loss that cannot be monitored or cannot
-                train this model, and weights that do not fit.
+            ConfigError: for an unknown model or loss, and weights that do not fit.
         """
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
         self.progress = TrainingProgress()
         self.loss: Loss = build_loss(recipe.loss)
-        if recipe.training.monitor == "loss" and not self.loss.can_be_monitored:
-            raise ConfigError(
-                f"training.monitor = 'loss': {recipe.loss['kind']} compares with the noisy depth, "
-                "and returning that would be best: set training.monitor = 'interior_rmse_mm'"
-            )
         self.network: DepthModel = channels_last(build_model(recipe.model))
-        if self.loss.depth_alone and self.network.inputs != DEPTH_ALONE:
-            raise ConfigError(
-                f"loss.kind = {recipe.loss['kind']!r} changes the measured depth and leaves other "
-                "inputs as they are: train networks with infrared or neighbours with loss.kind = "
-                '"masked"'
-            )
         if weights is not None:
             copy_weights(weights.values, self.network, weights.file)
         self.average = _weight_average(self.network, recipe.training.ema_decay)

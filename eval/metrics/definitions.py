@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from glsim.core.depth_map import BAND_PX
+from glsim.eval.metrics.form import relief_kept_pct
 from glsim.eval.metrics.metric import Direction, Metric
 from glsim.eval.metrics.scored_map import FLYING_MM, PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
@@ -105,6 +106,9 @@ SHIPPED_METRICS: Final = (
            f"predicted more than {FLYING_MM:.0f} mm off, or where there is no surface",
            _flying_px, in_table=True),
     *(_depth_metric(base, part, key) for base, part in _SETS for key in _STATISTICS),
+    Metric("relief_kept_pct", "%", "higher", "depth",
+           "share of the clean relief of 4 to 8 px that is kept in the interior", relief_kept_pct,
+           in_table=True),
     Metric("normal_mean_deg", "°", "lower", "normals", "mean angle between the normals",
            lambda p: _angle(p, np.mean), in_table=True),
     Metric("normal_median_deg", "°", "lower", "normals", "median angle between the normals",
@@ -112,6 +116,9 @@ SHIPPED_METRICS: Final = (
     Metric("normal_good_pct", "%", "higher", "normals",
            f"normals that are less than {_GOOD_DEG:.0f}° off",
            lambda p: 100.0 * _angle(p, lambda angle: (angle < _GOOD_DEG).mean()), in_table=True),
+    Metric("systematic_mm2", "mm²", "lower", "depth",
+           "mean square of the error that two frames of one view share, in the interior: form that "
+           "is lost, without noise; only in sequences whose clean maps are equal", in_table=True),
     Metric("time_ms", "ms", "lower", "time", "the denoiser's time for the frame, one core",
            in_table=True),
 )  # fmt: skip

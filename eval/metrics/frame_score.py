@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.plugins import each_usable, load_plugin, plugin_names
+from glsim.denoise.interface import Depth
 from glsim.eval.metrics.definitions import SHIPPED_METRICS
+from glsim.eval.metrics.form import systematic_mm2
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.regions import REGION_METRICS, region_column
 from glsim.eval.metrics.scored_map import ScoredMap, Truth
@@ -54,18 +56,24 @@ def metrics_with_regions(regions: Iterable[str]) -> dict[str, Metric]:
     return METRICS | {metric.name: metric for metric in per_region}
 
 
-def score(prediction_mm: NDArray[np.generic], truth: Truth) -> dict[str, float]:
+def score(
+    prediction_mm: NDArray[np.generic],
+    truth: Truth,
+    earlier_mm: tuple[Depth | None, Depth | None] = (None, None),
+) -> dict[str, float]:
     """Compute all metrics of a frame except the time, by name, regions last; NaN if undefined.
 
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
         truth: the clean frame and the input.
+        earlier_mm: prediction and clean map of the frame before, see ``systematic_mm2``.
 
     Raises:
         DenoiserError: as ``ScoredMap``.
     """
     prediction = ScoredMap(prediction_mm, truth)
     scores = {m.name: m.value(prediction) for m in METRICS.values() if m.value is not None}
+    scores["systematic_mm2"] = systematic_mm2(prediction, *earlier_mm)
     if truth.regions is None:
         return scores
     errors = truth.regions.errors(*prediction.errors("input", "interior"))

@@ -26,6 +26,7 @@ _TITLES: Final = {
     "flying_px": "flying pixels", "both_rmse_mm": "RMSE", "both_interior_rmse_mm": "RMSE inside",
     "both_edge_rmse_mm": "RMSE at edges", "input_rmse_mm": "RMSE, input's pixels",
     "input_bias_mm": "bias", "filled_rmse_mm": "RMSE, filled pixels",
+    "relief_kept_pct": "relief kept", "systematic_mm2": "systematic error",
     "normal_mean_deg": "normals", "normal_good_pct": "normals within 10°", "time_ms": "time",
 }  # fmt: skip
 

@@ -148,9 +148,12 @@ class _BlockScorer:
     def __init__(self, job: ScoringJob, frames: Frames, methods: list[Denoiser]) -> None:
         self._job, self._frames, self._methods = job, frames, methods
         self._stacks = stacks_of(frames, methods)
+        #: Row of the table -> its prediction of the frame before, and that frame's clean map.
+        self._earlier: dict[str, tuple[Depth, Depth]] = {}
 
     def __call__(self, block: FrameBlock) -> ScoredBlock:
         result = ScoredBlock(block.number, block.frames, [], [], {}, [])
+        self._earlier.clear()  # the same rows, whichever worker had the block before
         for number in range(block.first, block.first + block.frames):
             if number % self._job.stride:
                 continue
@@ -169,13 +172,17 @@ class _BlockScorer:
         for method in self._methods:
             try:
                 maps, time_ms = denoise(method, self._stacks, number)
-                scores = {name: score(depth, truth) for name, depth in maps.items()}
+                scores = {
+                    name: score(depth, truth, self._earlier.get(name, (None, None)))
+                    for name, depth in maps.items()
+                }
             except Exception as error:  # any error of a third-party denoiser
                 own = isinstance(error, DenoiserError | DatasetError)
                 why = f"{error}" if own else f"{type(error).__name__}: {error}"
                 result.bad.append({"frame": str(key), "why": f"{method.label}: {why}"})
                 continue
             for name, depth in maps.items():
+                self._earlier[name] = depth, frame.clean_mm
                 result.rows.append(place | {"method": name} | json_row(scores[name], time_ms))
                 counts = _histogram(depth, truth)
                 before = result.histograms.get(name)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """
 glsim denoise noisy.png -o clean.png
-glsim denoise recording/ -o denoised/ -d face-azure-kinect   one camera's network
+glsim denoise recording/ -o denoised/ -d face-video   also by earlier frames
 glsim denoise recording/ -o denoised/ -d quadric:sigma_px=2.5,cleanup=5
 glsim denoise recording/ -o denoised/ --device my_kinect.toml    by glsim fit
 glsim denoise noisy.png -o clean.png -d run/best.pt --infrared infrared.png
@@ -29,7 +29,7 @@ def denoise(
     noisy: list[str],
     *,
     out: Annotated[Path, typer.Option("-o", "--out")],
-    denoiser: Annotated[str, typer.Option("-d", "--denoiser")] = "face",
+    denoiser: Annotated[str | None, typer.Option("-d", "--denoiser")] = None,
     device: CalibratedDeviceOption = None,
     infrared: Path | None = None,
     uncertainty: Path | None = None,
@@ -50,8 +50,8 @@ def denoise(
     Args:
         noisy: Depth maps (16-bit PNG or TIFF, .npy, .exr), folders, or a glob pattern.
         out: The denoised map, or a folder for them.
-        denoiser: A name of glsim eval --list, or a checkpoint. face is a network for any camera;
-            face-kinect-v2, face-azure-kinect and face-stereo know one kind.
+        denoiser: A name of glsim eval --list, or a checkpoint. Default: the network of the camera
+            that camera.toml, the data set, or the maps' size and values show, else face.
         infrared: 16-bit infrared PNG, or a folder of them named as the maps, for networks that use
             it. Default: those beside the maps.
         uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm,
@@ -60,8 +60,8 @@ def denoise(
             closed), soft, hard or 'input mask'.
         around: face: denoise only around the nearest head. Default: everywhere.
         depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
-        out_unit_mm: Step of the denoised maps, mm; 0.1 holds 6.5 m. Default: 0.1 for PNG of inputs
-            that state their step, else that of the input.
+        out_unit_mm: Step of the denoised maps, mm. Default: 0.1 for PNG if no input is deeper than
+            6.5 m, else that of the input.
         form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (metres).
             Default: by the suffix.
         protocol: Depth for the denoiser: depth (as measured) or paper (nearest point of each map at
@@ -72,34 +72,41 @@ def denoise(
     from glsim.core.files.atomic import flush_outputs
     from glsim.data.map_files import FORMATS
     from glsim.data.recordings.names import left_out_text
+    from glsim.denoise.camera_choice import camera_of, fitting_denoiser
     from glsim.denoise.depth_files import check_infrared, find_maps, map_files, output_step_mm
     from glsim.denoise.frames import MapReader
     from glsim.denoise.registry import load_denoiser
 
     if form is not None and form not in FORMATS:
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
-    loaded = load_denoiser(denoiser, device=device, composite=composite, around=around)
+    pairs, others = find_maps(noisy, out, form)
+    files = map_files([source for source, _ in pairs], depth_unit_mm, channel, infrared)
+    name, note = fitting_denoiser(denoiser, camera_of(files))
+    loaded = load_denoiser(name, device=device, composite=composite, around=around)
+    if note:
+        print_message(note)
     chosen = check_protocol(protocol) or loaded.protocol or "depth"
     loaded.check_protocol(chosen)
     if loaded.device is not None:
         print_message(f"{device}: subtracts {' and '.join(loaded.device.parts)}")
     if infrared is not None and not loaded.infrared:
         raise ConfigError(f"--infrared: {loaded.label} does not use infrared")
-    pairs, others = find_maps(noisy, out, form)
-    files = map_files([source for source, _ in pairs], depth_unit_mm, channel, infrared)
     out_step_mm = output_step_mm(pairs, files.step_mm, form, out_unit_mm)
     if loaded.infrared:
         check_infrared(files)
     maps = MapReader(files, loaded.device, loaded.infrared, chosen)
     sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
-    failures = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
+    failures, unchanged = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
     if len(pairs) > 1:
         flush_outputs(out)
         if uncertainty is not None:
             flush_outputs(uncertainty)
-    if others:
-        print_message(f"left out {left_out_text(others)}: no noisy depth")
-    for note in files.notes:
+    left = f"left out {left_out_text(others)}: no noisy depth" if others else ""
+    stayed = (
+        f"{unchanged} map(s) came back unchanged, as their noise passes for rounding and form: "
+        f"-d {name}:keep_clean=0 denoises them"
+    )
+    for note in filter(None, (left, *files.notes, stayed if unchanged else "")):
         print_message(note)
     unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}, in {unit}")
@@ -114,8 +121,8 @@ def _denoise_maps(
     sigma_targets: Sequence[Path],
     form: str | None,
     step_mm: float | None,
-) -> int:
-    """Denoise files and write the results; return the number of files that could not be read."""
+) -> tuple[int, int]:
+    """Denoise files and write them; return how many could not be read, and how many stayed."""
     import numpy as np
 
     from glsim.core.files.atomic import write_atomic
@@ -124,7 +131,7 @@ def _denoise_maps(
     from glsim.denoise.frames import Stacks
 
     stacks = Stacks(maps.frames(), denoiser.before, denoiser.after)
-    alone, failures = len(pairs) == 1, 0
+    alone, failures, unchanged = len(pairs) == 1, 0, 0
     for number, (source, target) in enumerate(pairs):
         try:
             stack, now = stacks.around(number)
@@ -136,6 +143,8 @@ def _denoise_maps(
             console.print(f"skipped {source}: {error}", style="yellow", soft_wrap=True)
             continue
         estimate = denoiser.estimate(stack, now, counts)
+        kept_clean = getattr(denoiser.function, "keep_clean", False)
+        unchanged += bool(kept_clean) and np.array_equal(estimate.depth_mm, stack[now])
         depth_mm = estimate.composite(denoiser.composite or "measured")
         depth_mm = maps.as_stored(number, depth_mm, stacks.frame(number).offset_mm)
         depth_m = depth_mm * np.float32(0.001)
@@ -150,7 +159,7 @@ def _denoise_maps(
             steps = np.clip(np.rint(estimate.sigma_mm * np.float32(100)), 1, 65535)
             sigma = encode_png(np.where(depth_m > 0, steps, 0).astype(np.uint16))
             write_atomic(sigma, sigma_targets[number], sync=alone)
-    return failures
+    return failures, unchanged
 
 
 def _sigma_targets(

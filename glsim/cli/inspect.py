@@ -27,15 +27,9 @@ glsim inspect FaceWarehouse_Data_0 -o look.png --frames 0
 glsim inspect scan.ply --unit cm
 glsim inspect recording/                    the camera, and the denoiser to take
 """
-#: Sizes of images, pixels, of cameras that are not recognised by the lattice of their depths.
-_SIZES = {
-    (512, 424): "kinect-v2",
-    (640, 576): "azure-kinect",
-    (320, 288): "azure-kinect-nfov-binned",
-    (512, 512): "azure-kinect-wfov",
-    (1024, 1024): "azure-kinect-wfov-unbinned",
-}
 
+#: Frames of a recording by whose values its camera is recognised.
+_FRAMES_READ = 4
 _PEOPLE = 20
 _PROBLEMS = 20
 
@@ -111,19 +105,15 @@ def _recording(path: Path) -> Recording | None:
 
 def _camera(recording: Recording) -> dict[str, Any]:
     """Return what a recording says of its camera, the sensor that is like it, and its denoiser."""
-    from glsim.bench.fit.stereo_sensor import stereo_base
+    from glsim.denoise.camera_choice import recognise_camera
     from glsim.denoise.registry import network_for
 
     frame = recording.frames[0]
     height, width = frame.measured_mm.shape
-    sensor, why = recording.stated.sensor, str(recording.stated_by)
-    if not sensor:
-        sensor, why = (
-            stereo_base(recording, None) or "",
-            "its depths lie on a lattice of disparities",
-        )
-    if not sensor:
-        sensor, why = _SIZES.get((width, height), ""), f"its images have {width} x {height} pixels"
+    maps = [each.measured_mm for each in recording.read(_FRAMES_READ)]
+    sensor, why = recognise_camera(
+        maps, frame.step_mm, recording.stated.sensor, recording.stated_by
+    )
     return {
         "path": str(recording.path),
         "kind": recording.kind or "images",

@@ -48,7 +48,6 @@ def train(
     recipe: Annotated[str | None, typer.Argument(metavar="RECIPE")] = None,
     data: Annotated[list[Path] | None, typer.Option("--data", metavar="DIR")] = None,
     simulate: Annotated[bool, typer.Option("--simulate")] = False,
-    ray: Annotated[str | None, typer.Option(metavar="ADDRESS")] = None,
     minutes: float | None = None,
     steps: int | None = None,
     start: Annotated[Path | None, typer.Option("--from", metavar="BEST.PT")] = None,
@@ -66,8 +65,6 @@ def train(
         data: A data set of glsim generate: a folder, or a URL such as s3://bucket/faces.
             Repeatable; data sets are joined.
         simulate: Render pairs during training instead of reading a data set.
-        ray: With --simulate: render on a cluster of Ray (auto, HOST:6379); train here.
-            Default: render here.
         minutes: Training time, minutes, including earlier runs that are resumed. Default: the
             recipe's.
         steps: Number of steps. Default: the recipe's.
@@ -91,8 +88,6 @@ def train(
         raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
     if bool(data) == simulate:
         raise ConfigError("give --data DIR or --simulate, one of the two")
-    if ray is not None and not simulate:
-        raise ConfigError("--ray renders pairs: give it with --simulate")
     given = overrides(
         seed=seed,
         training__max_minutes=minutes,
@@ -110,7 +105,7 @@ def train(
     except ImportError as error:
         raise training_needs_torch(error) from None
 
-    pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen, ray)
+    pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen)
     with stopping() as stop, training_progress(chosen.title) as show:
         report = fit(
             chosen, pairs, folder, resume=resume, on_step=show, should_stop=stop,

@@ -151,7 +151,8 @@ def output_step_mm(
         pairs: (input, output) of each map.
         step_mm: step of the input.
         form: format of all outputs, one of ``FORMATS``; default: by their suffixes.
-        given_mm: step of the output; default: 0.1 where a reader can know it, else ``step_mm``.
+        given_mm: step of the output; default: 0.1 for PNG files, which state it, if no input is
+            too deep for it, else ``step_mm``.
 
     Raises:
         ConfigError: a step is given for floats.
@@ -167,8 +168,8 @@ def output_step_mm(
 
 
 def _fine_mm(files: Sequence[Path], step_mm: float) -> float:
-    """Return 0.1 mm if the input states its step and is not too deep for it, else ``step_mm``."""
-    if step_mm <= FINE_MM or not _stated_mm(files):
+    """Return 0.1 mm if no input is too deep for it, else ``step_mm``."""
+    if step_mm <= FINE_MM:
         return step_mm
     most = _DEEPEST * FINE_MM / step_mm
     for file in files:

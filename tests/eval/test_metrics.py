@@ -194,3 +194,31 @@ def test_smaller_than_a_window_is_undefined() -> None:
 def test_what_is_no_depth_map_is_refused(bad: Array, words: str) -> None:
     with pytest.raises(DenoiserError, match=words):
         scored(bad, dome(), dome())
+
+
+def _waves(period_px: float, height_mm: float) -> Array:
+    along = np.arange(96) * 2 * np.pi / period_px
+    return np.tile(900 + height_mm * np.sin(along), (96, 1)).astype(np.float32)
+
+
+def test_relief_that_is_smoothed_away_is_not_kept_and_noise_takes_none() -> None:
+    rng = np.random.default_rng(1)
+    for period_px in (4.0, 6.0, 8.0):
+        clean, rays = _waves(period_px, 2.0), np.zeros((96, 96, 2))
+        left = 900 + 0.3 * (clean - 900) + rng.normal(0, 2, clean.shape)
+        kept = score(left.astype(np.float32), Truth(clean, clean, rays))["relief_kept_pct"]
+        assert kept == pytest.approx(30, abs=4), period_px
+    flat = np.full((96, 96), 900, np.float32)
+    assert math.isnan(score(flat, Truth(flat, flat, rays))["relief_kept_pct"])
+
+
+def test_the_error_that_two_frames_share_is_lost_form_without_noise() -> None:
+    rng = np.random.default_rng(2)
+    clean, rays = _waves(6.0, 2.0), np.zeros((96, 96, 2))
+    first, second = (900 + rng.normal(0, 1.5, (2, 96, 96))).astype(np.float32)
+    truth = Truth(clean, first, rays)
+    shared = score(second, truth, (first, clean))["systematic_mm2"]
+    # The mean of 2 sin squared, and of a product of noise that is 0 within three deviations.
+    assert shared == pytest.approx(2.0, abs=3 * 1.5 * (1.5 + 2 * 2**0.5) / 90)
+    assert math.isnan(score(second, truth)["systematic_mm2"])
+    assert math.isnan(score(second, truth, (first, clean + 1))["systematic_mm2"])

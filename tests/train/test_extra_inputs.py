@@ -204,14 +204,6 @@ def test_a_training_starts_from_a_network_of_single_frames_and_records_it(tmp_pa
     assert fit(more, source, tmp_path / "video", resume=True)["start"] == report["start"]
 
 
-def test_losses_that_change_the_measured_depth_refuse_further_inputs(tmp_path: Path) -> None:
-    bad = recipe(
-        model={"before": 2}, loss={"kind": "recorrupted"}, training={"monitor": "interior_rmse_mm"}
-    )
-    with pytest.raises(ConfigError, match="train networks with infrared or neighbours"):
-        fit(bad, batch_source(bad), tmp_path)
-
-
 def test_simulated_pairs_have_neighbours_of_their_run() -> None:
     settings = load_settings(
         overrides={

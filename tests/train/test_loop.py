@@ -210,8 +210,6 @@ def test_settings_that_cannot_be(tmp_path: Path) -> None:
         run(recipe(schedule={"kind": "cosine"}, training=limits), tmp_path / "a")
     with pytest.raises(ConfigError, match="there are 10 pairs"):
         run(recipe(training={"batch": 11}), tmp_path / "b")
-    with pytest.raises(ConfigError, match=r"recorrupted compares with the noisy depth"):
-        run(recipe(loss={"kind": "recorrupted"}), tmp_path / "n")
 
 
 def test_batches_are_a_function_of_seed_and_epoch() -> None:

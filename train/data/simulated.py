@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from itertools import count
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -26,9 +26,6 @@ from glsim.simulation.pipeline import open_sources, simulate
 from glsim.simulation.plan.tasks import Task
 from glsim.train.data.checks import Target, entries_of
 from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
-
-if TYPE_CHECKING:
-    from glsim.train.data.ray_blocks import RayBlocks
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +69,6 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         backend: str | None = None,
         target: Target = "clean",
         protocol: DepthProtocol | None = None,
-        ray: str | None = None,
     ) -> None:
         """Open the face sources and plan the stream of batches.
 
@@ -95,9 +91,6 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             backend: as in ``glsim.simulate``.
             target: as in ``StoredPairs``.
             protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
-            ray: address of a cluster of Ray whose nodes render, see
-                ``glsim.data.ray_cluster``; this process gets the pairs. The batches are the same.
-                Then ``loader`` needs no workers.
         """
         for name, value, least in (("batch", batch, 1), ("reuse", reuse, 1), ("start", start, 0)):
             if value < least:
@@ -112,7 +105,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             settings, sources, people, split, batch, reuse, seed, inputs, vary_inputs, target,
             self.protocol, backend,
         )  # fmt: skip
-        self._start, self._length, self._ray = start, length, ray
+        self._start, self._length = start, length
 
     def __len__(self) -> int:
         """Number of batches per iteration. Raises TypeError (for DataLoader) if endless."""
@@ -139,12 +132,10 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         """Create a DataLoader that yields the batches in order. Raises ConfigError.
 
         Args:
-            workers: processes that render; 0: this one. With ``ray`` none is started here. A script
-                that uses workers needs ``if __name__ == "__main__":``.
+            workers: processes that render; 0: this one. A script that uses workers needs
+                ``if __name__ == "__main__":``.
         """
         _check_workers(workers)
-        if self._ray is not None:
-            workers = 0  # the nodes are the workers
         return DataLoader(
             self,
             batch_size=None,
@@ -167,13 +158,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             numbers = range(start, self._start + self._length, workers)
         firsts = map(self.stream.place, range(start, start + LANES, workers))
         order = [(place.lane, place.block) for place in firsts]
-        if self._ray is None:
-            blocks: _BlockRenderer | RayBlocks = _BlockRenderer(self.stream, order)
-        else:
-            from glsim.train.data.ray_blocks import RayBlocks
-
-            blocks = RayBlocks(self.stream, order, self._ray)
-        with closing(blocks):
+        with closing(_BlockRenderer(self.stream, order)) as blocks:
             for place in map(self.stream.place, numbers):
                 pairs = blocks.pairs(place)
                 images = torch.from_numpy(np.stack([pairs[number] for number in place.pairs]))

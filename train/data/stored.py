@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -90,6 +91,8 @@ class Augmentation:
             camera, wrong for one of a single camera.
         relief_mm: add bumps and creases up to about this height to both depths.
         slope_mm_per_px: add a plane of up to this slope to both depths.
+        texture: share of frames with ribs or grain, as of fabric and hair, added to both depths.
+        averaged: share of frames with the noise of a mean of several frames.
         vary_inputs: change the gain of the infrared and the number of neighbours in time, or leave
             them out, see ``glsim.train.data.extra_inputs``.
     """
@@ -97,6 +100,8 @@ class Augmentation:
     flip: bool = False
     relief_mm: float = 0.0
     slope_mm_per_px: float = 0.0
+    texture: float = 0.0
+    averaged: float = 0.0
     vary_inputs: bool = False
 
 
@@ -172,7 +177,10 @@ class StoredPairs(PairDataset):
         images = self._cropped(images, rng)
         if self._augmentation.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]
-        if self._augmentation.relief_mm or self._augmentation.slope_mm_per_px:
+        change = self._augmentation
+        if change.averaged and rng.random() < change.averaged:
+            images = _averaged(images, int(rng.choice(_FRAMES_AVERAGED)))
+        if change.relief_mm or change.slope_mm_per_px or change.texture:
             added_mm = self._added_mm(images[-1], rng)
             raised = np.where(images > 0, images + added_mm, np.float32(0))
             if self._inputs.infrared:
@@ -193,6 +201,8 @@ class StoredPairs(PairDataset):
         added_mm = np.zeros(target.shape, np.float32)
         if augmentation.relief_mm:
             added_mm += draw_surface_bumps(target.shape, augmentation.relief_mm, rng)
+        if augmentation.texture and rng.random() < augmentation.texture:
+            added_mm += draw_texture(target.shape, rng)
         if augmentation.slope_mm_per_px and (target > 0).any():
             nearest_mm = float(target[target > 0].min())
             added_mm += draw_slope(target.shape, augmentation.slope_mm_per_px, nearest_mm, rng)
@@ -268,6 +278,14 @@ _HEIGHTS: Final = (0.25, 0.5, 0.75, 1.0)
 _PATCH_PX: Final = 12.0
 #: Share of frames without bumps; share of sizes drawn as creases instead of bumps.
 _UNTOUCHED, _CREASED = 0.25, 0.5
+#: Period of textures, px, and their standard deviation, mm, both log-uniform: hair, ribs of knitted
+#: cloth and of chairs, leaves and keys at 0.5 to 2 m. Chosen; finer and lower ones pass for noise.
+_PERIOD_PX: Final = (3.0, 12.0)
+_TEXTURE_MM: Final = (0.4, 4.0)
+#: Numbers of averaged frames whose noise is imitated.
+_FRAMES_AVERAGED: Final = (2, 4, 9)
+#: Larger errors, mm, are of another surface and do not average out.
+_AVERAGED_MM: Final = 50.0
 #: Share of frames without a slope, and the most of the nearest depth that a slope may take away.
 _LEVEL, _NEARER = 0.5, 0.5
 
@@ -294,6 +312,36 @@ def draw_surface_bumps(
         patches = np.clip(_smooth_noise(shape, _PATCH_PX, rng), 0, 2)
         total_mm += (height_mm * rng.random() ** 2 * height * bumps * patches).astype(np.float32)
     return total_mm
+
+
+def draw_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draw (H, W) float32 millimetres of ribs or grain, in patches, to add to depth.
+
+    Noise has no ribs, and is not coarser in one place than in others like it: a network that has
+    not seen such surfaces smooths hair and fabric as if they were noise.
+    """
+    period_px, height_mm = (
+        float(np.exp(rng.uniform(*np.log(limits)))) for limits in (_PERIOD_PX, _TEXTURE_MM)
+    )
+    if rng.random() < 0.5:
+        angle, phase = rng.uniform(0, 2 * np.pi, 2)
+        down, right = np.indices(shape, np.float32)
+        along = np.sin(angle) * down + np.cos(angle) * right
+        pattern = np.sqrt(2) * np.sin(2 * np.pi * along / period_px + phase)
+    else:  # its spectrum falls to half at about the period
+        pattern = _smooth_noise(shape, period_px / 5, rng)
+    patches = np.clip(0.5 + 2 * _smooth_noise(shape, _PATCH_PX, rng), 0, 1)
+    return (height_mm * pattern * patches).astype(np.float32)
+
+
+def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
+    """Divide a frame's noise by the root of a number of frames; ``images`` as in StoredPairs."""
+    noisy, target = images[0], images[-1]
+    error = noisy - target
+    same = (noisy > 0) & (target > 0) & (np.abs(error) < _AVERAGED_MM)
+    averaged = images.copy()
+    averaged[0] = np.where(same, target + error / np.float32(math.sqrt(frames)), noisy)
+    return averaged
 
 
 def draw_slope(

@@ -106,7 +106,7 @@ def lattice_share(values: Array, constant: float, offset: float = 0.0) -> float:
     return float(on_lattice(values[telling], constant, offset).mean())
 
 
-def estimate_lattice(values: Array) -> Lattice | None:
+def estimate_lattice(values: Array, shifted: bool = True) -> Lattice | None:
     """Estimate the lattice of a recording from its depths alone.
 
     The constant of the largest likelihood wins: multiples of K fit as well, but would fit by chance
@@ -114,6 +114,7 @@ def estimate_lattice(values: Array) -> Lattice | None:
 
     Args:
         values: different depths, units of the files, see ``distinct_values``.
+        shifted: also search lattices with an offset, in twenty times the time.
 
     Returns:
         The likeliest lattice, accepted or not; None if there are too few depths.
@@ -122,13 +123,13 @@ def estimate_lattice(values: Array) -> Lattice | None:
     if values.size < LEAST_TELLING:
         return None
     best = _refined(values, _searched(values, 0.0), 0.0)
-    if best.accepted or values.max() > _MOST_WITH_OFFSET:
+    if not shifted or best.accepted or values.max() > _MOST_WITH_OFFSET:
         return best
-    shifted = [_refined(values, _searched(values, offset), offset) for offset in _OFFSETS]
-    close = max(shifted, key=lambda lattice: lattice.hits)
+    moved = [_refined(values, _searched(values, offset), offset) for offset in _OFFSETS]
+    close = max(moved, key=lambda lattice: lattice.hits)
     fine = close.offset + np.linspace(-0.1, 0.1, 11)
-    shifted += [_refined(values, close.constant, float(o)) for o in fine if 0.0 <= o < 1.0]
-    return max([best, *shifted], key=lambda lattice: lattice.hits)
+    moved += [_refined(values, close.constant, float(o)) for o in fine if 0.0 <= o < 1.0]
+    return max([best, *moved], key=lambda lattice: lattice.hits)
 
 
 def _searched(values: Array, offset: float) -> float:

@@ -1,0 +1,104 @@
+"""The camera that made depth maps, by what is stated and by their values, and its network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, Final, NamedTuple
+
+from numpy.typing import NDArray
+
+from glsim.bench.measures.lattice import distinct_values, estimate_lattice
+from glsim.core.errors import DatasetError
+from glsim.data.header import read_header
+from glsim.data.recordings.files import MapFiles
+from glsim.data.recordings.folders import stated_camera
+from glsim.denoise.depth_files import dataset_root
+from glsim.denoise.registry import network_for
+
+#: Sizes of images, px, that one camera alone delivers: (width, height) -> sensor.
+_SIZES: Final = {
+    (512, 424): "kinect-v2",
+    (640, 576): "azure-kinect",
+    (320, 288): "azure-kinect-nfov-binned",
+    (512, 512): "azure-kinect-wfov",
+    (1024, 1024): "azure-kinect-wfov-unbinned",
+}
+#: RealSense sensors by the size of their images; other sizes are like the D435's.
+_STEREO_SIZES: Final = {(640, 480): "realsense-d435-vga"}
+#: Deepest values of a lattice that are searched, in steps of the files: the search takes half a
+#: second, and a lattice of millimetres is known from 1 m on.
+_SEARCHED_STEPS: Final = 12_000
+#: Maps that are read for it. Chosen: more maps of one view add few depths.
+_MAPS: Final = 4
+#: Largest error of a network of one camera before other cameras, over that of the best filter
+#: there (docs/model_card.md).
+_ELSEWHERE: Final = {"face-kinect-v2": 1.24, "face-azure-kinect": 2.3, "face-stereo": 2.2}
+
+
+class Camera(NamedTuple):
+    """The shipped sensor that is like the camera of depth maps, "" if unknown, and the evidence."""
+
+    sensor: str
+    because: str
+
+
+def recognise_camera(
+    maps_mm: Sequence[NDArray[Any]], step_mm: float, stated: str = "", by: object = None
+) -> Camera:
+    """Recognise a camera by what is stated, else the size of its images, else their values.
+
+    The depths of an active stereo camera lie on a lattice of disparities.
+
+    Args:
+        maps_mm: (H, W) millimetres each, as measured, 0 = no return; at least one.
+        step_mm: rounding of the values; 0: not rounded.
+        stated: sensor that ``by`` states.
+        by: file or header that states it.
+    """
+    height, width = maps_mm[0].shape
+    if stated:
+        return Camera(stated, f"{by} states it")
+    if (sensor := _SIZES.get((width, height))) is not None:
+        return Camera(sensor, f"its images have {width} x {height} pixels")
+    if step_mm > 0:
+        values = distinct_values(maps_mm, step_mm)
+        lattice = estimate_lattice(values[values <= _SEARCHED_STEPS], shifted=False)
+        if lattice is not None and lattice.accepted:
+            sensor = _STEREO_SIZES.get((width, height), "realsense-d435")
+            return Camera(sensor, "its depths lie on a lattice of disparities")
+    return Camera("", "neither a file nor the maps say what made them")
+
+
+def camera_of(files: MapFiles) -> Camera:
+    """Recognise the camera of depth-map files. Raises DatasetError for a damaged data set."""
+    folder = files.paths[0].parent
+    if (root := dataset_root(folder)) is not None:
+        return Camera(read_header(root)["settings"]["sensor"], f"{root} states it")
+    stated, by = stated_camera(folder)
+    maps: list[tuple[NDArray[Any], float]] = []
+    for number in range(len(files)):
+        with suppress(DatasetError):  # reported when it is denoised
+            maps.append(files.depth(number))
+        if maps and (stated.sensor or len(maps) == _MAPS):
+            break
+    if not maps:
+        return Camera("", "no map can be read")
+    return recognise_camera([depth for depth, _ in maps], maps[0][1], stated.sensor, by)
+
+
+def fitting_denoiser(given: str | None, camera: Camera) -> tuple[str, str]:
+    """Return the denoiser that is given, else the network of a camera, and a line about it or "".
+
+    The line says why a network is chosen, or that the given one is for another kind of camera.
+    """
+    fitting = network_for(camera.sensor)
+    like = f"like {camera.sensor}, because " if camera.sensor else ""
+    if given is None:
+        return fitting, f"denoiser {fitting}: {like}{camera.because}; -d chooses another"
+    if given not in _ELSEWHERE or not like or given == fitting:
+        return given, ""
+    return given, (
+        f"{given} is for another camera: this one is {like}{camera.because}. Elsewhere its error "
+        f"is up to {_ELSEWHERE[given]:g} times that of a filter: -d {fitting} fits"
+    )
