@@ -1,8 +1,8 @@
 """Identity fields: one displacement field per parameter, in mm per unit of the parameter.
 
 ``FIELDS[name](field_points)`` returns (N, 3). A field of weight 1 changes the measurement
-named in parameters.toml by one unit; tests/faces/test_procedural.py measures this. Fields of lids and
-ears, which move on their own, are in identity_parts.py.
+named in parameters.toml by one unit; tests/faces/test_procedural.py measures this. Fields of lids
+and ears, which move on their own, are in identity_parts.py.
 """
 
 from __future__ import annotations
