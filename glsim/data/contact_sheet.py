@@ -111,7 +111,8 @@ class PreviewFrame:
         if has_reasons:
             codes = np.asarray(frame.reason, dtype=np.uint8)
         else:
-            codes = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
+            inferred = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
+            codes = inferred.astype(np.uint8)
         infrared = np.asarray(frame.infrared, np.uint16) if "infrared" in frame else None
         return cls(
             clean_m, noisy_m, codes, frame.intrinsics, frame.name, has_clean, has_reasons, infrared

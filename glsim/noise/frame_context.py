@@ -70,8 +70,8 @@ class FrameContext:
 
     @property
     def batched(self) -> bool:
-        """Whether the layers are tensors of maps (B, H, W), see ``twins.batch.BatchContext``."""
-        return False
+        """Whether the layers are tensors of maps (B, H, W), see ``twins.batch.WordContext``."""
+        return not isinstance(self.seed, int)
 
     @classmethod
     def for_frame(

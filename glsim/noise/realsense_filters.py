@@ -66,7 +66,11 @@ def spatial_filter(view: FrameContext, layers: Layers, p: Mapping[str, float]) -
     def filtered(depth_m: Image) -> Image:
         steps = _steps(depth_m, view.focal_baseline_px_m)
         smooth = smooth_disparity(steps, p["alpha"], p["delta"], int(p["iterations"]))
-        smooth = fill_rows(smooth, _FILLED_BELOW_PX[int(p["filling_mode"])])
+        # Rightwards, then leftwards. The first column stays as it is, as in librealsense; its hole
+        # in the last column takes the first pixel of the next row, an error that is not done here.
+        below_px = _FILLED_BELOW_PX[int(p["filling_mode"])]
+        rightwards = _carried(smooth, below_px)
+        smooth[..., 1:] = _carried(rightwards[..., ::-1], below_px)[..., -2::-1]
         return _depth_m(smooth, steps, depth_m, view.focal_baseline_px_m, p["unit_mm"])
 
     written = _with_reasons(layers, filtered(layers["depth"]))
@@ -149,22 +153,6 @@ def smooth_disparity(disparity: Image, alpha: float, delta: float, iterations: i
             values[n] = share[n - 1] + carried[n - 1] * values[n - 1]
         line[:] = values
     return result
-
-
-def fill_rows(image: Image, below_px: int) -> Image:
-    """Fill holes along the rows of an image, first rightwards, then leftwards.
-
-    The first column stays as it is, as in librealsense. There a hole in the last column takes the
-    first pixel of the next row, which is an error of its loop and is not done here.
-
-    Args:
-        image: (..., H, W) float32, 0 = hole.
-        below_px: a hole is filled if fewer than this many pixels from a pixel that was none.
-    """
-    rightwards = _carried(image, below_px)
-    filled = _carried(rightwards[..., ::-1], below_px)[..., ::-1].copy()
-    filled[..., 0] = image[..., 0]
-    return filled
 
 
 def _carried(image: Image, below_px: int) -> Image:

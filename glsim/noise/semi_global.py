@@ -66,11 +66,15 @@ def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
     padded = [cv2.copyMakeBorder(i, 0, 0, border, 0, cv2.BORDER_REPLICATE) for i in views]
     matched: Matched = matcher.compute(*padded)[:, border:].astype(np.int16)
     matched[matched <= shift * _MATCHED_STEPS] = NO_MATCH
-    _reject_flat(matched, left, window, p["texture_counts"])
+    if p["texture_counts"] > 0:
+        matched[_local_moments(left, window)[1] < p["texture_counts"] ** 2] = NO_MATCH
     if p["smallest_region_px"] > 0:
         step = max(int(p["region_step_px"] * _MATCHED_STEPS), 1)
         cv2.filterSpeckles(matched, NO_MATCH, int(p["smallest_region_px"]) - 1, step)
-    _reject_rims(matched, int(p["rim_px"]), int(p["rim_step_px"] * _MATCHED_STEPS))
+    if (rim := int(p["rim_px"])) > 0:
+        around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * rim + 1,) * 2)
+        behind = cv2.dilate(matched, around) - matched
+        matched[behind > int(p["rim_step_px"] * _MATCHED_STEPS)] = NO_MATCH
     along = int(p["support_px"])
     across = int(p["support_across_px"]) or along
     found = matched.astype(np.int32) * (STEPS_PER_PX // _MATCHED_STEPS)
@@ -105,12 +109,6 @@ def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], ND
     return total / count, (count * squares - total * total) / count**2
 
 
-def _reject_flat(matched: Matched, image: Counts, window: int, least_counts: float) -> None:
-    """Reject, in place, pixels whose window has too small a standard deviation, counts."""
-    if least_counts > 0:
-        matched[_local_moments(image, window)[1] < least_counts**2] = NO_MATCH
-
-
 def reject_unlit(found: Disparities, pattern: Counts, window: int) -> None:
     """Reject, in place, pixels matched with a window of the pattern that is constant.
 
@@ -122,15 +120,6 @@ def reject_unlit(found: Disparities, pattern: Counts, window: int) -> None:
     there = np.maximum(column - (found[row, column] + STEPS_PER_PX // 2) // STEPS_PER_PX, 0)
     unlit = _local_moments(pattern, window)[1][row, there] == 0
     found[row[unlit], column[unlit]] = NO_MATCH
-
-
-def _reject_rims(matched: Matched, reach_px: int, step: int) -> None:
-    """Reject, in place, pixels near (``reach_px``) a disparity larger by more than ``step``."""
-    import cv2
-
-    if reach_px > 0:
-        around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1,) * 2)
-        matched[cv2.dilate(matched, around) - matched > step] = NO_MATCH
 
 
 def _support_mean(

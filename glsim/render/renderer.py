@@ -21,6 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -111,13 +112,22 @@ class Renderer:
             self._drawn = (Layer("fine_seen", "vec2", Fraction(rig.supersample)),)
         self._surface = link_files(context, fragment, "render/surface.vert")
         set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
-        self._lens_pass = _linked_lens(context, rig) if rig.keeps_distortion else None
+        self._lens_pass: FullscreenPass | None = None
+        if rig.supersample > 1 and rig.keeps_distortion:
+            self._lens_pass = supersampled_pass(context, rig, "lens_samples.frag")
+        elif rig.keeps_distortion:
+            self._lens_pass = FullscreenPass(context, link_files(context, "render/lens.frag"))
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
         self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._shadow_map = ShadowMap(self._pool, rig, self._sight, self._rays)
         self._meshes = MeshCache(context, self._surface, self._shadow_map.program)
-        self._regions: RegionPass | None = None
+
+    @cached_property
+    def _regions(self) -> RegionPass:
+        """The pass that draws face regions, linked at first use."""
+        pools = self._camera_pool, self._pool
+        return RegionPass(self._context, self.rig, pools, self._rays)
 
     @contextmanager
     def render(
@@ -160,7 +170,7 @@ class Renderer:
                     held, silhouettes,
                 )  # fmt: skip
                 if labels:
-                    layers[REGION.name] = self._draw_regions(uploaded, labels, views, window)
+                    layers[REGION.name] = self._regions.draw(uploaded, labels, views, window)
                     held.append(layers[REGION.name])
                 face_m = float(boxes[0][:, 2].min()), float(boxes[0][:, 2].max())
                 yield Rendered(layers, window, nearest_m, face_m, seen, self._rays, self._pool)
@@ -181,8 +191,7 @@ class Renderer:
         for side, eye_m in zip(_SIDES, self.rig.imagers_m, strict=False):
             drawn, silhouette = camera.layers, camera.silhouette
             if any(eye_m):
-                moved = [_moved(view, eye_m) for view in views]
-                drawn = self._draw_surface(meshes, moved, window)
+                drawn = self._draw_surface(meshes, views, window, eye_m)
                 held += drawn.values()
                 silhouette = silhouettes.enter_context(
                     self._silhouettes.draw(drawn["clean"], window)
@@ -269,6 +278,7 @@ class Renderer:
         meshes: Sequence[GpuMesh],
         views: Sequence[NDArray[np.float32]],
         window: Rect,
+        eye_m: Point = (0.0, 0.0, 0.0),
     ) -> dict[str, Target]:
         """Draw the meshes' depth, normal and albedo, per pixel or, if supersampled, per sample."""
         pinhole, pool = self._pinhole, self._camera_pool
@@ -284,7 +294,8 @@ class Renderer:
         buffer.viewport = (0, 0, fine.width, fine.height)
         buffer.scissor = drawn
         buffer.clear(viewport=drawn)
-        draw_meshes(self._context, [mesh.surface for mesh in meshes], self._surface, views)
+        arrays = [mesh.surface for mesh in meshes]
+        draw_meshes(self._context, arrays, self._surface, views, eye_m)
         layers = {target.layer.name: target for target in targets}
         if self._lens_pass is None:
             return layers
@@ -321,31 +332,6 @@ class Renderer:
         centres.program["u_fine_seen"], centres.program["u_rays"] = 0, 1
         centres.draw()
         return {target.layer.name: target for target in targets}
-
-    def _draw_regions(
-        self,
-        meshes: Sequence[GpuMesh],
-        labels: Sequence[NDArray[np.float32] | None],
-        views: Sequence[NDArray[np.float32]],
-        window: Rect,
-    ) -> Target:
-        if self._regions is None:
-            pools = self._camera_pool, self._pool
-            self._regions = RegionPass(self._context, self.rig, pools, self._rays)
-        return self._regions.draw(meshes, labels, views, window)
-
-
-def _moved(view: NDArray[np.float32], eye_m: Point) -> NDArray[np.float32]:
-    """Return the matrix ``view`` for a camera at ``eye_m`` (metres) instead of the origin."""
-    moved = view.copy()
-    moved[:3, 3] -= eye_m
-    return moved
-
-
-def _linked_lens(context: moderngl.Context, rig: SensorRig) -> FullscreenPass:
-    if rig.supersample > 1:
-        return supersampled_pass(context, rig, "lens_samples.frag")
-    return FullscreenPass(context, link_files(context, "render/lens.frag"))
 
 
 def supersampled_pass(context: moderngl.Context, rig: SensorRig, file: str) -> FullscreenPass:

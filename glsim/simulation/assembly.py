@@ -14,11 +14,10 @@ from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
+from glsim.noise.twins.arrays import of
+from glsim.noise.twins.layers import Image, has_depth, select
 from glsim.settings.schema import OutputSettings
 from glsim.simulation.frame import Frame, Landmarks
-
-#: Whether each reason code goes with a depth, by code.
-_HAS_DEPTH = np.array([Reason(r).has_depth for r in sorted(Reason)])
 
 
 def assemble_frame(
@@ -52,7 +51,7 @@ def assemble_frame(
             )
     none = np.float32(0.0)
     clean, noisy = layers["clean"][inside], np.maximum(layers["depth"][inside], none)
-    reason = reconcile_reasons(clean, noisy, layers["reason"][inside])
+    reason = reconcile_reasons(clean, noisy, layers["reason"][inside]).astype(np.uint8)
     if output.clean_mask == "as-noisy":
         clean = np.where(noisy > 0, clean, none)
     step_m, offset_mm = output.depth_unit_mm / 1000.0, 0.0
@@ -108,20 +107,22 @@ def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) 
     return layer[rows, columns]
 
 
-def reconcile_reasons(
-    clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32], reason: NDArray[np.float32]
-) -> NDArray[np.uint8]:
-    """Return uint8 Reason codes that agree with the depths, even if no stage set a reason.
+def reconcile_reasons(clean_m: Image, noisy_m: Image, reason: Image) -> Image:
+    """Return Reason codes that agree with the depths, even if no stage set a reason.
 
     Args:
-        clean_m, noisy_m: metres, 0 = none.
-        reason: codes. All of one shape, which is returned.
+        clean_m, noisy_m: metres, 0 = none; arrays or tensors.
+        reason: codes, float32. All of one shape, which is returned.
     """
-    codes = np.rint(reason).astype(np.uint8)
-    codes[codes >= len(_HAS_DEPTH)] = Reason.DROPPED
-    expects_depth, has_depth = _HAS_DEPTH[codes], noisy_m > 0
-    codes[~has_depth & expects_depth & (clean_m > 0)] = Reason.DROPPED
-    codes[~has_depth & expects_depth & (clean_m <= 0)] = Reason.NO_SURFACE
-    codes[has_depth & ~expects_depth] = Reason.VALID
-    codes[has_depth & (codes == Reason.VALID) & (clean_m <= 0)] = Reason.GROWN
-    return codes
+    xp = of(reason)
+    reason = xp.where(reason > max(Reason) + 0.5, float(Reason.DROPPED), xp.round(reason))
+    seen, found, expects = clean_m > 0, noisy_m > 0, has_depth(reason)
+    return select(
+        [
+            (~found & expects & seen, float(Reason.DROPPED)),
+            (~found & expects, float(Reason.NO_SURFACE)),
+            (found & (~expects | (reason == Reason.VALID)) & ~seen, float(Reason.GROWN)),
+            (found & ~expects, float(Reason.VALID)),
+        ],
+        reason,
+    )

@@ -306,8 +306,6 @@ class DepthNoise:
         return worker, number
 
     def _engine(self, size: tuple[int, int], backend: str | None) -> Any:
-        if backend != "torch" and self._process != os.getpid():  # contexts stay in their process
-            self._forget()
         key = size, backend
         if key not in self._engines:
             if backend == "torch":

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,11 @@ import torch
 from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO
-from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
 from glsim.noise.array_chain import without_tensors
 from glsim.noise.layer_names import EXPECTED_LAYER
-from glsim.noise.stage import ENABLED, draw_values
+from glsim.noise.stage import ENABLED, Stage, draw_values
 from glsim.noise.twins import find_twin
 from glsim.noise.twins.arrays import of
 from glsim.noise.twins.batch import (
@@ -29,9 +29,10 @@ from glsim.noise.twins.batch import (
     seed_word,
     surface_normals,
 )
-from glsim.noise.twins.layers import has_depth, pcg_word, select, uniform01
+from glsim.noise.twins.layers import pcg_word, uniform01
 from glsim.sensors.sensor import Sensor
 from glsim.settings.distribution import DrawKeys
+from glsim.simulation.assembly import reconcile_reasons
 from glsim.simulation.frame import refuse_millimetres
 
 #: A parameter of a batch: a number for all maps, or (B, 1, 1).
@@ -103,14 +104,6 @@ class TensorEngine:
             for emitter in rig.emitters
             for point, share in emitter.shared_points_m()
         ]
-        self._constant = {
-            stage.name: {
-                name: float(np.float32(setting.constant))
-                for name, setting in stage.settings.items()
-                if setting.constant is not None
-            }
-            for stage in self._stages
-        }
         self._rays: dict[Any, Any] = {}
         self._size = rig.intrinsics.height, rig.intrinsics.width
         self._compared = False  # whether a depth's range has been looked at
@@ -175,12 +168,11 @@ class TensorEngine:
         """Return the layers of a batch whose maps have seeds of 64 bits, as frames of OpenGL."""
         maps = inputs["maps"]
         drawn = [draw_values(self._stages, key)[1] for key in keys]
-        values: dict[str, dict[str, Any]] = {}
-        for stage in self._stages:
-            values[stage.name] = dict(self._constant[stage.name])
-            for name in stage.settings.keys() - self._constant[stage.name].keys():
-                numbers = np.array([v[stage.name][name] for v in drawn], np.float32)
-                values[stage.name][name] = maps.new_tensor(numbers)[:, None, None]
+        values = self._values(
+            lambda stage, name: maps.new_tensor(
+                np.array([v[stage.name][name] for v in drawn], np.float32)
+            )
+        )
         word = of(maps).word
         words = [
             maps.new_tensor([word(seed_word(s)) for s in seeds], dtype=of(maps).int32)
@@ -195,22 +187,29 @@ class TensorEngine:
     def _seeded(self, seed: int, p: float, inputs: Mapping[str, Any]) -> dict[str, Any]:
         frame, held = map_words(seed, inputs["seeds"], inputs["frames"])
         words = {"frame": frame, "held": held}
-        values: dict[str, dict[str, Any]] = {}
-        for stage in self._stages:
-            values[stage.name] = dict(self._constant[stage.name])
-            for name, setting in stage.settings.items():
-                if setting.is_constant:
-                    continue
-                number = draw(setting, f"{stage.name}.{name}", words)
-                parameter = stage.spec.parameters.get(name)
-                if parameter is None or parameter.type != "float":
-                    number = number.round()
-                values[stage.name][name] = number[:, None, None]
-        layers = self._answer(inputs, (frame, held, held), values)
+
+        def number(stage: Stage, name: str) -> Any:
+            drawn = draw(stage.settings[name], f"{stage.name}.{name}", words)
+            parameter = stage.spec.parameters.get(name)
+            return drawn if parameter is not None and parameter.type == "float" else drawn.round()
+
+        layers = self._answer(inputs, (frame, held, held), self._values(number))
         if p < 1:
             changed = (uniform01(pcg_word(frame)) < p)[:, None, None]
             layers["depth"] = of(frame).where(changed, layers["depth"], layers["clean"])
         return layers
+
+    def _values(self, drawn: Callable[[Stage, str], Any]) -> Values:
+        """Return all parameters of all stages; ``drawn`` gives (B,) numbers of those that vary."""
+        return {
+            stage.name: {
+                name: float(np.float32(setting.constant))
+                if setting.constant is not None
+                else drawn(stage, name)[:, None, None]
+                for name, setting in stage.settings.items()
+            }
+            for stage in self._stages
+        }
 
     def _answer(
         self, inputs: Mapping[str, Any], words: Sequence[Any], values: Values
@@ -219,17 +218,8 @@ class TensorEngine:
         maps = inputs["maps"]
         clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
         made = self._run(clean, [word[:, None, None] for word in words], values, inputs)
-        depth, reason = made["depth"].clamp(min=0.0), made["reason"]
-        seen, found, expects = clean > 0, depth > 0, has_depth(reason)
-        reason = select(
-            [
-                (~found & expects & seen, float(Reason.DROPPED)),
-                (~found & expects, float(Reason.NO_SURFACE)),
-                (found & (~expects | (reason == Reason.VALID)) & ~seen, float(Reason.GROWN)),
-                (found & ~expects, float(Reason.VALID)),
-            ],
-            reason,
-        )
+        depth = made["depth"].clamp(min=0.0)
+        reason = reconcile_reasons(clean, depth, made["reason"])
         layers = {"clean": clean, "depth": depth, "reason": reason.to(torch.uint8)}
         layers |= {n: made[n] for n in ("infrared", EXPECTED_LAYER) if n in made}
         return layers
@@ -246,20 +236,16 @@ class TensorEngine:
         image, (_, height, width) = self.rig.intrinsics, depth_m.shape
         rays, clean = self._rays_of(depth_m, inputs), depth_m
         focal_px = inputs.get("fx", image.fx)
-        view = WordContext(
+        of_rig = WordContext.for_frame(
+            rig=self.rig,
             window=Rect(0, 0, width, height),
-            width=width,
-            height=height,
             seed=words[0],
             sequence_seed=words[1],
             device_seed=words[2],
-            focal_baseline_px_m=focal_px * self.rig.baseline_m,
-            emitter_m=self.rig.emitter_m,
-            second_view_m=self.rig.second_view_m,
-            modulation_mhz=self.rig.modulation_mhz,
-            focal_px=focal_px,
-            lens=self.rig.distortion,
+            supersample=1,
         )
+        fb = focal_px * self.rig.baseline_m
+        view = replace(of_rig, focal_px=focal_px, focal_baseline_px_m=fb)
         seen = clean > 0
         albedo = torch.where(seen, inputs.get("albedo", SKIN_ALBEDO), 0.0)
         normal = inputs.get("normal")

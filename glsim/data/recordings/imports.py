@@ -150,7 +150,7 @@ def _biwi_frame(
         clean_m,
         noisy_m,
         np.zeros_like(clean_m),
-        reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m)),
+        reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m)).astype(np.uint8),
         notes={
             "real": "depth.bin of a Kinect V1, unchanged",
             "clean": "the person's template, posed",

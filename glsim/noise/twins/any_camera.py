@@ -63,7 +63,7 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
 
     own_step = 0.001 * p["step_mm_per_m"] * own
     mixes = (xp.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
-    bright = _facing_light(clean, layers["albedo"])
+    bright = skin_signal(clean, layers["albedo"], 1.0, 1.0)  # as if all faced the camera
     blended, mixed, light = _mixed(view, depths, bright, own, own_step, p)
     blended, mixed = xp.where(mixes, blended, own), xp.where(mixes & (own > 0), mixed, 0.0)
     light = xp.where(mixes, light, bright)
@@ -93,11 +93,6 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
         "reason": reason,
         "infrared": _infrared(view, layers, p, light),
     }
-
-
-def _facing_light(depth: Image, albedo: Image) -> Image:
-    """Compute the light of surfaces, as if they faced the camera on its axis."""
-    return skin_signal(depth, albedo, 1.0, 1.0)
 
 
 def _mixed(
@@ -147,7 +142,7 @@ def _hazed(
 def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -> Image:
     """Compute infrared counts with read noise and shot noise, 0 to 65535."""
     xp = of(light)
-    cosine, squared = _cosine(layers["normal"], layers["rays"])
+    cosine, squared = incidence(layers["normal"], layers["rays"])
     lambert = xp.maximum(cosine, 0.0) * layers["lit"]
     counts = p["gain_counts"] * light * xp.where(layers["clean"] > 0, lambert, 1.0) / squared
     first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 2)
@@ -156,7 +151,7 @@ def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -
     return xp.clip(noisy, 0.0, 65535.0)
 
 
-def _cosine(normal: Image, rays: Image) -> tuple[Image, Image]:
+def incidence(normal: Image, rays: Image) -> tuple[Image, Image]:
     """Compute the cosines of angles of incidence, and the square of the ray's length at z = 1."""
     x, y = rays[..., 0], rays[..., 1]
     squared = x * x + y * y + 1.0
@@ -181,7 +176,7 @@ def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     """Adds noise and a systematic error, as of an unknown depth camera."""
     z, normal = layers["depth"], layers["normal"]
     xp = of(z)
-    cosine, squared = _cosine(normal, layers["rays"])
+    cosine, squared = incidence(normal, layers["rays"])
     usual, lambert = xp.zeros_like(z) + _USUAL_M, xp.maximum(cosine, 0.0)
     light = skin_signal(usual, layers["albedo"], lambert, squared)
     light = xp.where(_known(normal), xp.maximum(light, _DARKEST), 1.0)
@@ -233,7 +228,7 @@ def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
 def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes pixels and rounds disparities, as an unknown depth camera does."""
     depth, normal = layers["depth"], layers["normal"]
-    xp, known, (cosine, squared) = of(depth), _known(normal), _cosine(normal, layers["rays"])
+    xp, known, (cosine, squared) = of(depth), _known(normal), incidence(normal, layers["rays"])
     signal = skin_signal(depth, layers["albedo"], xp.maximum(cosine, 0.0), squared)
     signal, cosine = xp.where(known, signal, 1.0), xp.where(known, cosine, 1.0)
     bits = random_bits(*pixels(view.window, view.seed), view.seed, 0)

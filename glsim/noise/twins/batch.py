@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import log
 from typing import Any
 
@@ -30,11 +31,6 @@ class WordContext(FrameContext):
         focal_px, focal_baseline_px_m: of a batch numbers, or (B, 1, 1).
     """
 
-    @property
-    def batched(self) -> bool:
-        """Whether the layers are tensors of maps."""
-        return not isinstance(self.seed, int)
-
     def view(self, stage: str) -> WordContext:
         """Return the context with the seeds of the stage of this name.
 
@@ -42,9 +38,9 @@ class WordContext(FrameContext):
         that this is the view of a FrameContext with the seeds that ``seed_word`` is given.
         """
         own = stage_seed(0, stage)
-        own = own if isinstance(self.seed, int) else of(self.seed).word(own)
+        own = of(self.seed).word(own) if self.batched else own
         names = ("seed", "sequence_seed", "device_seed")
-        return type(self)(**{**self.__dict__, **{n: getattr(self, n) ^ own for n in names}})
+        return replace(self, **{n: getattr(self, n) ^ own for n in names})
 
 
 def seed_word(seed: int) -> int:

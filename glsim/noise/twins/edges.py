@@ -125,7 +125,9 @@ def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dic
         dots += near
         found += used
         total += np.where(used, disparity[part], np.float32(0.0))
-        neighbours.append((used, disparity[part], _weight(dx, dy)))
+        squared = ((np.float32(1.2) * np.stack([dx, dy]).astype(np.float32)) ** 2).sum(axis=0)
+        weight = np.reciprocal(np.where(squared > 0, squared, np.float32(1.0)))
+        neighbours.append((used, disparity[part], weight))  # less for dots far from the centre
     share = p["min_share"]
     enough = found > share * dots
     mean = total / np.maximum(found, np.float32(1.0))
@@ -158,10 +160,3 @@ def dot_spread(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
     other = (own > 0) & (taken > 0) & (np.abs(taken - own) > np.float32(0.001) * p["edge_mm"])
     moved = other & (depth > 0) & (here > 0)
     return {"depth": depth, "reason": np.where(moved, np.float32(Reason.MOVED), reason)}
-
-
-def _weight(dx: NDArray[np.int64], dy: NDArray[np.int64]) -> Image:
-    """Return the weight of a dot in the match, less for dots farther from the window's centre."""
-    x, y = np.float32(1.2) * dx.astype(np.float32), np.float32(1.2) * dy.astype(np.float32)
-    squared = x * x + y * y
-    return np.reciprocal(np.where(squared > 0, squared, np.float32(1.0)))

@@ -140,12 +140,12 @@ def disparity_px(depth_m: Image, focal_baseline_px_m: Any) -> Image:
     return focal_baseline_px_m / of(depth_m).where(depth_m > 0, depth_m, 1.0)
 
 
-def displaced(depth_m: Image, by_mm: Image, by_px: Image, focal_baseline_px_m: Any) -> Image:
-    """Add millimetres to depth (metres), and pixels to its disparity."""
-    xp = of(depth_m)
-    shifted = disparity_px(depth_m, focal_baseline_px_m) + by_px
-    moved = focal_baseline_px_m / xp.maximum(shifted, 1e-3)
-    return moved_by_mm(xp.where((depth_m > 0) & (by_px != 0), moved, depth_m), by_mm)
+def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) -> dict[str, Image]:
+    """Return the layer depth after millimetres were added to it, and pixels to its disparity."""
+    depth, fb = layers["depth"], view.focal_baseline_px_m
+    xp = of(depth)
+    moved = fb / xp.maximum(disparity_px(depth, fb) + by_px, 1e-3)
+    return {"depth": moved_by_mm(xp.where((depth > 0) & (by_px != 0), moved, depth), by_mm)}
 
 
 def without(layers: Layers, lost: Any, reason: Any) -> dict[str, Image]:

@@ -7,7 +7,7 @@ from math import cos, floor, pi, sin
 
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins.any_camera import lattice_noise
+from glsim.noise.twins.any_camera import incidence, lattice_noise
 from glsim.noise.twins.arrays import of
 from glsim.noise.twins.batch import beside_camera
 from glsim.noise.twins.layers import (
@@ -116,11 +116,8 @@ def single_view_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict
     found = own + noise + device
     steps = xp.maximum(xp.floor(p["steps_per_px"] * found + 0.5), 1.0)
 
-    ray, normal = layers["rays"], layers["normal"]
-    squared = ray[..., 0] * ray[..., 0] + ray[..., 1] * ray[..., 1] + 1.0
-    facing = -(normal[..., 0] * ray[..., 0] + normal[..., 1] * ray[..., 1] + normal[..., 2])
-    light = layers["albedo"] * xp.maximum(facing / xp.sqrt(squared), 0.0)
-    light = light / xp.maximum(clean, 1e-3)
+    cosine, _ = incidence(layers["normal"], layers["rays"])
+    light = layers["albedo"] * xp.maximum(cosine, 0.0) / xp.maximum(clean, 1e-3)
     limit = p["dark_albedo"] * xp.exp(p["dark_spread"] * bumps)
 
     fate = layers["fate"]

@@ -13,6 +13,7 @@ from glsim.noise.twins.layers import (
     Parameters,
     Words,
     around,
+    mix,
     normal_pair,
     pcg_word,
     pixels,
@@ -104,15 +105,10 @@ def _thrown(view: FrameContext, layers: Layers, tangent: Image, key: Words, p: P
     first = np.clip(corner.astype(np.int64), 0, size - 1)
     last = np.clip(corner.astype(np.int64) + 1, 0, size - 1)
     upper, lower = (
-        _mix(image[row, first[..., 0]], image[row, last[..., 0]], part[..., 0])
+        mix(image[row, first[..., 0]], image[row, last[..., 0]], part[..., 0])
         for row in (first[..., 1], last[..., 1])
     )
-    return np.where(inside, _mix(upper, lower, part[..., 1]), np.float32(-1))
-
-
-def _mix(one: Image, other: Image, share: Image) -> Image:
-    mixed: Image = one * (np.float32(1) - share) + other * share
-    return mixed
+    return np.where(inside, mix(upper, lower, part[..., 1]), np.float32(-1))
 
 
 def _imaged_light(

@@ -35,6 +35,7 @@ from glsim.noise.twins.tof_light import (
     distance_of,
     expected_depth,
     frequencies,
+    packed,
     phases,
     phasors,
     unwrapped_cycles,
@@ -64,14 +65,6 @@ def _parts(layers: Layers) -> tuple[Image, Image]:
     return real, xp.stack([a[..., 1], a[..., 3], b[..., 1]], -1)
 
 
-def _layers(real: Image, imaginary: Image, counts: Image, flags: Image) -> dict[str, Image]:
-    """Pack phasors, infrared counts and flags (1 edge, 2 saturated) into two (..., 4) layers."""
-    xp = of(counts)
-    parts = [part[..., k] for k in range(3) for part in (real, imaginary)]
-    a, b = xp.stack(parts[:4], -1), xp.stack([*parts[4:], counts, flags], -1)
-    return {"phasor_a": a, "phasor_b": b}
-
-
 def _alike(
     view: FrameContext, p: Parameters, real: Image, imaginary: Image, reach: int, clamped: bool
 ) -> Iterator[tuple[int, int, Image, Image, Image, Image, Image]]:
@@ -99,10 +92,14 @@ def _alike(
 def _filtered(
     layers: Layers, kept: Any, marked: Any, real: Image, imaginary: Image
 ) -> dict[str, Image]:
-    """Return the phasor layers after a filter; pixels in ``kept`` stay as they were before it."""
+    """Return the phasor layers after a filter; pixels in ``kept`` stay as they were before it.
+
+    With the phasors they hold infrared counts and flags (1 edge, 2 saturated).
+    """
     xp, b, keep = of(real), layers["phasor_b"], kept[..., None]
     own_real, own_imaginary = _parts(layers)
-    return _layers(
+    return packed(
+        "phasor",
         xp.where(keep, own_real, real),
         xp.where(keep, own_imaginary, imaginary),
         b[..., 2],
@@ -151,7 +148,7 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     counts = xp.where(read, infrared, 0.0)
     flags = xp.where(read & saturated, 2.0, 0.0)
     real, imaginary = (xp.where(valid, xp.stack(part, -1), 0.0) for part in (real, imaginary))
-    return _layers(real, imaginary, counts, flags)
+    return packed("phasor", real, imaginary, counts, flags)
 
 
 def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Any]:

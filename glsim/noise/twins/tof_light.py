@@ -133,17 +133,17 @@ def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
     light = _lit(view, p, found, phasors(view, p, z, layers["normal"], rays, found))
     if view.supersample > 1:
         _add_samples(view, layers, p, light)
-    return {**light_layers(light), **expected_depth(view, p, layers)}
+    none = of(z).zeros_like(z)
+    return {**packed("light", *light, none), **expected_depth(view, p, layers)}
 
 
-def light_layers(light: Light) -> dict[str, Image]:
-    """Pack light into two (..., 4) layers."""
-    real, imaginary, amplitude = light
+def packed(name: str, real: Image, imaginary: Image, one: Image, other: Image) -> dict[str, Image]:
+    """Pack phasors (..., 3) and two more images into the layers NAME_a and NAME_b, (..., 4)."""
     parts = [part[..., k] for k in range(3) for part in (real, imaginary)]
-    xp = of(amplitude)
+    xp = of(one)
     return {
-        "light_a": xp.stack(parts[:4], -1),
-        "light_b": xp.stack([*parts[4:], amplitude, xp.zeros_like(amplitude)], -1),
+        f"{name}_a": xp.stack(parts[:4], -1),
+        f"{name}_b": xp.stack([*parts[4:], one, other], -1),
     }
 
 
@@ -319,8 +319,7 @@ def tof_multipath(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
         amplitude = xp.where(seen, amplitude, 0.0)
         outwards = xp.sqrt(((there - emitter) ** 2).sum(-1))
         real, imaginary = correlate(view, p, 0.5 * (outwards + apart + back) + delay)
-        added = light_layers(
-            (amplitude[..., None] * real, amplitude[..., None] * imaginary, amplitude)
-        )
+        real, imaginary = amplitude[..., None] * real, amplitude[..., None] * imaginary
+        added = packed("light", real, imaginary, amplitude, xp.zeros_like(z))
         light_a, light_b = light_a + added["light_a"], light_b + added["light_b"]
     return {"light_a": light_a, "light_b": light_b}

@@ -68,8 +68,7 @@ def gaussian(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     """Adds white noise in depth or in disparity."""
     first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 0)
     mm, px = normal_pair(first, second)
-    by_mm, by_px = p["sigma_mm"] * mm, p["sigma_px"] * px
-    return {"depth": displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)}
+    return displaced(view, layers, p["sigma_mm"] * mm, p["sigma_px"] * px)
 
 
 def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -110,14 +109,14 @@ def perlin(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image
         total = total + weight * perlin_at(at, seed + octave)
         at = (at[0] * lacunarity, at[1] * lacunarity, at[2] * lacunarity)
         weight = weight * persistence
-    return _with_field(view, layers, p, total)
+    return displaced(view, layers, p["amplitude_mm"] * total, p["amplitude_px"] * total)
 
 
 def simplex(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds simplex noise."""
     at = field_position(view, p["lattice_px"], p["lattice_px"], p["drift_hz"])
     field = simplex_at(at, field_seed(view, p["drift_hz"]))
-    return _with_field(view, layers, p, field)
+    return displaced(view, layers, p["amplitude_mm"] * field, p["amplitude_px"] * field)
 
 
 def disparity_quantise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -135,13 +134,6 @@ def millimetre_quantise(_view: FrameContext, layers: Layers, p: Parameters) -> d
     xp = of(depth)
     steps = xp.maximum(xp.floor(1000.0 * depth / step + 0.5), 1.0)
     return {"depth": xp.where(depth > 0, 0.001 * step * steps, depth)}
-
-
-def _with_field(
-    view: FrameContext, layers: Layers, p: Parameters, field: Image
-) -> dict[str, Image]:
-    by_mm, by_px = p["amplitude_mm"] * field, p["amplitude_px"] * field
-    return {"depth": displaced(layers["depth"], by_mm, by_px, view.focal_baseline_px_m)}
 
 
 def infrared(_view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -194,11 +186,6 @@ def _gradient(bits: Words, offset: Vector) -> Image:
     return xp.where((h & 1) > 0, -a, a) + xp.where((h & 2) > 0, -b, b)
 
 
-def _fade(t: Image) -> Image:
-    """Compute Perlin's quintic weight, 0 to 1 over a lattice cell, flat at both ends."""
-    return t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
-
-
 def perlin_at(at: Vector, seed: Any) -> Image:
     """Compute Perlin noise on a cubic lattice, about -1 to 1.
 
@@ -210,7 +197,7 @@ def perlin_at(at: Vector, seed: Any) -> Image:
     whole = [xp.floor(part) for part in at]
     f = [part - start for part, start in zip(at, whole, strict=True)]
     n, key = [xp.words(part) for part in whole], xp.words(seed, at[0])
-    tx, ty, tz = (_fade(part) for part in f)
+    tx, ty, tz = (t * t * t * (t * (t * 6.0 - 15.0) + 10.0) for t in f)  # Perlin's quintic weights
     rows = []
     for y, z in ((0, 0), (1, 0), (0, 1), (1, 1)):
         left, right = (
