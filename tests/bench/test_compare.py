@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -19,11 +18,8 @@ from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.recordings.recording import open_recording
-from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
-
-#: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
-REAL = Path(os.environ.get("GLSIM_REAL_FRAMES", ROOT.parent / "shared" / "data" / "kinect-v2-real"))
+from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 
 
 def _set(seed: int, sigma_mm: float, smooth: int, frames: int = 6) -> Frames:
@@ -152,11 +148,11 @@ def test_errors_are_one_line(
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not REAL.is_dir(), reason=f"the real frames are not at {REAL}")
+@needs_real_kinect_v2
 def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
     for stem in ("0007", "0008", "0020", "0030_sync", "0050", "0060_sync"):
         for layer in ("depth", "ir"):
-            (tmp_path / f"{stem}_{layer}.png").symlink_to(REAL / f"{stem}_{layer}.png")
+            (tmp_path / f"{stem}_{layer}.png").symlink_to(REAL_KINECT_V2 / f"{stem}_{layer}.png")
     frames = open_recording(tmp_path).read()
     result = compare_sets(frames, frames)
     measured = result.first

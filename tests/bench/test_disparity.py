@@ -9,7 +9,6 @@ from glsim.bench.measures.disparity import (
     LAGS_PX,
     find_tiles,
     measure_disparity_noise,
-    to_disparity,
 )
 from tests.support.real_cameras import (
     D435_WALL_PX_MM,
@@ -26,12 +25,6 @@ SHAPE = (400, 640)
 def _plane() -> np.ndarray:
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
     return 20.0 + 0.01 * columns - 0.02 * rows
-
-
-def test_disparity_is_focal_length_times_baseline_over_depth() -> None:
-    depth = np.array([[0.0, 1000.0, np.nan, 500.0]])
-    np.testing.assert_allclose(to_disparity(depth, 20_000.0), [[np.nan, 20.0, np.nan, 40.0]])
-    np.testing.assert_allclose(to_disparity(depth), [[np.nan, 1.0, np.nan, 2.0]])
 
 
 def test_white_noise_of_a_slanted_plane_has_its_sigma_and_no_correlation() -> None:

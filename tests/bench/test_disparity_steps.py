@@ -38,14 +38,6 @@ def test_the_gaps_on_both_sides_are_found() -> None:
     assert measure_gaps(found, True)[0] == 3.0
 
 
-def test_the_gaps_above_and_below_are_found_in_the_transposed_image() -> None:
-    image = np.ascontiguousarray(_scene(7, 26).T)  # gaps above and below
-    along_rows, along_columns = [find_steps(image)], [find_steps(image.T)]
-    assert measure_gaps(along_rows, False)[0] == 0.0
-    assert measure_gaps(along_columns, False)[0] == 7.0
-    assert measure_gaps(along_columns, True)[0] == 26.0
-
-
 def test_slopes_and_single_rows_are_no_steps() -> None:
     ramp = np.tile(np.linspace(10.0, 60.0, 200), (50, 1))
     assert find_steps(ramp).step.size == 0

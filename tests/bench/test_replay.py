@@ -23,7 +23,7 @@ from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.recordings.recording import open_recording
-from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
+from tests.support.real_cameras import REAL_CAMERAS, REAL_KINECT_V2, needs_real_cameras
 
 Array = NDArray[np.float32]
 
@@ -173,7 +173,7 @@ def test_the_command_replays_and_refuses_what_it_cannot(
 @needs_real_cameras
 def test_replays_of_real_frames() -> None:
     """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/comparison.md."""
-    kinect = open_recording(REAL_CAMERAS.parent / "kinect-v2-real").read(16)
+    kinect = open_recording(REAL_KINECT_V2).read(16)
     verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
     assert verdicts["planes"].auc < 0.72
     assert verdicts["silhouettes, lit side"].auc < 0.72

@@ -65,12 +65,6 @@ def test_autocorrelation_of_box_filtered_noise() -> None:
     assert found == pytest.approx([1, 2 / 3, 1 / 3, 0, 4 / 9, 1 / 9], abs=0.015)
 
 
-def test_autocorrelation_of_white_noise_is_nothing() -> None:
-    samples = RNG.normal(0, 1, (20, 64, 64))
-    found = measure.autocorrelation(samples, [(0, 1), (1, 1), (0, 8)])
-    assert np.abs(found * np.sqrt(samples.size)).max() < Z_MAX
-
-
 def test_temporal_autocorrelation_of_white_and_of_repeated_noise() -> None:
     white = RNG.normal(0, 1, (24, 48, 48))
     assert abs(measure.temporal_autocorrelation(white)) * np.sqrt(white.size) < Z_MAX

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import moderngl
 import numpy as np
 import pytest
@@ -20,11 +17,6 @@ from tests.support.planted_frames import encoded
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 EMITTER_M = (0.045, 0.0, 0.0)
 FRAMES = 12
-REAL = Path(
-    os.environ.get(
-        "GLSIM_REAL_ROOT", Path(__file__).resolve().parents[3] / "shared/data/kinect-v2-real"
-    )
-)
 
 
 def walls(slant_deg: float) -> Mesh:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,11 @@ from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.eval.real_frames import RealScores, score_recording, split_recording, tune_on_pairs
-from glsim.eval.real_frames.frame_truth import find_planes
+from glsim.eval.real_frames.frame_truth import find_planes, rims_and_shadow
 from glsim.eval.real_frames.halves import Source
 from glsim.eval.report.figures.real_frames import measures_figure
-from tests.support.imports import ROOT
 from tests.support.planted_frames import noisy, plane, shadowed
+from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import (
     BOARD_CENTRE,
     SQUARE_PX,
@@ -31,8 +30,6 @@ from tests.support.recordings import (
     write_static_pair,
 )
 
-#: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
-REAL = Path(os.environ.get("GLSIM_REAL_FRAMES", ROOT.parent / "shared" / "data" / "kinect-v2-real"))
 SIGMA_MM = 2.0
 #: Denoisers of one test module; CLEAN is the scene without noise.
 DENOISERS = """
@@ -106,12 +103,12 @@ def test_a_shift_of_surfaces_is_found_at_every_distance(pair: Path) -> None:
 
 def test_what_moves_between_the_frames_does_not_count(pair: Path) -> None:
     clean = scene()
-    clean[100:220, 320:420] += 25.0
+    clean[145:175, 370:400] += 25.0  # more than half of no block: still one view
     write_frame(pair, "0001", noisy(clean, SIGMA_MM, 2), board_infrared())
     scores = _scores(pair)
     assert scores.methods["raw"].pair_rmse_mm[4] == pytest.approx(SIGMA_MM, rel=0.04)
     # The wall has 206 columns of 424 rows; nothing of the moved part is left but its rim.
-    assert scores.pixels[4] < 2 * (206 * 424 - 118 * 98)
+    assert scores.pixels[4] < 2 * (206 * 424 - 28 * 28)
 
 
 def test_losses_and_fills_at_edges_are_counted(pair: Path) -> None:
@@ -128,8 +125,6 @@ def test_losses_and_fills_at_edges_are_counted(pair: Path) -> None:
 
 
 def test_the_ring_is_the_edge_of_the_nearer_surface_on_both_sides() -> None:
-    from glsim.eval.real_frames.frame_truth import rims_and_shadow
-
     frame = frames_of("panel", [shadowed(800.0, 2000.0, 3, 7)])[0]
     first, second, shadow = rims_and_shadow(frame)
     rows = slice(60, 360)
@@ -217,12 +212,12 @@ def test_errors_name_the_place(
     assert "one static view" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason=f"no real frames in {REAL} (GLSIM_REAL_FRAMES)")
+@needs_real_kinect_v2
 def test_the_real_static_pair_has_the_noise_that_was_measured_twice(tmp_path: Path) -> None:
     """Against reality.md's row of 204 frames; their one pair here has other surfaces."""
     for name in ("0007", "0008"):
         for ending in ("_depth.png", "_ir.png", "_ir_points.yaml"):
-            (tmp_path / f"{name}{ending}").symlink_to(REAL / f"{name}{ending}")
+            (tmp_path / f"{name}{ending}").symlink_to(REAL_KINECT_V2 / f"{name}{ending}")
     scores = score_recording(split_recording(Source(tmp_path)), ["guided"], workers=1)
     assert scores.boards == 2
     raw = np.array(scores.methods["raw"].pair_rmse_mm)

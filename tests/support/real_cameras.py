@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,11 @@ Array = NDArray[np.float64]
 REAL_CAMERAS = Path(__file__).resolve().parents[3] / "shared" / "data" / "real-cameras"
 needs_real_cameras = pytest.mark.skipif(
     not REAL_CAMERAS.is_dir(), reason=f"no recordings of real cameras in {REAL_CAMERAS}"
+)
+#: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
+REAL_KINECT_V2 = Path(os.environ.get("GLSIM_REAL_FRAMES", REAL_CAMERAS.with_name("kinect-v2-real")))
+needs_real_kinect_v2 = pytest.mark.skipif(
+    not REAL_KINECT_V2.is_dir(), reason=f"no frames in {REAL_KINECT_V2} (GLSIM_REAL_FRAMES)"
 )
 #: Focal length times baseline, px mm, by the lattices of the depths. The V1's 43,145 is 575 px x 75
 #: mm, and 1 % more than the spacing of 1/z gave before (42,710).

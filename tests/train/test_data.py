@@ -55,21 +55,6 @@ def test_a_pair_is_the_data_sets_in_millimetres(dataset: Path, cache_mb: float) 
         pairs[FRAMES]
 
 
-def test_the_target_may_be_the_expected_depth(tmp_path: Path) -> None:
-    layers = ["clean", "expected", "noisy"]
-    make(tmp_path / "d", make_settings(layers=layers, depth_unit_mm=0.1), make_tasks(8, 2))
-    pairs = StoredPairs(tmp_path / "d", "train", target="expected")
-    stored = open_dataset(tmp_path / "d").split("train")
-    for number in (0, 0, 3):  # the second time from the cache
-        noisy_mm, expected_mm = pairs[number]
-        np.testing.assert_array_equal(noisy_mm[0], stored[number].noisy_mm)
-        np.testing.assert_array_equal(expected_mm[0], stored[number].expected_mm)
-    # The fake's error is 2 mm.
-    seen = stored[0].clean_mm > 0
-    apart = (stored[0].expected_mm - stored[0].clean_mm)[seen]
-    np.testing.assert_allclose(apart, 2.0, atol=0.11)
-
-
 def test_the_target_is_in_the_recipe_and_in_the_fingerprint(tmp_path: Path) -> None:
     layers = ["clean", "expected", "noisy"]
     make(tmp_path / "d", make_settings(layers=layers), make_tasks(8, 2))

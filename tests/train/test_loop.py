@@ -166,11 +166,6 @@ def test_minutes_end_it_and_count_over_resumes(
     assert again["steps"] == done["steps"]
 
 
-def test_a_longer_limit_goes_on(tmp_path: Path) -> None:
-    run(recipe(training={"max_epochs": 1}), tmp_path)
-    assert run(recipe(training={"max_epochs": 2}), tmp_path, resume=True)["steps"] == 4
-
-
 def poisoned(settings: Recipe) -> StoredBatches:
     domes, held_out = Domes(10), Domes(3)
     domes.noisy[7] = torch.full_like(domes.noisy[7], torch.nan)
