@@ -11,6 +11,7 @@ from glsim.looks.anatomy import Anatomy, Array, Mask
 from glsim.looks.binding import Shell
 from glsim.looks.noise import ridges, smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid
+from glsim.looks.styles import STYLE_TABLE
 
 #: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).
 _EYE_TO_MOUTH_MM: Final = 66.0
@@ -35,19 +36,7 @@ class BeardStyle:
     hang: float = 0.0
 
 
-#: Chosen: stubble and short full beards are the most frequent ones.
-BEARDS: Final = (
-    BeardStyle("stubble", 8, (0.8, 1.8)),
-    BeardStyle("short beard", 7, (3.0, 6.5)),
-    BeardStyle("full beard", 5, (8.0, 15.0), hang=12),
-    BeardStyle("long beard", 2, (12.0, 20.0), hang=45),
-    BeardStyle("goatee", 3, (4.0, 11.0), cheeks=False, hang=10),
-    BeardStyle("moustache", 3, (4.0, 8.0), cheeks=False, chin=False),
-    BeardStyle("chin beard", 1, (4.0, 10.0), cheeks=False, lip=False, hang=12),
-    BeardStyle("chin strap", 1, (3.0, 6.0), lip=False),
-)
-
-
+BEARDS: Final = tuple(BeardStyle(name, **row) for name, row in STYLE_TABLE["beard"].items())
 #: Where brows grow on a source: the grid, (N, 3) points on the reference, mm, and (N,) weights.
 BrowGrid = tuple[SkinGrid, Array, Array]
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, Array
+from glsim.looks.styles import STYLE_TABLE
 
 _SIDES: Final = 28  # corners of a rim
 #: Distance from the cornea to the back of a lens: opticians fit 12 to 14 mm.
@@ -34,16 +35,7 @@ class GlassesStyle:
     power: float
 
 
-#: Sizes in the range that opticians sell (lens 44-58 mm, bridge 14-22 mm); rims chosen.
-GLASSES: Final = (
-    GlassesStyle("round, wire", 45, 43, 1.8, 2.0),
-    GlassesStyle("oval, wire", 50, 36, 1.8, 2.2),
-    GlassesStyle("rectangular, thin", 53, 34, 2.5, 3.6),
-    GlassesStyle("rectangular, thick", 53, 38, 4.5, 4.0),
-    GlassesStyle("browline", 51, 41, 3.5, 3.0),
-    GlassesStyle("large, thick", 56, 49, 4.5, 2.8),
-    GlassesStyle("pilot", 57, 48, 1.8, 2.5),
-)
+GLASSES: Final = tuple(GlassesStyle(n, **row) for n, row in STYLE_TABLE["glasses"].items())
 
 
 def make_glasses(

@@ -1,4 +1,4 @@
-"""Hair styles of the table styles.toml: their dimensions and shares."""
+"""The table styles.toml of hair, beards and glasses, and its hair styles."""
 
 from __future__ import annotations
 
@@ -59,5 +59,6 @@ class HairStyle:
     extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
 
 
-_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
-STYLES: Final = tuple(HairStyle(name, **row) for name, row in _TABLE.items())
+#: Hair, beards and glasses: name -> dimensions.
+STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
+STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())
