@@ -10,13 +10,12 @@ import logging
 import os
 import socket
 import time
-import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
-from glsim.core.errors import ConfigError, DatasetError, GlsimError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.worker_processes import SINGLE_THREADED, WorkerFailure
 
 log = logging.getLogger(__name__)
@@ -136,15 +135,6 @@ def cluster_cores(ray: Any) -> int:
         return int(ray.cluster_resources().get("CPU", 0))
 
 
-def failure_of(error: Exception) -> WorkerFailure:
-    """Convert an exception to a WorkerFailure; foreign errors get the machine's name."""
-    if isinstance(error, GlsimError):
-        return WorkerFailure(error)
-    failure = GlsimError(f"{type(error).__name__} on {socket.gethostname()}: {error}")
-    failure.add_note(traceback.format_exc())
-    return WorkerFailure(failure)
-
-
 def run_tasks(
     ray: Any,
     function: Callable[..., object],
@@ -162,7 +152,8 @@ def run_tasks(
             whose result is lost with its node is made again.
         environment: variables for the processes of the nodes.
     """
-    task = remote_task(ray, function, environment)
+    variables = {"env_vars": SINGLE_THREADED | dict(environment or {})}
+    task = ray.remote(function).options(num_cpus=1, max_retries=_RETRIES, runtime_env=variables)
     source = iter(calls)
     again: deque[tuple[_T, tuple[Any, ...]]] = deque()
     running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
@@ -215,16 +206,6 @@ def _count_loss(lost: Counter[_T], name: _T, error: LostResultError) -> None:
 
 class LostResultError(Exception):
     """The error that a call's result was lost together with its node."""
-
-
-def remote_task(
-    ray: Any, function: Callable[..., object], environment: Mapping[str, str] | None = None
-) -> Any:
-    """Return a function as a Ray task on one core and one thread, with retries."""
-    variables = SINGLE_THREADED | dict(environment or {})
-    return ray.remote(function).options(
-        num_cpus=1, max_retries=_RETRIES, runtime_env={"env_vars": variables}
-    )
 
 
 def start_task(ray: Any, task: Any, *arguments: object) -> Any:

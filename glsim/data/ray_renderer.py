@@ -26,9 +26,9 @@ from glsim.data.dataset_run import ChunkRenderer
 from glsim.data.disk_format import STATE
 from glsim.data.frame_maker import SameMachineSimulator
 from glsim.data.input_hashes import refuse_other_inputs
-from glsim.data.ray_cluster import failure_of, ray_cluster, run_tasks
+from glsim.data.ray_cluster import ray_cluster, run_tasks
 from glsim.data.records import ChunkRecord, parse_chunk_record
-from glsim.data.worker_processes import WorkerFailure
+from glsim.data.worker_processes import WorkerFailure, failure_of
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
         with temporary_folder() as folder:
             return _render(_shared.job, chunk, folder)
     except Exception as error:
-        return failure_of(error)
+        return failure_of(error, f"on {socket.gethostname()}")
 
 
 def _prepared(shared: ClusterJob) -> RenderJob:

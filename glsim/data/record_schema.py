@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, Literal, NotRequired
 
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
@@ -158,35 +159,6 @@ class HeaderRecord(_Open):
     regions: NotRequired[dict[str, Count]]
 
 
-_FRAME: TypeAdapter[FrameRecord] = TypeAdapter(FrameRecord)
-_HEADER: TypeAdapter[HeaderRecord] = TypeAdapter(HeaderRecord)
-_SUMMARY: TypeAdapter[_Summary] = TypeAdapter(_Summary)
-_FILE: TypeAdapter[_File] = TypeAdapter(_File)
-
-
-def parse_frame(line: bytes | str, where: str) -> dict[str, Any]:
-    """Parse and check a manifest line. Raises DatasetError with ``where`` and the field."""
-    return _parse(_FRAME, line, where)
-
-
-def parse_summary(line: bytes | str, where: str) -> dict[str, Any]:
-    """Parse and check the first line of a chunk record. Raises DatasetError."""
-    return _parse(_SUMMARY, line, where)
-
-
-def parse_checksum(line: bytes | str, where: str) -> dict[str, Any]:
-    """Parse and check a recorded size and CRC32. Raises DatasetError."""
-    return _parse(_FILE, line, where)
-
-
-def parse_header(data: bytes, where: str) -> dict[str, Any]:
-    """Parse and check the bytes of dataset.json. Raises DatasetError."""
-    header = _parse(_HEADER, data, where)
-    if len(header["frames"]) != 3:
-        raise DatasetError(f"{where} is damaged: frames: it lacks a split")
-    return header
-
-
 def _parse(adapter: TypeAdapter[Any], data: bytes | str, where: str) -> dict[str, Any]:
     try:
         value: dict[str, Any] = adapter.validate_json(data)
@@ -201,3 +173,19 @@ def _problem(error: ValidationError) -> str:
     field = ".".join(ascii(part).strip("'")[:60] for part in problem["loc"])
     message = str(problem["msg"]).removeprefix("Invalid JSON: ").removeprefix("Value error, ")
     return f"{field}: {message}" if field else message
+
+
+#: Parse and check a manifest line, the first line of a chunk record, and a recorded size and CRC32:
+#: take JSON and where it is from; raise DatasetError that names that and the field.
+parse_frame = partial(_parse, TypeAdapter(FrameRecord))
+parse_summary = partial(_parse, TypeAdapter(_Summary))
+parse_checksum = partial(_parse, TypeAdapter(_File))
+_parse_header = partial(_parse, TypeAdapter(HeaderRecord))
+
+
+def parse_header(data: bytes, where: str) -> dict[str, Any]:
+    """Parse and check the bytes of dataset.json. Raises DatasetError."""
+    header = _parse_header(data, where)
+    if len(header["frames"]) != 3:
+        raise DatasetError(f"{where} is damaged: frames: it lacks a split")
+    return header

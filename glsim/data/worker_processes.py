@@ -129,6 +129,15 @@ class WorkerFailure:
     error: GlsimError
 
 
+def failure_of(error: Exception, where: str = "in a worker") -> WorkerFailure:
+    """Convert an exception to a WorkerFailure; foreign errors say where they happened."""
+    if isinstance(error, GlsimError):
+        return WorkerFailure(error)
+    failure = GlsimError(f"{type(error).__name__} {where}: {error}")
+    failure.add_note(traceback.format_exc())
+    return WorkerFailure(failure)
+
+
 @dataclass(frozen=True)
 class _TaskRequest:
     """The message by which a worker asks for a task; the answer is a list of one task or none."""
@@ -268,14 +277,10 @@ def serve(descriptor: int) -> None:
                     reported_s = now_s
                 if os.getppid() != parent:
                     sys.exit(1)  # the parent was killed: free its locks for the next run at once
-        except GlsimError as error:
-            connection.send(WorkerFailure(error))
         except (EOFError, ConnectionError):
             raise
         except Exception as error:
-            failure = GlsimError(f"{type(error).__name__} in a worker: {error}")
-            failure.add_note(traceback.format_exc())
-            connection.send(WorkerFailure(failure))
+            connection.send(failure_of(error))
     except (EOFError, ConnectionError):
         sys.exit(1)  # nobody listens any more
 

@@ -70,11 +70,27 @@ class FileFaces(FaceSource):
             )
         return list(self.people)[:count]
 
-    def check_subject(self, subject: str) -> None:
-        """Raise ConfigError if the source has no such subject."""
+    def files_of(self, subject: str) -> Any:
+        """Return the files of a subject. Raises ConfigError if the source has no such subject."""
         if subject not in self.people:
             known = did_you_mean(subject, self.people)
             raise ConfigError(f"{self.root}: no subject {subject!r} ({known})")
+        return self.people[subject]
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
+        """Yield a Face per key, or a BadFace if reading its file fails in any way."""
+        for key in keys:
+            try:
+                with one_bad_file(self.root / key.path):
+                    face = self._face(key)
+            except MeshError as error:
+                yield BadFace(key, error)
+            else:
+                yield face
+
+    @abstractmethod
+    def _face(self, key: FaceKey) -> Face:
+        """Read the face of a frame. May raise any error."""
 
     def shared(self, faces: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return triangles, as the same array as earlier if equal ones were given."""
@@ -124,17 +140,3 @@ def one_bad_file(file: Path | str) -> Iterator[None]:
         reason = " ".join(str(error).split())[:_REASON_LENGTH]
         what = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
         raise MeshError(f"{file}: cannot be used ({what}); mend it, or take it away") from error
-
-
-def load_faces(
-    keys: Sequence[FaceKey], make: Callable[[FaceKey], Face]
-) -> Iterator[Face | BadFace]:
-    """Yield a Face per key, or a BadFace if reading its file fails in any way."""
-    for key in keys:
-        try:
-            with one_bad_file(key.path):
-                face = make(key)
-        except MeshError as error:
-            yield BadFace(key, error)
-        else:
-            yield face

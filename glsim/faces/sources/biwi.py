@@ -13,7 +13,7 @@ settings give its position, as for every source.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -27,11 +27,11 @@ from glsim.core.errors import MeshError
 from glsim.core.files.listing import entries
 from glsim.core.mesh import Mesh
 from glsim.core.products import product
-from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, read_mesh
 from glsim.faces.scans.biwi_files import HeadPose, read_pose
-from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces
+from glsim.faces.scans.file_source import FileFaces, file_contents
 from glsim.faces.scans.file_tree import last_number
 
 AXES: Final = "+x-y-z"
@@ -87,9 +87,8 @@ class Biwi(FileFaces):
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a person's first ``count`` frames. Raises ConfigError."""
-        self.check_subject(subject)
         keys: list[FaceKey] = []
-        for recording in self.people[subject]:
+        for recording in self.files_of(subject):
             names, _ = entries(self.root / recording, (_POSE,))
             numbers = {last_number(name) or 0: name for name in names}
             first = min(numbers, default=0)
@@ -110,10 +109,6 @@ class Biwi(FileFaces):
         keys = [key for subject in subjects for key in self.frames(subject, None)]
         templates = dict.fromkeys(self.root / f"{key.sequence}.obj" for key in keys)
         return file_contents(self.root, [*templates, *(self.root / key.path for key in keys)])
-
-    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one face per key: the person's template, rotated by the frame's pose file."""
-        return load_faces(keys, self._face)
 
     def pose(self, key: FaceKey) -> HeadPose:
         """Read the head pose of a frame. Raises MeshError."""
@@ -136,6 +131,7 @@ class Biwi(FileFaces):
         return replace(template, vertices_mm=_as_float32(in_camera))
 
     def _face(self, key: FaceKey) -> Face:
+        """Return the person's template, rotated by the frame's pose file."""
         template, alignment = self._template(key.sequence)
         pose = self.pose(key)
         rotation = product(product(_FLIP_YZ, pose.rotation), _FLIP_YZ)

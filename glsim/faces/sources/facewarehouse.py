@@ -33,11 +33,11 @@ from pydantic import Field
 from glsim.core.errors import MeshError
 from glsim.core.files.listing import entries
 from glsim.core.mesh import Mesh
-from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, drop_degenerate, find_alignment_in_format
 from glsim.faces.meshes.obj import read_obj, read_vertices
-from glsim.faces.scans.file_source import FileFaces, file_contents, load_faces, one_bad_file
+from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 
 SHAPES: Final = 47
 """The neutral face and 46 expressions. A reader that takes 46 as the total loses the last one."""
@@ -134,7 +134,7 @@ class FaceWarehouse(FileFaces):
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return a person's first ``count`` keys: shapes, then poses. Raises ConfigError."""
-        files = self._files_of(subject)
+        files = self.files_of(subject)
         keys = []
         for number in range((SHAPES - 1) * self._steps + 1):
             low, share = divmod(number, self._steps)
@@ -153,16 +153,13 @@ class FaceWarehouse(FileFaces):
         """Hash the files of these people, with the OBJ files of their topology."""
         paths: list[Path] = []
         for subject in subjects:
-            files = self._files_of(subject)
+            files = self.files_of(subject)
             paths += [*([files.bs] if files.bs else []), *files.shapes.values()]
             paths += [*files.poses.values(), *self._topology_file(subject)]
         return file_contents(self.root, paths)
 
-    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one face per key; people of one topology share one ``faces`` array."""
-        return load_faces(keys, self._face)
-
     def _face(self, key: FaceKey) -> Face:
+        """Return a frame's face; people of one topology share one ``faces`` array."""
         person = self.read_once(key.subject, self._geometry_of)
         weights = self._weights(key)
         points = self._points(key, weights, person.vertices)
@@ -186,7 +183,7 @@ class FaceWarehouse(FileFaces):
         self, key: FaceKey, weights: dict[int, float], count: int
     ) -> NDArray[np.floating[Any]]:
         """Read the vertices (V, 3) of a frame, in the file's unit."""
-        files = self._files_of(key.subject)
+        files = self.files_of(key.subject)
         meshes: list[NDArray[np.floating[Any]]]
         if files.bs and weights:
             meshes = [*read_blend_shapes(files.bs, weights)]
@@ -204,7 +201,7 @@ class FaceWarehouse(FileFaces):
 
     def _geometry_of(self, subject: str) -> _PersonGeometry:
         """Measure a person's topology and alignment on the neutral face. Raises MeshError."""
-        files = self._files_of(subject)
+        files = self.files_of(subject)
         faces, count = self._topology(subject)
         neutral = files.bs or files.shapes.get(0) or files.poses.get(0)
         if neutral is None:
@@ -244,13 +241,9 @@ class FaceWarehouse(FileFaces):
 
     def _topology_file(self, subject: str) -> list[Path]:
         """Return an OBJ file with the triangles, another person's if needed; [] if none."""
-        own = self._files_of(subject)
+        own = self.files_of(subject)
         files = [own, *self.people.values()]
         return [path for f in files for path in (*f.shapes.values(), *f.poses.values())][:1]
-
-    def _files_of(self, subject: str) -> _PersonFiles:
-        self.check_subject(subject)
-        return self.people[subject]
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self.root).as_posix()

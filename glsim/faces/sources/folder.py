@@ -16,18 +16,17 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
 from glsim.core.files.listing import entries, files_below, natural
-from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import (
     FileMesh,
@@ -77,31 +76,22 @@ class Folder(FileFaces):
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a subject's first ``count`` frames. Raises ConfigError."""
-        self.check_subject(subject)
-        return self.people[subject][:count]
+        keys: list[FaceKey] = self.files_of(subject)
+        return keys[:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
         """Hash all mesh files of these subjects: file -> hash."""
         keys = (key for subject in subjects for key in self.frames(subject, None))
         return file_contents(self.root, (path for key in keys for path in self._paths(key)))
 
-    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one face per key; consecutive meshes of one topology share one ``faces`` array."""
-        shared: NDArray[np.int32] | None = None
-        for key in keys:
-            try:
-                with one_bad_file(self.root / key.path):
-                    file_mesh = self._read(key)
-                    alignment = self._alignment_of(key)
-                    mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
-            except MeshError as error:
-                yield BadFace(key, error)
-                continue
-            if shared is not None and np.array_equal(shared, mesh.faces):
-                mesh = replace(mesh, faces=shared)
-            shared = mesh.faces
-            notes = manifest_notes(file_mesh, alignment) | self._notes(key)
-            yield Face(key, mesh, notes=notes)
+    def _face(self, key: FaceKey) -> Face:
+        """Return a frame's face; consecutive meshes of one topology share one ``faces`` array."""
+        file_mesh, alignment = self._read(key), self._alignment_of(key)
+        mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
+        if self._topologies and np.array_equal(self._topologies[0], mesh.faces):
+            mesh = replace(mesh, faces=self._topologies[0])
+        self._topologies = [mesh.faces]
+        return Face(key, mesh, notes=manifest_notes(file_mesh, alignment) | self._notes(key))
 
     def _paths(self, key: FaceKey) -> list[Path]:
         """Return the paths of a frame's mesh files."""
