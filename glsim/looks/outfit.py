@@ -14,46 +14,15 @@ from glsim.looks.beard import BEARDS, BeardStyle
 from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
 from glsim.looks.glasses import GLASSES, GlassesStyle
 from glsim.looks.noise import Pattern
-from glsim.looks.styles import STYLES, HairStyle
+from glsim.looks.styles import STYLE_TABLE, STYLES, HairStyle
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import AppearanceSettings
 
 _Choice = TypeVar("_Choice")
 
-# Diffuse reflectivity at 860 nm relative to a white wall (0.87 absolute). Melanin absorbs less and
-# less towards the infrared, as the power -3.5 of the wavelength (S. L. Jacques, Phys. Med. Biol.
-# 58, R37, 2013): at 860 nm a fifth of its absorption at 550 nm, but still up to 1400 nm, while dyes
-# of hair absorb nothing beyond 750 nm (J. Cosmet. Sci. 51, 183-192, 2000). So black hair is dark
-# grey and dyed hair as bright as the hair below. Colour, weight, range; ranges between the 0.05 to
-# 0.3 of dark hair in the sensor's notes and skin; weights chosen.
-HAIR_COLOURS: Final = (
-    ("black", 0.42, (0.10, 0.22)),
-    ("brown", 0.32, (0.18, 0.34)),
-    ("blond", 0.12, (0.34, 0.55)),
-    ("grey", 0.11, (0.36, 0.62)),
-    ("red", 0.03, (0.28, 0.45)),
-)
-#: Dyes of cotton, wool and polyester are clear beyond 750 to 800 nm, so that thin cloth of any
-#: colour has the reflectance of undyed fibre there, 0.5 to 0.8; coarse and hairy weaves, denim and
-#: wool, trap light between their yarns; carbon-black pigments stay dark. Range, share; chosen.
-CLOTH_ALBEDO: Final = (((0.50, 0.85), 0.48), ((0.25, 0.50), 0.30), ((0.06, 0.22), 0.22))
-#: Patterns of the cloth and their shares; chosen. What is woven of two dyes is hardly seen in the
-#: infrared, what is of two fibres is, and prints with carbon black are.
-PATTERNS: Final[tuple[tuple[Pattern, float], ...]] = (
-    ("plain", 0.52),
-    ("mottled", 0.16),
-    ("stripes", 0.12),
-    ("checks", 0.08),
-    ("print", 0.12),
-)
+#: Colour of hair, share, range of reflectivity.
+HAIR_COLOURS: Final = STYLE_TABLE["hair_colours"]
 BEARD_FROM_YEARS: Final = 18.0  # chosen
-#: Rims: black plastic to metal; chosen.
-RIM_ALBEDO: Final = (0.06, 0.55)
-#: Uncoated lenses pass 92 % of 860 nm and reflect the rest in one direction: mostly no depth of
-#: their own. Coatings that are made for visible light and tints return or block more. Shares of
-#: lenses that are seen through, that are a weak surface of their own, and that show a bright spot.
-LENSES: Final = (("clear", 0.5), ("dark", 0.3), ("glint", 0.2))
-LENS_ALBEDO: Final = {"dark": (0.015, 0.05), "glint": (0.9, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -135,22 +104,23 @@ def draw_outfit(
     if worn("glasses"):
         draw = rng("glasses")
         given["glasses"] = glasses = GLASSES[int(draw.integers(len(GLASSES)))]
-        given["lens"] = lens = _one_of(LENSES, draw)
+        given["lens"] = lens = _one_of(STYLE_TABLE["lenses"], draw)
         words |= {"appearance.glasses": glasses.name, "appearance.lenses": lens}
-        given["rim_albedo"] = note("rim_albedo", float(draw.uniform(*RIM_ALBEDO)), 3)
+        given["rim_albedo"] = note("rim_albedo", float(draw.uniform(*STYLE_TABLE["rims"])), 3)
         if lens != "clear":
-            given["lens_albedo"] = note("lens_albedo", float(draw.uniform(*LENS_ALBEDO[lens])), 3)
+            span = STYLE_TABLE["lens_albedo"][lens]
+            given["lens_albedo"] = note("lens_albedo", float(draw.uniform(*span)), 3)
     if worn("cloth"):
         draw = rng("cloth")
         garment = UPPER[_choose(_shares(UPPER, woman), draw)]
         words["appearance.cloth"] = garment.name
         given["cloth_albedos"] = tuple(
-            note(f"{name}_albedo", float(draw.uniform(*_one_of(CLOTH_ALBEDO, draw))), 3)
+            note(f"{name}_albedo", float(draw.uniform(*_one_of(STYLE_TABLE["cloth"], draw))), 3)
             for name in ("cloth", "trousers", "shoes")
         )
         lower = LOWER[_choose(_shares(LOWER, woman), draw)]
         given["garments"] = garment, lower, SHOES
-        given["pattern"] = pattern = _one_of(PATTERNS, draw)
+        given["pattern"] = pattern = _one_of(STYLE_TABLE["patterns"], draw)
         words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
         given["tucked"] = bool(draw.random() < garment.tucked)
     return Outfit(**{"hair_albedo": hair_albedo, **given}, words=words, numbers=numbers)

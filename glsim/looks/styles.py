@@ -59,6 +59,6 @@ class HairStyle:
     extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
 
 
-#: Hair, beards and glasses: name -> dimensions.
+#: Dimensions of hair, beards and glasses, reflectivities, shares.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
 STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())
