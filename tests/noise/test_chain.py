@@ -127,12 +127,6 @@ def test_what_does_not_fit_is_refused_before_anything_is_drawn(
         load_sensor(sensor_file(tmp_path, *stages))
 
 
-def test_a_shader_that_leaves_nan_is_reported(context: moderngl.Context, add: Path) -> None:
-    (add / "add.glsl").write_text(ADD.replace("? here", "? sqrt(-here) + here"))
-    with pytest.raises(ConfigError, match=r"left NaN or infinity in \d+ pixels of the depth"):
-        run(context, sensor_file(add, 'use = "add.glsl"'))
-
-
 def changed(folder: Path, old: str, new: str) -> str:
     """A copy of the file of kinect-v2 with ``old`` replaced by ``new``."""
     text = (SENSOR_FOLDER / "kinect-v2.toml").read_text(encoding="utf-8")

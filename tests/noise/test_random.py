@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +20,8 @@ from glsim.gl.targets import TargetPool
 from glsim.noise.twins import values as fields
 from glsim.noise.twins.layers import normal_pair, random_bits, uniform01
 from tests.support.stage_harness import (
-    WHOLE,
     Z_MAX,
     Image,
-    flat,
-    frame,
-    run_twin,
     z_correlation,
     z_mean,
     z_rate,
@@ -180,11 +175,6 @@ def moved(at: fields.Vector, by: NDArray[np.floating] | list[float]) -> fields.V
     return x, y, z
 
 
-def field_of(values: Image) -> NDArray[np.float64]:
-    """The field that moved the depth of a plane at 1 m by at most 100 mm."""
-    return (values.astype(np.float64) - 1.0) * 10.0
-
-
 def test_range_and_mean(field: Field) -> None:
     values = field(points(), 1)
     assert 0.8 < np.abs(values).max() <= 1.0
@@ -228,29 +218,3 @@ def test_continuous(field: Field) -> None:
     for axis in np.eye(3):
         change = np.abs(field(moved(at, step * axis), 1) - field(at, 1))
         assert change.max() < 8.0 * step + 1e-4  # float32 coordinates are 3e-5 apart here
-
-
-def sequence(use: str, seed: int, time_s: float, drift_hz: float) -> NDArray[np.float64]:
-    """The field of a frame of a sequence, by the frame's seed and time."""
-    p = {"lattice_x_px": 8.0, "lattice_y_px": 8.0} if use == "perlin" else {"lattice_px": 8.0}
-    at = frame(seed, time_s=time_s)
-    return field_of(run_twin(use, flat(1.0), at, amplitude_mm=100, drift_hz=drift_hz, **p)["depth"])
-
-
-@pytest.mark.parametrize("use", FIELDS)
-def test_without_drift_frames_are_independent(use: str) -> None:
-    first, second = sequence(use, 0, 0.0, 0.0), sequence(use, 1, 1 / 30, 0.0)
-    cells = WHOLE.width * WHOLE.height / 8**2
-    assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) * np.sqrt(cells) < Z_MAX
-    np.testing.assert_array_equal(first, sequence(use, 0, 9.9, 0.0))
-
-
-@pytest.mark.parametrize("use", FIELDS)
-def test_with_drift_the_field_moves_on(use: str) -> None:
-    frames = [sequence(use, seed, seed / 30, 0.5) for seed in range(4)]
-    for before, after in pairwise(frames):
-        assert 0.0 < np.abs(after - before).max() < 8.0 * 0.5 / 30
-        assert np.corrcoef(before.ravel(), after.ravel())[0, 1] > 0.98
-    later = sequence(use, 300, 10.0, 0.5)
-    cells = WHOLE.width * WHOLE.height / 8**2
-    assert abs(np.corrcoef(frames[0].ravel(), later.ravel())[0, 1]) * np.sqrt(cells) < Z_MAX

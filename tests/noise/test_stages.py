@@ -72,33 +72,6 @@ def test_noise_has_no_bias_and_its_sigma(
     assert abs(z_sd(error, sigma)) < Z_MAX
 
 
-@pytest.mark.parametrize("use", ["axial", "gaussian"])
-def test_white_and_normal(context: moderngl.Context, use: str) -> None:
-    error = error_mm(context, use, 0.9)
-    for lag in ((0, 1), (1, 0), (1, 1), (0, 2)):
-        assert abs(z_correlation(error, np.roll(error, lag, axis=(0, 1)))) < Z_MAX
-    assert abs(stats.skew(error, axis=None)) / np.sqrt(6 / error.size) < Z_MAX
-    assert abs(stats.kurtosis(error, axis=None)) / np.sqrt(24 / error.size) < Z_MAX
-    assert stats.kstest(error.ravel() / error.std(), "norm").pvalue > 1e-5
-
-
-def test_fixed_pattern_belongs_to_the_device(context: moderngl.Context) -> None:
-    layers = flat(0.9)
-    first, next_frame, other = (
-        run_shader(context, "fixed_pattern", layers, at)["depth"]
-        for at in (frame(1), frame(2, time_s=5.0), frame(1, device_seed=4243))
-    )
-    assert first.tobytes() == next_frame.tobytes()
-    a, b = ((1000 * (part - np.float32(0.9))).astype(np.float64) for part in (first, other))
-    columns = [part.mean(axis=0) for part in (a, b)]
-    assert abs(z_correlation(*columns)) < Z_MAX
-    # Every third pixel of every third row: neighbours are alike. A row's own part is taken away.
-    rest = [
-        (part - part.mean(axis=1, keepdims=True) - part.mean(axis=0))[::3, ::3] for part in (a, b)
-    ]
-    assert abs(z_correlation(*rest)) < Z_MAX
-
-
 #: One part of the fixed pattern at a time.
 NO_PATTERN: dict[str, Any] = dict.fromkeys(
     ("pixel_sigma_mm", "column_sigma_mm", "row_sigma_mm", "row_alternation_mm", "row_profile_mm",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import moderngl
 import numpy as np
 import pytest
@@ -22,11 +20,6 @@ GAIN = 1894.0
 RAW = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
 
 
-@lru_cache(maxsize=1)
-def camera(context: moderngl.Context) -> Camera:
-    return Camera.open(context)
-
-
 def phasors(layers: dict[str, Image]) -> np.ndarray:
     """(h, w, 3) complex phasors of the window without its rim."""
     a, b = layers["phasor_a"][8:-8, 8:-8], layers["phasor_b"][8:-8, 8:-8]
@@ -37,7 +30,7 @@ def phasors(layers: dict[str, Image]) -> np.ndarray:
 
 @pytest.mark.parametrize("z_mm", [900.0, 2500.0])
 def test_noise_of_the_taps_has_its_variance(context: moderngl.Context, z_mm: float) -> None:
-    cam = camera(context)
+    cam = Camera.open(context)
     changes = merged(RAW, {"tof_taps": {"companding": 0.0}})
     pure = phasors(cam.shoot([quad(z_mm)], merged(changes, QUIET), crop=CROP))
     wiggle = {"tof_light": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
@@ -70,7 +63,7 @@ def test_companding_is_the_code_of_the_kinect() -> None:
 
 def test_light_spreads_as_measured(context: moderngl.Context) -> None:
     """A bright strip: the share of its light in the columns beside it, by halo and haze."""
-    cam = camera(context)
+    cam = Camera.open(context)
     half = 1.5 * 900 / 365.456  # three columns, less what the rims miss
     scene = [quad(900.0, (-half, half)), quad(930.0, albedo=0.0)]
     spread = {"tof_taps": {"halo": 0.1, "haze": 0.0, "psf_sigma_px": 0.22}}
@@ -87,7 +80,7 @@ def test_light_spreads_as_measured(context: moderngl.Context) -> None:
 
 
 def test_much_light_saturates(context: moderngl.Context) -> None:
-    cam = camera(context)
+    cam = Camera.open(context)
     layers = cam.shoot([quad(900)], {"tof_taps": {"saturation_lsb": 300.0}}, crop=CROP)
     inner = layers["reason"][8:-8, 8:-8]
     assert (inner == Reason.SATURATED).all()
@@ -95,29 +88,16 @@ def test_much_light_saturates(context: moderngl.Context) -> None:
     assert not layers["depth"][8:-8, 8:-8].any()
 
 
-CROP_DECODE = Rect(215, 165, 80, 80)
 #: Only the noise of the light; exact depth.
 LIGHT = {name: {"enabled": 0.0} for name in ("tof_floor", "fixed_pattern", "millimetre_quantise")}
-UNFILTERED = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
-
-
-def depths(
-    cam: Camera, z_mm: float, changes: dict[str, dict[str, float]], frames: int, albedo: float = 1.0
-) -> Image:
-    """(frames, h, w) mm of a wall, without the rim of the window."""
-    shots = [
-        cam.shoot([quad(z_mm, albedo=albedo)], changes, seed=seed, crop=CROP_DECODE)["depth"]
-        for seed in range(frames)
-    ]
-    return 1000 * np.stack(shots)[:, 12:-12, 12:-12]
 
 
 def test_fusion_and_filter_gain(context: moderngl.Context) -> None:
     """Three phases with weights of one: 110.5 mm a radian; the filter divides by almost three."""
     cam = Camera.open(context)
     for z_mm in (1500.0, 3000.0):
-        raw = depths(cam, z_mm, merged(LIGHT, UNFILTERED), 10)
-        filtered = depths(cam, z_mm, LIGHT, 10)
+        raw = walls(cam, 10, merged(LIGHT, RAW), z_mm)
+        filtered = walls(cam, 10, LIGHT, z_mm)
         amplitude = 1894 / (z_mm / 1000) ** 2
         m = np.array([1.322581, 1.0, 1.612903])
         sigma_phase = m * np.sqrt(2 / 3 * (16.5 + 0.0166 * amplitude / m)) / amplitude
@@ -158,7 +138,7 @@ def test_validity_depends_on_the_amplitude(
 ) -> None:
     cam = Camera.open(context)
     albedo = amplitude / 1894
-    found = [cam.shoot([quad(1000.0, albedo=albedo)], seed=s, crop=CROP_DECODE) for s in range(4)]
+    found = [cam.shoot([quad(1000.0, albedo=albedo)], seed=s, crop=CROP_DEVICE) for s in range(4)]
     valid = np.mean([shot["depth"][12:-12, 12:-12] > 0 for shot in found])
     assert low <= valid <= high
     codes = np.unique([shot["reason"][12:-12, 12:-12] for shot in found])
@@ -176,11 +156,10 @@ def walls(
     frames: int,
     changes: dict[str, dict[str, float]],
     z_mm: float = 900.0,
-    device: int = 5,
 ) -> Image:
-    """(frames, h, w) mm without the rim of the window."""
+    """(frames, h, w) mm of a wall, without the rim of the window."""
     shots = [
-        cam.shoot([quad(z_mm)], changes, seed=seed, device=device, crop=CROP_DEVICE)["depth"]
+        cam.shoot([quad(z_mm)], changes, seed=seed, crop=CROP_DEVICE)["depth"]
         for seed in range(frames)
     ]
     return 1000 * np.stack(shots)[:, 12:-12, 12:-12]

@@ -1,11 +1,7 @@
-"""The clean depth against two other renderers: Open3D's ray caster and pyrender's OpenGL."""
+"""The clean depth, normals and shadows against another renderer: Open3D's ray caster."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -89,49 +85,3 @@ def test_shadows_are_those_of_open3d(context: moderngl.Context, face: Mesh, asid
     assert ((lit < 0.5) == hidden).mean() > 0.99
     if aside_m > 1:
         assert 0.05 < hidden.mean() < 0.6
-
-
-#: pyrender reads one of four samples per pixel, up to 3/8 px off its centre; here it draws one.
-_PYRENDER = """
-import sys
-import numpy, pyrender, pyrender.renderer
-from OpenGL.GL import glRenderbufferStorage
-def storage(target, samples, kind, width, height):
-    glRenderbufferStorage(target, kind, width, height)
-pyrender.renderer.glRenderbufferStorageMultisample = storage
-given = numpy.load(sys.argv[1])
-camera = pyrender.IntrinsicsCamera(*given["camera"], znear=0.1, zfar=12.0)
-renderer = pyrender.OffscreenRenderer(*(int(n) for n in given["size"]))
-depths = []
-for points in given["points"]:
-    part = pyrender.Primitive(positions=points * numpy.float32([1, -1, -1]),
-                              indices=given["faces"].astype(numpy.uint32), mode=4)
-    scene = pyrender.Scene()
-    scene.add(pyrender.Mesh([part]))
-    scene.add(camera, pose=numpy.eye(4))
-    depths.append(renderer.render(scene, flags=pyrender.RenderFlags.DEPTH_ONLY))
-numpy.save(sys.argv[2], numpy.stack(depths))
-"""
-
-
-@pytest.mark.long
-def test_depth_is_that_of_pyrender(context: moderngl.Context, face: Mesh, tmp_path: Path) -> None:
-    """Runs in its own process, because pyrender leaves its context current."""
-    np.savez(
-        tmp_path / "scene.npz",
-        points=np.stack([camera_points(face, pose) for pose in POSES]).astype(np.float32),
-        faces=face.faces,
-        camera=[V2.fx, V2.fy, V2.cx, V2.cy],
-        size=[V2.width, V2.height],
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", _PYRENDER, tmp_path / "scene.npz", tmp_path / "depth.npy"],
-        env=os.environ | {"PYOPENGL_PLATFORM": "egl"},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    theirs = np.load(tmp_path / "depth.npy")
-    for pose, depth in zip(POSES, theirs, strict=True):
-        check(layers_of(context, rig(), [(face, pose)])["clean"], depth)

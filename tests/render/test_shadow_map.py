@@ -115,15 +115,6 @@ def test_a_sphere_does_not_shadow_itself_and_is_dark_on_the_far_side(
     assert not layers["lit"][turned_away].any()
 
 
-def test_the_facets_of_a_face_do_not_shadow_each_other(context: moderngl.Context) -> None:
-    emitter = (0.045, 0.0, 0.0)
-    layers = layers_of(context, rig(emitter), [(face_mesh(), {"distance_mm": 900.0})])
-    cosine = angle_to_emitter(layers["clean"], layers["normal"][..., :3], emitter)
-    facing = interior(layers["clean"], 1) & (cosine > np.cos(np.radians(75)))
-    assert not (layers["lit"][facing] < 0.5).any()
-    assert (layers["lit"][facing] < 1).mean() < 0.01
-
-
 SCENES: dict[str, list[Mesh | tuple[Mesh, dict[str, float]]]] = {
     "face": [(face_mesh(), {"distance_mm": 900.0, "yaw_deg": 25.0})],
     "face and wall": [

@@ -19,7 +19,6 @@ from glsim.settings.schema import load_settings
 from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from tests.support.scenes import V2, Plane, face_mesh, frames_of, layers_of, rig, settings_for
-from tests.support.stage_harness import Z_MAX, z_sd
 
 SENSORS = ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
 
@@ -150,18 +149,6 @@ def test_cameras_default_to_the_sensors_own() -> None:
     assert camera((60, 80)) == [80, 60, f, f, 40, 30]
     given = camera((60, 80), focal_px=(500, 510), centre_px=(10, 20))
     assert given == [80, 60, 500, 510, 10, 20]
-
-
-@pytest.mark.parametrize("backend", [None, "numpy"])
-def test_the_noise_is_that_of_the_sensor(backend: str | None) -> None:
-    """Axial noise alone follows its formula, in tenths of a millimetre."""
-    flat = np.full((128, 128), 20_000, np.uint16)
-    only = {"axial": {"angle_mm": 0}, "millimetre_quantise": {"step_mm": 0.1}}
-    off = {n: {"enabled": False} for n in ("lateral", "fixed_pattern", "edge_dropout", "shadow")}
-    output = {"depth_unit_mm": 0.1}
-    frame = corrupted("kinect-v2-fankhauser", flat, "a", backend, stage=only | off, output=output)
-    error_mm = (frame.noisy.astype(float) - 20_000) / 10
-    assert abs(z_sd(error_mm, float(np.hypot(1.5 - 0.5 * 2 + 0.3 * 4, 0.1 / np.sqrt(12))))) < Z_MAX
 
 
 def test_normals_of_a_map_are_those_of_its_plane() -> None:

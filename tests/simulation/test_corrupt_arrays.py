@@ -188,32 +188,6 @@ def check_noise(depth: NDArray[np.float32]) -> None:
     assert 0.3 < np.median(np.abs(error_mm)) < 6.0
 
 
-def _noisy_bytes(job: tuple[DepthNoise, NDArray[np.float32]]) -> bytes:
-    corrupter, depth_m = job
-    return bytes(corrupter(depth_m, frame=3).tobytes())
-
-
-@pytest.mark.parametrize(
-    ("start", "backend", "used"),
-    [
-        ("fork", "numpy", False),
-        ("fork", None, True),
-        ("spawn", "numpy", True),
-        ("spawn", None, False),
-    ],
-)
-@pytest.mark.long
-def test_it_works_in_other_processes(start: str, backend: str | None, used: bool) -> None:
-    """As in the workers of a DataLoader, also after maps were made in the parent."""
-    depth_m = np.full((40, 48), 0.9, np.float32)
-    with DepthNoise(backend=backend) as corrupter:
-        here = _noisy_bytes((corrupter, depth_m)) if used else b""
-        with multiprocessing.get_context(start).Pool(2) as pool:
-            one, other = pool.map(_noisy_bytes, [(corrupter, depth_m)] * 2)
-        here = here or _noisy_bytes((corrupter, depth_m))
-    assert one == other == here
-
-
 #: Forks before the sensor's shaders were ever compiled; argument: the sensor that the parent uses.
 _FORKS = """
 import multiprocessing, sys, numpy
@@ -245,22 +219,22 @@ def test_a_forked_process_compiles_shaders(before: list[str], tmp_path: Path) ->
     assert done.returncode == 0, done.stderr
 
 
-def _through_a_parent(depth_m: NDArray[np.float32]) -> bytes:
-    return _noisy_bytes((_PARENTS[0], depth_m))
-
-
 _PARENTS: list[DepthNoise] = []
+
+
+def _noisy_bytes(depth_m: NDArray[np.float32]) -> bytes:
+    return _PARENTS[0](depth_m, frame=3).tobytes()
 
 
 def test_a_forked_process_opens_a_context_of_its_own() -> None:
     """It is inherited, not pickled, and was used before."""
     depth_m = np.full((40, 48), 0.9, np.float32)
     with DepthNoise() as corrupter:
-        here = _noisy_bytes((corrupter, depth_m))
         _PARENTS[:] = [corrupter]
+        here = _noisy_bytes(depth_m)
         with multiprocessing.get_context("fork").Pool(1) as pool:
-            assert pool.map(_through_a_parent, [depth_m]) == [here]
-        assert _noisy_bytes((corrupter, depth_m)) == here
+            assert pool.map(_noisy_bytes, [depth_m]) == [here]
+        assert _noisy_bytes(depth_m) == here
 
 
 def test_float_millimetres_are_refused_and_empty_maps_are_not() -> None:

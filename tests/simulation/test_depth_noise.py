@@ -51,7 +51,7 @@ def distinct(maps: NDArray[np.float32]) -> int:
 @pytest.mark.parametrize("backend", [None, "numpy"])
 def test_each_call_draws_new_noise_and_a_seed_repeats_it(backend: str | None) -> None:
     noise = DepthNoise("kinect-v2-fankhauser", seed=3, backend=backend)
-    made = np.stack([noise(CLEAN) for _ in range(3)])
+    made = np.concatenate([noise(np.stack([CLEAN] * 2)), noise(CLEAN)[None]])
     assert made.dtype == np.float32
     assert distinct(made) == 3
     error_mm = 1000 * (made - CLEAN)[made > 0]
@@ -61,14 +61,6 @@ def test_each_call_draws_new_noise_and_a_seed_repeats_it(backend: str | None) ->
     other = DepthNoise("kinect-v2-fankhauser", seed=4, backend=backend)
     assert (other(CLEAN) != made[0]).any()
     np.testing.assert_array_equal(noise(CLEAN, frame=7), again(CLEAN, frame=7))
-
-
-def test_maps_of_a_batch_have_noise_of_their_own_and_so_has_the_next() -> None:
-    noise = DepthNoise("kinect-v2-fankhauser", backend="numpy")
-    first = noise(np.stack([CLEAN] * 4)[:, None])
-    second = noise(np.stack([CLEAN] * 4)[:, None])
-    assert first.shape == (4, 1, *SHAPE)
-    assert distinct(np.concatenate([first, second])) == 8
 
 
 def test_p_is_the_share_of_changed_maps() -> None:
@@ -88,18 +80,6 @@ def test_it_is_pickled_as_its_settings() -> None:
     copy = pickle.loads(pickle.dumps(noise))
     assert repr(copy) == repr(noise) == "DepthNoise('kinect-v2', p=0.5, seed=9)"
     np.testing.assert_array_equal(copy(CLEAN, frame=1), before)
-
-
-def test_what_is_no_depth_map_is_refused() -> None:
-    noise = DepthNoise(backend="numpy")
-    with pytest.raises(ConfigError, match="float metres"):
-        noise(np.full(SHAPE, 900, np.uint16))
-    with pytest.raises(ConfigError, match="millimetres"):
-        noise(np.linspace(500, 900, 64, dtype=np.float32).reshape(8, 8))
-    with pytest.raises(ConfigError, match="an array or a tensor"):
-        noise(0.9)
-    with pytest.raises(ConfigError, match="kinect-v3"):
-        DepthNoise("kinect-v3")
 
 
 @pytest.mark.parametrize(

@@ -100,13 +100,3 @@ def test_several_sources_make_one_plan(tmp_path: Path) -> None:
     assert {task.subject[:2] for task in tasks} == {"0-", "1-", "2-"}
     assert {task.split for task in tasks} == {"train", "val", "test"}
     assert load_settings(overrides={"split": "0.5,0.25,0.25"}).split == (0.5, 0.25, 0.25)
-
-
-def test_unknown_options_are_refused() -> None:
-    for options, message in (
-        ({"kind": "folder", "every": 2}, r"every: folder has no such option \(biwi, d3dfacs"),
-        ({"kind": "d3dfacs", "evry": 2}, "no such setting 'source.0.evry' .did you mean 'every'"),
-        ({"kind": "d3dfacs", "every": 0}, "source.0.every: .*greater than or equal to 1"),
-    ):
-        with pytest.raises(ConfigError, match=message):
-            load_settings(overrides={"source": options})

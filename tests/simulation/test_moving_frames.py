@@ -13,8 +13,6 @@ from glsim.core.camera import Exposure
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import Mesh
 from glsim.core.reason import Reason
-from glsim.render.renderer import Renderer
-from glsim.render.sub_frames import SubFrames
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator, open_sources, simulate
@@ -190,9 +188,3 @@ def test_sensors_that_cannot_show_motion_are_named(
     with pytest.raises(ConfigError, match=message) as caught:
         Simulator(settings, [], context)
     assert "\n" not in str(caught.value)
-
-
-def test_the_programs_of_sub_frames_link(context: moderngl.Context) -> None:
-    """Also on a context that has drawn nothing yet."""
-    assert Renderer(context, Simulator(settings_for("ideal"), [], context).sensor.rig)
-    assert SubFrames(context)

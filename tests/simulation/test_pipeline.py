@@ -113,20 +113,6 @@ def test_other_processes_and_backends_give_the_same_bytes(
         assert ours == theirs or not same_renderer
 
 
-@pytest.mark.long
-def test_two_simulations_may_be_taken_in_turn(context: moderngl.Context) -> None:
-    """Each has its own context; both run in one thread."""
-    one, other = moving_settings(), moving_settings("ideal")
-    alone = [list(made(context, settings).values()) for settings in (one, other)]
-    both = zip(
-        simulate(one, plan_of(one)[1], sources=plan_of(one)[0]),
-        simulate(other, plan_of(other)[1], sources=plan_of(other)[0]),
-        strict=True,
-    )
-    assert [(fingerprint(a), fingerprint(b)) for a, b in both] == list(zip(*alone, strict=True))
-    assert list(made(context, one).values()) == alone[0]
-
-
 @pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2", "kinect-v2-paper"])
 @pytest.mark.parametrize("wall", [None, 1300])
 def test_a_crop_is_cut_from_the_whole_frame(
