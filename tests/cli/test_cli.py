@@ -88,23 +88,6 @@ def test_generate_preview_and_corrupt_go_together(here: Path) -> None:
         assert 0.5 < (noisy.astype(float) - truth)[both].std() < 20
 
 
-def test_corrupt_takes_a_folder_and_names_what_it_cannot_read(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (here / "maps" / "a").mkdir(parents=True)
-    depth = np.full((60, 80), 900, np.uint16)
-    cv2.imwrite(str(here / "maps" / "a" / "good.png"), depth)
-    cv2.imwrite(str(here / "maps" / "eight.png"), depth.astype(np.uint8))
-    (here / "maps" / "broken.png").write_bytes(b"\x89PNG but not really")
-    assert run("corrupt", "maps", "-o", "noisy", "--sensor", "ideal") == 1
-    error = capsys.readouterr().err
-    assert "eight.png" in error
-    assert "broken.png" in error
-    assert "2 of 3" in error
-    written = cv2.imread(str(here / "noisy" / "a" / "good.png"), cv2.IMREAD_UNCHANGED)
-    np.testing.assert_array_equal(written, depth)
-
-
 def test_a_folder_of_nothing_but_bad_meshes_fails_and_records_them(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

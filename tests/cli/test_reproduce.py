@@ -14,7 +14,7 @@ from glsim.eval.paper.ours_beside_printed import read_cases
 from glsim.eval.paper.printed_values import PRINTED_NETWORKS
 from glsim.eval.paper.reproduce import load_plan
 from glsim.simulation.plan.split import PAPER_IMAGES, split_as_paper
-from tests.support.face_set_trees import write_tree
+from tests.support.face_sets import write_tree
 
 TINY = """
 title = "tiny"

@@ -13,8 +13,7 @@ from glsim.data.reader import open_dataset
 from glsim.data.recordings.recording import open_recording
 from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
 from glsim.faces.sources.biwi import Biwi
-from tests.support.face_set_trees import WRITERS, tree
-from tests.support.face_sets import put, write_recording
+from tests.support.face_sets import WRITERS, put, tree, write_recording
 
 
 def _import(root: Path, out: Path, *options: str) -> int:

@@ -13,13 +13,14 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png
 from glsim.data.inspection import inspect, open_faces, recognise
 from tests.support.face_models import write_face_x_model
-from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     FACE,
     TRIANGLES,
+    WRITERS,
     obj_bytes,
     ply_bytes,
     put,
+    tree,
     write_recording,
     write_tester,
 )

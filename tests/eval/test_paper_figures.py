@@ -19,7 +19,7 @@ from glsim.eval.report.figures.panels import method_panels
 from glsim.eval.report.figures.style import to_png
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
-from tests.support.face_set_trees import write_tree
+from tests.support.face_sets import write_tree
 
 
 @pytest.fixture(scope="module")

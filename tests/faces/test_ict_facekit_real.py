@@ -16,6 +16,7 @@ from glsim import frames, load_settings
 from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.meshes.alignment import estimate_alignment
 from glsim.faces.sources.ict_facekit import IctFaceKit, load_model
+from tests.support.landmark_order import MIRROR, assert_order
 
 pytestmark = pytest.mark.long  # the small model has the quick tests
 
@@ -87,19 +88,9 @@ def test_real_faces_vary_as_published_and_look_at_the_sensor(real_model: IctFace
 def test_the_landmarks_of_the_real_face_are_in_the_order_of_multi_pie(
     real_model: IctFaceKit,
 ) -> None:
-    """The subject's right, where each part begins, is at negative x; y is up, z out of the face."""
     points = load_model(real_model.root).basis[0].reshape(-1, 3)[real_model.topology.landmarks]
-    x, y, z = points.T
-    assert points.shape == (68, 3)
-    for line in (slice(0, 17), slice(17, 27), slice(31, 36), slice(48, 55)):  # jaw to lips
-        assert (np.diff(x[line]) > 0).all()
-    pairs = [(0, 16), (17, 26), (31, 35), (36, 45), (39, 42), (48, 54), (60, 64)]
-    for right, left in pairs:
-        np.testing.assert_allclose(points[right] * [-1, 1, 1], points[left], atol=1.0)
-    assert np.argmin(y) == 8  # the chin
-    assert np.argmax(z) == 30  # the tip of the nose
-    assert y[[37, 38, 43, 44]].min() > y[[40, 41, 46, 47]].max()  # upper and lower lids
-    assert y[51] > y[62] > y[66] > y[57]  # lips from above
+    np.testing.assert_allclose(points[MIRROR] * [-1, 1, 1], points, atol=1.0)
+    assert_order(points.astype(np.float64))
 
 
 def test_heads_wear_cloth_that_ends_below_with_their_skin(real_model: IctFaceKit) -> None:

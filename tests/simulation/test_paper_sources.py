@@ -16,7 +16,7 @@ from glsim.simulation.plan.paper_sources import (
 )
 from glsim.simulation.plan.split import PAPER_IMAGES
 from glsim.simulation.plan.tasks import make_tasks
-from tests.support.face_set_trees import write_tree
+from tests.support.face_sets import write_tree
 
 FOLDERS = {"d3dfacs": "d3dfacs_alignments", "facewarehouse": "FaceWarehouse", "biwi": "hpdb"}
 

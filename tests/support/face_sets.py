@@ -13,6 +13,10 @@ from tests.support.face_models import analytic_face
 
 FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 ROWS, COLUMNS = 31, 25
+#: Trees of another writer, if they are beside the repository.
+OTHERS = Path(__file__).resolve().parents[3] / "shared" / "data" / "fixtures"
+#: Who wrote the trees that tests read: always this module, and the other writer if there is one.
+WRITERS = ("ours", *(["another"] if OTHERS.is_dir() else []))
 
 
 def all_keys(source: FaceSource) -> list[FaceKey]:
@@ -117,7 +121,7 @@ def write_recording(root: Path, number: int = 1, frames: int = 3) -> Path:
     put(root / f"{number:02d}.obj", obj_bytes(template, TRIANGLES, "//1"))
     folder = root / f"{number:02d}"
     put(folder / "depth.cal", CALIBRATION)
-    put(folder / "rgb.cal", CALIBRATION)
+    put(folder / "rgb.cal", CALIBRATION.replace(b"575.816", b"517.679"))
     for frame in range(3, 3 + frames):
         angle = np.radians(10.0 * (frame - 3))
         turn = np.array(
@@ -128,3 +132,23 @@ def write_recording(root: Path, number: int = 1, frames: int = 3) -> Path:
         depth[100:400, 200:450] = 1000 + frame
         put(folder / f"frame_{frame:05d}_depth.bin", depth_bytes(depth))
     return root
+
+
+def tree(name: str, writer: str, folder: Path) -> Path:
+    """Return the folder of a face set; the set of the writer "ours" is written below ``folder``."""
+    return OTHERS / name if writer == "another" else write_tree(name, folder)
+
+
+def write_tree(name: str, root: Path) -> Path:
+    """Write a small D3DFACS, FaceWarehouse or Biwi below ``root``; return its folder."""
+    folder = root / name
+    if name == "hpdb":
+        return write_recording(folder, frames=1)
+    if name == "FaceWarehouse":
+        write_tester(folder, 1, poses=2)
+        write_tester(folder, 2, poses=2)
+        return folder
+    for frame in (150, 151):  # registrations of FLAME: their numbers do not begin at 0
+        points = analytic_face(rows=ROWS, columns=COLUMNS, open_mm=0.4 * (frame - 150))[0]
+        put(folder / f"Joe/1+2/1+2_{frame}.ply", ply_bytes(points / 1000, TRIANGLES))
+    return folder

@@ -16,14 +16,15 @@ from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.face_source import BadFace, Face
 from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import PEOPLE, Biwi
-from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     CALIBRATION,
     FACE,
+    WRITERS,
     all_keys,
     depth_bytes,
     pose_text,
     put,
+    tree,
     write_recording,
 )
 

@@ -16,9 +16,9 @@ from glsim.faces.sources.facewarehouse import (
     mm_per_unit,
     read_blend_shapes,
 )
-from tests.support.face_set_trees import WRITERS, tree
 from tests.support.face_sets import (
     FACE,
+    WRITERS,
     all_keys,
     blend_shapes,
     good_faces,
@@ -26,6 +26,7 @@ from tests.support.face_sets import (
     put,
     quads,
     shape_bytes,
+    tree,
     write_tester,
 )
 
