@@ -36,77 +36,43 @@ WRONG = {"size": SIZE, "focal": 99.0}
 
 
 @pytest.mark.parametrize(
-    ("images", "infos", "frames"),
+    ("depth", "kind", "other", "own", "wrong", "frames"),
     [
-        (
-            {"/camera/depth/image_rect_raw": NATIVE, "/camera/color/image_raw": COLOUR,
-             "/camera/aligned_depth_to_color/image_raw": OTHER},
-            {"/camera/depth/camera_info": INFO, "/camera/color/camera_info": WRONG,
-             "/camera/aligned_depth_to_color/camera_info": WRONG},
-            {},
-        ),
-        (
-            {"/camera/camera/depth/image_rect_raw": NATIVE},
-            {"/camera/camera/depth/camera_info": INFO, "/camera/camera/color/camera_info": WRONG},
-            {},
-        ),
-        (
-            {"/camera/aligned_depth_to_color/image_raw": NATIVE},
-            {"/camera/color/camera_info": INFO, "/camera/depth/camera_info": WRONG},
-            {"/camera/depth/camera_info": "depth"},
-        ),
-        (
-            {"/kinect2/sd/image_depth": NATIVE, "/kinect2/sd/image_depth_rect": OTHER,
-             "/kinect2/qhd/image_depth_rect": OTHER, "/kinect2/hd/image_depth_rect": OTHER},
-            {"/kinect2/sd/camera_info": INFO, "/kinect2/qhd/camera_info": WRONG,
-             "/kinect2/hd/camera_info": WRONG},
-            {},
-        ),
-        (
-            {"/zed2/zed_node/depth/depth_registered": METRES,
-             "/zed2/zed_node/confidence/confidence_map": (_image(90, kind="f4"), "32FC1"),
-             "/zed2/zed_node/disparity/disparity_image": (_image(9, kind="f4"), "32FC1")},
-            {"/zed2/zed_node/depth/camera_info": INFO, "/zed2/zed_node/rgb/camera_info": WRONG},
-            {},
-        ),
-        (
-            {"/zed/zed_node/depth/depth_registered": METRES},
-            {"/zed/zed_node/left/camera_info": INFO, "/zed/zed_node/right/camera_info": WRONG},
-            {"/zed/zed_node/right/camera_info": "right"},
-        ),
-        (
-            {"/camera/depth/image_raw": METRES, "/camera/image_raw": COLOUR},
-            {"/camera/camera_info": INFO},
-            {},
-        ),
-        (
-            {"/depth/image_raw": NATIVE, "/ir/image_raw": OTHER, "/depth_to_rgb/image_raw": OTHER,
-             "/confidence/image_raw": OTHER},
-            {"/depth/camera_info": INFO, "/ir/camera_info": WRONG, "/rgb/camera_info": WRONG,
-             "/depth_to_rgb/camera_info": WRONG},
-            {},
-        ),
-        (
-            {"/depth_to_rgb/image_raw": NATIVE},
-            {"/depth/camera_info": WRONG, "/rgb/camera_info": INFO},
-            {"/depth/camera_info": "depth"},
-        ),
-        (
-            {"/camera/depth/image": METRES, "/camera/depth_registered/image_raw": OTHER},
-            {"/camera/depth/camera_info": INFO, "/camera/rgb/camera_info": WRONG},
-            {},
-        ),
-        (
-            {"/cam/depth_image": NATIVE, "/cam/ir_image": OTHER, "/cam/depth_confidence": OTHER},
-            {"/cam/depth_camera_info": INFO, "/cam/color_camera_info": WRONG},
-            {},
-        ),
-        ({"/scan": NATIVE}, {"/calibration/info": INFO}, {}),
+        ("/camera/depth/image_rect_raw", NATIVE, "/camera/aligned_depth_to_color/image_raw",
+         "/camera/depth/camera_info",
+         "/camera/color/camera_info /camera/aligned_depth_to_color/camera_info", {}),
+        ("/camera/camera/depth/image_rect_raw", NATIVE, "", "/camera/camera/depth/camera_info",
+         "/camera/camera/color/camera_info", {}),
+        ("/camera/aligned_depth_to_color/image_raw", NATIVE, "", "/camera/color/camera_info",
+         "/camera/depth/camera_info", {"/camera/depth/camera_info": "depth"}),
+        ("/kinect2/sd/image_depth", NATIVE, "/kinect2/sd/image_depth_rect "
+         "/kinect2/qhd/image_depth_rect /kinect2/hd/image_depth_rect", "/kinect2/sd/camera_info",
+         "/kinect2/qhd/camera_info /kinect2/hd/camera_info", {}),
+        ("/zed2/zed_node/depth/depth_registered", METRES,
+         "/zed2/zed_node/confidence/confidence_map /zed2/zed_node/disparity/disparity_image",
+         "/zed2/zed_node/depth/camera_info", "/zed2/zed_node/rgb/camera_info", {}),
+        ("/zed/zed_node/depth/depth_registered", METRES, "", "/zed/zed_node/left/camera_info",
+         "/zed/zed_node/right/camera_info", {"/zed/zed_node/right/camera_info": "right"}),
+        ("/camera/depth/image_raw", METRES, "", "/camera/camera_info", "", {}),
+        ("/depth/image_raw", NATIVE,
+         "/ir/image_raw /depth_to_rgb/image_raw /confidence/image_raw", "/depth/camera_info",
+         "/ir/camera_info /rgb/camera_info /depth_to_rgb/camera_info", {}),
+        ("/depth_to_rgb/image_raw", NATIVE, "", "/rgb/camera_info", "/depth/camera_info",
+         {"/depth/camera_info": "depth"}),
+        ("/camera/depth/image", METRES, "/camera/depth_registered/image_raw",
+         "/camera/depth/camera_info", "/camera/rgb/camera_info", {}),
+        ("/cam/depth_image", NATIVE, "/cam/ir_image /cam/depth_confidence",
+         "/cam/depth_camera_info", "/cam/color_camera_info", {}),
+        ("/scan", NATIVE, "", "/calibration/info", "", {}),
     ],
 )  # fmt: skip
 def test_depth_and_its_camera_info_have_many_names(
-    tmp_path: Path, images: Any, infos: Any, frames: Any
+    tmp_path: Path, depth: str, kind: Any, other: str, own: str, wrong: str, frames: Any
 ) -> None:
+    images = dict.fromkeys(other.split(), OTHER) | {depth: kind}
+    if depth.startswith("/camera/depth"):
+        images["/camera/color/image_raw"] = COLOUR
+    infos = dict.fromkeys(wrong.split(), WRONG) | {own: INFO}
     write_topics(tmp_path / "a.bag", images, infos, frames)
     recording = open_recording(tmp_path / "a.bag")
     frame = recording.frames[0]

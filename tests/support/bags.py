@@ -26,12 +26,9 @@ def write_bag(
     *,
     topics: tuple[str, str] = (f"{SENSOR}/Depth_0/image/data", f"{SENSOR}/Infrared_1/image/data"),
     options: Mapping[str, float] | None = None,
-    focal_px: float | None = 390.4315,
     encoding: str = "mono16",
-    name: str = "Intel RealSense D435",
-    period_ns: int = 33_333_333,
 ) -> None:
-    """Write a ROS 1 bag.
+    """Write a ROS 1 bag as librealsense does, or a node with other ``topics``.
 
     Args:
         file: to write.
@@ -39,64 +36,25 @@ def write_bag(
         lights: (H, W) uint8 or uint16, of the same moments.
         topics: of depth and of infrared.
         options: name of an option of librealsense -> value.
-        focal_px: of the camera info; None: there is none.
         encoding: of the depth.
-        name: of the device.
-        period_ns: time between two frames.
     """
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    types = get_typestore(Stores.ROS1_NOETIC)
-    message = types.types
-    connections: dict[str, Any] = {}
-    stamp = message["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
-    header = message["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="0")
-
-    def write(topic: str, time: int, value: Any) -> None:
-        kind = value.__msgtype__
-        if topic not in connections:
-            connections[topic] = bag.add_connection(topic, kind, typestore=types)
-        bag.write(connections[topic], time, types.serialize_ros1(value, kind))
-
-    def image(pixels: Image, kind: str) -> Any:
-        height, width = pixels.shape
-        return message["sensor_msgs/msg/Image"](
-            header=header, height=height, width=width, encoding=kind, is_bigendian=0,
-            step=width * pixels.itemsize,
-            data=np.ascontiguousarray(pixels).view(np.uint8).ravel(),
-        )  # fmt: skip
-
-    bag = Writer(file)
-    bag.set_compression(Writer.CompressionFormat.LZ4)
-    with bag:
-        key_value = message["diagnostic_msgs/msg/KeyValue"]
-        write("/device_0/info", 1, key_value(key="Serial Number", value="1234"))
-        write("/device_0/info", 1, key_value(key="Name", value=name))
-        for option, value in (options or {}).items():
-            number = message["std_msgs/msg/Float32"](data=value)
-            write(f"{SENSOR}/option/{option}/value", 1, number)
-        if focal_px is not None:
-            base = topics[0].partition("/image")[0]
-            height, width = depths[0].shape
-            matrix = np.array([focal_px, 0, width / 2, 0, focal_px, height / 2, 0, 0, 1.0])
-            whole = message["sensor_msgs/msg/RegionOfInterest"](
-                x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
-            )
-            info = message["sensor_msgs/msg/CameraInfo"](
-                header=header, height=height, width=width, distortion_model="Brown Conrady",
-                D=np.zeros(5), K=matrix, R=np.eye(3).ravel(), P=np.zeros(12), binning_x=0,
-                binning_y=0, roi=whole,
-            )  # fmt: skip
-            place = "info/camera_info" if "/image/data" in topics[0] else "camera_info"
-            write(f"{base}/{place}", 1, info)
-        for number, depth in enumerate(depths):
-            time = 1_000_000_000 + number * period_ns
-            if lights is not None:
-                light = lights[number]
-                kind = "8UC1" if light.dtype == np.uint8 else "16UC1"
-                write(topics[1], time + 50_000, image(light, kind))
-            write(topics[0], time, image(depth, encoding))
+    images: dict[str, tuple[Any, str]] = {topics[0]: ([*depths], encoding)}
+    if lights is not None:
+        images[topics[1]] = [*lights], "8UC1" if lights[0].dtype == np.uint8 else "16UC1"
+    place = "info/camera_info" if "/image/data" in topics[0] else "camera_info"
+    height, width = depths[0].shape
+    info = {"size": (width, height), "focal": 390.4315, "add_px": 0.5, "p": 0.0}
+    infos = {f"{topics[0].partition('/image')[0]}/{place}": info | {"model": "Brown Conrady"}}
+    pairs = {"Serial Number": "1234", "Name": "Intel RealSense D435"}
+    others = [
+        ("/device_0/info", "diagnostic_msgs/msg/KeyValue", {"key": key, "value": value})
+        for key, value in pairs.items()
+    ]
+    others += [
+        (f"{SENSOR}/option/{option}/value", "std_msgs/msg/Float32", {"data": value})
+        for option, value in (options or {}).items()
+    ]
+    write_topics(file, images, infos, others=others)
 
 
 def write_mkv(
@@ -178,15 +136,19 @@ def write_topics(
     infos: Mapping[str, Mapping[str, Any]],
     frames: Mapping[str, str] | None = None,
     count: int = 1,
+    others: Sequence[tuple[str, str, Mapping[str, Any]]] = (),
 ) -> None:
     """Write a bag of any topics: a ROS 1 bag, or one ROS 2 file ``*.mcap`` or ``*.db3``.
 
     Args:
         file: to write.
-        images: topic -> (H, W) pixels, or bytes of a CompressedImage; and the encoding or format.
-        infos: topic -> size (width, height), focal; p, d, model, binning, roi may be given.
+        images: topic -> (H, W) pixels, a list of such images, or bytes of a CompressedImage; and
+            the encoding or format.
+        infos: topic -> size (width, height), focal; p, d, model, binning, roi and add_px to the
+            middle of the image may be given.
         frames: topic -> frame_id; "camera" without.
-        count: of images of each topic.
+        count: of images of each topic that has no list.
+        others: topic, type and fields of messages without a header.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
@@ -198,27 +160,37 @@ def write_topics(
     folder = file.with_suffix("")
     if first:
         bag: Any = rosbag1.Writer(file)
+        bag.set_compression(rosbag1.Writer.CompressionFormat.LZ4)
     else:
         plugin = rosbag2.StoragePlugin.MCAP if file.suffix == ".mcap" else None
         bag = rosbag2.Writer(folder, version=8, **({"storage_plugin": plugin} if plugin else {}))
+    connections: dict[str, Any] = {}
     with bag:
 
-        def write(topic: str, kind: str, **values: Any) -> None:
+        def put(topic: str, one: Any, numbers: Sequence[int]) -> None:
+            data = (types.serialize_ros1 if first else types.serialize_cdr)(one, one.__msgtype__)
+            if topic not in connections:
+                kind = one.__msgtype__
+                connections[topic] = bag.add_connection(topic, kind, typestore=types)
+            for number in numbers:
+                bag.write(connections[topic], 10**9 + number * 10**7, data)
+
+        def write(topic: str, kind: str, numbers: Sequence[int], **values: Any) -> None:
             head = {"stamp": stamp, "frame_id": (frames or {}).get(topic, "camera")}
             header = message["std_msgs/msg/Header"](**head | ({"seq": 0} if first else {}))
-            one = message[f"sensor_msgs/msg/{kind}"](header=header, **values)
-            data = (types.serialize_ros1 if first else types.serialize_cdr)(one, one.__msgtype__)
-            connection = bag.add_connection(topic, one.__msgtype__, typestore=types)
-            for number in range(count):
-                bag.write(connection, 10**9 + number * 10**7, data)
+            put(topic, message[f"sensor_msgs/msg/{kind}"](header=header, **values), numbers)
+
+        for topic, kind, values in others:
+            put(topic, message[kind](**values), [0])
 
         for topic, info in infos.items():
             width, height = info["size"]
-            focal, centre = info.get("focal", 300.0), ((width - 1) / 2, (height - 1) / 2)
+            focal, add = info.get("focal", 300.0), info.get("add_px", 0.0)
+            centre = (width - 1) / 2 + add, (height - 1) / 2 + add
             matrix = [focal, 0, centre[0], 0, focal, centre[1], 0, 0, 1]
             other = info.get("p", focal)
             names = "DKRP" if first else "dkrp"
-            values = [
+            arrays = [
                 info.get("d", [0.0] * 5), matrix, np.eye(3).ravel(),
                 [other, 0, centre[0], 0, 0, other, centre[1], 0, 0, 0, 1, 0],
             ]  # fmt: skip
@@ -226,19 +198,21 @@ def write_topics(
             roi = dict(zip(places, info.get("roi", [0] * 4), strict=True))
             region = message["sensor_msgs/msg/RegionOfInterest"](**roi, do_rectify=False)
             binning = {name: info.get("binning", 0) for name in ("binning_x", "binning_y")}
-            numbers = {n: np.array(v, float) for n, v in zip(names, values, strict=True)}
+            numbers = {n: np.array(v, float) for n, v in zip(names, arrays, strict=True)}
             model = info.get("model", "plumb_bob")
-            write(topic, "CameraInfo", height=height, width=width, distortion_model=model,
-                  roi=region, **binning, **numbers)  # fmt: skip
+            write(topic, "CameraInfo", range(count), height=height, width=width,
+                  distortion_model=model, roi=region, **binning, **numbers)  # fmt: skip
         for topic, (pixels, encoding) in images.items():
             if isinstance(pixels, bytes):
                 data = np.frombuffer(pixels, np.uint8)
-                write(topic, "CompressedImage", format=encoding, data=data)
+                write(topic, "CompressedImage", range(count), format=encoding, data=data)
                 continue
-            height, width = pixels.shape[:2]
-            rows = np.ascontiguousarray(pixels).view(np.uint8).ravel()
-            write(topic, "Image", height=height, width=width, encoding=encoding, is_bigendian=0,
-                  step=rows.size // height, data=rows)  # fmt: skip
+            given = pixels if isinstance(pixels, list) else [pixels] * count
+            for number, image in enumerate(given):
+                height, width = image.shape[:2]
+                rows = np.ascontiguousarray(image).view(np.uint8).ravel()
+                write(topic, "Image", [number], height=height, width=width, encoding=encoding,
+                      is_bigendian=0, step=rows.size // height, data=rows)  # fmt: skip
     if not first:
         next(folder.glob(f"*{file.suffix}")).rename(file)
         shutil.rmtree(folder)
