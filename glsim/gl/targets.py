@@ -84,11 +84,14 @@ class TargetPool:
             for target in reversed(held):  # the next frame then takes them in the same order
                 self.give_back(target)
 
-    def framebuffer(self, targets: Sequence[Target]) -> moderngl.Framebuffer:
+    def framebuffer(
+        self, targets: Sequence[Target], depth: moderngl.Renderbuffer | None = None
+    ) -> moderngl.Framebuffer:
         """Return the framebuffer that draws into ``targets``; it is made once and kept."""
-        key = tuple(target.texture.glo for target in targets)
+        key = (0 if depth is None else depth.glo, *(target.texture.glo for target in targets))
         if key not in self._framebuffers:
-            self._framebuffers[key] = self.context.framebuffer([t.texture for t in targets])
+            textures = [target.texture for target in targets]
+            self._framebuffers[key] = self.context.framebuffer(textures, depth)
         return self._framebuffers[key]
 
     def upload(self, layer: Layer, values: NDArray[np.float32]) -> Target:

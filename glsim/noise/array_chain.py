@@ -44,32 +44,20 @@ def run_array_stages(
     layers: dict[str, NDArray[np.float32]],
     frame: FrameContext,
     values: StageValues,
+    *,
+    twins: bool = False,
 ) -> None:
     """Run the array stages on ``layers``, in place.
 
-    Raises ConfigError for a stage that returns a layer of another shape.
+    Raises ConfigError for a stage that returns a layer of another shape, or without a twin.
+
+    Args:
+        twins: run the whole chain; the NumPy twins replace the shaders.
     """
+    if twins:
+        layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
     for number, stage in enumerate(stages):
-        if stage.spec.function is not None and values[stage.name][ENABLED]:
-            written = dict(stage.spec.function(frame.view(stage.name), layers, values[stage.name]))
-            if _asked_at(stages, values) == number:
-                written[EARLIER_LAYER] = _earlier_depth(stages, number, layers, frame, values)
-            _update(stage, layers, written, frame.view(stage.name))
-
-
-def run_twins(
-    stages: Sequence[Stage],
-    layers: dict[str, NDArray[np.float32]],
-    frame: FrameContext,
-    values: StageValues,
-) -> None:
-    """Run a whole chain on ``layers`` in place; the NumPy twins replace the shaders.
-
-    Raises ConfigError for a shader without a twin.
-    """
-    layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
-    for stage in stages:
-        if not values[stage.name][ENABLED]:
+        if not values[stage.name][ENABLED] or not (twins or stage.spec.function):
             continue
         function = stage.spec.function or _twin_of(stage)
         if function is None:
@@ -78,24 +66,18 @@ def run_twins(
                 "or switch it off"
             )
         view = frame.view(stage.name)
-        _update(stage, layers, function(view, layers, values[stage.name]), view)
-
-
-def _update(
-    stage: Stage,
-    layers: dict[str, NDArray[np.float32]],
-    written: Mapping[str, NDArray[np.float32]],
-    view: FrameContext,
-) -> None:
-    shape = (view.window.height, view.window.width)
-    for name, array in written.items():
-        if name == EXPECTED_LAYER and EXPECTED_LAYER not in layers:
-            continue  # not wanted: this frame's other stages did not compute it
-        if name in INITIAL_LAYERS and array.shape[:2] != shape:
-            raise ConfigError(
-                f"stage {stage.name!r} returned {name!r} of shape {array.shape}, not {shape}"
-            )
-        layers[name] = np.ascontiguousarray(array, dtype=np.float32)
+        written = dict(function(view, layers, values[stage.name]))
+        if _asked_at(stages, values) == number:
+            written[EARLIER_LAYER] = _earlier_depth(stages, number, layers, frame, values)
+        shape = (view.window.height, view.window.width)
+        for name, array in written.items():
+            if name == EXPECTED_LAYER and EXPECTED_LAYER not in layers:
+                continue  # not wanted: this frame's other stages did not compute it
+            if name in INITIAL_LAYERS and array.shape[:2] != shape:
+                raise ConfigError(
+                    f"stage {stage.name!r} returned {name!r} of shape {array.shape}, not {shape}"
+                )
+            layers[name] = np.ascontiguousarray(array, dtype=np.float32)
 
 
 def _twin_of(stage: Stage) -> ArrayFunction | None:

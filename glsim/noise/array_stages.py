@@ -108,7 +108,11 @@ def fill_from_points(
         unit_m = 0.001 * p["unit_mm"]
         filled_m = np.where(found, np.maximum(np.rint(filled_m / unit_m), 1.0) * unit_m, 0.0)
     made = filled_m.astype(np.float32)
-    return {"depth": made, "reason": _reasons(view, layers, made)}
+    clean, reason = layers["clean"], layers["reason"].copy()
+    reason[made > 0] = float(Reason.VALID)
+    reason[is_other_surface(view, clean, made)] = float(Reason.MOVED)
+    reason[(made > 0) & (clean <= 0)] = float(Reason.GROWN)
+    return {"depth": made, "reason": reason}
 
 
 def _points(
@@ -180,15 +184,3 @@ def _halved(image: Image) -> Image:
     even[: image.shape[0], : image.shape[1]] = image
     halved: Image = even.reshape(rows, 2, columns, 2).sum(axis=(1, 3))
     return halved
-
-
-def _reasons(
-    view: FrameContext, layers: Layers, depth_m: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Return reason codes: VALID, or MOVED and GROWN where the depth is of another surface."""
-    clean, reason = layers["clean"], layers["reason"].copy()
-    found, surface = depth_m > 0, layers["clean"] > 0
-    reason[found] = float(Reason.VALID)
-    reason[is_other_surface(view, clean, depth_m)] = float(Reason.MOVED)
-    reason[found & ~surface] = float(Reason.GROWN)
-    return reason

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,48 +75,24 @@ class FrameContext:
         return not isinstance(self.seed, int)
 
     @classmethod
-    def for_frame(
-        cls,
-        *,
-        rig: SensorRig,
-        window: Rect,
-        seed: int,
-        sequence_seed: int,
-        device_seed: int,
-        time_s: float = 0.0,
-        nearest_m: float = 0.0,
-        subject_m: float = 1.0,
-        supersample: int | None = None,
-    ) -> FrameContext:
+    def for_frame(cls, rig: SensorRig, **given: Any) -> Self:
         """Make the context of a frame of ``rig``.
 
         Args:
-            nearest_m: a lower bound of all depths in the scene.
-            subject_m: depth of the head.
-            supersample: samples per pixel along each axis of the fine layers (default: the rig's).
+            given: fields that the rig does not decide, and those to have in place of the rig's.
         """
         image = rig.intrinsics
-        return cls(
-            window=window,
-            width=image.width,
-            height=image.height,
-            seed=seed,
-            sequence_seed=sequence_seed,
-            device_seed=device_seed,
-            time_s=time_s,
-            focal_baseline_px_m=image.fx * rig.baseline_m,
-            emitter_m=rig.emitter_m,
-            modulation_mhz=rig.modulation_mhz,
-            supersample=rig.supersample if supersample is None else supersample,
-            nearest_m=nearest_m,
-            focal_px=image.fx,
-            emitters_m=_two([e.position_m for e in rig.emitters]),
-            imagers_m=_two(rig.imagers_m),
-            second_view_m=rig.second_view_m,
-            subject_m=subject_m,
-            lens=rig.distortion,
-            projector_tan=rig.projector_tan,
-        )
+        of_rig = {
+            "width": image.width,
+            "height": image.height,
+            "focal_baseline_px_m": image.fx * rig.baseline_m,
+            "focal_px": image.fx,
+            "emitters_m": _two([e.position_m for e in rig.emitters]),
+            "imagers_m": _two(rig.imagers_m),
+            "lens": rig.distortion,
+        }
+        named = ("emitter_m", "modulation_mhz", "supersample", "second_view_m", "projector_tan")
+        return cls(**{**of_rig, **{name: getattr(rig, name) for name in named}, **given})
 
     def view(self, stage: str) -> FrameContext:
         """Return the context with the seeds of the stage of this name."""

@@ -16,7 +16,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.noise.layer_names import EARLIER_LAYER
-from glsim.noise.stage import array_stage, own_pixel
+from glsim.noise.stage import array_stage
 
 __all__ = ["hole_filling", "spatial_filter", "temporal_filter", "threshold_filter"]
 
@@ -81,7 +81,7 @@ def spatial_filter(view: FrameContext, layers: Layers, p: Mapping[str, float]) -
 
 
 @array_stage(
-    own_pixel,
+    lambda _: 0,
     (EARLIER_LAYER,),
     alpha=("float", 0.4, 0, 1, "1", "weight of this frame against the frames before"),
     delta=("float", 20, 1, 100, "px/32", "difference from which a pixel starts anew"),
@@ -114,7 +114,7 @@ def hole_filling(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> 
 
 
 @array_stage(
-    own_pixel,
+    lambda _: 0,
     (),
     near_mm=("float", 100, 0, 65535, "mm", "depths below are removed"),
     far_mm=("float", 4000, 0, 65535, "mm", "depths beyond are removed"),

@@ -48,11 +48,6 @@ _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage run
 StageValues = Mapping[str, Mapping[str, float]]
 
 
-def own_pixel(_: Mapping[str, float]) -> int:
-    """Return 0 pixels, the reach of a stage that reads no neighbours."""
-    return 0
-
-
 @dataclass(frozen=True)
 class StageSpec:
     """The declaration of a stage with either a GLSL ``source`` or a ``function`` on arrays.
@@ -71,7 +66,7 @@ class StageSpec:
     file: str
     source: ShaderSource | None = None
     function: ArrayFunction | None = None
-    reach_px: Reach = own_pixel
+    reach_px: Reach = lambda _: 0
     array_reads: tuple[str, ...] = ()
 
 
@@ -90,7 +85,7 @@ class Stage:
 
 
 def array_stage(
-    reach_px: Reach = own_pixel,
+    reach_px: Reach = lambda _: 0,
     reads: tuple[str, ...] = ("normal", "albedo", "lit"),
     /,
     **parameters: tuple[str, float, float, float, str, str]

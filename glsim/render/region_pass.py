@@ -43,7 +43,6 @@ class RegionPass:
         self._program = link_files(context, "render/regions.frag", "render/regions.vert")
         set_matrix(self._program, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         self._depth = context.depth_renderbuffer((pinhole.width, pinhole.height))
-        self._buffers: dict[int, moderngl.Framebuffer] = {}
         self._arrays: OrderedDict[tuple[int, int], tuple[object, moderngl.VertexArray]]
         self._arrays = OrderedDict()
         self._lens_pass: FullscreenPass | None = None
@@ -69,10 +68,7 @@ class RegionPass:
         whole = Rect(0, 0, self._pinhole.width, self._pinhole.height)
         area = window if self._lens_pass is None else whole
         target = self._camera_pool.take(REGION, area)
-        key = target.texture.glo
-        if key not in self._buffers:
-            self._buffers[key] = self._context.framebuffer([target.texture], self._depth)
-        buffer = self._buffers[key]
+        buffer = self._camera_pool.framebuffer([target], self._depth)
         buffer.use()
         buffer.viewport, buffer.scissor = whole, area
         buffer.clear(viewport=area)

@@ -119,7 +119,6 @@ class Renderer:
             self._lens_pass = FullscreenPass(context, link_files(context, "render/lens.frag"))
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
-        self._camera_buffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         self._shadow_map = ShadowMap(self._pool, rig, self._sight, self._rays)
         self._meshes = MeshCache(context, self._surface, self._shadow_map.program)
 
@@ -284,11 +283,7 @@ class Renderer:
         pinhole, pool = self._pinhole, self._camera_pool
         area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)
         targets = [pool.take(layer, area) for layer in self._drawn]
-        key = tuple(target.texture.glo for target in targets)
-        if key not in self._camera_buffers:
-            textures = [target.texture for target in targets]
-            self._camera_buffers[key] = self._context.framebuffer(textures, self._depth)
-        buffer = self._camera_buffers[key]
+        buffer = pool.framebuffer(targets, self._depth)
         buffer.use()
         fine, drawn = pinhole.finer(self.rig.supersample), self._drawn[0].window(area)
         buffer.viewport = (0, 0, fine.width, fine.height)

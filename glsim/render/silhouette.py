@@ -28,7 +28,6 @@ class Silhouette:
     def __init__(self, pool: TargetPool) -> None:
         self._pool, self._context = pool, pool.context
         self._depth = self._context.depth_renderbuffer((pool.width, pool.height))
-        self._framebuffers: dict[tuple[int, ...], moderngl.Framebuffer] = {}
         #: Draws into the mask itself.
         self.mask = self._context.framebuffer([], self._depth)
         #: Whether passes skip the empty pixels; False if the whole frame has a surface.
@@ -45,12 +44,8 @@ class Silhouette:
                 the targets unchanged there.
             flags: further GL capabilities to enable (moderngl.BLEND).
         """
-        key = tuple(target.texture.glo for target in targets)
-        if key not in self._framebuffers:
-            textures = [target.texture for target in targets]
-            self._framebuffers[key] = self._context.framebuffer(textures, self._depth)
-            self._framebuffers[key].depth_mask = False
-        buffer = self._framebuffers[key]
+        buffer = self._pool.framebuffer(targets, self._depth)
+        buffer.depth_mask = False
         buffer.use()
         buffer.viewport = window
         if blank is not None:  # one clear for all targets: it takes as long as a simple pass

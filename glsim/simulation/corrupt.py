@@ -19,7 +19,7 @@ from glsim.core.seeds import stable_seed
 from glsim.faces.face_source import FaceKey
 from glsim.gl.context import make_current, open_context
 from glsim.gl.targets import Readback
-from glsim.noise.array_chain import run_array_stages, run_twins
+from glsim.noise.array_chain import run_array_stages
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
@@ -104,7 +104,7 @@ class MapEngine:
             layers = self._array_layers(depth_m)
             nearest_m = float(depth_m[depth_m > 0].min())
             frame = self._context(window, seeds, depth_m, nearest_m)
-            run_twins(self.sensor.stages, layers, frame, values)
+            run_array_stages(self.sensor.stages, layers, frame, values, twins=True)
         else:
             if self._opened is None or self._opened.process != os.getpid():
                 self._opened = _Graphics(self, self._backend)

@@ -111,30 +111,19 @@ def simulate(
 def frames(
     settings: Settings,
     tasks: Iterable[Task] | None = None,
-    *,
-    sources: Sequence[FaceSource] | None = None,
-    backend: str | None = None,
-    context: moderngl.Context | None = None,
-    layers: Collection[str] = LAYERS,
-    extra_layers: Sequence[str] = (),
+    **options: Any,
 ) -> Iterator[Frame]:
     """Yield Frames as ``simulate`` does, with the same arguments, but never a Skipped.
+
+    Args:
+        options: sources, backend, context, layers and extra_layers, as of ``simulate``.
 
     Raises:
         MeshError: a face cannot be rendered, whatever ``settings.strict`` says.
         ConfigError, ShaderError, DeviceError: as ``simulate``.
     """
     strict = settings.model_copy(update={"strict": True})
-    made = simulate(
-        strict,
-        tasks,
-        sources=sources,
-        backend=backend,
-        context=context,
-        layers=layers,
-        extra_layers=extra_layers,
-    )
-    for frame in made:
+    for frame in simulate(strict, tasks, **options):
         assert isinstance(frame, Frame), "a bad face raises, because strict is set"
         yield frame
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -236,16 +235,16 @@ class TensorEngine:
         image, (_, height, width) = self.rig.intrinsics, depth_m.shape
         rays, clean = self._rays_of(depth_m, inputs), depth_m
         focal_px = inputs.get("fx", image.fx)
-        of_rig = WordContext.for_frame(
+        view = WordContext.for_frame(
             rig=self.rig,
             window=Rect(0, 0, width, height),
             seed=words[0],
             sequence_seed=words[1],
             device_seed=words[2],
             supersample=1,
+            focal_px=focal_px,
+            focal_baseline_px_m=focal_px * self.rig.baseline_m,
         )
-        fb = focal_px * self.rig.baseline_m
-        view = replace(of_rig, focal_px=focal_px, focal_baseline_px_m=fb)
         seen = clean > 0
         albedo = torch.where(seen, inputs.get("albedo", SKIN_ALBEDO), 0.0)
         normal = inputs.get("normal")

@@ -14,7 +14,7 @@ from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
 from glsim.faces.face_source import Face
 from glsim.gl.targets import Readback
-from glsim.noise.array_chain import run_twins
+from glsim.noise.array_chain import run_array_stages
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.stage import draw_values
@@ -125,7 +125,7 @@ class Camera:
         layers |= {"depth": layers["clean"], "reason": np.zeros_like(layers["clean"])}
         if self.expected:
             layers["expected"] = layers["clean"]
-        run_twins(self.sensor.stages, layers, frame, self.values(changes or {}))
+        run_array_stages(self.sensor.stages, layers, frame, self.values(changes or {}), twins=True)
         return layers
 
 

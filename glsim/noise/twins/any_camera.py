@@ -142,7 +142,7 @@ def _hazed(
 def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -> Image:
     """Compute infrared counts with read noise and shot noise, 0 to 65535."""
     xp = of(light)
-    cosine, squared = incidence(layers["normal"], layers["rays"])
+    cosine, squared, _ = incidence(layers["normal"], layers["rays"])
     lambert = xp.maximum(cosine, 0.0) * layers["lit"]
     counts = p["gain_counts"] * light * xp.where(layers["clean"] > 0, lambert, 1.0) / squared
     first, second, _, _ = random_bits(*pixels(view.window, view.seed), view.seed, 2)
@@ -151,12 +151,15 @@ def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -
     return xp.clip(noisy, 0.0, 65535.0)
 
 
-def incidence(normal: Image, rays: Image) -> tuple[Image, Image]:
-    """Compute the cosines of angles of incidence, and the square of the ray's length at z = 1."""
-    x, y = rays[..., 0], rays[..., 1]
+def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Any]:
+    """Compute the cosines of angles of incidence, and the square of the ray's length at z = 1.
+
+    Returns also whether pixels have a normal.
+    """
+    x, y, (a, b, c) = rays[..., 0], rays[..., 1], (normal[..., k] for k in range(3))
     squared = x * x + y * y + 1.0
-    facing = -(normal[..., 0] * x + normal[..., 1] * y + normal[..., 2])
-    return facing / of(x).sqrt(squared), squared
+    facing = -(a * x + b * y + c)
+    return facing / of(x).sqrt(squared), squared, a * a + b * b + c * c > 0
 
 
 def skin_signal(depth: Image, albedo: Image, lambert: Image, squared: Image) -> Image:
@@ -174,12 +177,12 @@ def skin_signal(depth: Image, albedo: Image, lambert: Image, squared: Image) -> 
 
 def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds noise and a systematic error, as of an unknown depth camera."""
-    z, normal = layers["depth"], layers["normal"]
+    z = layers["depth"]
     xp = of(z)
-    cosine, squared = incidence(normal, layers["rays"])
+    cosine, squared, known = incidence(layers["normal"], layers["rays"])
     usual, lambert = xp.zeros_like(z) + _USUAL_M, xp.maximum(cosine, 0.0)
     light = skin_signal(usual, layers["albedo"], lambert, squared)
-    light = xp.where(_known(normal), xp.maximum(light, _DARKEST), 1.0)
+    light = xp.where(known, xp.maximum(light, _DARKEST), 1.0)
     ratio = xp.maximum(z, 0.001) / _USUAL_M
     by_light = p["light_mm"] * ratio ** p["distance_power"]
     by_light = by_light * light ** -p["light_power"]
@@ -205,12 +208,6 @@ def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     return written
 
 
-def _known(normal: Image) -> Any:
-    """Return whether pixels have a normal."""
-    x, y, z = (normal[..., k] for k in range(3))
-    return x * x + y * y + z * z > 0
-
-
 def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
     """Compute the systematic depth error at the depths ``z`` (m), mm; positive measures too far."""
     xp, seed = of(z), view.device_seed
@@ -227,8 +224,8 @@ def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
 
 def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Removes pixels and rounds disparities, as an unknown depth camera does."""
-    depth, normal = layers["depth"], layers["normal"]
-    xp, known, (cosine, squared) = of(depth), _known(normal), incidence(normal, layers["rays"])
+    depth = layers["depth"]
+    xp, (cosine, squared, known) = of(depth), incidence(layers["normal"], layers["rays"])
     signal = skin_signal(depth, layers["albedo"], xp.maximum(cosine, 0.0), squared)
     signal, cosine = xp.where(known, signal, 1.0), xp.where(known, cosine, 1.0)
     bits = random_bits(*pixels(view.window, view.seed), view.seed, 0)

@@ -116,7 +116,7 @@ def single_view_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict
     found = own + noise + device
     steps = xp.maximum(xp.floor(p["steps_per_px"] * found + 0.5), 1.0)
 
-    cosine, _ = incidence(layers["normal"], layers["rays"])
+    cosine, _, _ = incidence(layers["normal"], layers["rays"])
     light = layers["albedo"] * xp.maximum(cosine, 0.0) / xp.maximum(clean, 1e-3)
     limit = p["dark_albedo"] * xp.exp(p["dark_spread"] * bumps)
 

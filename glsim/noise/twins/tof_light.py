@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
 from glsim.noise.twins.arrays import of
@@ -83,7 +82,7 @@ def along_axis(view: FrameContext, rays: Image, distance_m: Image) -> Image:
 
 def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Computes the share of three emitters that lights each pixel, by ray marching in the image."""
-    z, whole = layers["clean"], Rect(0, 0, view.width, view.height)
+    z = layers["clean"]
     if view.batched:
         return {"lit": _shadows_of_batch(view, z, p)}
     emitter = np.asarray(view.emitter_m, np.float32)
@@ -94,14 +93,14 @@ def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
     step = np.float32(1.0) / np.maximum(reach, np.float32(1e-3))
     inverse = np.float32(1.0) / np.maximum(z, np.float32(1e-3))
     nearest = np.float32(1.0) / np.maximum(np.float32(view.nearest_m), np.float32(1e-3))
-    x, y = pixels(view.window)
     hidden = np.zeros((*z.shape, 3), np.bool_)
     walking, looking = inverse < nearest, np.ones(z.shape, np.bool_)
     for k in range(1, _FARTHEST_PX + 1):
         line = inverse[..., None] + np.float32(k) * step
-        column = np.floor(x.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[0])
-        row = np.floor(y.astype(np.float32) + np.float32(0.5) + np.float32(k) * towards[1])
-        column, row = column.astype(np.int64), row.astype(np.int64)
+        column, row = (
+            np.floor(n.astype(np.float32) + np.float32(0.5) + np.float32(k) * way).astype(np.int64)
+            for n, way in zip(pixels(view.window), towards, strict=True)
+        )
         there = fetch(z, view.window, column, row)
         surface = (np.float32(1.0) / np.maximum(there, np.float32(1e-3)))[..., None]
         before, scale = surface - line, surface * line
@@ -109,7 +108,7 @@ def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
         deepest = np.maximum(0.001 * p["thickness_mm"] * scale, least + step)
         hides = (before >= least) & (before < deepest)
         hidden |= hides & ((there > 0) & looking)[..., None]
-        inside = (column >= 0) & (column < whole.width) & (row >= 0) & (row < whole.height)
+        inside = (column >= 0) & (column < view.width) & (row >= 0) & (row < view.height)
         walking = walking & inside & (line.min(axis=-1) < nearest)
         looking = walking
         if not walking.any():
