@@ -173,10 +173,8 @@ def _lines(m: Measurements) -> _Lines:
             name = "diagonal" if down and right else along
             add(f"correlation of {of}", name, "", value, False)
     group = "residual of surfaces from a quadric in 7x7"
-    p10, median, p90 = m.spatial.rough_mm
-    add(group, "p10", "mm", p10)
-    add(group, "median", "mm", median)
-    add(group, "p90", "mm", p90)
+    for name, value in zip(("p10", "median", "p90"), m.spatial.rough_mm, strict=True):
+        add(group, name, "mm", value)
     group, pattern = "fixed pattern", m.pattern
     add(group, "rows", "mm", pattern.rows_mm)
     add(group, "alternation of rows, rms half step", "mm", pattern.alternation_rms_mm)
@@ -266,7 +264,20 @@ def compare_sets(
     measured = []
     for frames in (first, second):
         say(f"measuring {frames.title}")
-        measured.append(_measure(frames))
+        pairs = static_pairs(frames)
+        measured.append(
+            Measurements(
+                title=frames.title,
+                frames=len(frames),
+                size=(frames.intrinsics.width, frames.intrinsics.height),
+                temporal=measure_temporal(frames, pairs),
+                spatial=measure_spatial(frames),
+                pattern=measure_pattern(frames),
+                light=measure_light(frames, pairs),
+                silhouettes=measure_silhouettes(frames),
+                invalid=measure_invalid(frames),
+            )
+        )
     verdicts: dict[str, Verdict] = {}
     if find_spec("sklearn") is None:
         say("no classifier: it needs scikit-learn: pip install 'glsim[eval]'")
@@ -282,18 +293,3 @@ def compare_sets(
             for kind in KINDS
         }
     return Comparison(measured[0], measured[1], verdicts)
-
-
-def _measure(frames: Frames) -> Measurements:
-    pairs = static_pairs(frames)
-    return Measurements(
-        title=frames.title,
-        frames=len(frames),
-        size=(frames.intrinsics.width, frames.intrinsics.height),
-        temporal=measure_temporal(frames, pairs),
-        spatial=measure_spatial(frames),
-        pattern=measure_pattern(frames),
-        light=measure_light(frames, pairs),
-        silhouettes=measure_silhouettes(frames),
-        invalid=measure_invalid(frames),
-    )

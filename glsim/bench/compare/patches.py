@@ -151,17 +151,13 @@ def _thinned(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _whole_patches(frame: DepthFrame) -> tuple[Array, NDArray[np.int64]]:
     """Cut (N, 16, 16) smooth patches without holes on a grid of 8 px; return their columns too."""
-    step, (height, width) = SIDE_PX // 2, frame.measured_mm.shape
-    smooth = np.isfinite(surfaces(frame).rough_mm) & lit(frame)
-    cells, columns = [], []
-    for top in range(0, height - SIDE_PX + 1, step):
-        for left in range(0, width - SIDE_PX + 1, step):
-            inner = smooth[top + 3 : top + SIDE_PX - 3, left + 3 : left + SIDE_PX - 3]
-            if inner.all():
-                cells.append(frame.measured_mm[top : top + SIDE_PX, left : left + SIDE_PX])
-                columns.append(left)
-    patches = np.array(cells, np.float64).reshape(-1, SIDE_PX, SIDE_PX)
-    return patches, np.array(columns, np.int64)
+    step, smooth = SIDE_PX // 2, np.isfinite(surfaces(frame).rough_mm) & lit(frame)
+    depth_mm, whole = (
+        np.lib.stride_tricks.sliding_window_view(image, (SIDE_PX, SIDE_PX))[::step, ::step]
+        for image in (frame.measured_mm, smooth)
+    )
+    rows, columns = np.nonzero(whole[..., 3:-3, 3:-3].all(axis=(2, 3)))
+    return depth_mm[rows, columns].astype(np.float64), step * columns
 
 
 def _surface_features(e: Array) -> Array:

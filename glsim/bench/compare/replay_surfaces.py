@@ -230,11 +230,6 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
         return np.where(weight > 0.5, 1000.0 * weight / total, np.nan)
 
 
-def _blur(image: Array, sigma_px: float) -> Array:
-    blurred = cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(blurred, np.float64)
-
-
 # --- relief -------------------------------------------------------------------------------------
 
 
@@ -328,10 +323,11 @@ def _far_from_rims(label: Labels) -> Mask:
 
 def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array:
     """Compute the (H, W) variance of known pixels within a Gaussian window."""
-    weight = np.maximum(_blur(known.astype(np.float64), sigma_px), 1e-6)
-    filled: Array = np.where(known, difference_mm, 0.0).astype(np.float64)
-    mean = _blur(filled, sigma_px) / weight
-    return np.maximum(_blur(filled * filled, sigma_px) / weight - mean * mean, 0.0)
+    filled = np.where(known, difference_mm, 0.0)
+    images = np.dstack([known.astype(np.float64), filled, filled * filled])
+    blurred = cv2.GaussianBlur(images, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT)
+    mean, square = np.moveaxis(blurred[..., 1:] / np.maximum(blurred[..., :1], 1e-6), -1, 0)
+    return np.maximum(square - mean * mean, 0.0)
 
 
 # --- gaps ---------------------------------------------------------------------------------------

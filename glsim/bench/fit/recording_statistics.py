@@ -167,7 +167,11 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
         variance_mm2=np.where(steady, variance, np.nan),
         smooth=smooth,
         table=root_cells(samples),
-        correlation=_correlation(frames, smooth),
+        # The differences of successive frames contain temporal noise only.
+        correlation=correlation_of(
+            lagged_sums(without_local_mean(np.where(smooth, b - a, np.nan)))
+            for a, b in pairwise(frame.measured_mm.astype(np.float64) for frame in frames)
+        ),
         pattern=describe_pattern(halves, mean, used),
     )
 
@@ -197,15 +201,6 @@ def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) 
     level = cv2.blur(counts, (9, 9))
     spread = np.sqrt(np.maximum(cv2.blur(counts**2, (9, 9)) - level**2, 0.0))
     return np.asarray(flat & (spread < _MOST_UNEVEN * level))
-
-
-def _correlation(frames: Frames, smooth: Mask) -> tuple[float, ...]:
-    """Correlate the differences of successive frames, which contain temporal noise only."""
-    sums = []
-    for before, after in pairwise(frames):
-        noise = np.where(smooth, after.measured_mm.astype(np.float64) - before.measured_mm, np.nan)
-        sums.append(lagged_sums(without_local_mean(noise)))
-    return correlation_of(sums)
 
 
 def second_difference(image: Array, axis: int, lag: int) -> Array:

@@ -99,36 +99,29 @@ def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | No
     return np.asarray(scale / with_nan(depth_mm))
 
 
-def find_tiles(disparity: Array, side_px: int = TILE_PX) -> Tiles:
-    """Cut an image into square tiles with disparity, and fit a robust plane to each tile.
-
-    Args:
-        disparity: (H, W), NaN = none.
-        side_px: side of a tile.
-
-    """
-    height, width = (size - size % side_px for size in disparity.shape)
-    squares = disparity[:height, :width].reshape(
-        height // side_px, side_px, width // side_px, side_px
-    )
-    blocks = squares.swapaxes(1, 2).reshape(-1, side_px * side_px)
-    rows, columns = np.mgrid[: height // side_px, : width // side_px] * side_px
+def find_tiles(disparity: Array) -> Tiles:
+    """Cut an (H, W) image, NaN = none, into square tiles, and fit a robust plane to each tile."""
+    down, across = (size // TILE_PX for size in disparity.shape)
+    part = disparity[: down * TILE_PX, : across * TILE_PX]
+    squares = part.reshape(down, TILE_PX, across, TILE_PX).swapaxes(1, 2)
+    blocks = squares.reshape(-1, TILE_PX**2)
+    rows, columns = np.mgrid[:down, :across] * TILE_PX
     full = np.isfinite(blocks).mean(axis=1) >= LEAST_SHARE
     values = blocks[full]
-    residual, plane = _plane_residual(values, side_px)
+    residual, plane = _plane_residual(values)
     count = np.maximum(np.isfinite(residual).sum(axis=1) - 3, 1)
     sigma = np.sqrt(np.nansum(residual**2, axis=1) / count)
     level = np.nanmedian(values, axis=1) if len(values) else np.zeros(0)
-    images = residual.reshape(-1, side_px, side_px)
+    images = residual.reshape(-1, TILE_PX, TILE_PX)
     return Tiles(rows.ravel()[full], columns.ravel()[full], level, plane[:, 1:], images, sigma)
 
 
-def _plane_residual(values: Array, side_px: int) -> tuple[Array, Array]:
+def _plane_residual(values: Array) -> tuple[Array, Array]:
     """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN.
 
     Returns the residual, and the (N, 3) planes: constant, slopes along rows and columns.
     """
-    y, x = np.mgrid[:side_px, :side_px] - (side_px - 1) / 2
+    y, x = np.mgrid[:TILE_PX, :TILE_PX] - (TILE_PX - 1) / 2
     design = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
     squares = (design[:, :, None] * design[:, None]).reshape(-1, 9)
     known = np.isfinite(values)
@@ -157,29 +150,25 @@ def _plane_residual(values: Array, side_px: int) -> tuple[Array, Array]:
 
 
 def measure_disparity_noise(
-    disparity: Sequence[Array],
-    pairs: Sequence[tuple[int, int]] = (),
-    side_px: int = TILE_PX,
+    disparity: Sequence[Array], pairs: Sequence[tuple[int, int]] = ()
 ) -> DisparityNoise:
     """Measure the disparity noise of frames.
 
     Args:
         disparity: (H, W) of each frame, NaN = none.
         pairs: numbers of two frames of one view each, as ``static_pairs`` finds them.
-        side_px: side of a tile; smaller ones hide more of the slow noise.
 
     """
-    tiles = [find_tiles(image, side_px) for image in disparity]
+    tiles = [find_tiles(image) for image in disparity]
     sigma = np.concatenate([t.sigma for t in tiles])
     residual = np.concatenate([t.residual for t in tiles])
     frame, static, squares = [], [], []
     for first, second in pairs:
-        own = _pair_tiles(disparity[first], disparity[second], tiles[first], side_px)
+        own = _pair_tiles(disparity[first], disparity[second], tiles[first])
         frame.append(own[0])
         static.append(_shared_variance(tiles[first], tiles[second]))
         squares.append(own[1])
-    differences = np.concatenate(squares) if squares else np.zeros((0, side_px, side_px))
-    shared = _median(static)
+    differences = np.concatenate([np.zeros((0, TILE_PX, TILE_PX)), *squares])
     rows, columns = _correlations(residual, pooled=False)
     return DisparityNoise(
         int(sigma.size),
@@ -188,7 +177,7 @@ def measure_disparity_noise(
         columns,
         len(pairs),
         _median(frame),
-        float(np.sqrt(max(shared, 0.0))) if np.isfinite(shared) else shared,
+        float(np.sqrt(np.maximum(_median(static), 0.0))),
         *_correlations(differences, pooled=True),
     )
 
@@ -216,12 +205,12 @@ def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tup
     return found[0], found[1]
 
 
-def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tuple[Array, Array]:
+def _pair_tiles(first: Array, second: Array, tiles: Tiles) -> tuple[Array, Array]:
     """Measure each tile's temporal noise; also return (N, S, S) differences / sqrt 2, mean 0."""
     difference = (second - first) / np.sqrt(2.0)
     parts = []
     for top, left in zip(tiles.top, tiles.left, strict=True):
-        part = difference[top : top + side_px, left : left + side_px]
+        part = difference[top : top + TILE_PX, left : left + TILE_PX]
         known = part[np.isfinite(part)]
         if known.size < LEAST_SHARE**2 * part.size:
             continue
@@ -231,7 +220,7 @@ def _pair_tiles(first: Array, second: Array, tiles: Tiles, side_px: int) -> tupl
         near = np.abs(part - middle) <= _CLIP_DIFFERENCE * spread + 1e-12
         part = np.where(near, part, np.nan)
         parts.append(part - np.nanmean(part))
-    squares = np.stack(parts) if parts else np.zeros((0, side_px, side_px))
+    squares = np.array(parts).reshape(-1, TILE_PX, TILE_PX)
     count = np.maximum(np.isfinite(squares).sum(axis=(1, 2)) - 1, 1)
     return np.sqrt(np.nansum(squares**2, axis=(1, 2)) / count), squares
 

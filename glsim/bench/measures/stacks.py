@@ -104,11 +104,6 @@ def mean_of(values: Array) -> float:
     return float(valid.mean()) if valid.size else float("nan")
 
 
-def valid_share(depth_mm: NDArray[np.floating]) -> float:
-    """Return the share of pixels that have depth (not NaN)."""
-    return float(np.isfinite(depth_mm).mean())
-
-
 def ratio(first: float, second: float) -> float:
     """Divide first by second; NaN if second is 0 or either value is not finite."""
     return first / second if second != 0 and np.isfinite([first, second]).all() else float("nan")

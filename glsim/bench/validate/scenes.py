@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from glsim.core.depth_map import grid_triangles
 from glsim.core.mesh import Mesh
 from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
@@ -17,7 +18,7 @@ _FOCAL_BASELINE_PX_MM = 626_823 / 32
 _MUG_ALBEDO, _HANDLE_ALBEDO, _WALL_ALBEDO, _SIDE_ALBEDO = 0.5, 0.55, 0.8, 1.0
 #: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
 #: 11 rows, so that it crosses pixels at all positions.
-EDGE_SLANT = 0.09
+_EDGE_SLANT = 0.09
 
 
 def quad(corners_mm: ArrayLike, albedo: float = 1.0) -> Mesh:
@@ -68,7 +69,7 @@ def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 
     return quad([(-x, y, far), (x, y, far), (x, -y, near), (-x, -y, near)], albedo)
 
 
-def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: float = 1.0) -> Mesh:
+def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float) -> Mesh:
     """Build a wall whose depth grows from left to right, z - half_range_mm to z + half_range_mm.
 
     It leans a little, so that the rows have different depths.
@@ -76,7 +77,7 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float, albedo: floa
     x, y, dz = half_x_mm, 0.8 * z_mm, half_range_mm
     low, high, lean = z_mm - dz, z_mm + dz, 0.1 * dz
     bottom = [(-x, y, low + lean), (x, y, high + lean)]
-    return quad([*bottom, (x, -y, high - lean), (-x, -y, low - lean)], albedo)
+    return quad([*bottom, (x, -y, high - lean), (-x, -y, low - lean)])
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
@@ -85,17 +86,16 @@ def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
     return Mesh(mesh.vertices_mm, mesh.faces, np.array([low, high, high, low], np.float32))
 
 
-def depth_edge(near_mm: float, far_mm: float | None, albedo: float = 1.0) -> Mesh:
-    """Build a foreground left of the axis with a slanted edge, before a wall or before nothing.
+def depth_edge(near_mm: float, far_mm: float) -> Mesh:
+    """Build a foreground left of the axis with a slanted edge, before a wall.
 
     The emitter is on the right, so the foreground hides its own shadow: the edge is fully lit.
     """
     y = 0.8 * near_mm
-    x = EDGE_SLANT * y
+    x = _EDGE_SLANT * y
     left = -1.2 * near_mm
-    front = quad([(left, y, near_mm), (x, y, near_mm), (-x, -y, near_mm), (left, -y, near_mm)],
-                 albedo)  # fmt: skip
-    return front if far_mm is None else merge_meshes(front, wall(far_mm, albedo))
+    front = [(left, y, near_mm), (x, y, near_mm), (-x, -y, near_mm), (left, -y, near_mm)]
+    return merge_meshes(quad(front), wall(far_mm))
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
@@ -160,14 +160,7 @@ def _cylinder(
     turn = np.linspace(0.0, 2.0 * np.pi, 97)
     x = axis_mm[0] + radius_mm * np.sin(turn)
     z = axis_mm[1] - radius_mm * np.cos(turn)
-    count = len(turn)
-    upper = np.column_stack([x, np.full(count, rows_mm[0]), z])
-    lower = np.column_stack([x, np.full(count, rows_mm[1]), z])
-    first = np.arange(count - 1)
-    ring = np.column_stack([count + first, count + first + 1, first + 1, first])
-    faces = np.concatenate([ring[:, [0, 1, 2]], ring[:, [0, 2, 3]]])
-    return Mesh(
-        np.concatenate([upper, lower]).astype(np.float32),
-        faces.astype(np.int32),
-        np.full(2 * count, albedo, np.float32),
-    )
+    rings = [np.column_stack([x, np.full_like(x, row), z]) for row in rows_mm]
+    vertices = np.concatenate(rings).astype(np.float32)
+    triangles = grid_triangles((2, len(turn)))
+    return Mesh(vertices, triangles, np.full(len(vertices), albedo, np.float32))

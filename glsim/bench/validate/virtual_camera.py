@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -54,7 +53,7 @@ class VirtualCamera:
         self._own_rig = dict(rig or {})
         self.sensor: Sensor = load_sensor(sensor, rig_overrides=self._own_rig)
         self._context = context
-        self._simulators: OrderedDict[str, tuple[Simulator | None, _Scene]] = OrderedDict()
+        self._simulators: dict[str, tuple[Simulator | None, _Scene]] = {}
 
     @property
     def rig(self) -> SensorRig:
@@ -113,7 +112,7 @@ class VirtualCamera:
         kept.show(source)
         self._simulators[key] = simulator, kept
         if len(self._simulators) > _KEPT_SIMULATORS:
-            self._simulators.popitem(last=False)
+            del self._simulators[next(iter(self._simulators))]  # the one unused the longest
         tasks = make_tasks(settings, [kept])
         made = [f for f in simulator.frames(tasks) if isinstance(f, Frame)]
         return Frames.of([_measured(f) for f in made], scene)

@@ -73,20 +73,15 @@ def _mean_level_step(captures: Captures, z_mm: float) -> float:
 
 @validation_check("kinect-v1")
 def v1_range(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 7 and 8 of kinect-v1: range and field of view."""
+    """Measure checks 6 to 8 of kinect-v1: widths of shadows, range and field of view."""
     image = captures.camera.rig.intrinsics
     across = 2 * np.degrees(np.arctan(image.width / 2 / image.fx))
     down = 2 * np.degrees(np.arctan(image.height / 2 / image.fy))
     return {
+        "6": _measure_shadow(captures, {"edge_dropout": OFF, "lateral": OFF, "despeckle": OFF}),
         "7": _measure_range(captures, (500, 680, 6500), (730, 2000, 5500)),
         "8": Measurement({"across": float(across), "down": float(down)}),
     }
-
-
-@validation_check("kinect-v1")
-def v1_shadow(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 6 of kinect-v1: widths of shadows."""
-    return {"6": _measure_shadow(captures, {"edge_dropout": OFF, "lateral": OFF, "despeckle": OFF})}
 
 
 @validation_check("kinect-v2-paper")
@@ -137,13 +132,14 @@ def paper_window(captures: Captures) -> dict[str, Measurement]:
     patch = captures.camera.capture(
         scenes.rectangle((-half, half), (-half, half), 900), 1, 96, changes=quiet, scene="patch"
     )
-    grown = np.isfinite(patch.whole_mm[0])
+    grown, clean = np.isfinite(patch.whole_mm[0]), np.isfinite(patch.truth_mm)
+    away = cv2.distanceTransform((~clean).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return {
         "6": Measurement({"width": measure.crossing(widths, np.array(seen), 0.5)}),
         "7": Measurement(
             {
                 "share": float(np.isfinite(dots.whole_mm).mean()),
-                "reach": _reach(grown, np.isfinite(patch.truth_mm)),
+                "reach": float(away[grown & ~clean].max(initial=0.0)),
             }
         ),
     }
@@ -157,12 +153,6 @@ def paper_geometry(captures: Captures) -> dict[str, Measurement]:
         "9": _measure_range(captures, (300, 470, 8000), (530, 2000, 5000)),
         "10": Measurement({"baseline": 1000.0 * captures.camera.rig.baseline_m}),
     }
-
-
-def _reach(grown: np.ndarray, clean: np.ndarray) -> float:
-    """Compute the largest distance from a grown pixel to the nearest clean pixel, px."""
-    distance = cv2.distanceTransform((~clean).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return float(distance[grown & ~clean].max(initial=0.0))
 
 
 def _measure_range(
