@@ -31,7 +31,7 @@ from glsim.train.data.checks import entries_of, fingerprint
 from glsim.train.data.simulated import SimulatedPairs, randomised
 from glsim.train.data.stored import Augmentation, Batch, JoinedPairs, PairDataset, StoredPairs
 from glsim.train.models.registry import inputs_of
-from glsim.train.recipe import DataSettings, Recipe
+from glsim.train.recipe import Recipe
 
 #: Distance between the seeds of two devices or data sets, and of two recipe seeds.
 SEED_STRIDE: Final = 1_000_003
@@ -232,9 +232,10 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
             "one with --protocol"
         )
     joined |= entries_of(protocol=train[0].protocol)
-    return StoredBatches(
-        JoinedPairs(train), _evenly_spaced(JoinedPairs(validation), data), joined, recipe
-    )
+    held_out = JoinedPairs(validation)
+    count = min(data.validation_frames or len(held_out), len(held_out))
+    indices = np.linspace(0, len(held_out) - 1, count).round().astype(int)  # of all subjects
+    return StoredBatches(JoinedPairs(train), Subset(held_out, indices.tolist()), joined, recipe)
 
 
 def simulated_batches(recipe: Recipe) -> SimulatedBatches:
@@ -252,10 +253,3 @@ def simulated_batches(recipe: Recipe) -> SimulatedBatches:
         changes["output"] = {"crop": recipe.data.crop, **changes.get("output", {})}
     load = load_settings if "sensor" in changes else randomised
     return SimulatedBatches(load(overrides=changes), recipe)
-
-
-def _evenly_spaced(validation: PairDataset, data: DataSettings) -> Subset[Batch]:
-    """Select the recipe's number of validation frames, evenly spaced to include all subjects."""
-    count = min(data.validation_frames or len(validation), len(validation))
-    indices = np.linspace(0, len(validation) - 1, count).round().astype(int)
-    return Subset(validation, indices.tolist())

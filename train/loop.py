@@ -171,7 +171,11 @@ class TrainingRun:
         while not (ended_by or stopped):
             for noisy_mm, clean_mm in self.source.batches(self.progress.epoch, self.progress.step):
                 loss = self.step(noisy_mm, clean_mm)
-                validated = self.validation_is_due()
+                every, progress = self.recipe.training.validate_every, self.progress
+                if self.recipe.training.validate_unit == "steps":
+                    validated = not progress.steps % every
+                else:
+                    validated = not (progress.step or progress.epoch % every)
                 if validated:
                     self.validate(logs)
                 show(self.status(loss, validated))
@@ -222,13 +226,6 @@ class TrainingRun:
             if not all(bool(weight.isfinite().all()) for weight in weights):
                 self._fail(noisy_mm, clean_mm, "a weight is nan or infinite")
         return loss
-
-    def validation_is_due(self) -> bool:
-        """Whether a validation follows the last step."""
-        every, progress = self.recipe.training.validate_every, self.progress
-        if self.recipe.training.validate_unit == "steps":
-            return not progress.steps % every
-        return not (progress.step or progress.epoch % every)
 
     def validate(self, logs: RunLogs | None) -> None:
         """Compute the validation metrics; keep the best weights; log metrics and samples.

@@ -176,9 +176,9 @@ class Masked(Loss):
             total = total + self.slope_weight * parts["slope"]
         if self.sigma_weight and prediction.log_sigma is not None:
             final_error_mm = (prediction.depth_mm - clean_mm).detach()
-            parts["sigma"] = weighted_mean(
-                _laplace_nll(final_error_mm, prediction.log_sigma), counted
-            )
+            log_sigma = prediction.log_sigma  # the standard deviation of a Laplace density
+            nll = 2**0.5 * final_error_mm.abs() * torch.exp(-log_sigma) + log_sigma
+            parts["sigma"] = weighted_mean(nll + 0.5 * math.log(2), counted)
             total = total + self.sigma_weight * parts["sigma"]
         return total, parts
 
@@ -214,11 +214,6 @@ def target_surface(errors_mm: Tensor) -> Tensor:
     size = errors_mm.abs()
     size = torch.cat([size[:, :1] - _SWITCH_MM, size[:, 1:]], dim=1)
     return size.argmin(dim=1, keepdim=True)
-
-
-def _laplace_nll(error_mm: Tensor, log_sigma: Tensor) -> Tensor:
-    """Compute the negative log-likelihood of a Laplace density with standard deviation sigma."""
-    return 2**0.5 * error_mm.abs() * torch.exp(-log_sigma) + log_sigma + 0.5 * math.log(2)
 
 
 def _smooth_l1(values: Tensor, beta: float) -> Tensor:

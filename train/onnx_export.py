@@ -75,8 +75,9 @@ def onnx_bytes(
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # the tracer warns of sizes that dynamic_axes frees
+        # The exporter does not know Asinh.
         torch.onnx.register_custom_op_symbolic(  # type: ignore[attr-defined]  # it is documented
-            "aten::asinh", _asinh, _OPSET
+            "aten::asinh", lambda graph, x: graph.op("Asinh", x), _OPSET
         )
         try:
             torch.onnx.export(
@@ -99,11 +100,6 @@ def onnx_bytes(
     from glsim.train.onnx_graph import compacted  # the package onnx is there: PyTorch used it
 
     return compacted(buffer.getvalue(), record_entries(record))
-
-
-def _asinh(graph: Any, x: Any) -> Any:
-    """Translate torch.asinh to the ONNX operator Asinh, which the exporter does not know."""
-    return graph.op("Asinh", x)
 
 
 def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.float32]:

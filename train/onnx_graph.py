@@ -42,26 +42,11 @@ def compacted(data: bytes, entries: Mapping[str, str] | None = None) -> bytes:
         entries: metadata of the file.
     """
     model = onnx.load_from_string(data)
-    _store_constants(model.graph)
-    model = with_shapes(model)
+    _write_shapes(model)
     _shorten(model.graph)
     helper.set_model_props(model, dict(entries or {}))
     compact: bytes = model.SerializeToString()
     return compact
-
-
-def _store_constants(graph: onnx.GraphProto) -> None:
-    """Replace Constant nodes by initializer tensors of the graph, in place."""
-    nodes = []
-    for node in graph.node:
-        if node.op_type != "Constant":
-            nodes.append(node)
-            continue
-        (tensor,) = (attribute.t for attribute in node.attribute)
-        tensor.name = node.output[0]
-        graph.initializer.append(tensor)
-    kept = helper.make_graph(nodes, "glsim", graph.input, graph.output, graph.initializer)
-    graph.CopyFrom(kept)
 
 
 def _shorten(graph: onnx.GraphProto) -> None:
@@ -102,11 +87,16 @@ class _Known(NamedTuple):
     shapes: _Shapes
 
 
-def with_shapes(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Return the network with the shapes of its tensors and without computations of sizes."""
-    known = [_evaluate(model, rows, columns) for rows, columns in _SIZES]
+def _write_shapes(model: onnx.ModelProto) -> None:
+    """Write the shapes of the tensors into a network, without computations of sizes, in place."""
     graph = model.graph
     constants = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
+    constants |= {
+        node.output[0]: numpy_helper.to_array(node.attribute[0].t)
+        for node in graph.node
+        if node.op_type == "Constant"
+    }
+    known = [_evaluate(model, dict(constants), rows, columns) for rows, columns in _SIZES]
     for name, value in known[0].values.items():
         if value.dtype.kind == "f":  # another program may round it otherwise
             continue
@@ -138,14 +128,11 @@ def with_shapes(model: onnx.ModelProto) -> onnx.ModelProto:
         for name in node.output
         if name in types and (form := _form(name, known)) is not None
     )
-    changed = onnx.ModelProto()
-    changed.CopyFrom(model)
-    changed.graph.CopyFrom(made)
-    return changed
+    graph.CopyFrom(made)
 
 
-def _evaluate(model: onnx.ModelProto, rows: int, columns: int) -> _Known:
-    """Compute all values and shapes that depend on the frame size alone."""
+def _evaluate(model: onnx.ModelProto, values: _Values, rows: int, columns: int) -> _Known:
+    """Compute all values and shapes that depend on the frame size alone, from known values."""
     sized = onnx.ModelProto()
     sized.CopyFrom(model)
     for value in sized.graph.input:
@@ -153,7 +140,6 @@ def _evaluate(model: onnx.ModelProto, rows: int, columns: int) -> _Known:
         dims[2].dim_value, dims[3].dim_value = rows, columns
     for value in sized.graph.output:
         value.type.tensor_type.ClearField("shape")
-    values: _Values = {t.name: numpy_helper.to_array(t) for t in sized.graph.initializer}
     while True:
         shapes = _inferred(sized)
         before = len(values)
@@ -170,6 +156,8 @@ def _compute(
     node: onnx.NodeProto, values: _Values, shapes: _Shapes, model: onnx.ModelProto
 ) -> bool:
     """Compute a node's outputs and add them to the values; return False if an input is unknown."""
+    if values.keys() >= {*node.output}:  # a Constant
+        return True
     inputs = [name for name in node.input if name]
     if node.op_type == "Shape" and inputs[0] in shapes and not node.attribute:
         values[node.output[0]] = np.array(shapes[inputs[0]], np.int64)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -21,16 +20,6 @@ _GOOD_DEG: Final = 10.0
 
 def _share(part: float, whole: float) -> float:
     return part / whole if whole else math.nan
-
-
-def _flying_px(prediction: ScoredMap) -> float:
-    hits, predicted, _ = prediction.counts
-    error = prediction.error[prediction.valid & prediction.truth.valid]
-    return float(int(np.count_nonzero(np.abs(error) > FLYING_MM)) + predicted - hits)
-
-
-def _ssim(prediction: ScoredMap, preset: str) -> float:
-    return prediction.ssim[preset]
 
 
 def _angle(prediction: ScoredMap, of: Callable[..., float]) -> float:
@@ -91,7 +80,7 @@ SHIPPED_METRICS: Final = (
                                     / p.squared.size, p.mse_mm2), in_table=True),
     *(
         Metric(f"ssim_{name}", "1", "higher", "paper", f"structural similarity, {preset}",
-               partial(_ssim, preset=name), in_table=True)
+               lambda p, name=name: p.ssim[name], in_table=True)
         for name, preset in PRESETS.items()
     ),
     Metric("iou", "1", "higher", "validity", "valid in both / valid in either",
@@ -104,7 +93,8 @@ SHIPPED_METRICS: Final = (
            lambda p: float(p.flips), in_table=True),
     Metric("flying_px", "px", "lower", "validity",
            f"predicted more than {FLYING_MM:.0f} mm off, or where there is no surface",
-           _flying_px, in_table=True),
+           lambda p: float(np.count_nonzero(
+               p.valid & (~p.truth.valid | (np.abs(p.error) > FLYING_MM)))), in_table=True),
     *(_depth_metric(base, part, key) for base, part in _SETS for key in _STATISTICS),
     Metric("relief_kept_pct", "%", "higher", "depth",
            "share of the clean relief of 4 to 8 px that is kept in the interior", relief_kept_pct,

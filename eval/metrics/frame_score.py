@@ -18,23 +18,17 @@ from glsim.denoise.interface import Depth
 from glsim.eval.metrics.definitions import SHIPPED_METRICS
 from glsim.eval.metrics.form import systematic_mm2
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.regions import REGION_METRICS, region_column
+from glsim.eval.metrics.regions import REGION_METRICS
 from glsim.eval.metrics.scored_map import ScoredMap, Truth
 
 
 def _all_metrics() -> dict[str, Metric]:
+    def plugin(name: str) -> Any:
+        return load_plugin("metrics", name, lambda value: isinstance(value, Metric))
+
     found: dict[str, Metric] = {metric.name: metric for metric in SHIPPED_METRICS}
-    plugins = each_usable(plugin_names("metrics", found), _plugin_metric)
+    plugins = each_usable(plugin_names("metrics", found), plugin)
     return found | {name: replace(metric, name=name) for name, metric in plugins}
-
-
-def _plugin_metric(name: str) -> Metric:
-    metric: Metric = load_plugin("metrics", name, _is_metric)
-    return metric
-
-
-def _is_metric(value: Any) -> bool:
-    return isinstance(value, Metric)
 
 
 #: Name -> metric, in the order of the columns of rows.csv.
@@ -46,7 +40,7 @@ def metrics_with_regions(regions: Iterable[str]) -> dict[str, Metric]:
     per_region = [
         replace(
             METRICS[base],
-            name=region_column(name, region),
+            name=f"{name}@{region}",
             help=f"{METRICS[base].help}; the part of the face called {region} alone",
             in_table=False,
         )

@@ -18,11 +18,6 @@ REGION_METRICS: Final = {
 _Array = NDArray[np.float64]
 
 
-def region_column(name: str, region: str) -> str:
-    """Return the column name of a metric in a region: ``name@region``."""
-    return f"{name}@{region}"
-
-
 class Regions:
     """Face regions of a frame: (H, W) uint8 labels, and the label of each region name."""
 
@@ -39,7 +34,7 @@ class Regions:
         labels = self.labels[pixels]
         square, mean = _means(error * error, labels), _means(error, labels)
         return {
-            region_column(name, region): float(value)
+            f"{name}@{region}": float(value)
             for region, number in self.numbers.items()
             for name, value in (("rmse_mm", np.sqrt(square[number])), ("bias_mm", mean[number]))
         }
@@ -47,10 +42,7 @@ class Regions:
     def angles(self, angle: _Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
         """Average (N,) angles, degrees, over each region, by column name; NaN without pixels."""
         mean = _means(angle, self.labels[pixels])
-        return {
-            region_column("normal_mean_deg", region): float(mean[number])
-            for region, number in self.numbers.items()
-        }
+        return {f"normal_mean_deg@{r}": float(mean[number]) for r, number in self.numbers.items()}
 
 
 def _means(values: _Array, labels: NDArray[np.uint8]) -> _Array:

@@ -100,18 +100,16 @@ class ReproductionPlan(TomlTable):
         """Return run name -> recipe of the networks of a case, in order. Raises ConfigError."""
         return {
             f"{Path(name).stem}-{seed}": load_recipe(
-                name, group.set, _recipe_overrides(protocol, seed, group.steps)
+                name,
+                group.set,
+                {"seed": seed, "data": {"protocol": protocol}}
+                | ({"training": {"max_steps": group.steps}} if group.steps else {}),
             )
             for group in self.train
             if mask in (group.masks or self.masks)
             for seed in group.seeds or self.seeds
             for name in group.recipes
         }
-
-
-def _recipe_overrides(protocol: DepthProtocol, seed: int, steps: int | None) -> dict[str, Any]:
-    limits = {} if steps is None else {"training": {"max_steps": steps}}
-    return {"seed": seed, "data": {"protocol": protocol}} | limits
 
 
 def load_plan(size: str) -> ReproductionPlan:

@@ -110,15 +110,14 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
         for sheet in range(sheets):
             # Methods are spread evenly, so that no figure has a single column.
             first, last = (len(names) * edge // sheets for edge in (sheet, sheet + 1))
-            part = {_wrapped(name): maps[name] for name in names[first:last]}
+            part = {
+                name.replace(":", "\n", 1).replace(" [", "\n[", 1): maps[name]
+                for name in names[first:last]
+            }
             figure = method_panels(frame, part, PANEL_ROWS, frame.title)
             caption = "One frame denoised by every method, in the same scale."
             pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
     return pictures
-
-
-def _wrapped(name: str) -> str:
-    return name.replace(":", "\n", 1).replace(" [", "\n[", 1)
 
 
 def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None:

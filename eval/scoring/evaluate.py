@@ -195,11 +195,7 @@ def write_csv(path: Path, fields: Sequence[str], rows: Iterable[Sequence[object]
     with AtomicFile(path) as file:
         for row in itertools.chain([fields], rows):
             text = io.StringIO()
-            csv.writer(text, lineterminator="\n").writerow(map(_written, row))
+            values = (float("nan") if value is None else value for value in row)
+            cells = [f"{v:.9g}" if isinstance(v, float) else v for v in values]
+            csv.writer(text, lineterminator="\n").writerow(cells)
             file.write(text.getvalue().encode())
-
-
-def _written(value: object) -> object:
-    if value is None:
-        return "nan"
-    return f"{value:.9g}" if isinstance(value, float) else value

@@ -15,11 +15,10 @@ from glsim.bench.compare.patches import surface_patches
 from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
-from glsim.core.files.atomic import write_atomic
-from glsim.core.files.png import encode_png
 from glsim.data.recordings.recording import open_recording
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
+from tests.support.recordings import write_frames
 
 
 def _set(seed: int, sigma_mm: float, smooth: int, frames: int = 6) -> Frames:
@@ -95,13 +94,9 @@ def test_a_comparison_says_what_differs() -> None:
 
 
 def _write(folder: Path, seed: int, frames: int = 2, infrared: bool = False) -> Path:
-    for number in range(frames):
-        depth = noisy(shadowed(900.0, 1800.0, 2, 6), 1.2, seed + number)
-        write_atomic(encode_png(depth), folder / f"{number:04d}_depth.png")
-        if infrared:
-            light = np.where(depth > 0, 4000, 0).astype(np.uint16)
-            write_atomic(encode_png(light), folder / f"{number:04d}_ir.png")
-    return folder
+    clean = shadowed(900.0, 1800.0, 2, 6)
+    depths = np.stack([noisy(clean, 1.2, seed + number) for number in range(frames)])
+    return write_frames(folder, depths, np.where(depths > 0, 4000, 0) if infrared else None)
 
 
 def test_the_command_writes_table_and_json(
@@ -135,11 +130,8 @@ def test_errors_are_one_line(
     good, bad = _write(tmp_path / "good", 1), tmp_path / "bad"
     if case != "missing":
         bad.mkdir()
-    if case in ("sizes", "dark"):
-        zeros = np.zeros((424, 512), np.uint16)
-        write_atomic(encode_png(zeros), bad / "0_depth.png")
-    if case == "sizes":
-        write_atomic(encode_png(np.ones((100, 100), np.uint16)), bad / "1_depth.png")
+    dark, small = np.zeros((424, 512), np.uint16), np.ones((100, 100), np.uint16)
+    write_frames(bad, {"sizes": [dark, small], "dark": [dark]}.get(case, []))
     assert main(["compare", str(good), str(bad), "-q"]) in (1, 2)
     error = capsys.readouterr().err
     assert error.startswith("glsim: error: ")

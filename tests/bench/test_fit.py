@@ -26,6 +26,7 @@ from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from tests.support.planted_frames import encoded
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
+from tests.support.recordings import write_frames
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 
@@ -43,13 +44,6 @@ def read(*paths: Path, unit_mm: float = 1.0, infrared: Path | None = None) -> Fr
     return open_recording(paths, unit_mm, infrared=infrared).read_static()
 
 
-def write(folder: Path, frames: NDArray[np.generic]) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, frame in enumerate(frames):
-        cv2.imwrite(str(folder / f"{number:04d}.png"), frame)
-    return folder
-
-
 def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
     """A sensor of other constants before six walls, side by side, 0.7 to 4.2 m away."""
     half_px = 300.0  # of the image from its centre: all of it
@@ -65,12 +59,7 @@ def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
     changes.setdefault(floor, {})["sigma_mm"] = FLOOR_MM
     camera = VirtualCamera(sensor, context, seed=3)
     capture = camera.capture(scenes.merge_meshes(*strips), 30, None, changes=changes)
-    lights = capture.stack("infrared")
-    for number, (depth, infrared) in enumerate(zip(encoded(capture), lights, strict=True)):
-        folder.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(folder / f"{number:04d}_depth.png"), depth)
-        cv2.imwrite(str(folder / f"{number:04d}_ir.png"), np.rint(infrared).astype(np.uint16))
-    return folder
+    return write_frames(folder, encoded(capture), capture.stack("infrared"))
 
 
 @pytest.fixture(scope="module")
@@ -148,11 +137,11 @@ def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint1
 
 def test_recordings_that_cannot_serve(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="one frame only"):
-        read(write(tmp_path / "single", wall(1)))
+        read(write_frames(tmp_path / "single", wall(1)))
     moved = wall()
     moved[2, :, 20:] = 1400
-    with pytest.raises(DatasetError, match="0001 and 0002 show different scenes"):
-        read(write(tmp_path / "m", moved))
+    with pytest.raises(DatasetError, match="0001_depth and 0002_depth show different"):
+        read(write_frames(tmp_path / "m", moved))
 
 
 def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
@@ -160,7 +149,7 @@ def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
     noise = rng.integers(500, 4000, (48, 64)).astype(np.uint16)[None].repeat(4, axis=0)
     noise[:, ::7] = 0
     noise[:, :, ::7] = 0
-    recording = read(write(tmp_path / "mess", noise))
+    recording = read(write_frames(tmp_path / "mess", noise))
     with pytest.raises(DatasetError, match="belong to smooth surfaces"):
         measure_recording(recording)
 
@@ -177,7 +166,7 @@ def test_command_refuses(
     arguments: list[str], status: int, message: str, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    folder = write(tmp_path / "wall", wall())
+    folder = write_frames(tmp_path / "wall", wall())
     assert main(["fit", str(folder), *arguments]) == status
     line = capsys.readouterr().err
     assert message in line

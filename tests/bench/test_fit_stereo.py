@@ -22,11 +22,11 @@ from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
-from glsim.core.files.png import encode_png
 from glsim.data.recordings.recording import open_recording
 from glsim.sensors.sensor import load_sensor
 from tests.support.planted_frames import encoded, noisy, plane
 from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras
+from tests.support.recordings import write_frames
 
 PRODUCT, STEPS = 390.4 * 50.17, 32
 
@@ -42,12 +42,6 @@ def planted(frame_px: float = 0.09, static_px: float = 0.06, count: int = 8) -> 
     depth[:, :, :20] = 0.0
     depth[::2, 100:130, 200:230] = 0.0
     return frames_of("planted", list(np.rint(depth)))
-
-
-def write(folder: Path, depths: NDArray[np.uint16]) -> Path:
-    for number, depth in enumerate(depths):
-        write_atomic(encode_png(depth), folder / f"depth_{number:03d}.png")
-    return folder
 
 
 @pytest.mark.long
@@ -71,14 +65,14 @@ def test_a_recording_without_planes_is_refused() -> None:
 
 def test_the_depths_choose_the_base(tmp_path: Path) -> None:
     depths = np.stack([np.nan_to_num(f.measured_mm) for f in planted(count=2)])
-    stereo = open_recording(write(tmp_path / "stereo", depths.astype(np.uint16)))
+    stereo = open_recording(write_frames(tmp_path / "stereo", depths.astype(np.uint16)))
     assert stereo_base(stereo, None) == "realsense-d435-vga"
     assert stereo_base(stereo, "realsense-d455") == "realsense-d455"
     assert stereo_base(stereo, "kinect-v2") is None
     with pytest.raises(ConfigError, match="no fit starts from 'kinect-v1'"):
         stereo_base(stereo, "kinect-v1")
-    time_of_flight = np.stack([noisy(plane(900.0, 0.2), 1.2, seed) for seed in (1, 2)])
-    assert stereo_base(open_recording(write(tmp_path / "tof", time_of_flight)), None) is None
+    time_of_flight = [noisy(plane(900.0, 0.2), 1.2, seed) for seed in (1, 2)]
+    assert stereo_base(open_recording(write_frames(tmp_path / "tof", time_of_flight)), None) is None
 
 
 @needs_real_cameras
@@ -115,7 +109,7 @@ def test_a_changed_sensor_comes_back(context: moderngl.Context, tmp_path: Path) 
     product = 390.4315 * 52.0
     scene = room_corner(product)
     shot = VirtualCamera(str(camera), context, seed=2).capture(scene, 12, None, scene="corner")
-    recording = write(tmp_path / "recording", encoded(shot))
+    recording = write_frames(tmp_path / "recording", encoded(shot))
     out = tmp_path / "fitted.toml"
     assert main(["fit", str(recording), "-o", str(out)]) == 0
     assert tomllib.loads(out.read_text())["extends"] == "realsense-d435-vga"

@@ -15,6 +15,7 @@ from glsim.bench.measures.stacks import Array
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from tests.support.planted_frames import encoded
+from tests.support.recordings import write_frames
 from tests.support.stage_harness import Z_MAX, z_correlation
 
 RECORDED, SIMULATED = 24, 6
@@ -44,10 +45,8 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(
     context: moderngl.Context, tmp_path: Path
 ) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
-    (tmp_path / "frames").mkdir()
-    recorded = encoded(device.capture(scenes.wall(900), RECORDED, None, scene="recording"))
-    for number, depth in enumerate(recorded):
-        cv2.imwrite(str(tmp_path / "frames" / f"{number:04d}.png"), depth)
+    recorded = device.capture(scenes.wall(900), RECORDED, None, scene="recording")
+    write_frames(tmp_path / "frames", encoded(recorded))
     fitted = tmp_path / "mine.toml"
     assert main(["fit", str(tmp_path / "frames"), "-o", str(fitted), "--quiet"]) == 0
 
@@ -75,9 +74,7 @@ def test_a_short_recording_does_not_give_its_noise_to_frames(
     context: moderngl.Context, tmp_path: Path
 ) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
-    (tmp_path / "frames").mkdir()
-    for number, depth in enumerate(encoded(device.capture(scenes.wall(900), 3, None))):
-        cv2.imwrite(str(tmp_path / "frames" / f"{number:04d}.png"), depth)
+    write_frames(tmp_path / "frames", encoded(device.capture(scenes.wall(900), 3, None)))
     fitted = tmp_path / "mine.toml"
     assert main(["fit", str(tmp_path / "frames"), "-o", str(fitted), "--quiet"]) == 0
     assert "too noisy to add to frames" in fitted.read_text()

@@ -17,9 +17,9 @@ from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.files.atomic import write_atomic
-from glsim.core.files.png import encode_png
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support.planted_frames import encoded
+from tests.support.recordings import write_frames
 
 
 def _frames(context: moderngl.Context, sensor: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -54,11 +54,7 @@ def test_frames_of_the_fitted_sensor_are_as_correlated(
     camera = tmp_path / "camera.toml.d" / "mine.toml"
     write_atomic(text.encode(), camera)
     depths, lights = _frames(context, str(camera), 3)
-    folder = tmp_path / "recording"
-    for number, (depth, light) in enumerate(zip(depths, lights, strict=True)):
-        write_atomic(encode_png(depth), folder / f"{number:04d}_depth.png")
-        counts = np.rint(light).astype(np.uint16)
-        write_atomic(encode_png(counts), folder / f"{number:04d}_ir.png")
+    folder = write_frames(tmp_path / "recording", depths, lights)
     out = tmp_path / "fitted.toml"
     assert main(["fit", str(folder), "-o", str(out), "-q"]) == 0
     stages = {s["use"]: s for s in tomllib.loads(out.read_text())["stage"]}

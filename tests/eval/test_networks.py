@@ -11,7 +11,6 @@ import pytest
 
 from glsim.cli import main
 from glsim.denoise.composites import COMPOSITES
-from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.eval_scenes import rows, write_pairs
@@ -112,17 +111,3 @@ def test_what_is_no_run_is_named_and_left_out(
     assert "foreign/recipe.json: cannot be read" in text
     assert "ar-1/best.pt: is the same recipe and seed as" in text
     assert "seeds: 2," in row_of(text, "D7", "DnCNN D7")[1]
-
-
-def test_runs_alone_are_scored_and_grouped(runs: Path, tmp_path: Path) -> None:
-    pairs, out = write_pairs(tmp_path / "pairs", 2, 1), tmp_path / "o"
-    assert main(command(pairs, out, "--runs", str(runs))) == 0
-    assert {row["method"] for row in rows(out)} >= {"nlm", "d7-0", "unet", "ours [soft]"}
-    assert not (out / "paper_table_2.md").exists()
-    trained, refused = find_trained_runs(runs)
-    assert not refused
-    groups = {
-        group.title: [one.seed for one in group.members] for group in group_by_network(trained)
-    }
-    assert groups["DnCNN D7"] == groups["AR D7"] == [0, 1, 2]
-    assert len(groups) == 5

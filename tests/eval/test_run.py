@@ -42,10 +42,7 @@ def test_rows_are_the_metrics_of_each_frame(pairs: Path, tmp_path: Path) -> None
     assert len(table) == 24
     first = table[0]
     assert (first["subject"], first["sequence"], first["frame"]) == ("p0", "s", "0")
-    clean, seen = (
-        cv2.imread(str(pairs / f"p0/s_000_{layer}.png"), cv2.IMREAD_UNCHANGED).astype(np.float32)
-        for layer in ("clean", "noisy")
-    )
+    clean, seen = (image.astype(np.float32) for image in _pair(pairs, first))
     height, width = clean.shape
     x = (np.arange(width) + 0.5 - width / 2) / 365.456
     y = (np.arange(height) + 0.5 - height / 2) / 365.456

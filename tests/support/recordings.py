@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,11 +45,23 @@ def scene(step: bool = True) -> Array:
     return depth
 
 
-def write_frame(folder: Path, name: str, depth: NDArray[np.uint16], infrared: Array) -> None:
+def write_frame(
+    folder: Path, name: str, depth: NDArray[np.uint16], infrared: NDArray[Any] | None = None
+) -> None:
     """Write a frame as NAME_depth.png and NAME_ir.png."""
     write_atomic(encode_png(depth), folder / f"{name}_depth.png")
-    counts = np.ascontiguousarray(np.rint(infrared)).astype(np.uint16)
-    write_atomic(encode_png(counts), folder / f"{name}_ir.png")
+    if infrared is not None:
+        counts = np.ascontiguousarray(np.rint(infrared)).astype(np.uint16)
+        write_atomic(encode_png(counts), folder / f"{name}_ir.png")
+
+
+def write_frames(
+    folder: Path, depths: Iterable[NDArray[np.uint16]], infrared: NDArray[Any] | None = None
+) -> Path:
+    """Write the frames of a recording; return its folder."""
+    for number, depth in enumerate(depths):
+        write_frame(folder, f"{number:04d}", depth, None if infrared is None else infrared[number])
+    return folder
 
 
 def write_static_pair(

@@ -36,12 +36,10 @@ class Backbone(nn.Module):
                 f"{type(self).__name__}: a residual needs as many channels in ({in_channels}) as "
                 f"out ({out_channels}); set residual = false"
             )
-        self.in_channels = in_channels
-        self.out_channels = out_channels
         self.residual = residual
 
-    def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
-        """Run the network; valid: (B, 1, H, W), 1 = measured, which image networks ignore."""
+    def forward(self, x: Tensor) -> Tensor:
+        """Run the network on (B, in_channels, H, W)."""
         raise NotImplementedError
 
 

@@ -83,7 +83,7 @@ class PaperInput(DepthModel):
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise (B, 1, H, W) millimetres."""
-        return Prediction(self.backbone(noisy_mm, (noisy_mm > 0).to(noisy_mm.dtype)).float())
+        return Prediction(self.backbone(noisy_mm).float())
 
 
 #: Names of all outputs, see ``named_outputs``; every network has the first.

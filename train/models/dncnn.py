@@ -38,7 +38,7 @@ class DnCNN(Backbone):
             init_zero(layers[-1])
         self.layers = nn.ModuleList(layers)
 
-    def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
+    def forward(self, x: Tensor) -> Tensor:
         """Run the network on (B, in_channels, H, W)."""
         features = x
         for layer in self.layers[:-1]:

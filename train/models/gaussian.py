@@ -29,23 +29,15 @@ def weighted_mean(
     Returns:
         The mean, 0 without known pixels, and the mask (0 or 1) of windows with known pixels.
     """
-    total, weight = _weighted_sums(depth_mm, known, radius, sigma)
+    total, weight = blurred(torch.cat([depth_mm * known, known]), radius, sigma).chunk(2)
     reached = weight > TINY
     mean = torch.where(reached, total / torch.where(reached, weight, 1.0), 0.0)
     return mean, reached.to(known.dtype)
 
 
-def _weighted_sums(
-    values: Tensor, known: Tensor, radius: int, sigma: float
-) -> tuple[Tensor, Tensor]:
-    """Compute Gaussian-weighted sums of the known values and of their mask; weights sum to 1."""
-    total, weight = blurred(torch.cat([values * known, known]), radius, sigma).chunk(2)
-    return total, weight
-
-
 def shrunk_mean(values: Tensor, known: Tensor, radius: int, sigma: float) -> Tensor:
     """Compute `weighted_mean` with 2 % zeros added, which shrinks means of few known pixels."""
-    total, weight = _weighted_sums(values, known, radius, sigma)
+    total, weight = blurred(torch.cat([values * known, known]), radius, sigma).chunk(2)
     return total / (weight + _LEAST_SHARE)
 
 

@@ -154,12 +154,13 @@ class MaskAware(DepthModel):
             valid = channels[:, -1:]
             # At the end: a network of single frames keeps its weights, see `copy_weights`.
             if self.inputs.infrared:
-                features = self._infrared(named[INFRARED], fill_mm, noisy_mm)
-                channels = torch.cat([channels, features], dim=1)
+                light = named[INFRARED]
+                around = own_surface_mean(log_counts(light), fill_mm, noisy_mm, light > 0)
+                channels = torch.cat([channels, infrared_features(light, around)], dim=1)
             if neighbours:
                 features = neighbour_features(neighbours_mm, fill_mm, in_time)
                 channels = torch.cat([channels, features], dim=1)
-        out = self.backbone(channels, valid).float()
+        out = self.backbone(channels).float()
         count = len(self.filters)
         gains, out = out[:, :count], out[:, count:]
         correction_mm = (gains * bands_mm).sum(1, keepdim=True) + _CORRECTION_MM * out[:, :1]
@@ -171,12 +172,6 @@ class MaskAware(DepthModel):
         if not self.surfaces:
             return prediction
         return self._with_likeliest_surface(prediction, around_mm, out[:, -4:])
-
-    @staticmethod
-    def _infrared(infrared: Tensor, fill_mm: Tensor, noisy_mm: Tensor) -> Tensor:
-        log = log_counts(infrared)
-        surface_log = own_surface_mean(log, fill_mm, noisy_mm, infrared > 0)
-        return infrared_features(infrared, surface_log)
 
     def _with_likeliest_surface(
         self, own: Prediction, around_mm: Tensor, out: Tensor

@@ -68,7 +68,7 @@ class SmallUNet(Backbone):
         if zero_last:
             init_zero(self.last)
 
-    def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
+    def forward(self, x: Tensor) -> Tensor:
         """Run the network on (B, in_channels, H, W)."""
         features = self.encoder[0](self.first(pad_to_multiple(x, 2 ** len(self.widen))))
         skips = []

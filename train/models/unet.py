@@ -47,7 +47,7 @@ class UNet(Backbone):
         if zero_last:
             init_zero(self.last)
 
-    def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:
+    def forward(self, x: Tensor) -> Tensor:
         """Run the network on (B, in_channels, H, W)."""
         features = self.down[0](pad_to_multiple(x, 2 ** (len(self.down) - 1)))
         skips = []

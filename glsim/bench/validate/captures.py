@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from glsim.bench.measures import stacks as measure
 from glsim.bench.validate import scenes
 from glsim.bench.validate.virtual_camera import Changes, VirtualCamera
 from glsim.core.depth_frame import Frames
+from glsim.settings.toml_tables import read_toml
 
 _T = TypeVar("_T")
 
@@ -18,34 +20,11 @@ _T = TypeVar("_T")
 INTERNAL = "needs the stages of a time-of-flight chain, which this sensor lacks"
 
 OFF = {"enabled": 0.0}
-_STRAIGHT = {"harmonic_2": 0.0, "harmonic_5": 0.0}
-_SKIN = {"subsurface_mm": 7.0}
-_TIME_OF_FLIGHT = ("tof_fast", "tof_taps")
 #: Layers that hold the phasors of a chain with ``tof_taps``: real and imaginary part of 80 and 16
 #: MHz, and of 120 MHz.
 PHASES = ("phasor_a", "phasor_b")
-#: Change to a chain -> stages of which it needs one, and their parameters: only the noise of the
-#: phases (no floor, no fixed pattern, no rounding); thresholds but no filters of the decoder; depth
-#: as a real number; taps that measure light exactly; the delay of light within skin.
-_ABLATIONS: dict[str, tuple[tuple[str, ...], Changes]] = {
-    "white": (
-        _TIME_OF_FLIGHT,
-        {
-            "tof_fast": {**_STRAIGHT, "sigma_mm": 0.0, "lateral_px": 0.0},
-            "tof_light": _STRAIGHT,
-            "tof_floor": OFF,
-            "fixed_pattern": OFF,
-            "millimetre_quantise": OFF,
-        },
-    ),
-    "no_filters": (("tof_taps",), {"tof_bilateral": OFF, "tof_edge": OFF}),
-    "no_rounding": (("millimetre_quantise",), {"millimetre_quantise": OFF}),
-    "no_light_noise": (
-        ("tof_taps",),
-        {"tof_taps": {"read_variance": 0.0, "shot_variance": 0.0, "companding": 0.0}},
-    ),
-    "skin": (_TIME_OF_FLIGHT, {"tof_fast": _SKIN, "tof_light": _SKIN}),
-}
+#: Change to a chain -> the stages of which it needs one, and parameters of its stages.
+_ABLATIONS = read_toml(Path(__file__).with_name("ablations.toml"))
 
 
 class Captures:
@@ -58,10 +37,10 @@ class Captures:
     def ablation(self, name: str) -> Changes | None:
         """Return the stage changes of an entry of _ABLATIONS; None if no stage is affected."""
         names = {stage.spec.name: stage.name for stage in self.camera.sensor.stages}
-        needed, changes = _ABLATIONS[name]
-        if not any(stage in names for stage in needed):
+        change = _ABLATIONS[name]
+        if names.keys().isdisjoint(change["needs"]):
             return None
-        return {names[stage]: values for stage, values in changes.items() if stage in names}
+        return {names[stage]: own for stage, own in change["stage"].items() if stage in names}
 
     @property
     def scene_frames(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,9 +11,8 @@ from glsim.core.depth_map import grid_triangles
 from glsim.core.mesh import Mesh
 from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
+from glsim.settings.toml_tables import read_toml
 
-#: Albedos: painted walls and boards; cloth; black plastic and cloth. Chosen.
-_CORNER, _CLOTH, _BLACK = 0.8, 0.4, 0.06
 #: Focal length times baseline of the device that made the frames, px mm.
 _FOCAL_BASELINE_PX_MM = 626_823 / 32
 #: Albedos that give the real frame's counts: 6,000 to 12,000 on the mug, 500 to 700 on the walls.
@@ -46,7 +47,7 @@ def rectangle(
 ) -> Mesh:
     """Build an upright rectangle at depth z, or with two depths for its left and right side."""
     (left, right), (top, bottom) = x_mm, y_mm
-    first, second = z_mm if isinstance(z_mm, tuple) else (z_mm, z_mm)
+    first, second = np.broadcast_to(z_mm, 2).tolist()
     below = [(left, bottom, first), (right, bottom, second)]
     return quad([*below, (right, top, second), (left, top, first)], albedo)
 
@@ -119,23 +120,15 @@ def faces(count: int, z_mm: float, seed: int) -> list[Mesh]:
 def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
     """Build a simple model of the room corner in two real frames of a D435.
 
-    Distances are read off the frames: a wall at 1.75 m, a board that recedes on the right from 0.35
-    to 1.6 m, a bag in the corner, a dark backpack, a box on the floor, and a frame on the board.
+    A wall at 1.75 m, a board that recedes on the right from 0.35 to 1.6 m, a bag in the corner, a
+    dark backpack, a box on the floor, and a frame on the board.
 
     Args:
         focal_baseline_px_mm: of the camera that looks at it; the scene grows with it, so that all
             cameras see the same disparities: 11 px on the wall, up to 98 px on the board.
     """
-    parts = (
-        ((-3000.0, 260.0), (-1500.0, 1500.0), 1750.0, _CORNER),  # the wall
-        ((-100.0, 900.0), (-1500.0, 1500.0), 2300.0, _CORNER),
-        ((260.0, 290.0), (-1500.0, 1500.0), (1600.0, 200.0), _CORNER),  # the board
-        ((120.0, 215.0), (-420.0, -60.0), 1450.0, _CLOTH),  # the bag
-        ((-20.0, 190.0), (60.0, 460.0), 1250.0, _BLACK),  # the backpack
-        ((-330.0, 120.0), (300.0, 1200.0), 1380.0, _CLOTH),  # the box
-        ((245.0, 250.0), (-170.0, 40.0), (480.0, 400.0), _BLACK),  # the frame
-    )
-    mesh = merge_meshes(*(rectangle(*part) for part in parts))
+    table = read_toml(Path(__file__).with_name("room_corner.toml"))["rectangles"]
+    mesh = merge_meshes(*(rectangle(x, y, z, albedo) for x, y, z, albedo in table))
     scale = np.float32(focal_baseline_px_mm / _FOCAL_BASELINE_PX_MM)
     return Mesh(mesh.vertices_mm * scale, mesh.faces, mesh.albedo)
 
