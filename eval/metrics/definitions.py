@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -80,7 +81,7 @@ SHIPPED_METRICS: Final = (
                                     / p.squared.size, p.mse_mm2), in_table=True),
     *(
         Metric(f"ssim_{name}", "1", "higher", "paper", f"structural similarity, {preset}",
-               lambda p, name=name: p.ssim[name], in_table=True)
+               partial(lambda key, p: p.ssim[key], name), in_table=True)
         for name, preset in PRESETS.items()
     ),
     Metric("iou", "1", "higher", "validity", "valid in both / valid in either",

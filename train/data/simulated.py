@@ -92,11 +92,10 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             target: as in ``StoredPairs``.
             protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
         """
-        for name, value, least in (("batch", batch, 1), ("reuse", reuse, 1), ("start", start, 0)):
+        limits = {"batch": (batch, 1), "reuse": (reuse, 1), "start": (start, 0)}
+        for name, (value, least) in (limits | {"length": (length or 0, 0)}).items():
             if value < least:
                 raise ConfigError(f"{name} is {value}: give {least} or more")
-        if length is not None and length < 0:
-            raise ConfigError(f"length is {length}: give 0 or more")
         sensor_of(settings)  # checks its parameters now, not later in a worker
         sources = open_sources(settings)
         people = split_people(settings, sources, split)

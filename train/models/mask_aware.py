@@ -123,8 +123,7 @@ class MaskAware(DepthModel):
         before: int = 0,
         after: int = 0,
         filters: Sequence[FilterName] = FILTERS,
-        keep_clean: bool = True,  # noqa: ARG004 (all parameters of the class are given)
-        unlikely: float = UNLIKELY,  # noqa: ARG004
+        **_others: Any,
     ) -> dict[str, Any]:
         """Arguments with which the backbone must be built."""
         extra = extra_channels(NetworkInputs(infrared, before, after))

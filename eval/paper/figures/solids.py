@@ -74,19 +74,12 @@ def frustum_figure(frame: FigureFrame, note: str) -> Any:
     lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)
     far = float(frame.clean.max()) + 150.0
     x, y, _ = _image_corners(frame.rig.intrinsics, far).T
-    low, high = _bounds(frame)
     emitters = to_figure_axes(
         1000.0 * np.array([e.position_m for e in frame.rig.emitters[:1]]).reshape(-1, 3)
     )
-    boxes = (
-        (
-            "viewing frustum",
-            np.array([x.min(), -60.0, -y.max()]),
-            np.array([x.max(), far, -y.min()]),
-        ),
-        ("the head, and the projector's shadow on it", low, high),
-    )
-    for place, (title, start, end) in enumerate(boxes):
+    whole = np.array([[x.min(), -60.0, -y.max()], [x.max(), far, -y.min()]])
+    boxes = {"viewing frustum": whole, "the head, and the projector's shadow on it": _bounds(frame)}
+    for place, (title, (start, end)) in enumerate(boxes.items()):
         axis = _axes_3d(figure, place, start, end, 18.0, -140.0)
         axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.02)
         _draw_surface(axis, frame.clean, frame, (start, end), lit)

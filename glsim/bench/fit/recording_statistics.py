@@ -178,11 +178,10 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
 
 def _smooth_mask(mean: Array) -> Mask:
     """Find pixels whose 9 x 9 window has no holes and is linear in depth, except for noise."""
-    bends = [second_difference(mean, axis, _LAG_PX) for axis in (0, 1)]
-    known = np.isfinite(bends[0]) & np.isfinite(bends[1])
+    bend = _bend(mean, _LAG_PX)
+    known = np.isfinite(bend)
     if not known.any():
         return known
-    bend = np.where(known, np.maximum(np.abs(bends[0]), np.abs(bends[1])), np.inf)
     # The median bend is the noise of a wall; curved surfaces bend more than six times as much.
     limit = max(6.0 * float(np.median(bend[known])), 2.0)
     kernel = np.ones((2 * _LAG_PX + 1,) * 2, np.uint8)
@@ -192,9 +191,8 @@ def _smooth_mask(mean: Array) -> Mask:
 
 def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) -> Mask:
     """Find pixels on flat, evenly bright surfaces, without cloth, seams and print."""
-    even = cv2.blur(np.where(steady, mean, 0.0), (5, 5))
-    bends = [np.abs(second_difference(np.asarray(even), axis, 2 * _LAG_PX)) for axis in (0, 1)]
-    flat = (bends[0] < _MOST_BEND_MM) & (bends[1] < _MOST_BEND_MM)
+    even = np.asarray(cv2.blur(np.where(steady, mean, 0.0), (5, 5)), np.float64)
+    flat = _bend(even, 2 * _LAG_PX) < _MOST_BEND_MM
     if infrared is None:
         return np.asarray(flat)
     counts = infrared.astype(np.float64)
@@ -203,9 +201,9 @@ def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) 
     return np.asarray(flat & (spread < _MOST_UNEVEN * level))
 
 
-def second_difference(image: Array, axis: int, lag: int) -> Array:
-    """Compute image[i - lag] - 2 image[i] + image[i + lag]; NaN at the border."""
-    moved = np.moveaxis(image, axis, 0)
-    out = np.full(moved.shape, np.nan)
-    out[lag:-lag] = moved[: -2 * lag] - 2 * moved[lag:-lag] + moved[2 * lag :]
-    return np.moveaxis(out, 0, axis)
+def _bend(image: Array, lag: int) -> Array:
+    """Compute the larger |image[i - lag] - 2 image[i] + image[i + lag]| of both axes, or NaN."""
+    down, across = (np.full(image.shape, np.nan) for _ in range(2))
+    down[lag:-lag] = image[: -2 * lag] - 2 * image[lag:-lag] + image[2 * lag :]
+    across[:, lag:-lag] = image[:, : -2 * lag] - 2 * image[:, lag:-lag] + image[:, 2 * lag :]
+    return np.maximum(np.abs(down), np.abs(across))

@@ -20,7 +20,7 @@ from glsim.bench.fit.noise_model import (
     fit_noise_model,
 )
 from glsim.bench.fit.recording_statistics import RecordingStatistics, measure_recording
-from glsim.bench.fit.smoothing import NARROW, WIDE, Smoothing, find_smoothing, smoothed_values
+from glsim.bench.fit.smoothing import NARROW, WIDE, find_smoothing, smoothed_values
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.data.recordings.recording import Recording
@@ -95,12 +95,18 @@ def fit_time_of_flight(
     lines = _result_lines(statistics, model, law, wiggling)
     if smoothing is not None:
         wide = any(stage["use"] == NARROW for stage in tree["stage"])
-        lines["filter of the correlated noise"] = _smoothing_text(smoothing, wide)
+        text = "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
         if wide:
+            numbers = ", ".join(f"{c:.2f}" for c in smoothing.correlation[:3])
+            text = (
+                f"Gaussian over 7x7 px, {smoothing.width_px:.1f} px (tof_smooth): {numbers} at 1 "
+                "to 3 px along rows"
+            )
             sigma_mm = float(np.sqrt(np.nanmedian(statistics.variance_mm2[statistics.smooth])))
             values = smoothed_values(values, smoothing, taps, sigma_mm)
             other = {"use": WIDE, "width_px": round(smoothing.width_px, 2)}
             tree["stage"] = [other if s["use"] == NARROW else s for s in tree["stage"]]
+        lines["filter of the correlated noise"] = text
     usable = _knows_pattern(statistics)
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {width}x{height}: {recording.path}",
@@ -259,16 +265,6 @@ def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> dict[str, str]:
         over: f"sigma^2 = {own.floor_mm:.2f}^2 + ({own.slope_mm:.0f} / infrared)^2 mm^2",
         "floor beside the noise of taps": f"{law.floor_mm:.2f} mm",
     }
-
-
-def _smoothing_text(smoothing: Smoothing, wide: bool) -> str:
-    if not wide:
-        return "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
-    numbers = ", ".join(f"{c:.2f}" for c in smoothing.correlation[:3])
-    return (
-        f"Gaussian over 7x7 px, {smoothing.width_px:.1f} px (tof_smooth): {numbers} at 1 to 3 px "
-        "along rows"
-    )
 
 
 def _wiggling_text(wiggling: Wiggling | None) -> str:
