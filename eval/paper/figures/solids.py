@@ -77,7 +77,7 @@ def frustum_figure(frame: FigureFrame, note: str) -> Any:
     emitters = to_figure_axes(
         1000.0 * np.array([e.position_m for e in frame.rig.emitters[:1]]).reshape(-1, 3)
     )
-    whole = np.array([[x.min(), -60.0, -y.max()], [x.max(), far, -y.min()]])
+    whole = np.array([x.min(), -60.0, -y.max()]), np.array([x.max(), far, -y.min()])
     boxes = {"viewing frustum": whole, "the head, and the projector's shadow on it": _bounds(frame)}
     for place, (title, (start, end)) in enumerate(boxes.items()):
         axis = _axes_3d(figure, place, start, end, 18.0, -140.0)

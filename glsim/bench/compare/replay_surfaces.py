@@ -327,7 +327,7 @@ def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array
     images = np.dstack([known.astype(np.float64), filled, filled * filled])
     blurred = cv2.GaussianBlur(images, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT)
     mean, square = np.moveaxis(blurred[..., 1:] / np.maximum(blurred[..., :1], 1e-6), -1, 0)
-    return np.maximum(square - mean * mean, 0.0)
+    return np.asarray(np.maximum(square - mean * mean, 0.0))
 
 
 # --- gaps ---------------------------------------------------------------------------------------

@@ -206,4 +206,4 @@ def _bend(image: Array, lag: int) -> Array:
     down, across = (np.full(image.shape, np.nan) for _ in range(2))
     down[lag:-lag] = image[: -2 * lag] - 2 * image[lag:-lag] + image[2 * lag :]
     across[:, lag:-lag] = image[:, : -2 * lag] - 2 * image[:, lag:-lag] + image[:, 2 * lag :]
-    return np.maximum(np.abs(down), np.abs(across))
+    return np.asarray(np.maximum(np.abs(down), np.abs(across)))
