@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-_NETWORKS = ("face", "face-live", "face-video")
+_NETWORKS = ("face", "face-video")
 _SIZES = ((128, 128), (424, 512))
 #: Frames before the timed ones, so that video has its neighbours, and timed frames.
 _BEFORE, _TIMED = 4, 5
@@ -62,7 +62,7 @@ def _time_single() -> None:
 
 #: Rows of --live: denoiser, and where it works.
 _LIVE = (
-    ("face", ""), ("face", "face"), ("face-live", ""), ("face-live", "face"),
+    ("face", ""), ("face", "face"),
     ("face-video", "face"), ("nlm", ""), ("nlm", "face"),
     ("guided:radius=2,epsilon_mm=5", ""), ("guided:radius=2,epsilon_mm=5", "face"),
     ("tgv", "face"),

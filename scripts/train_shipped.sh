@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
 out=${2:-build/shipped}
 glsim=${GLSIM:-.venv/bin/glsim}
-stills=() more=() videos=() live=()
+stills=() more=() videos=()
 
 # generate NAME SOURCE PEOPLE FRAMES OPTIONS...: makes a data set, by two workers.
 generate() {
@@ -46,7 +46,6 @@ for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_102
             generate "$set-wall" $source $((people / 3)) 16 "${config[@]}" "${wall[@]}"
             made=(--data "$out/$set-$source" --data "$out/$set-wall-$source")
             if [ "$set" = "$camera-third" ]; then more+=("${made[@]}"); else stills+=("${made[@]}"); fi
-            case $set in any_camera | any_camera_320 | any_camera_640 | any_camera_1024) live+=("${made[@]}") ;; esac
         done
     done
 done
@@ -64,11 +63,35 @@ done
 # Clean frames stay as they are.
 generate ideal procedural 40 8 --sensor ideal --set output.crop=128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
     --set 'pose.distance_mm={ uniform = [520, 1450] }'
-stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural") live+=(--data "$out/ideal-procedural")
+stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
 
 "$glsim" train face "${stills[@]}" --set data.target=expected --resume -o "$out/face-first"
 "$glsim" train face "${more[@]}" --set data.target=expected --from "$out/face-first/best.pt" --set optimiser.lr=1.2e-3 \
     --steps 7100 --resume -o "$out/face"
+# Form: relief and averaged frames, on heads of which a third is seen from behind, with hair. The mean of the weights before and
+# after keeps what both can: bare heads and rooms of the one, hair and ribs of the other (docs/model_card.md).
+forms=()
+for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
+    choose $camera
+    for source in procedural ict-facekit people; do generate "form-$camera" $source 30 6 "${config[@]}"; forms+=(--data "$out/form-$camera-$source"); done
+    generate "form-$camera-back" procedural 16 6 "${config[@]}" --set appearance.wear=always --set 'pose.yaw_deg={ uniform = [60, 300] }'
+    for source in procedural people; do
+        generate "form-$camera-wall" $source 15 6 "${config[@]}" "${wall[@]}"
+        forms+=(--data "$out/form-$camera-wall-$source")
+    done
+    forms+=(--data "$out/form-$camera-back-procedural")
+done
+"$glsim" train face "${forms[@]}" --data "$out/office-kinect-v2-people" --from "$out/face/best.pt" --resume -o "$out/face-form" \
+    --steps 4000 --set data.target=expected --set data.texture=0.4 --set data.averaged=0.2 --set data.crop=64 \
+    --set optimiser.lr=1e-3 --set schedule.warmup_steps=60 --set training.ema_decay=0.998 --set training.precision=32-true
+"${glsim%glsim}python" - "$out/face/best.pt" "$out/face-form/best.pt" <<'EOF'
+import sys
+import torch
+before, after = (torch.load(file, weights_only=True) for file in sys.argv[1:])
+for name, weights in after["model"].items():
+    after["model"][name] = (before["model"][name] + weights) / 2 if weights.is_floating_point() else weights
+torch.save(after, sys.argv[2].replace("best.pt", "mean.pt"))
+EOF
 # Videos of moving heads.
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
     choose $camera
@@ -101,7 +124,6 @@ heads() {
         generate "$name-wall" $source $((people / 2)) 12 "${made[@]}" \
             --set "scene.wall_mm={ uniform = [$((far - 200)), $((far + 1200))] }"
         own+=(--data "$out/$name-$source" --data "$out/$name-wall-$source")
-        [ $far -gt 1600 ] || live+=(--data "$out/$name-$source" --data "$out/$name-wall-$source")
     done
 }
 # rooms NAME PEOPLE OPTIONS...: adds people in rooms.
@@ -110,7 +132,6 @@ rooms() {
     shift 2
     for room in office living-room; do
         generate "$name-$room" people $people 4 --preset $room "$@" --set output.depth_unit_mm=0.2
-        live+=(--data "$out/$name-$room-people")
         for _ in 1 2 3; do own+=(--data "$out/$name-$room-people"); done
     done
 }
@@ -135,8 +156,6 @@ heads azure-kinect 80 520 1600 "${one[@]}" azure-kinect
 heads azure-kinect-wfov 20 400 1100 "${one[@]}" azure-kinect-wfov
 rooms azure-kinect 20 --sensor azure-kinect
 train_own face-azure-kinect-first face 3500
-# The network of live streams, on the frames of any camera and of these two.
-"$glsim" train face-live "${live[@]}" --set data.target=expected --resume -o "$out/face-live"
 # Other people, in larger batches.
 wide=(--set training.batch=32 --set training.precision=32-true)
 heads kinect-v2-more 60 550 1500 "${one[@]}" kinect-v2
@@ -162,9 +181,11 @@ rooms truedepth 16 --sensor truedepth
 "$glsim" train face-stereo "${own[@]}" --set data.target=expected --resume -o "$out/face-stereo"
 
 # The shipped files are replaced by hand, once the model card has been made again.
-for network in face face-live face-video face-kinect-v2 face-azure-kinect face-stereo; do
+for network in face face-video face-kinect-v2 face-azure-kinect face-stereo; do
     made="$out/$network.onnx" shipped="glsim/denoise/shipped/$network.onnx"
-    "$glsim" export "$out/$network/best.pt" -o "$made"
+    weights="$out/$network/best.pt"
+    [ "$network" != face ] || weights="$out/face-form/mean.pt"
+    "$glsim" export "$weights" -o "$made"
     if cmp -s "$made" "$shipped"; then
         echo "$made: the shipped network, byte for byte"
     else

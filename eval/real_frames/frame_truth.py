@@ -34,9 +34,10 @@ SHIFT_BINS: Final = int(1000 * BINS_M[-1] / SHIFT_BIN_MM)
 _LOST_MM: Final = STEP_MM / 2
 #: Side of the tiles in which planes are looked for, pixels; share of a tile that must lie on the
 #: plane; outliers, in medians of the absolute residual (4.4: 3 sigma), and rounds of removing them;
-#: least share of the residual that a second degree leaves of a plane's. Chosen.
+#: least share of the residual that a second degree leaves of a plane's; largest residual relative
+#: to the distance: beyond it a tile shows two surfaces (a D435 has 0.014 at 1.7 m). Chosen.
 _TILE_PX: Final = 48
-_LEAST_SHARE, _OUTLIER, _ROUNDS, _STRAIGHT = 0.85, 4.4, 3, 0.95
+_LEAST_SHARE, _OUTLIER, _ROUNDS, _STRAIGHT, _ROUGHEST = 0.85, 4.4, 3, 0.95, 0.03
 #: Least neighbours with depth, of eight, of a pixel that is not alone.
 _COMPANY: Final = 3
 #: Names of the sums of edges, in order.
@@ -187,7 +188,7 @@ def find_planes(depth_mm: NDArray[np.floating]) -> list[tuple[tuple[slice, slice
             flat, bent = (
                 float(np.std(1 / tile[place] - _fitted(1 / tile[place], place, n))) for n in (1, 2)
             )
-            if bent > _STRAIGHT * flat:
+            if bent > _STRAIGHT * flat and flat <= _ROUGHEST * np.mean(1 / tile[place]):
                 found.append((part, kept))
     return found
 

@@ -41,7 +41,6 @@ SHIPPED: Final = "face"
 #: The networks that glsim ships, in the folder shipped/: name -> help.
 NETWORKS: Final = {
     SHIPPED: "The shipped network, for heads and rooms before any depth camera.",
-    "face-live": "A smaller network for live streams of heads, in half the time of face.",
     "face-video": "The shipped network that also sees up to four earlier frames.",
     "face-kinect-v2": "Heads before a Kinect V2, either decoder.",
     "face-azure-kinect": "Heads before an Azure Kinect.",

@@ -115,7 +115,7 @@ def test_plain_maps_at_1_mm_need_the_option(
     command = ["denoise", str(tmp_path / "a.png"), "-o", str(tmp_path / "b.png"), "-d", "median"]
     assert main(command) == 1
     assert "moved to 1 mm (--protocol paper)?" in capsys.readouterr().err
-    assert main([*command, "--protocol", "paper", "-q"]) == 0
+    assert main([*command, "--protocol", "paper", "--out-unit-mm", "1", "-q"]) == 0
     wanted = load_denoiser("median")(moved.astype(np.float32)).depth_mm
     np.testing.assert_array_equal(read(tmp_path / "b.png"), wanted)
     cv2.imwrite(str(tmp_path / "a.png"), (moved > 0).astype(np.uint16))  # whole metres

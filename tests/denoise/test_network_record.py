@@ -71,7 +71,7 @@ def test_the_shipped_networks_and_files_without_a_record() -> None:
     "bad", [{"margin_px": "-9"}, {"margin_px": "ab"}, {"unlikely": "0.5"}, {"protocol": "other"}]
 )
 def test_a_damaged_record_is_refused(tmp_path: Path, bad: dict[str, str]) -> None:
-    path = shipped_file("face-live")
+    path = shipped_file("face")
     model = onnx.load(path)
     onnx.helper.set_model_props(model, {f"glsim.{name}": text for name, text in bad.items()})
     damaged = tmp_path / "damaged.onnx"

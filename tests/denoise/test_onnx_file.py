@@ -65,7 +65,7 @@ def test_graphs_that_no_export_wrote(tmp_path: Path, graph: bytes, words: str) -
 def test_a_damaged_file_is_refused_in_one_line_or_still_runs(
     tmp_path_factory: pytest.TempPathFactory, cut: bool, place: float, bit: int
 ) -> None:
-    path = shipped_file("face-live")
+    path = shipped_file("face")
     data = bytearray(path.read_bytes())
     at = int(place**4 * len(data))  # most often in the graph, which stands before the weights
     if cut:
@@ -88,7 +88,7 @@ def test_files_that_are_missing_too_large_or_have_other_outputs(
     path = tmp_path / "net.onnx"
     with pytest.raises(DenoiserError, match="cannot be read"):
         load_onnx(path)
-    shipped = shipped_file("face-live")
+    shipped = shipped_file("face")
     path.write_bytes(shipped.read_bytes().replace(b"depth_mm", b"depth_cm"))
     with pytest.raises(DenoiserError, match=r"has no output .depth_mm. .*glsim export"):
         load_onnx(path)
@@ -174,9 +174,10 @@ def test_the_command_finds_infrared_and_earlier_frames(
         Path(f"maps/f{number}_noisy.png").write_bytes(encode_png(frame.astype(np.uint16)))
         for name in (f"maps/f{number}_infrared.png", f"light/f{number}_noisy.png"):
             Path(name).write_bytes(encode_png(infrared.astype(np.uint16)))
-    assert main(["denoise", "maps", "-o", "beside", "-d", "all.pt", "-q"]) == 0
+    whole = ["-q", "--out-unit-mm", "1"]
+    assert main(["denoise", "maps", "-o", "beside", "-d", "all.pt", *whole]) == 0
     given = ["-o", "given", "--uncertainty", "sigma", "--infrared", "light"]
-    assert main(["denoise", "maps", *given, "-d", "all.pt", "-q"]) == 0
+    assert main(["denoise", "maps", *given, "-d", "all.pt", *whole]) == 0
     beside, there, sigma = (
         read_image(Path(folder) / "f1_noisy.png") for folder in ("beside", "given", "sigma")
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -325,13 +325,13 @@ def draw_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np
     )
     if rng.random() < 0.5:
         angle, phase = rng.uniform(0, 2 * np.pi, 2)
-        down, right = np.indices(shape, np.float32)
+        down, right = np.indices(shape)
         along = np.sin(angle) * down + np.cos(angle) * right
-        pattern = np.sqrt(2) * np.sin(2 * np.pi * along / period_px + phase)
+        pattern: NDArray[Any] = np.sqrt(2) * np.sin(2 * np.pi * along / period_px + phase)
     else:  # its spectrum falls to half at about the period
         pattern = _smooth_noise(shape, period_px / 5, rng)
     patches = np.clip(0.5 + 2 * _smooth_noise(shape, _PATCH_PX, rng), 0, 1)
-    return (height_mm * pattern * patches).astype(np.float32)
+    return np.asarray(height_mm * pattern * patches, np.float32)
 
 
 def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
