@@ -14,8 +14,10 @@ Gait and Posture 3, 1995); breathing at rest is 12 to 20 a minute and lifts the 
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Final
 
 import numpy as np
@@ -27,33 +29,10 @@ from glsim.core.seeds import rng_for
 
 _Array = NDArray[np.float64]
 
-SITTING_SHARE: Final = 0.5
-#: Standard deviation and limit of the head's turn, raise and tilt against the torso, degrees.
-_LOOK_DEG: Final = ((11.0, 28.0), (5.0, 12.0), (3.5, 9.0))
-_NECK: Final = {"neck01": 0.2, "neck02": 0.2, "neck03": 0.2, "head": 0.4}  # shares of the turn
-_SPINE: Final = ("spine05", "spine04", "spine03", "spine02", "spine01")
-_LEAN_DEG: Final = (2.0, 4.0)  # mean, standard deviation: forward
-_SIDEWAYS_DEG, _TWIST_DEG = 2.5, 4.0
-#: Postures of the arms and their shares when standing and when sitting.
-ARMS: Final = ("sides", "front", "crossed", "raised", "chin")
-_STANDING: Final = (0.50, 0.16, 0.12, 0.14, 0.08)
-_SITTING: Final = (0.00, 0.64, 0.10, 0.12, 0.14)
-_CURL_DEG: Final = (14.0, 26.0)  # of each finger joint, relaxed
-_FIST_DEG: Final = 62.0
-_GAP_MM: Final = 22.0  # between an arm and the torso: cloth
-
-
-_BREATHS_HZ: Final = (0.20, 0.33)
-_CHEST_DEG: Final = (0.5, 1.0)  # of the upper spine; 5 to 9 mm at the breast bone
-_SHOULDER_DEG: Final = (0.8, 1.8)  # of the collar bones
-_SWAY_DEG: Final = (0.3, 0.9)
-_SWAY_HZ: Final = (0.1, 0.6)
-_ARM_DEG: Final = (0.4, 1.6)
-#: Largest turns of the head against the torso, degrees: in view of bust or body, and of the face.
-_HEAD_DEG: Final = {"face": 0.8, "bust": 4.0, "body": 5.0}
-_HEAD_HZ: Final = (0.1, 1.5)
-_NOD_SHARE: Final = 0.4  # of the sequences in which somebody nods
-_WAVES: Final = 3
+#: Ranges of angles, shares and frequencies, by name.
+_TABLE: Final = tomllib.loads(files(__package__).joinpath("posture.toml").read_text("utf-8"))
+#: Postures of the arms.
+ARMS: Final = tuple(_TABLE["standing"])
 
 
 @dataclass(frozen=True)
@@ -90,8 +69,8 @@ class Posture:
 def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:
     """Draw the posture of a sequence; a pure function of its arguments."""
     rng = rng_for(seed, "posture", subject, sequence)
-    sitting = bool(rng.random() < SITTING_SHARE)
-    left = str(rng.choice(ARMS, p=_SITTING if sitting else _STANDING))
+    sitting = bool(rng.random() < _TABLE["sitting_share"])
+    left = str(rng.choice(ARMS, p=[*_TABLE["sitting" if sitting else "standing"].values()]))
     right = left
     if left in ("chin", "raised"):
         right = "front" if sitting else "sides"
@@ -108,15 +87,18 @@ def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Pos
 
 
 def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]:
-    drawn = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _LOOK_DEG]
+    drawn = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _TABLE["look_deg"]]
     if gentle:  # the chin stays above the hand
         drawn = [0.3 * value for value in drawn]
-    turns = {bone: rotation(*(share * angle for angle in drawn)) for bone, share in _NECK.items()}
-    lean = float(np.clip(rng.normal(*_LEAN_DEG), -4.0, 14.0))
-    sideways = float(np.clip(rng.normal(0.0, _SIDEWAYS_DEG), -6.0, 6.0))
-    twist = float(np.clip(rng.normal(0.0, _TWIST_DEG), -10.0, 10.0))
-    share = 1.0 / len(_SPINE)
-    for bone in _SPINE:
+    turns = {
+        bone: rotation(*(share * angle for angle in drawn))
+        for bone, share in _TABLE["neck"].items()
+    }
+    lean = float(np.clip(rng.normal(*_TABLE["lean_deg"]), -4.0, 14.0))
+    sideways = float(np.clip(rng.normal(0.0, _TABLE["sideways_deg"]), -6.0, 6.0))
+    twist = float(np.clip(rng.normal(0.0, _TABLE["twist_deg"]), -10.0, 10.0))
+    share = 1.0 / len(_TABLE["spine"])
+    for bone in _TABLE["spine"]:
         turns[bone] = rotation(share * twist, -share * lean, share * sideways)
     return turns
 
@@ -153,9 +135,9 @@ def _arm(
         joints[f"{bone}.{side}"] for bone in ("upperarm01", "lowerarm01", "wrist")
     )
     upper, lower = norm(elbow - shoulder), norm(wrist - elbow)
-    outside = max(sign * shoulder[0], body.half_width) + _GAP_MM
+    outside = max(sign * shoulder[0], body.half_width) + _TABLE["gap_mm"]
     a, b = float(rng.uniform(-1, 1)), float(rng.uniform(-1, 1))
-    curl = float(rng.uniform(*_CURL_DEG))
+    curl = float(rng.uniform(*_TABLE["curl_deg"]))
     table = kind == "front" and sitting  # hands on a table, or on the thighs
     height = joints[f"upperleg01.{side}"][1] + (110.0 if a < 0 else 0.35 * upper + 90.0)
     hand = norm(joints[f"finger3-1.{side}"] - wrist)
@@ -200,7 +182,7 @@ def _arm(
         ),
     }
     target, elbow_to = (np.array(goal) for goal in goals["table" if table else kind])
-    curl = _FIST_DEG if kind == "chin" else curl
+    curl = _TABLE["fist_deg"] if kind == "chin" else curl
     place = _elbow(shoulder, target, upper, lower, elbow_to)
     reached = place + lower * _unit(target - place)
     first = _between(elbow - shoulder, place - shoulder)
@@ -264,12 +246,14 @@ def movement(
 ) -> Mapping[str, _Array]:
     """Return the rotations of breathing, swaying and head movement: bone -> (3, 3)."""
     rng = rng_for(seed, "movement", subject, sequence)
-    breath = np.sin(2 * np.pi * (rng.uniform(*_BREATHS_HZ) * time_s + rng.uniform()))
-    chest, shoulder = rng.uniform(*_CHEST_DEG), rng.uniform(*_SHOULDER_DEG)
-    sway = [rng.uniform(*_SWAY_DEG) * _wave(rng, *_SWAY_HZ, time_s) for _ in range(3)]
-    most = _HEAD_DEG[framing]
-    head = [scale * most * _wave(rng, *_HEAD_HZ, time_s) for scale in (1.0, 0.6, 0.4)]
-    if rng.random() < _NOD_SHARE and framing != "face":
+    breath = np.sin(2 * np.pi * (rng.uniform(*_TABLE["breaths_hz"]) * time_s + rng.uniform()))
+    chest, shoulder = rng.uniform(*_TABLE["chest_deg"]), rng.uniform(*_TABLE["shoulder_deg"])
+    sway = [
+        rng.uniform(*_TABLE["sway_deg"]) * _wave(rng, *_TABLE["sway_hz"], time_s) for _ in range(3)
+    ]
+    most = _TABLE["head_deg"][framing]
+    head = [scale * most * _wave(rng, *_TABLE["head_hz"], time_s) for scale in (1.0, 0.6, 0.4)]
+    if rng.random() < _TABLE["nod_share"] and framing != "face":
         start, length = rng.uniform(0.1, 1.0), rng.uniform(0.4, 0.8)
         inside = np.clip((time_s - start) / length, 0.0, 1.0)
         head[1] -= rng.uniform(3.0, 8.0) * np.sin(np.pi * inside) ** 2
@@ -283,7 +267,7 @@ def movement(
         "neck03": rotation(*head),
     }
     for side in "LR":
-        swing = rng.uniform(*_ARM_DEG)
+        swing = rng.uniform(*_TABLE["arm_deg"])
         turns[f"upperarm01.{side}"] = rotation(
             0.0, swing * _wave(rng, 0.1, 0.5, time_s), swing * _wave(rng, 0.1, 0.5, time_s)
         )
@@ -292,7 +276,7 @@ def movement(
 
 def _wave(rng: np.random.Generator, low_hz: float, high_hz: float, time_s: float) -> float:
     """Evaluate a smooth random curve in [-1, 1], in which slower waves have larger amplitudes."""
-    hz = np.sort(rng.uniform(low_hz, high_hz, _WAVES))
-    phase = rng.uniform(0.0, 1.0, _WAVES)
-    size = 1.0 / np.arange(1, _WAVES + 1)
+    hz = np.sort(rng.uniform(low_hz, high_hz, _TABLE["waves"]))
+    phase = rng.uniform(0.0, 1.0, _TABLE["waves"])
+    size = 1.0 / np.arange(1, _TABLE["waves"] + 1)
     return float((size * np.sin(2 * np.pi * (hz * time_s + phase))).sum() / size.sum())
