@@ -110,16 +110,6 @@ def test_denoise_believes_only_the_data_set_of_the_file(
     assert not (tmp_path / "other.png").exists()
 
 
-def test_denoise_names_what_it_cannot_read(maps: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cv2.imwrite(str(maps / "eight.png"), np.full((9, 9), 90, np.uint8))
-    write(maps / "metres.png", np.full((9, 9), 1))
-    assert main(["denoise", str(maps), "-o", "out", "-d", "median"]) == 1
-    error = capsys.readouterr().err
-    assert "eight.png" in error
-    assert "metres instead of" in error
-    assert "2 of 5" in error
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

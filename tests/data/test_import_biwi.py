@@ -13,7 +13,7 @@ from glsim.data.reader import open_dataset
 from glsim.data.recordings.recording import open_recording
 from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
 from glsim.faces.sources.biwi import Biwi
-from tests.support.face_sets import WRITERS, put, tree, write_recording
+from tests.support.face_sets import OTHERS, needs_others, put, write_recording
 
 
 def _import(root: Path, out: Path, *options: str) -> int:
@@ -70,9 +70,9 @@ def test_damaged_frames_are_skipped_with_a_reason(
     assert "no frame could be made" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("writer", WRITERS)
-def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
-    assert _import(tree("hpdb", writer, tmp_path), tmp_path / "out") == 0
+@needs_others
+def test_a_whole_tree(tmp_path: Path) -> None:
+    assert _import(OTHERS / "hpdb", tmp_path / "out") == 0
     (pair,) = open_dataset(tmp_path / "out")
     both = (pair.clean_mm > 0) & (pair.noisy_mm > 0)
     assert both.any()

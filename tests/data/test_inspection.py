@@ -15,12 +15,12 @@ from glsim.data.inspection import inspect, open_faces, recognise
 from tests.support.face_models import write_face_x_model
 from tests.support.face_sets import (
     FACE,
+    OTHERS,
     TRIANGLES,
-    WRITERS,
+    needs_others,
     obj_bytes,
     ply_bytes,
     put,
-    tree,
     write_recording,
     write_tester,
 )
@@ -87,10 +87,10 @@ def test_the_command_fails_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["inspect", str(tmp_path / "nowhere")]) == 2
 
 
-@pytest.mark.parametrize("writer", WRITERS)
+@needs_others
 @pytest.mark.parametrize("name", ["d3dfacs_alignments", "FaceWarehouse", "hpdb"])
-def test_whole_trees(name: str, writer: str, tmp_path: Path) -> None:
-    path = str(tree(name, writer, tmp_path))
+def test_whole_trees(name: str, tmp_path: Path) -> None:
+    path = str(OTHERS / name)
     assert main(["inspect", path, "-o", str(tmp_path / "look.png"), "-q"]) == 0
 
 

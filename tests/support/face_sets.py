@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from glsim.faces.face_source import Face, FaceKey, FaceSource
@@ -15,8 +16,7 @@ FACE, TRIANGLES = analytic_face(rows=31, columns=25)
 ROWS, COLUMNS = 31, 25
 #: Trees of another writer, if they are beside the repository.
 OTHERS = Path(__file__).resolve().parents[3] / "shared" / "data" / "fixtures"
-#: Who wrote the trees that tests read: always this module, and the other writer if there is one.
-WRITERS = ("ours", *(["another"] if OTHERS.is_dir() else []))
+needs_others = pytest.mark.skipif(not OTHERS.is_dir(), reason=f"no trees in {OTHERS}")
 
 
 def all_keys(source: FaceSource) -> list[FaceKey]:
@@ -132,11 +132,6 @@ def write_recording(root: Path, number: int = 1, frames: int = 3) -> Path:
         depth[100:400, 200:450] = 1000 + frame
         put(folder / f"frame_{frame:05d}_depth.bin", depth_bytes(depth))
     return root
-
-
-def tree(name: str, writer: str, folder: Path) -> Path:
-    """Return the folder of a face set; the set of the writer "ours" is written below ``folder``."""
-    return OTHERS / name if writer == "another" else write_tree(name, folder)
 
 
 def write_tree(name: str, root: Path) -> Path:

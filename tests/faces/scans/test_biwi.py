@@ -19,12 +19,12 @@ from glsim.faces.sources.biwi import PEOPLE, Biwi
 from tests.support.face_sets import (
     CALIBRATION,
     FACE,
-    WRITERS,
+    OTHERS,
     all_keys,
     depth_bytes,
+    needs_others,
     pose_text,
     put,
-    tree,
     write_recording,
 )
 
@@ -130,9 +130,9 @@ def test_calibration(tmp_path: Path) -> None:
         read_calibration(put(path, CALIBRATION.replace(b"0 0 0 0", b"1 0 0 0")))
 
 
-@pytest.mark.parametrize("writer", WRITERS)
-def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
-    root = tree("hpdb", writer, tmp_path)
+@needs_others
+def test_a_whole_tree() -> None:
+    root = OTHERS / "hpdb"
     source = Biwi(root)
     (face,) = source.load(all_keys(source))
     assert isinstance(face, Face)

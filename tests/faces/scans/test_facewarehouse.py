@@ -18,15 +18,15 @@ from glsim.faces.sources.facewarehouse import (
 )
 from tests.support.face_sets import (
     FACE,
-    WRITERS,
+    OTHERS,
     all_keys,
     blend_shapes,
     good_faces,
+    needs_others,
     obj_bytes,
     put,
     quads,
     shape_bytes,
-    tree,
     write_tester,
 )
 
@@ -136,9 +136,9 @@ def test_wrong_roots(tmp_path: Path) -> None:
         FaceWarehouse(tmp_path).frames("Tester_2", None)
 
 
-@pytest.mark.parametrize("writer", WRITERS)
-def test_a_whole_tree(writer: str, tmp_path: Path) -> None:
-    source = FaceWarehouse(tree("FaceWarehouse", writer, tmp_path))
+@needs_others
+def test_a_whole_tree() -> None:
+    source = FaceWarehouse(OTHERS / "FaceWarehouse")
     keys = all_keys(source)
     assert len(keys) == 2 * (47 + 2)
     faces = good_faces(source, keys)
