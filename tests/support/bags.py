@@ -46,7 +46,7 @@ def write_bag(
     info = {"size": (width, height), "focal": 390.4315, "add_px": 0.5, "p": 0.0}
     infos = {f"{topics[0].partition('/image')[0]}/{place}": info | {"model": "Brown Conrady"}}
     pairs = {"Serial Number": "1234", "Name": "Intel RealSense D435"}
-    others = [
+    others: list[tuple[str, str, dict[str, Any]]] = [
         ("/device_0/info", "diagnostic_msgs/msg/KeyValue", {"key": key, "value": value})
         for key, value in pairs.items()
     ]

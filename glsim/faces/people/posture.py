@@ -15,7 +15,7 @@ Gait and Posture 3, 1995); breathing at rest is 12 to 20 a minute and lifts the 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final
@@ -249,10 +249,10 @@ def movement(
     breath = np.sin(2 * np.pi * (rng.uniform(*_TABLE["breaths_hz"]) * time_s + rng.uniform()))
     chest, shoulder = rng.uniform(*_TABLE["chest_deg"]), rng.uniform(*_TABLE["shoulder_deg"])
     sway = [
-        rng.uniform(*_TABLE["sway_deg"]) * _wave(rng, *_TABLE["sway_hz"], time_s) for _ in range(3)
+        rng.uniform(*_TABLE["sway_deg"]) * _wave(rng, _TABLE["sway_hz"], time_s) for _ in range(3)
     ]
     most = _TABLE["head_deg"][framing]
-    head = [scale * most * _wave(rng, *_TABLE["head_hz"], time_s) for scale in (1.0, 0.6, 0.4)]
+    head = [scale * most * _wave(rng, _TABLE["head_hz"], time_s) for scale in (1.0, 0.6, 0.4)]
     if rng.random() < _TABLE["nod_share"] and framing != "face":
         start, length = rng.uniform(0.1, 1.0), rng.uniform(0.4, 0.8)
         inside = np.clip((time_s - start) / length, 0.0, 1.0)
@@ -269,13 +269,14 @@ def movement(
     for side in "LR":
         swing = rng.uniform(*_TABLE["arm_deg"])
         turns[f"upperarm01.{side}"] = rotation(
-            0.0, swing * _wave(rng, 0.1, 0.5, time_s), swing * _wave(rng, 0.1, 0.5, time_s)
+            0.0, swing * _wave(rng, (0.1, 0.5), time_s), swing * _wave(rng, (0.1, 0.5), time_s)
         )
     return turns
 
 
-def _wave(rng: np.random.Generator, low_hz: float, high_hz: float, time_s: float) -> float:
+def _wave(rng: np.random.Generator, band_hz: Sequence[float], time_s: float) -> float:
     """Evaluate a smooth random curve in [-1, 1], in which slower waves have larger amplitudes."""
+    low_hz, high_hz = band_hz
     hz = np.sort(rng.uniform(low_hz, high_hz, _TABLE["waves"]))
     phase = rng.uniform(0.0, 1.0, _TABLE["waves"])
     size = 1.0 / np.arange(1, _TABLE["waves"] + 1)
