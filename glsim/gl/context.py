@@ -59,7 +59,8 @@ def open_context(backend: str | None = None) -> moderngl.Context:
     failures = []
     for name in [chosen] if chosen else sorted(BACKENDS, key=_opened_by_parent):
         try:
-            context = _open_egl() if name == "egl" else _open_osmesa()
+            loader: Any = None if name == "egl" else _OSMesa()
+            context = moderngl.create_context(context=loader) if loader else _open_egl()
         except Exception as error:  # moderngl, glcontext and ctypes raise plain Exceptions
             failures.append(f"{name}: {error} ({INSTALL_HINT[name]})")
             continue
@@ -233,12 +234,6 @@ class _OSMesa:
 
     def release(self) -> None:
         self._lib.OSMesaDestroyContext(self._context)
-
-
-def _open_osmesa() -> moderngl.Context:
-    loader: Any = _OSMesa()
-    context: moderngl.Context = moderngl.create_context(context=loader)
-    return context
 
 
 def describe(context: moderngl.Context) -> dict[str, str]:

@@ -8,8 +8,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.rect import Rect
 from glsim.gl.program import link_files
-from glsim.gl.targets import set_matrix
+from glsim.gl.targets import Target, set_matrix
 
 
 class FullscreenPass:
@@ -20,8 +21,21 @@ class FullscreenPass:
         self.program = program
         self._array = context.vertex_array(program, [])
 
-    def draw(self) -> None:
-        """Shade every pixel of the viewport once."""
+    def draw(
+        self, buffer: moderngl.Framebuffer | None = None, window: Rect | None = None, **read: Target
+    ) -> None:
+        """Shade every pixel of the viewport once.
+
+        Args:
+            buffer, window: where to; default: the current framebuffer and viewport.
+            read: targets for the samplers u_NAME.
+        """
+        if buffer is not None and window is not None:
+            buffer.use()
+            buffer.viewport = window
+        for unit, (name, target) in enumerate(read.items()):
+            target.texture.use(unit)
+            self.program[f"u_{name}"] = unit
         self._array.render(moderngl.TRIANGLES, vertices=3)
 
 

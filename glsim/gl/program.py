@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import moderngl
@@ -12,11 +11,6 @@ from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source
 
 _GL_TYPES = {"float": 0x1406, "int": 0x1404, "bool": 0x8B56}
-
-
-@lru_cache(maxsize=1)
-def _fullscreen_vertex() -> ShaderSource:
-    return load_source(SHADER_ROOT / "render" / "fullscreen.vert")
 
 
 def link(
@@ -30,7 +24,7 @@ def link(
     Args:
         vertex: by default a triangle that covers the viewport, for a full-screen pass.
     """
-    vertex = vertex or _fullscreen_vertex()
+    vertex = vertex or load_source(SHADER_ROOT / "render" / "fullscreen.vert")
     outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}
     try:
         program = context.program(

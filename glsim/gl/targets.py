@@ -25,7 +25,7 @@ class Target:
 
     texture: moderngl.Texture
     layer: Layer
-    drawn: Rect | None = None
+    drawn: Rect
 
 
 class TargetPool:
@@ -63,7 +63,7 @@ class TargetPool:
         if not clean:
             return target
         drawn = layer.window(window)
-        if target.drawn is not None and not drawn.contains(target.drawn):
+        if not drawn.contains(target.drawn):
             framebuffer = self.framebuffer([target])
             framebuffer.use()
             framebuffer.clear(viewport=target.drawn)

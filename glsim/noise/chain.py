@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.shader_source import ShaderSource
 from glsim.gl.targets import Readback, Target, TargetPool
@@ -220,7 +221,8 @@ class ShaderChain:
             height, width = values.shape
             texture = context.texture((width, height), 1, values.tobytes(), dtype="f4")
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            self._images[name] = Target(texture, Layer(name, "float"))
+            drawn = Rect(0, 0, width, height)
+            self._images[name] = Target(texture, Layer(name, "float"), drawn)
 
     def run(
         self,

@@ -110,11 +110,7 @@ class StagePass:
             with within.limits(targets, frame.window, BLANK):
                 self._pass.draw()
             return {target.layer.name: target for target in targets}
-        buffer = pool.framebuffer(targets)
-        buffer.use()
-        assert targets[0].drawn is not None
-        buffer.viewport = targets[0].drawn
-        self._pass.draw()
+        self._pass.draw(pool.framebuffer(targets), targets[0].drawn)
         return {target.layer.name: target for target in targets}
 
     def _set(self, name: str, value: object) -> None:

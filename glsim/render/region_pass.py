@@ -49,7 +49,6 @@ class RegionPass:
         if rig.keeps_distortion:
             lens = link_files(context, "render/lens_regions.frag")
             lens["u_pinhole"] = (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy)
-            lens["u_pinhole_region"], lens["u_rays"] = 0, 1
             self._lens_pass = FullscreenPass(context, lens)
 
     def draw(
@@ -78,11 +77,7 @@ class RegionPass:
             return target
         distorted = self._pool.take(REGION, window)
         lens_buffer = self._pool.framebuffer([distorted])
-        lens_buffer.use()
-        lens_buffer.viewport = window
-        target.texture.use(0)
-        self._rays.texture.use(1)
-        self._lens_pass.draw()
+        self._lens_pass.draw(lens_buffer, window, pinhole_region=target, rays=self._rays)
         self._camera_pool.give_back(target)
         return distorted
 

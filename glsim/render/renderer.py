@@ -301,17 +301,11 @@ class Renderer:
     ) -> dict[str, Target]:
         """Resample pinhole layers to the grid of the lens; give the pinhole targets back."""
         layers = {t.layer.name: self._pool.take(t.layer, window) for t in pinhole.values()}
-        buffer = self._pool.framebuffer(list(layers.values()))
-        buffer.use()
-        buffer.viewport = self._drawn[0].window(window)
-        for unit, (name, target) in enumerate(pinhole.items()):
-            target.texture.use(unit)
-            lens.program[f"u_pinhole_{name.removeprefix('fine_')}"] = unit
-        self._rays.texture.use(len(pinhole))
-        lens.program["u_rays"] = len(pinhole)
+        read = {f"pinhole_{name.removeprefix('fine_')}": t for name, t in pinhole.items()}
         p = self._pinhole.finer(self.rig.supersample)
         lens.program["u_pinhole"] = (p.fx, p.fy, p.cx, p.cy)
-        lens.draw()
+        buffer = self._pool.framebuffer(list(layers.values()))
+        lens.draw(buffer, self._drawn[0].window(window), rays=self._rays, **read)
         for target in pinhole.values():
             self._camera_pool.give_back(target)
         return layers
@@ -319,13 +313,7 @@ class Renderer:
     def _reduced(self, centres: FullscreenPass, samples: Target, window: Rect) -> dict[str, Target]:
         """Reduce samples to pixels: take the middle sample, and how much the samples differ."""
         targets = [self._pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
-        buffer = self._pool.framebuffer(targets)
-        buffer.use()
-        buffer.viewport = window
-        samples.texture.use(0)
-        self._rays.texture.use(1)
-        centres.program["u_fine_seen"], centres.program["u_rays"] = 0, 1
-        centres.draw()
+        centres.draw(self._pool.framebuffer(targets), window, fine_seen=samples, rays=self._rays)
         return {target.layer.name: target for target in targets}
 
 

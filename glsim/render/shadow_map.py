@@ -158,16 +158,13 @@ class ShadowMap:
         """Add one emitter's light, times ``weight`` per component, to a view's target ``lit``."""
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         program = self._pass.program
-        for unit, name in enumerate(("clean", "normal")):
-            view.layers[name].texture.use(unit)
-            program[f"u_{name}"] = unit
-        self._rays.texture.use(2)
         self._depth.use(3)
         self._depth.use(4)
         self._unfiltered.use(4)
-        program["u_rays"], program["u_projector"], program["u_projector_depth"] = 2, 3, 4
+        program["u_projector"], program["u_projector_depth"] = 3, 4
         program["u_weight"] = weight
         program["u_eye_m"] = view.eye_m
         with view.silhouette.limits([lit], window, None, moderngl.BLEND):
-            self._pass.draw()
+            clean, normal = (view.layers[name] for name in ("clean", "normal"))
+            self._pass.draw(clean=clean, normal=normal, rays=self._rays)
         self._unfiltered.clear(4)

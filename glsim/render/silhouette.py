@@ -49,7 +49,7 @@ class Silhouette:
         buffer.use()
         buffer.viewport = window
         if blank is not None:  # one clear for all targets: it takes as long as a simple pass
-            buffer.clear(viewport=union([window, *(t.drawn for t in targets if t.drawn)]))
+            buffer.clear(viewport=union([window, *(t.drawn for t in targets)]))
             for target in targets:
                 target.drawn = window
                 if target.layer.name in blank:
@@ -70,7 +70,6 @@ class SilhouettePass:
         self._pass = FullscreenPass(
             self._context, link_files(self._context, "render/silhouette.frag")
         )
-        self._pass.program["u_seen"] = 0
 
     @contextmanager
     def draw(self, seen: Target | None, window: Rect) -> Iterator[Silhouette]:
@@ -85,11 +84,9 @@ class SilhouettePass:
         silhouette.skips_empty = seen is not None and smaller
         if seen is not None and smaller:
             silhouette.mask.use()
-            silhouette.mask.viewport = window
             silhouette.mask.clear(depth=1.0, viewport=window)
-            seen.texture.use(0)
             self._context.enable_only(moderngl.DEPTH_TEST)
-            self._pass.draw()
+            self._pass.draw(silhouette.mask, window, seen=seen)
             self._context.enable_only(moderngl.NOTHING)
         try:
             yield silhouette

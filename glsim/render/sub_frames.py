@@ -61,12 +61,8 @@ class SubFrames:
                     if name not in layers:
                         layers[name] = rendered.pool.take(source.layer, window)
                     buffer = rendered.pool.framebuffer([layers[name]])
-                    buffer.use()
-                    buffer.viewport = source.layer.window(band)
-                    source.texture.use(0)
-                    self._copy.program["u_layer"] = 0
                     self._context.enable_only(moderngl.NOTHING)
-                    self._copy.draw()
+                    self._copy.draw(buffer, source.layer.window(band), layer=source)
         return layers
 
     def add_capture(
@@ -82,15 +78,8 @@ class SubFrames:
         """
         assert part.capture is not None, "a capture"
         program = self._capture.program
-        for unit, name in enumerate(LIGHT_LAYERS):
-            light[name].texture.use(unit)
-            program[f"u_{name}"] = unit
         program["u_tap"], program["u_frequency"] = part.capture % TAPS, part.capture // TAPS
-        buffer = pool.framebuffer(sums)
-        buffer.use()
-        assert sums[0].drawn is not None
-        buffer.viewport = sums[0].drawn
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         self._context.enable_only(moderngl.BLEND)
-        self._capture.draw()
+        self._capture.draw(pool.framebuffer(sums), sums[0].drawn, **light)
         self._context.enable_only(moderngl.NOTHING)

@@ -60,8 +60,11 @@ def color_image(layers: Layers, numbers: Mapping[str, int], seeds: DrawKeys) -> 
     light = _AMBIENT * around + (1 - _AMBIENT) * direct
     bright = palette[codes] * (light * normal[..., 3] / SKIN_ALBEDO)[..., None]
     mean = bright[seen].mean() if seen.any() else 1.0
-    exposed = np.where(seen[..., None], bright * (_MEAN / mean), 0)
-    return np.rint(255 * _srgb(exposed)).astype(np.uint8)
+    cut = np.clip(np.where(seen[..., None], bright * (_MEAN / mean), 0), 0, 1)
+    # The curve of sRGB (IEC 61966-2-1).
+    srgb = np.where(cut <= 0.0031308, 12.92 * cut, 1.055 * cut ** (1 / 2.4) - 0.055)
+    encoded: NDArray[np.uint8] = np.rint(255 * srgb).astype(np.uint8)
+    return encoded
 
 
 def _palette(numbers: Mapping[str, int], seeds: DrawKeys) -> dict[int, NDArray[np.float64]]:
@@ -90,9 +93,3 @@ def _between(ends: tuple[_Color, _Color], share: float) -> NDArray[np.float64]:
     """Interpolate two colours by the logarithm, as pigment darkens."""
     low, high = np.log(ends)
     return np.asarray(np.exp(low + share * (high - low)))
-
-
-def _srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Encode linear light in [0, 1] and above by the curve of sRGB (IEC 61966-2-1)."""
-    cut = np.clip(linear, 0, 1)
-    return np.where(cut <= 0.0031308, 12.92 * cut, 1.055 * cut ** (1 / 2.4) - 0.055)

@@ -134,7 +134,7 @@ def _image(context: moderngl.Context, name: str, image: Image) -> Target:
     height, width = image.shape
     texture = context.texture((width, height), 1, np.ascontiguousarray(image).tobytes(), dtype="f4")
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return Target(texture, Layer(name, "float"))
+    return Target(texture, Layer(name, "float"), Rect(0, 0, width, height))
 
 
 def _upload(pool: TargetPool, name: str, image: Image, window: Rect) -> Target:

@@ -218,7 +218,7 @@ def surface_light(
     return amplitude, 0.5 * (z * stretch + way) + delay
 
 
-def device_harmonics(view: FrameContext, p: Parameters) -> tuple[Image, Image, Image, Image]:
+def device_harmonics(view: FrameContext, p: Parameters) -> list[Image]:
     """Draw real and imaginary parts of the device's second, then fifth harmonic, (..., 3) each.
 
     Sizes are the parameters'; phases are the device's own, drawn around the parameters'.
@@ -228,15 +228,11 @@ def device_harmonics(view: FrameContext, p: Parameters) -> tuple[Image, Image, I
     key = deep(pcg_word(xp.words(seed, seed)))
     turns = uniform01(pcg_word(key + xp.words(xp.range(0, 6, seed))))
     drawn = deep(p["harmonic_phase_spread"]) * (turns - 0.5)
-    second = TWO_PI * (deep(p["harmonic_2_phase_deg"]) / 360.0 + drawn[..., :3])
-    fifth = TWO_PI * (deep(p["harmonic_5_phase_deg"]) / 360.0 + drawn[..., 3:])
-    size_2, size_5 = deep(p["harmonic_2"]), deep(p["harmonic_5"])
-    return (
-        size_2 * xp.cos(second),
-        size_2 * xp.sin(second),
-        size_5 * xp.cos(fifth),
-        size_5 * xp.sin(fifth),
-    )
+    made = []
+    for name, own in (("harmonic_2", drawn[..., :3]), ("harmonic_5", drawn[..., 3:])):
+        angle = TWO_PI * (deep(p[f"{name}_phase_deg"]) / 360.0 + own)
+        made += [deep(p[name]) * way(angle) for way in (xp.cos, xp.sin)]
+    return made
 
 
 def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
