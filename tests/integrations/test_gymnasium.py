@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,16 +16,16 @@ import pytest
 from tests.support.imports import ROOT
 
 pytest.importorskip("torch")
-gymnasium = pytest.importorskip("gymnasium")
+gymnasium: Any = pytest.importorskip("gymnasium")
 
 from glsim.core.errors import ConfigError  # noqa: E402
 from glsim.integrations.gymnasium import NoisyDepth  # noqa: E402
 
 
-class Wall(gymnasium.Env):
+class Wall(gymnasium.Env):  # type: ignore[misc]  # it has no types for us
     """Observes a wall at 1 m, in an image or in a dictionary."""
 
-    def __init__(self, space: gymnasium.Space) -> None:
+    def __init__(self, space: Any) -> None:
         self.observation_space, self.action_space = space, gymnasium.spaces.Discrete(1)
 
     def _seen(self):

@@ -51,7 +51,7 @@ def write_bag(
         for key, value in pairs.items()
     ]
     others += [
-        (f"{SENSOR}/option/{option}/value", "std_msgs/msg/Float32", {"data": value})
+        (f"{SENSOR}/option/{option}/value", "std_msgs/msg/Float32", dict[str, Any](data=value))
         for option, value in (options or {}).items()
     ]
     write_topics(file, images, infos, others=others)

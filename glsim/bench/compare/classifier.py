@@ -8,6 +8,7 @@ S) both sets give equally many, so that another scene or distance does not tell 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,6 +29,11 @@ _CUT = 4.0
 #: Patches of each set after matching that an AUC needs: four to a fold.
 LEAST_PATCHES = 20
 _TOLD = 3
+
+
+#: AUC of the regression and of the trees, then their standard errors.
+_Aucs = tuple[float, float, float, float]
+_UNKNOWN: _Aucs = (math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ def tell_apart(
     """
     a, b = _matched(first.matched, second.matched)
     if min(len(a), len(b)) < LEAST_PATCHES:
-        return Verdict(*[float("nan")] * 4, min(len(a), len(b)), ())
+        return Verdict(*_UNKNOWN, min(len(a), len(b)), ())
     x = np.concatenate([first.features[a], second.features[b]])
     label = np.concatenate([np.zeros(len(a)), np.ones(len(b))])
     fold = np.concatenate([_folds(first, first_views)[a], _folds(second, second_views)[b]])
@@ -96,7 +102,7 @@ def tell_apart(
     return Verdict(*aucs, len(a), tuple(tells[:_TOLD]))
 
 
-def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> list[float]:
+def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> _Aucs:
     """Compute the mean AUC over the folds of regression and trees, then both standard errors."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.linear_model import LogisticRegression
@@ -120,9 +126,10 @@ def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> list[fl
             found = line.decision_function(design[test]), trees.decision_function(x[test])
         scored.append([float(roc_auc_score(label[test], f)) for f in found])
     if len(scored) < 2:
-        return [float("nan")] * 4
+        return _UNKNOWN
     errors = np.std(scored, axis=0, ddof=1) / np.sqrt(len(scored))
-    return [*np.mean(scored, axis=0).tolist(), *errors.tolist()]
+    (linear, boosted), (linear_error, boosted_error) = np.mean(scored, axis=0), errors
+    return float(linear), float(boosted), float(linear_error), float(boosted_error)
 
 
 def _telling(name: str, values: Array, label: Array) -> TellingFeature:
