@@ -53,7 +53,8 @@ def test_denoise_a_file_a_folder_and_a_pattern(maps: Path, tmp_path: Path) -> No
 
 
 def test_denoise_knows_sequences_and_units(maps: Path, tmp_path: Path) -> None:
-    assert main(["denoise", str(maps), "-o", "t", "-d", "temporal_median", "-q"]) == 0
+    whole = ["-q", "--out-unit-mm", "1"]
+    assert main(["denoise", str(maps), "-o", "t", "-d", "temporal_median", *whole]) == 0
     stack = np.stack([read(file) for file in sorted((maps / "a").iterdir())])
     middle = read(tmp_path / "t" / "a" / "m1_noisy.png")
     pixel = (20, 24)
@@ -99,7 +100,7 @@ def test_denoise_believes_only_the_data_set_of_the_file(
     mine.parent.mkdir(parents=True)
     write(mine, dome(whole=False).astype(np.uint16))
     assert main(["denoise", str(mine), "-d", "noisy", "-q", "-o", "out.png"]) == 0
-    np.testing.assert_array_equal(read(tmp_path / "out.png"), read(mine))
+    np.testing.assert_array_equal(read(tmp_path / "out.png"), 10 * read(mine))  # of 0.1 mm
     header = (tmp_path / "dataset.json").read_text()
     own = next((tmp_path / "test" / "s001").glob("*noisy.png"))
     for unit in ("NaN", "0", "-1", "1e300"):
@@ -162,7 +163,7 @@ def test_without_a_denoiser_the_shipped_network_is_taken(
     source = maps / "a" / "m0_noisy.png"
     assert main(["denoise", str(source), "-o", "one.png", "-q"]) == 0
     seen = read(source).astype(np.float32)
-    wanted = np.rint(np.where(seen > 0, seen + 0.2 * (900 - seen), 0))
+    wanted = np.rint(10 * np.where(seen > 0, seen + 0.2 * (900 - seen), 0))  # steps of 0.1 mm
     np.testing.assert_array_equal(read(tmp_path / "one.png"), wanted)
     command = ["denoise", str(source), "-o", "two.png", "-d", "face", "-q"]
     assert main(command) == 0
