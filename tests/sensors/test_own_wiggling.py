@@ -91,8 +91,9 @@ def test_calibration_takes_bias_and_pattern_from_planes(
         shot = camera.capture(scenes.wall(distance), 1, None, scene=f"wall {distance}")
         (frames / f"{distance}.png").write_bytes(encode_png(encoded(shot)[0]))
         truth[distance] = shot.truth_mm
+    whole = ("-d", "noisy", "--out-unit-mm", "1")
     for out, extra in (("raw", ()), ("calibrated", ("--device", str(file)))):
-        assert main(["denoise", str(frames), "-o", str(tmp_path / out), "-d", "noisy", *extra]) == 0
+        assert main(["denoise", str(frames), "-o", str(tmp_path / out), *whole, *extra]) == 0
     middle = np.s_[130:290, 170:340]
     bias, spread = {}, {}
     for out in ("raw", "calibrated"):
