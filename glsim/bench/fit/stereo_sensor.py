@@ -26,6 +26,7 @@ from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor
 from glsim.bench.fit.time_of_flight import BASES
 from glsim.bench.measures.disparity import (
     LEAST_TILES,
+    TILE_PX,
     DisparityNoise,
     find_tiles,
     measure_disparity_noise,
@@ -109,8 +110,7 @@ def measure_stereo(
             f"{frames.title}: only {noise.tiles} parts of 40x40 px are full of depth: record "
             "walls, a floor, a table, at several distances, and do not move"
         )
-    tiles = find_tiles(disparity[0])
-    levels, slopes = tiles.level, tiles.slopes
+    levels, slopes = _planes(disparity[0])
     groups = np.array_split(np.argsort(-levels), _GROUPS)
     height, width = disparity[0].shape
     return StereoStatistics(
@@ -123,6 +123,19 @@ def measure_stereo(
         tuple(product / float(np.median(levels[group])) for group in groups),
         tuple(float(np.hypot(*np.median(slopes[group], axis=0))) for group in groups),
     )
+
+
+def _planes(disparity: Array) -> tuple[Array, Array]:
+    """Measure tiles: disparity, (N,) px, and slopes along rows and columns, (N, 2) px per px."""
+    tiles = find_tiles(disparity)
+    half = TILE_PX // 2
+    slopes = []
+    for top, left in zip(tiles.top, tiles.left, strict=True):
+        tile = disparity[top : top + TILE_PX, left : left + TILE_PX]
+        down = np.nanmean(tile[half:]) - np.nanmean(tile[:half])
+        right = np.nanmean(tile[:, half:]) - np.nanmean(tile[:, :half])
+        slopes.append((right / half, down / half))
+    return tiles.level, np.array(slopes)
 
 
 #: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
