@@ -70,7 +70,6 @@ class Tiles:
         top: (N,) row of the first pixel.
         left: (N,) column of the first pixel.
         level: (N,) median disparity.
-        slopes: (N, 2) of the robust plane along rows and along columns, px per px.
         residual: (N, S, S) disparity minus the robust plane, NaN for outliers.
         sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.
 
@@ -79,7 +78,6 @@ class Tiles:
     top: NDArray[np.int64]
     left: NDArray[np.int64]
     level: Array
-    slopes: Array
     residual: Array
     sigma: Array
 
@@ -108,26 +106,23 @@ def find_tiles(disparity: Array) -> Tiles:
     rows, columns = np.mgrid[:down, :across] * TILE_PX
     full = np.isfinite(blocks).mean(axis=1) >= LEAST_SHARE
     values = blocks[full]
-    residual, plane = _plane_residual(values)
+    residual = _plane_residual(values)
     count = np.maximum(np.isfinite(residual).sum(axis=1) - 3, 1)
     sigma = np.sqrt(np.nansum(residual**2, axis=1) / count)
     level = np.nanmedian(values, axis=1) if len(values) else np.zeros(0)
     images = residual.reshape(-1, TILE_PX, TILE_PX)
-    return Tiles(rows.ravel()[full], columns.ravel()[full], level, plane[:, 1:], images, sigma)
+    return Tiles(rows.ravel()[full], columns.ravel()[full], level, images, sigma)
 
 
-def _plane_residual(values: Array) -> tuple[Array, Array]:
-    """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN.
-
-    Returns the residual, and the (N, 3) planes: constant, slopes along rows and columns.
-    """
+def _plane_residual(values: Array) -> Array:
+    """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN."""
     y, x = np.mgrid[:TILE_PX, :TILE_PX] - (TILE_PX - 1) / 2
     design = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
     squares = (design[:, :, None] * design[:, None]).reshape(-1, 9)
     known = np.isfinite(values)
     filled = np.where(known, values, 0.0)
     used = known
-    residual, plane = values, np.zeros((len(values), 3))
+    residual = values
     for _ in range(_ROUNDS):
         weight = used.astype(np.float64)
         normal = (weight @ squares).reshape(-1, 3, 3)
@@ -146,7 +141,7 @@ def _plane_residual(values: Array) -> tuple[Array, Array]:
         if (closer == used).all():
             break
         used = closer
-    return np.where(used, residual, np.nan), plane
+    return np.where(used, residual, np.nan)
 
 
 def measure_disparity_noise(

@@ -31,7 +31,7 @@ _SAMPLE, _SAMPLE_PX = 16, 20_000
 
 
 class FramePlace(NamedTuple):
-    """Where one depth map lies on the disk.
+    """Place of one depth map on the disk.
 
     Attributes:
         name: unique in the recording, without slashes.
