@@ -80,7 +80,10 @@ def vertex_normals(
 
 
 def reduced(
-    vertices_mm: NDArray[np.floating], faces: NDArray[np.integer], share: float
+    vertices_mm: NDArray[np.floating],
+    faces: NDArray[np.integer],
+    share: float,
+    named: NDArray[np.integer] | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
     """Reduce a mesh to a share of its triangles.
 
@@ -89,10 +92,11 @@ def reduced(
     Args:
         vertices_mm, faces: (V, 3) and (F, 3).
         share: of the triangles that is kept, 0 to 1.
+        named: vertices that others name, such as landmarks.
 
     Returns:
-        The vertices that are left, (V', 3) mm; their triangles (F', 3); and for each of them the
-        vertex (V',) of the mesh that is nearest, of those that became one.
+        The vertices that are left, (V', 3) mm; their triangles (F', 3); and for each of them a
+        vertex (V',) of the mesh, of those that became one: a named one, or the nearest.
     """
     import fast_simplification
 
@@ -110,6 +114,8 @@ def reduced(
     farthest_first = np.argsort(-distance, kind="stable")
     nearest = np.empty(len(places), dtype=np.int32)
     nearest[became[farthest_first]] = farthest_first  # the last one written is the nearest
+    if named is not None:
+        nearest[became[named]] = named
     return places, left, nearest
 
 

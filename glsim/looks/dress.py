@@ -132,7 +132,7 @@ class Dresser:
         """Return the drawn values of an outfit for the manifest: "appearance.name" -> value."""
         if not self.is_on:
             return {}
-        return dict(draw_outfit(self._settings, seeds, face.notes).numbers)
+        return dict(self._wardrobe(face, seeds).outfit.numbers)
 
     @cached_property
     def _reference(self) -> Anatomy:

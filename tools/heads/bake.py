@@ -22,7 +22,8 @@ from tools.heads.landmarks import landmark_vertices
 from tools.heads.lids import make_lids
 from tools.heads.pulls import jaw_weight, side_fields
 from tools.heads.regions import cover_weights, make_regions
-from tools.heads.template import template
+from tools.heads.template import Template, template
+from tools.heads.thinning import thinned_triangles
 
 LEAST_MM = 1e-3  # the tails of Gaussians below are cut, so that a shape moves its region only
 
@@ -42,8 +43,6 @@ def sculpt() -> Arrays:
     }
     arrays: Arrays = {
         "template_mm": head.points,
-        "triangles": head.faces.astype(np.uint16),
-        "occluder": occluder_of(head.points, head.faces).astype(np.uint16),
         "regions": make_regions(head),
         "landmarks": landmark_vertices(head),
         "jaw": jaw_weight(head, field_points),
@@ -56,7 +55,34 @@ def sculpt() -> Arrays:
     arrays |= {f"lids_{name}": getattr(lids, name) for name in Lids.__annotations__}
     arrays |= _shapes("identity", identity)
     arrays |= _shapes("pulls", side_fields(head, field_points, lid_weights))
-    return arrays | _rigid(rigid)
+    return _thinned(arrays | _rigid(rigid), head)
+
+
+def _thinned(arrays: Arrays, head: Template) -> Arrays:
+    """Add the triangles to the arrays, and leave out the vertices that nothing needs."""
+    triangles = thinned_triangles(head, arrays["landmarks"])
+    named = ("landmarks", "lids_index")
+    kept = np.unique(np.concatenate([triangles.ravel(), *(arrays[name] for name in named)]))
+    new = np.full(len(head.points), -1)
+    new[kept] = np.arange(len(kept))
+    for name in ("template_mm", "regions", "jaw"):
+        arrays[name] = arrays[name][kept]
+    arrays["cover"] = arrays["cover"][:, kept]
+    for name in (*named, "lids_strips"):
+        arrays[name] = new[arrays[name]]
+    arrays["lids_linings"][..., 1] = new[arrays["lids_linings"][..., 1]]
+    for name, others in (("identity", ("mm",)), ("pulls", ("mm",)), ("rigid", ("part", "weights"))):
+        points = new[arrays[f"{name}_points"]]
+        if name != "rigid":
+            starts = np.concatenate([[0], np.cumsum(points >= 0)])[arrays[f"{name}_starts"]]
+            arrays[f"{name}_starts"] = starts
+        for other in others:
+            arrays[f"{name}_{other}"] = arrays[f"{name}_{other}"][points >= 0]
+        arrays[f"{name}_points"] = points[points >= 0].astype(arrays[f"{name}_points"].dtype)
+    triangles = new[triangles]
+    arrays["triangles"] = triangles.astype(np.uint16)
+    arrays["occluder"] = occluder_of(arrays["template_mm"], triangles).astype(np.uint16)
+    return arrays
 
 
 def write_heads(path: Path) -> None:
