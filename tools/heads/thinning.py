@@ -1,4 +1,4 @@
-"""Thin the mesh of the template: fewer triangles where the surface is even, the same on both sides."""
+"""Thin the mesh of the template: fewer triangles where it is even, the same on both sides."""
 
 from __future__ import annotations
 
