@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = """
 glsim denoise noisy.png -o clean.png
-glsim denoise recording/ -o denoised/ -d face-video   also by earlier frames
+glsim denoise recording/ -o denoised/ -d face-video       also by earlier frames
+glsim denoise recording/ -o denoised/ -d face:average=8   means of still frames first
 glsim denoise recording/ -o denoised/ -d quadric:sigma_px=2.5,cleanup=5
 glsim denoise recording/ -o denoised/ --device my_kinect.toml    by glsim fit
 glsim denoise noisy.png -o clean.png -d run/best.pt --infrared infrared.png
@@ -106,7 +107,10 @@ def denoise(
         f"{unchanged} map(s) came back unchanged, as their noise passes for rounding and form: "
         f"-d {name}:keep_clean=0 denoises them"
     )
-    for note in filter(None, (left, *files.notes, stayed if unchanged else "")):
+    still = maps.first_are_still() and getattr(loaded.function, "average", 0) == 1 > loaded.before
+    mean = f"the first two maps show one still view: -d {name}:average=8 denoises means of them"
+    notes = (left, *files.notes, stayed * bool(unchanged), mean * still)
+    for note in filter(None, notes):
         print_message(note)
     unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}, in {unit}")

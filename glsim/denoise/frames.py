@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from glsim.bench.measures.static import view_change
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import (
@@ -143,6 +145,14 @@ class MapReader:
             layers["infrared"] = counts
         camera = Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0)
         return DepthFrame(self._key(number), camera, layers, offset_mm=offset_mm, name=str(file))
+
+    def first_are_still(self) -> bool:
+        """Return whether the first two maps can be read and show one view without motion."""
+        if len(self._files) < 2 or self._key(0)[:2] != self._key(1)[:2]:
+            return False
+        with suppress(DatasetError):
+            return not view_change(self._load(0), self._load(1))
+        return False
 
     def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
         """Return a denoised map, moved from the offset of its frame to the offset of its file."""

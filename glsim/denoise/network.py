@@ -10,15 +10,20 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import DenoiserError
 from glsim.denoise.composites import calibrated
+from glsim.denoise.filters.temporal import past_mean
 from glsim.denoise.inputs import NetworkInputs, stack_inputs
 from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.denoise.record import UNLIKELY, NetworkRecord
-from glsim.denoise.safeguards import clean_noise_mm, trusted_mask
+from glsim.denoise.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask
 from glsim.denoise.tiles import box_around, run_tiled
 
 #: Frames are padded with holes, to the right and below, to multiples of this, pixels: the shipped
 #: architectures halve the size three or four times, and an ONNX graph cannot pad by itself.
 SIZE_MULTIPLE_PX: Final = 16
+#: A change of depth from frame to frame counts as motion from this many standard deviations of the
+#: frame's noise on, and from so many mm. Chosen: a difference of two frames has 1.4 of them.
+_MOTION_NOISES: Final = 5.0
+_LEAST_MOTION_MM: Final = 3.0
 
 
 class Runner(Protocol):
@@ -43,11 +48,15 @@ class NetworkFunction:
     """A ``DepthFunction`` that denoises frames of any size by a network.
 
     Attributes:
-        before, after: neighbours in time that it sees; missing ones are allowed.
+        before, after: neighbours in time that it takes; missing ones are allowed.
+        earlier: of those before, how many the network itself sees.
         infrared: whether it uses the infrared image; without one it denoises by depth alone.
         uncertain: whether it predicts its uncertainty.
+        average: it denoises the mean of this many frames, of those before too, where nothing moves.
         protocol, keep_clean, margin_px, unlikely: of its ``NetworkRecord``.
     """
+
+    average = 1
 
     def __init__(self, network: Runner, name: str, min_probability: float = 0.0) -> None:
         """Make a denoising function of a network.
@@ -60,6 +69,7 @@ class NetworkFunction:
         """
         self._network, self._name, self._min_probability = network, name, min_probability
         self.infrared, self.before, self.after = network.inputs
+        self.earlier = self.before
         self.uncertain = "sigma_mm" in network.outputs
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
 
@@ -87,9 +97,15 @@ class NetworkFunction:
             DenoiserError: if the network returns NaN or infinity.
         """
         frames = np.where(valid, noisy_mm, 0)
+        if self.average > 1:
+            noise_mm = estimate_noise_mm(frames[now]) or 0.0
+            past = frames[max(0, now + 1 - self.average) : now + 1]
+            frames[now] = past_mean(past, max(_LEAST_MOTION_MM, _MOTION_NOISES * noise_mm))
         frame, earlier, later = frames[now], frames[:now][::-1], frames[now + 1 :]
         outputs = self._run(
-            stack_inputs(self._network.inputs, frame, [*earlier], [*later], infrared)
+            stack_inputs(
+                self._network.inputs, frame, [*earlier[: self.earlier]], [*later], infrared
+            )
         )
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:

@@ -83,6 +83,10 @@ class NetworkOptions:
     before: int = parameter(
         MAX_NEIGHBOURS, 0, MAX_NEIGHBOURS, "networks of video: use at most this many earlier frames"
     )
+    average: int = parameter(
+        1, 1, 30, "denoise the mean of this many frames, this one and those before it, where "
+        "nothing moves",
+    )  # fmt: skip
     keep_clean: int | None = parameter(
         None,
         0,
@@ -260,7 +264,9 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
                 f"export it where PyTorch is (glsim export {path} -o network.onnx) ({error})"
             ) from None
         network = load_network(path, options.min_probability)
-    network.before = min(network.before, options.before)
+    network.earlier = min(network.before, options.before)
+    network.before = max(network.earlier, options.average - 1)
+    network.average = options.average
     if options.keep_clean is not None:
         network.keep_clean = bool(options.keep_clean)
     return network, f"{_version(path)} {options}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,9 @@ def test_denoise_says_what_it_takes_and_why(
     printed = capsys.readouterr().err
     assert "denoiser face: neither a file nor the maps say" in printed
     assert "1 map(s) came back unchanged" in printed, "a plane without noise"
+    shutil.copy(next((tmp_path / "plain").iterdir()), tmp_path / "plain" / "again.png")
+    assert main(["denoise", str(tmp_path / "plain"), *out]) == 0
+    assert "one still view: -d face:average=8" in capsys.readouterr().err
 
 
 def test_a_data_set_states_its_sensor(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

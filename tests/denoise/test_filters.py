@@ -158,6 +158,12 @@ def test_temporal_filters() -> None:
     moved = stack.copy()
     moved[:4] += 100 * (moved[:4] > 0)
     np.testing.assert_array_equal(adaptive.estimate(moved, 4).composite(""), stack[4])
+    # A network with average=5 sees the same means of still pixels.
+    face, of_five = (load_denoiser(f"face{end}") for end in ("", ":average=5"))
+    mean = load_denoiser("adaptive:frames=5,threshold_mm=100").estimate(stack, 4).composite("")
+    for frames, seen in ((stack, mean), (moved, stack[4])):
+        depth_mm = of_five.estimate(frames, 4).depth_mm
+        np.testing.assert_array_equal(depth_mm, face.estimate(seen[None]).depth_mm)
 
 
 def test_soft_validity_gives_four_composites(

@@ -60,13 +60,26 @@ class Adaptive:
 
     def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
         """Compute means over past frames; pixels are valid where the input is."""
-        here = noisy_mm[now]
-        total, count, going = here.copy(), np.ones_like(here), valid[now].copy()
-        for past in range(now - 1, -1, -1):
-            going &= valid[past] & (np.abs(noisy_mm[past] - here) <= self.threshold_mm)
-            total[going] += noisy_mm[past][going]
-            count[going] += 1
-        return Denoised(total / count, valid[now])
+        return Denoised(past_mean(noisy_mm[: now + 1], self.threshold_mm), valid[now])
+
+
+def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:
+    """Average the last of some frames over those before it, as far back as a pixel does not move.
+
+    Args:
+        depths_mm: (T, H, W) millimetres, 0 = no return.
+        threshold_mm: a larger change of depth counts as motion.
+
+    Returns:
+        (H, W) millimetres.
+    """
+    here = depths_mm[-1]
+    total, count, still = here.copy(), np.ones_like(here), here > 0
+    for past in depths_mm[-2::-1]:
+        still &= (past > 0) & (np.abs(past - here) <= threshold_mm)
+        total[still] += past[still]
+        count[still] += 1
+    return np.asarray(total / count)
 
 
 #: Name on the command line -> filter.
