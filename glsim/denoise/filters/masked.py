@@ -145,22 +145,6 @@ class Guided(Masked):
         return estimate
 
 
-@dataclass(frozen=True)
-class RollingGuidance(Masked):
-    """Rolling guidance filter (Zhang et al. 2014, OpenCV ximgproc) on depth with holes filled."""
-
-    sigma_mm: float = parameter(10.0, 0.1, 1000, "standard deviation of the depth weight")
-    sigma_px: float = parameter(2.0, 0.3, 20, "structures below this size are removed")
-    iterations: int = parameter(4, 1, 10, "number of guidance updates")
-
-    def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
-        """Compute smoothed depths; holes get the nearest depth first."""
-        smooth = cv2.ximgproc.rollingGuidanceFilter(
-            fill(noisy_mm, support), None, -1, self.sigma_mm, self.sigma_px, self.iterations
-        )
-        return np.asarray(smooth[wanted], np.float32)
-
-
 def local_polynomial(
     depth_mm: Depth, support: Mask, wanted: Mask, sigma_px: float, degree: int
 ) -> Depth:
@@ -218,7 +202,6 @@ FILTERS = {
     "plane": LocalPlane,
     "quadric": LocalQuadric,
     "guided": Guided,
-    "rolling_guidance": RollingGuidance,
 }
 #: Values that tuning tries: filter -> parameter -> values. Tuning also tries ``cleanup``.
 GRIDS = {
@@ -228,5 +211,4 @@ GRIDS = {
     "plane": {"sigma_px": (1.0, 1.5, 2.0, 3.0, 4.0)},
     "quadric": {"sigma_px": (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)},
     "guided": {"radius": (2, 3, 5), "epsilon_mm": (2.0, 5.0, 15.0)},
-    "rolling_guidance": {"sigma_mm": (5.0, 15.0), "sigma_px": (1.0, 2.0)},
 }
