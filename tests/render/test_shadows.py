@@ -176,8 +176,8 @@ def test_the_surface_that_an_emitter_sees_hardly_moves(
         assert ((whole > 0) != (less > 0)).sum() < 0.005 * both.sum()
         moved.append(1000 * np.abs(whole - less)[both])
     errors_mm = np.concatenate(moved)
-    assert np.percentile(errors_mm, 50) < 0.05
-    assert np.percentile(errors_mm, 99) < 0.6
+    assert np.percentile(errors_mm, 50) < 0.12
+    assert np.percentile(errors_mm, 99) < 2.0
 
 
 def test_the_light_on_a_face_is_nearly_that_of_all_its_triangles(
