@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 _Array = NDArray[Any]
 
+_FEW = 32  # elements: fewer are added up by NumPy at once, in the same order; measured
 _SHORT = 32  # columns; measured: shorter rows are faster as columns
 _BLOCK = 32_768  # elements at a time, which stay in a processor's cache; measured
 
@@ -32,6 +33,8 @@ def product(left: _Array, right: _Array) -> _Array:
     """
     if right.ndim == 1:
         return product(left, right[:, None])[..., 0]
+    if left.ndim == 2 and left.size <= _FEW and len(right) <= 4:  # matrices of poses
+        return np.asarray((left[:, :, None] * right).sum(axis=1))
     rows = left.reshape(-1, left.shape[-1])
     # NumPy's loops run along the last axis, which should be long.
     tall = right.shape[1] < min(_SHORT, len(rows))

@@ -11,7 +11,7 @@ asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -103,25 +103,32 @@ def trunk_angles(pose: Mapping[str, float]) -> dict[str, float]:
 
 
 def bend_neck(
-    mesh: Mesh, neck: Neck | None, pose: Mapping[str, float], still: Mapping[str, float]
-) -> Mesh:
-    """Rotate the shoulders of a mesh back, so that ``pose_matrix(pose)`` turns the head only.
+    meshes: Sequence[Mesh],
+    neck: Neck | None,
+    pose: Mapping[str, float],
+    still: Mapping[str, float],
+) -> list[Mesh]:
+    """Rotate the shoulders of meshes back, so that ``pose_matrix(pose)`` turns the head only.
 
     Args:
+        meshes: of one person; those that do not move are returned themselves.
         neck: None for a head without shoulders, which stays as it is.
         pose: of the head, after its motion.
         still: before it.
     """
     if neck is None:
-        return mesh
+        return [*meshes]
     trunk_pose = still if neck.trunk_poses else trunk_angles(pose)
     head, trunk = (
         1000.0 * pose_matrix({n: angles.get(n, 0.0) for n in NECK_DEG})[:3, :3].astype(np.float64)
         for angles in (pose, trunk_pose)
     )
     axis, angle = _axis_angle(product(head.T, trunk))
-    if angle == 0.0:
-        return mesh
+    return [*meshes] if angle == 0.0 else [_bent(mesh, neck, axis, angle) for mesh in meshes]
+
+
+def _bent(mesh: Mesh, neck: Neck, axis: NDArray[np.float32], angle: float) -> Mesh:
+    """Turn the shoulders of a mesh by an angle, rad, about a unit axis (3,)."""
     share = neck.head_share(mesh.vertices_mm - np.asarray(neck.face_mm, np.float32))
     moved = np.flatnonzero(share < 1.0)
     if not len(moved):

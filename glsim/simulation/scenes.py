@@ -131,10 +131,8 @@ class FrameScenes:
         body = body_of(face) if settings.scene.room != "none" else None
         scenery = build_scenery(settings.scene, settings.pose, seeds, rig, body)
         drawn |= scenery.drawn
-        person = [
-            bend_neck(mesh, face.neck, pose, still)
-            for mesh in (face.mesh, *(part.mesh for part in face.parts))
-        ]
+        meshes = [face.mesh, *(part.mesh for part in face.parts)]
+        person = bend_neck(meshes, face.neck, pose, still)
         view = tilted(pose_matrix(pose), scenery.tilt_deg)
         check_behind(scenery, person, view)
         others = loader.others.props(task.source, seeds, scenery) if body is not None else []

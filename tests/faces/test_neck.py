@@ -31,7 +31,7 @@ def mean() -> Mesh:
 
 def seen(mesh: Mesh, pose: dict[str, float]) -> Array:
     """Vertices (V, 3) in camera mm, after the pose with its neck."""
-    bent = bend_neck(mesh, NECK, pose, pose)
+    (bent,) = bend_neck([mesh], NECK, pose, pose)
     matrix = pose_matrix(pose | {"distance_mm": 900.0})
     return np.asarray(1000 * (bent.vertices_mm @ matrix[:3, :3].T + matrix[:3, 3]))
 
@@ -39,10 +39,10 @@ def seen(mesh: Mesh, pose: dict[str, float]) -> Array:
 def test_the_head_takes_the_pose_exactly(mean: Mesh) -> None:
     head = head_share(mean.vertices_mm) == 1.0
     for pose in POSES:
-        bent = bend_neck(mean, NECK, pose, pose)
+        (bent,) = bend_neck([mean], NECK, pose, pose)
         np.testing.assert_array_equal(bent.vertices_mm[head], mean.vertices_mm[head])
-    assert bend_neck(mean, NECK, {}, {}) is mean
-    assert bend_neck(mean, None, POSES[0], POSES[0]) is mean
+    assert bend_neck([mean], NECK, {}, {})[0] is mean
+    assert bend_neck([mean], None, POSES[0], POSES[0])[0] is mean
 
 
 def test_an_open_mouth_belongs_to_the_head(mean: Mesh) -> None:
@@ -78,7 +78,7 @@ def test_the_neck_has_no_folds_and_keeps_its_thickness(mean: Mesh, pose: dict[st
     bending = ((share[faces] > 0) & (share[faces] < 1)).any(axis=1)
     skin = head_model().in_regions("neck", "shoulder")[faces[:, 0]]
     chosen = faces[bending & skin]
-    before, after = mean.vertices_mm, bend_neck(mean, NECK, pose, pose).vertices_mm
+    before, after = mean.vertices_mm, bend_neck([mean], NECK, pose, pose)[0].vertices_mm
 
     def area(points: Array) -> Array:
         a, b, c = (points[chosen[:, k]].astype(np.float64) for k in range(3))
@@ -106,11 +106,11 @@ def test_where_the_pose_turns_the_trunk_only_motion_bends_the_neck(mean: Mesh) -
     person = Mesh(mean.vertices_mm + up, mean.faces)
     neck = Neck(head_share, (0.0, 140.0, 90.0), trunk_poses=True)
     still = {"yaw_deg": 40.0, "distance_mm": 2000.0, "x_mm": 0.0, "y_mm": 0.0}
-    assert bend_neck(person, neck, still, still) is person
+    assert bend_neck([person], neck, still, still)[0] is person
     moved = move_pose(still, {"yaw_deg": 8.0, "pitch_deg": -4.0}, neck)
     before, after = (
         1000 * (m.vertices_mm @ pose_matrix(pose)[:3, :3].T + pose_matrix(pose)[:3, 3])
-        for m, pose in ((person, still), (bend_neck(person, neck, moved, still), moved))
+        for m, pose in ((person, still), (*bend_neck([person], neck, moved, still), moved))
     )
     share = head_share(mean.vertices_mm)
     np.testing.assert_allclose(after[share == 0], before[share == 0], atol=0.01)
