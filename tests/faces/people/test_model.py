@@ -38,6 +38,7 @@ BAKED = {
     "sources": np.array([0, 1, 0, 1], dtype=np.int32),
     "shares": np.array([1, 1, 0.5, 0.5]),
     "triangles": np.array([[0, 1, 2]], dtype=np.int32),
+    "occluder": np.array([[0, 1, 2]], dtype=np.uint16),
     "regions": np.zeros(3, dtype=np.uint8),
     "rigid": np.array(1),
     "soft_starts": np.array([0, 1]),
