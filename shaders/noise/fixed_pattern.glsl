@@ -16,7 +16,7 @@ uniform float pixel_sigma_mm = 0.22;  //@ [0, 20] mm standard deviation of the e
 uniform float column_sigma_mm = 0.1;  //@ [0, 20] mm standard deviation of the error shared by a column
 uniform float row_sigma_mm = 0.25;    //@ [0, 20] mm standard deviation of the error shared by a row
 uniform float row_alternation_mm = 0.69; //@ [0, 20] mm error of opposite sign in odd and even rows, and in the two halves of the image: odd rows of the upper half are nearer
-uniform float row_profile_mm = 0.0;   //@ [0, 20] mm largest standard deviation of an error of opposite sign in odd and even rows that changes slowly down the image; a device has a share of it, drawn evenly
+uniform float row_profile_mm = 0.0;   //@ [0, 20] mm standard deviation of an error of opposite sign in odd and even rows that changes slowly down the image
 uniform float row_step_mm = 0.0;      //@ [-20, 20] mm difference between odd and even rows, the same in all of the image and in all devices
 
 uniform sampler2D u_depth;
@@ -38,7 +38,7 @@ void main() {
     float place = PROFILE_STEPS * (float(pixel.y) + 0.5) / u_frame_size_px.y, step = floor(place);
     float above = normal_pair(random_bits(ivec2(1, int(step)), u_device_seed, 3u).xy).x;
     float below = normal_pair(random_bits(ivec2(1, int(step) + 1), u_device_seed, 3u).xy).x;
-    float profile = row_profile_mm * uniform01(pcg_word(u_device_seed)) * mix(above, below, place - step);
+    float profile = row_profile_mm * mix(above, below, place - step);
     float odd = (pixel.y & 1) == 1 ? 1.0 : -1.0;
     float error = pixel_sigma_mm * own + column_sigma_mm * column + row_sigma_mm * row
         + odd * (row_alternation_mm * half_sign + profile + 0.5 * row_step_mm);

@@ -84,8 +84,7 @@ def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
     above, below = (
         normal_pair(*random_bits(1, xp.words(step) + xp.word(k), seed, 3)[:2])[0] for k in (0, 1)
     )
-    share = uniform01(pcg_word(xp.words(seed, seed)))
-    profile = p["row_profile_mm"] * share * (above + (below - above) * (place - step))
+    profile = p["row_profile_mm"] * (above + (below - above) * (place - step))
     odd = xp.where(y % 2 == 1, 1.0, -1.0)
     alternation = p["row_alternation_mm"] * half_sign + profile
     alternation = alternation + 0.5 * p["row_step_mm"]
