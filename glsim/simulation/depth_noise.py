@@ -215,7 +215,7 @@ class DepthNoise:
         metres, depth with the device's systematic error and without noise. Arguments and errors as
         of a call; all maps are changed.
         """
-        if self.backend_for(depth_m, seeds, wanted="torch") != "torch":
+        if self._backend not in (None, "torch"):
             raise ConfigError(f'layers: only with backend="torch", not {self._backend!r}')
         if seeds is None and frame is None:
             sequence, frame = self._next(map_shape(depth_m, self._size)[1])
@@ -262,16 +262,11 @@ class DepthNoise:
             raise ConfigError("rig: give the shape of the maps, (height, width)")
         return sensor_of(self.settings).rig.for_map(size, *self._camera)
 
-    def backend_for(self, depth_m: Any, seeds: Any = None, wanted: str | None = None) -> str:
-        """Return the backend that a call takes: "torch", "numpy", "egl", "osmesa" or "gl".
-
-        Args:
-            wanted: the backend where none is forced.
-        """
-        if self._backend is not None:
-            return self._backend
-        on_gpu = _is_tensor(depth_m) and depth_m.device.type != "cpu" and self._takes_tensors
-        return wanted or ("torch" if on_gpu or seeds is not None else "gl")
+    def backend_for(self, depth_m: Any, seeds: Any = None) -> str:
+        """Return the backend that a call takes: "torch", "numpy", "egl", "osmesa" or "gl"."""
+        tensor = type(depth_m).__module__.partition(".")[0] == "torch"
+        on_gpu = tensor and depth_m.device.type != "cpu" and self._takes_tensors
+        return self._backend or ("torch" if on_gpu or seeds is not None else "gl")
 
     def __repr__(self) -> str:
         backend = f", backend={self._backend!r}" if self._backend else ""
@@ -347,7 +342,3 @@ class DepthNoise:
             depth_m, self.device, keys, self.settings.seed, self.p, **given
         )
         return made
-
-
-def _is_tensor(depth_m: Any) -> bool:
-    return type(depth_m).__module__.partition(".")[0] == "torch"

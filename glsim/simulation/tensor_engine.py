@@ -148,12 +148,10 @@ class TensorEngine:
                 inputs[EXPECTED_LAYER] = inputs["maps"]
             for start in range(0, len(maps), count):
                 part = {name: tensor[start : start + count] for name, tensor in inputs.items()}
-                of_part = None if keys is None else keys[start : start + count]
-                parts.append(
-                    self._seeded(seed, p, part)
-                    if of_part is None
-                    else self._named(seed, part, of_part)
-                )
+                if keys is None:
+                    parts.append(self._seeded(seed, p, part))
+                else:
+                    parts.append(self._named(seed, part, keys[start : start + count]))
         layers = {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
         noisy = layers["depth"]
         if maps.requires_grad:  # straight through: rounding alone would make all gradients 0
@@ -213,34 +211,22 @@ class TensorEngine:
     def _answer(
         self, inputs: Mapping[str, Any], words: Sequence[Any], values: Values
     ) -> dict[str, Any]:
-        """Run the chain; return depth, reasons that agree with it, infrared and expected depth."""
-        maps = inputs["maps"]
-        clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
-        made = self._run(clean, [word[:, None, None] for word in words], values, inputs)
-        depth = made["depth"].clamp(min=0.0)
-        reason = reconcile_reasons(clean, depth, made["reason"])
-        layers = {"clean": clean, "depth": depth, "reason": reason.to(torch.uint8)}
-        layers |= {n: made[n] for n in ("infrared", EXPECTED_LAYER) if n in made}
-        return layers
-
-    def _run(
-        self, depth_m: Any, words: Sequence[Any], values: Values, inputs: Mapping[str, Any]
-    ) -> dict[str, Any]:
-        """Return all layers after the whole chain.
+        """Run the chain; return depth, reasons that agree with it, infrared and expected depth.
 
         Args:
-            depth_m: (B, H, W) float32 metres, 0 = no depth.
-            words: of frames, sequences and devices, (B, 1, 1) or (1, 1, 1).
+            words: of frames, sequences and devices, (B,) or (1,).
         """
-        image, (_, height, width) = self.rig.intrinsics, depth_m.shape
-        rays, clean = self._rays_of(depth_m, inputs), depth_m
-        focal_px = inputs.get("fx", image.fx)
+        maps = inputs["maps"]
+        clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
+        image, (_, height, width) = self.rig.intrinsics, maps.shape
+        rays, focal_px = self._rays_of(clean, inputs), inputs.get("fx", image.fx)
+        frame, sequence, device = (word[:, None, None] for word in words)
         view = WordContext.for_frame(
             rig=self.rig,
             window=Rect(0, 0, width, height),
-            seed=words[0],
-            sequence_seed=words[1],
-            device_seed=words[2],
+            seed=frame,
+            sequence_seed=sequence,
+            device_seed=device,
             supersample=1,
             focal_px=focal_px,
             focal_baseline_px_m=focal_px * self.rig.baseline_m,
@@ -273,7 +259,10 @@ class TensorEngine:
                 if not isinstance(runs, float) and name in layers:
                     layer = torch.where(runs > 0, layer, layers[name])
                 layers[name] = layer
-        return layers
+        depth = layers["depth"].clamp(min=0.0)
+        reason = reconcile_reasons(clean, depth, layers["reason"]).to(torch.uint8)
+        more = {n: layers[n] for n in ("infrared", EXPECTED_LAYER) if n in layers}
+        return {"clean": clean, "depth": depth, "reason": reason, **more}
 
     def _rays_of(self, depth_m: Any, camera: Mapping[str, Any]) -> Any:
         """Return (1 or B, H, W, 2) x/z and y/z of each pixel."""
@@ -287,10 +276,9 @@ class TensorEngine:
                 "fx, fy, cx, cy: the sensor delivers the image of its lens: leave out"
             )
         image, (_, height, width) = self.rig.intrinsics, depth_m.shape
-        sides = []
-        for side, f, c in ((width, "fx", "cx"), (height, "fy", "cy")):
-            place = torch.arange(side, device=depth_m.device) + 0.5
-            place = place if side == width and f == "fx" else place[:, None]
-            centre = camera.get(c, getattr(image, c))
-            sides.append((place - centre) / camera.get(f, getattr(image, f)))
+        x, y = (torch.arange(side, device=depth_m.device) + 0.5 for side in (width, height))
+        sides = [
+            (place - camera.get(c, getattr(image, c))) / camera.get(f, getattr(image, f))
+            for place, f, c in ((x, "fx", "cx"), (y[:, None], "fy", "cy"))
+        ]
         return of(depth_m).stack(sides, -1).reshape(-1, height, width, 2)

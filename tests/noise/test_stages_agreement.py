@@ -156,7 +156,8 @@ def test_noise_does_not_depend_on_the_window(context: moderngl.Context, use: str
             )
         for name, image in parts[0].items():
             assert image.size > 100
-            assert image.tobytes() == parts[1][name].tobytes()
+            rounding = 2e-6 * (run is run_twin)  # a product of matrices adds up by their size
+            np.testing.assert_allclose(image, parts[1][name], rtol=0, atol=rounding)
 
 
 def _part(name: str, image: Image, window: Rect, inner: Rect) -> Image:

@@ -25,6 +25,8 @@ from glsim.noise.twins.layers import (
     select,
     square,
     uniform01,
+    value_range,
+    where_worthwhile,
     without,
 )
 
@@ -37,51 +39,34 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     x, y = pixels(view.window, view.seed)
     clean = layers["clean"]
     xp, zero = of(clean), of(clean).zeros_like(clean)
-    step = 0.001 * p["step_mm_per_m"] * clean
     bumps = lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + p["rough_px"] * bumps + (normal_share(bumps) - 0.5)
-
-    depths = around(view, clean, 2, clamped=True)
-    to_front = to_behind = front = zero + _FAR
-    behind = zero
-    for dx, dy in square(2):
-        away = math.sqrt(dx * dx + dy * dy) - 0.5
-        there = depths(dx, dy)
-        nearer = (there > 0) & ((clean <= 0) | (there < clean - step))
-        farther = (clean > 0) & ((there <= 0) | (there > clean + step))
-        front = xp.where(nearer & (away <= growth), xp.minimum(front, there), front)
-        to_front = xp.where(nearer, xp.minimum(to_front, away), to_front)
-        behind = xp.where(farther & (away < to_behind), there, behind)
-        to_behind = xp.where(farther, xp.minimum(to_behind, away), to_behind)
     chance = [uniform01(word) for word in random_bits(x, y, view.seed, 1)]
-    grows = front < _FAR
-    shrinks = ~grows & (to_behind <= -growth)
-    band = xp.maximum(growth, 0.0) + p["cut_px"]
-    cut = ~grows & (clean > 0) & (p["cut_px"] > 0) & (to_front <= band)
-    lost = shrinks & ((behind <= 0) | (chance[0] < p["edge_holes"]))
-    own = xp.where(grows, front, xp.where(shrinks, behind, clean))
-
-    own_step = 0.001 * p["step_mm_per_m"] * own
-    mixes = (xp.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
     bright = skin_signal(clean, layers["albedo"], 1.0, 1.0)  # as if all faced the camera
-    blended, mixed, light = _mixed(view, depths, bright, own, own_step, p)
-    blended, mixed = xp.where(mixes, blended, own), xp.where(mixes & (own > 0), mixed, 0.0)
-    light = xp.where(mixes, light, bright)
-    z = xp.where(mixed > 0, xp.maximum(blended, 0.05), own)
+    step = 0.001 * p["step_mm_per_m"] * clean
+    at, own_p = where_worthwhile(view, value_range(view, clean, 2) > step, p)
+    depths, lights = (around(view, part, 2, clamped=True, at=at) for part in (clean, bright))
+    own_draws = (part if at is None else part[at] for part in (growth, chance[0]))
+    found = _beside_steps(depths, lights, *own_draws, own_p)
+    if at is not None:
+        even = [clean, clean, zero, bright, zero > 0, zero > 0]
+        found = [part.index_put(at, values) for part, values in zip(even, found, strict=True)]
+    own, z, mixed, light, grows, lost = found
+    z = xp.where(mixed > 0, xp.maximum(z, 0.05), own)
     z, least = _hazed(view, clean, bright, z, own, light, p)
 
     shadowed = ~grows & (clean > 0) & (layers["lit"] < p["shadow_lit"])
     between = shadowed & (chance[2] < p["shadow_between"])
     z = xp.where(between, mix(z, least, chance[3]), z)
 
-    other = xp.abs(z - clean) > xp.maximum(own_step, step)
+    other = xp.abs(z - clean) > xp.maximum(0.001 * p["step_mm_per_m"] * own, step)
     hidden = shadowed & ~(chance[1] < p["shadow_kept"])
     reason = select(
         [
             ((own <= 0) & (clean > 0), float(Reason.EDGE)),
             (own <= 0, float(Reason.NO_SURFACE)),
             (hidden, float(Reason.SHADOW)),
-            (lost | cut, float(Reason.EDGE)),
+            (lost, float(Reason.EDGE)),
             (mixed > p["max_mixed"], float(Reason.MIXED)),
             (clean <= 0, float(Reason.GROWN)),
             (other, float(Reason.MOVED)),
@@ -95,12 +80,38 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     }
 
 
-def _mixed(
-    view: FrameContext, depths: Any, bright: Image, own: Image, own_step: Image, p: Parameters
-) -> tuple[Image, Image, Image]:
-    """Mix depths under the point spread: depth, m, share of other surfaces, and collected light."""
-    xp, lights = of(own), around(view, bright, 2, clamped=True)
-    total = alike = light = cosines = sines = xp.zeros_like(own)
+def _beside_steps(
+    depths: Any, lights: Any, growth: Image, chance: Image, p: Parameters
+) -> list[Image]:
+    """Find what a pixel near a depth step sees, and mix depths under the point spread.
+
+    Returns depth of the surface, mixed depth, share of other surfaces, collected light, whether a
+    nearer surface has grown over the pixel, and whether it is lost.
+    """
+    clean = depths(0, 0)
+    xp, zero = of(clean), of(clean).zeros_like(clean)
+    step = 0.001 * p["step_mm_per_m"] * clean
+    to_front = to_behind = front = zero + _FAR
+    behind = zero
+    for dx, dy in square(2):
+        away = math.sqrt(dx * dx + dy * dy) - 0.5
+        there = depths(dx, dy)
+        nearer = (there > 0) & ((clean <= 0) | (there < clean - step))
+        farther = (clean > 0) & ((there <= 0) | (there > clean + step))
+        front = xp.where(nearer & (away <= growth), xp.minimum(front, there), front)
+        to_front = xp.where(nearer, xp.minimum(to_front, away), to_front)
+        behind = xp.where(farther & (away < to_behind), there, behind)
+        to_behind = xp.where(farther, xp.minimum(to_behind, away), to_behind)
+    grows = front < _FAR
+    shrinks = ~grows & (to_behind <= -growth)
+    band = xp.maximum(growth, 0.0) + p["cut_px"]
+    cut = ~grows & (clean > 0) & (p["cut_px"] > 0) & (to_front <= band)
+    lost = shrinks & ((behind <= 0) | (chance < p["edge_holes"]))
+    own = xp.where(grows, front, xp.where(shrinks, behind, clean))
+
+    own_step = 0.001 * p["step_mm_per_m"] * own
+    mixes = (xp.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
+    total = alike = light = cosines = sines = zero
     area = 0.0
     falls = -0.5 / xp.maximum(p["psf_px"] * p["psf_px"], 1e-6)
     for dx, dy in square(2):
@@ -115,7 +126,9 @@ def _mixed(
         area = area + share
         light = light + share * lit
     blended = own + xp.arctan2(sines, cosines) * p["wavelength_m"] / _TWO_PI
-    return blended, 1.0 - alike / xp.maximum(total, 1e-6), light / area
+    blended = xp.where(mixes, blended, own)
+    mixed = xp.where(mixes & (own > 0), 1.0 - alike / xp.maximum(total, 1e-6), 0.0)
+    return [own, blended, mixed, xp.where(mixes, light / area, lights(0, 0)), grows, lost | cut]
 
 
 def _hazed(
@@ -266,47 +279,21 @@ def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) ->
         spacing_px: distances of the nodes along x and y.
         seed: wraps at 2^32.
     """
-    xp = of(seed)
+    xp, blends, nodes = of(seed), [], []
     key = pcg_word(xp.words(seed, seed))
-    starts = uniform01(key), uniform01(pcg_word(key))
-    if view.batched:
-        return _lattice_of_batch(view, spacing_px, starts, key)
-    weights, firsts, norms = [], [], []
-    places = pixels(view.window, seed)
-    for place, spacing, start in zip(places, spacing_px, starts, strict=True):
-        at = xp.floats(place) / spacing + start
-        node = xp.floor(at + 0.5)
-        t = at - node
-        before = 0.5 * (0.5 - t) * (0.5 - t)
-        after = 0.5 * (0.5 + t) * (0.5 + t)
-        middle = 0.75 - t * t
-        weights.append((before, middle, after))
-        norms.append(before * before + middle * middle + after * after)
-        firsts.append(xp.words(node - 1.0))
-    total = 0.0
-    for j in range(3):
-        row = pcg_word(key ^ pcg_word(firsts[1] + xp.word(j)))
-        along = sum(weights[0][i] * _node(pcg_word(row + firsts[0] + xp.word(i))) for i in range(3))
-        total = total + weights[1][j] * along
-    return total / xp.sqrt(norms[0] * norms[1])
-
-
-def _lattice_of_batch(
-    view: FrameContext, spacing_px: tuple[Any, Any], starts: tuple[Image, Image], key: Words
-) -> Image:
-    """Return (B, H, W) ``lattice_noise``: nodes are drawn once, and two products blend them."""
-    xp, blends, nodes = of(key), [], []
-    for side, spacing, start in zip((view.width, view.height), spacing_px, starts, strict=True):
+    starts, (left, top, width, height) = (uniform01(key), uniform01(pcg_word(key))), view.window
+    for first, side, spacing, start in zip(
+        (left, top), (width, height), spacing_px, starts, strict=True
+    ):
         # Without a look at values, which would wait for a GPU, nodes may stand on every pixel.
-        node = xp.range(
-            -1, int((side - 1) / (spacing if isinstance(spacing, float) else 1)) + 3, key
-        )
-        at = xp.floats(xp.range(0, side, key))[:, None] / spacing + start
-        away = xp.abs(at - node)
+        apart = 1.0 if view.batched and not isinstance(spacing, float) else float(spacing)
+        node = xp.range(int(first / apart) - 1, int((first + side - 1) / apart) + 4, key)
+        at = xp.floats(xp.range(first, first + side, key))[:, None] / spacing + start
+        away = xp.abs(at - xp.floats(node))
         outer = xp.maximum(1.5 - away, 0.0)
         blend = xp.where(away < 0.5, 0.75 - away * away, 0.5 * outer * outer)
         blends.append(blend / xp.sqrt((blend * blend).sum(-1))[..., None])
-        nodes.append(node)
+        nodes.append(xp.words(node))
     row = pcg_word(key ^ pcg_word(nodes[1])[:, None])
     return blends[1] @ _node(pcg_word(row + nodes[0])) @ blends[0].mT
 

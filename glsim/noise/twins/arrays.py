@@ -64,9 +64,9 @@ class _NumPy:
         """Return the integers from ``start`` up to ``stop`` on the device of ``like``."""
         return np.arange(start, stop)
 
-    def plus(self, total: Any, weight: Any, part: Any) -> Any:
-        """Compute total + weight * part, in one step where there is one."""
-        return total + weight * part
+    def plus(self, total: Any, weight: Any, part: Any, scale: Any = 1.0) -> Any:
+        """Compute total + scale * weight * part, in one step where there is one."""
+        return total + scale * weight * part
 
 
 class _Torch(_NumPy):
@@ -117,6 +117,8 @@ class _Torch(_NumPy):
         return self._torch.stack([like.new_full((), float(n), dtype=f32) for n in numbers])
 
     def floats(self, whole: Any) -> Any:
+        if whole.dtype == self._torch.bool:
+            whole = whole.view(self._torch.uint8)  # which PyTorch converts 4 times as fast
         return whole.to(self._torch.float32)
 
     def integers(self, whole: Any) -> Any:
@@ -141,13 +143,13 @@ class _Torch(_NumPy):
     def range(self, start: int, stop: int, like: Any) -> Any:
         return self._torch.arange(start, stop, dtype=self._torch.int32, device=like.device)
 
-    def plus(self, total: Any, weight: Any, part: Any) -> Any:
+    def plus(self, total: Any, weight: Any, part: Any, scale: Any = 1.0) -> Any:
         tensor = self._torch.Tensor
-        if not isinstance(total, tensor):
-            return total + weight * part
+        if not isinstance(total, tensor) or isinstance(scale, tensor):
+            return total + scale * weight * part
         if isinstance(weight, tensor):
-            return self._torch.addcmul(total, weight, part)
-        return self._torch.add(total, part, alpha=weight)
+            return self._torch.addcmul(total, weight, part, value=scale)
+        return self._torch.add(total, part, alpha=scale * weight)
 
 
 _NUMPY = _NumPy()

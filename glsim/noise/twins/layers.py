@@ -6,6 +6,7 @@ Random numbers are functions of (pixel, seed, draw), bit for bit those of the sh
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 from glsim.core.reason import Reason
@@ -48,7 +49,8 @@ def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
     """Read a layer at integer pixels of the frame (x and y broadcast); 0 outside its window."""
     xp = of(layer)
     column, row = x - window.left, y - window.top
-    inside = (column >= 0) & (column < window.width) & (row >= 0) & (row < window.height)
+    # Grouped, since columns and rows alone are few numbers.
+    inside = ((column >= 0) & (column < window.width)) & ((row >= 0) & (row < window.height))
     column, row = xp.clip(column, 0, window.width - 1), xp.clip(row, 0, window.height - 1)
     if layer.ndim == 2:
         return xp.where(inside, layer[row, column], 0.0)
@@ -57,13 +59,10 @@ def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
     return xp.where(inside, there, 0.0)
 
 
-def around(
-    view: FrameContext, layer: Image, reach: int, *, clamped: bool = False
-) -> Callable[[int, int], Image]:
-    """Return a function that gives each pixel's neighbour (dx, dy) in a layer; read only.
+def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = False) -> Image:
+    """Return a layer with ``reach`` more pixels on each side.
 
     Args:
-        reach: the largest offset.
         clamped: beyond the frame, take the frame's nearest pixel; otherwise, and beyond the window,
             0.
     """
@@ -72,26 +71,61 @@ def around(
         planes = layer.movedim(3, 0) if layer.ndim == 4 else layer[None]
         mode = "replicate" if clamped else "constant"
         wide = of(layer).nn.functional.pad(planes, (reach,) * 4, mode=mode)
-        wide = wide.movedim(0, 3) if layer.ndim == 4 else wide[0]
-    else:
-        xp = of(layer)
-        x, y = (
-            xp.arange(start - reach, start + side + reach)
-            for start, side in ((left, width), (top, height))
-        )
-        if clamped:
-            x, y = xp.clip(x, 0, view.width - 1), xp.clip(y, 0, view.height - 1)
-        x, y = x - left, y - top
-        wide = layer[xp.clip(y, 0, height - 1)][:, xp.clip(x, 0, width - 1)]
-        wide[(y < 0) | (y >= height)] = 0.0
-        wide[:, (x < 0) | (x >= width)] = 0.0
-    maps = (slice(None),) * view.batched
+        return wide.movedim(0, 3) if layer.ndim == 4 else wide[0]
+    xp = of(layer)
+    x, y = (
+        xp.arange(start - reach, start + side + reach)
+        for start, side in ((left, width), (top, height))
+    )
+    if clamped:
+        x, y = xp.clip(x, 0, view.width - 1), xp.clip(y, 0, view.height - 1)
+    x, y = x - left, y - top
+    wide = layer[xp.clip(y, 0, height - 1)][:, xp.clip(x, 0, width - 1)]
+    wide[(y < 0) | (y >= height)] = 0.0
+    wide[:, (x < 0) | (x >= width)] = 0.0
+    return wide
 
-    def neighbour(dx: int, dy: int) -> Image:
-        row, column = reach + dy, reach + dx
-        return wide[(*maps, slice(row, row + height), slice(column, column + width))]
 
-    return neighbour
+def around(
+    view: FrameContext, layer: Image, reach: int, *, clamped: bool = False, at: Any = None
+) -> Callable[[int, int], Image]:
+    """Return a function that gives each pixel's neighbour (dx, dy) in a layer; read only.
+
+    Args:
+        reach, clamped: of ``padded``.
+        at: maps, rows and columns of pixels of a batch; default: all pixels of the window.
+    """
+    wide, (_, _, width, height) = padded(view, layer, reach, clamped=clamped), view.window
+    if at is None:
+        maps = (slice(None),) * view.batched
+
+        def neighbour(dx: int, dy: int) -> Image:
+            row, column = reach + dy, reach + dx
+            return wide[(*maps, slice(row, row + height), slice(column, column + width))]
+
+        return neighbour
+    width += 2 * reach
+    first = (at[0] * wide.shape[1] + at[1] + reach) * width + at[2] + reach
+    flat = wide.movedim(3, 0).flatten(1) if wide.ndim == 4 else wide.flatten()
+    return lambda dx, dy: flat.index_select(-1, first + (dy * width + dx)).movedim(0, -1)
+
+
+def value_range(view: FrameContext, layer: Image, reach: int) -> Image:
+    """Return the range of the values within a square around each pixel; clamped at the frame."""
+    xp, there = of(layer), around(view, layer, reach, clamped=True)
+    parts = [there(*to) for to in square(reach)]
+    return reduce(xp.maximum, parts) - reduce(xp.minimum, parts)
+
+
+def where_worthwhile(view: FrameContext, needed: Any, p: Parameters) -> tuple[Any, Parameters]:
+    """Return maps, rows and columns of the pixels of a mask, and their parameters.
+
+    Only of a batch on a CPU; else None and all parameters: a GPU would be waited for.
+    """
+    if not view.batched or needed.device.type != "cpu":
+        return None, p
+    at = needed.nonzero(as_tuple=True)
+    return at, {n: v if isinstance(v, float) else v.flatten()[at[0]] for n, v in p.items()}
 
 
 def square(reach: int) -> Iterator[tuple[int, int]]:

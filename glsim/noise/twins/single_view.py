@@ -29,7 +29,7 @@ def single_view_match(view: FrameContext, layers: Layers, p: Parameters) -> dict
     clean, fb = layers["clean"], view.focal_baseline_px_m
     xp, (axis, way, _) = of(clean), beside_camera(view.second_view_m)
     seen_px = xp.where(clean > 0, disparity_px(clean, fb), 0.0)
-    rough = p["rough_px"] * _bumps(view, p)
+    rough = p["rough_px"] * lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + rough, p["growth_in_shadow_px"] + rough
     disparity = _support(view, seen_px, _step(axis, way), growth, p)
     # What a march sees: a surface k pixels ahead counts k less.
@@ -61,10 +61,6 @@ def _step(axis: int, way: int) -> tuple[int, int]:
     return (way, 0) if axis == -1 else (0, way)
 
 
-def _bumps(view: FrameContext, p: Parameters) -> Image:
-    return lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
-
-
 def _support(
     view: FrameContext, px: Image, step: tuple[int, int], growth_px: Sequence[Image], p: Parameters
 ) -> Image:
@@ -92,7 +88,8 @@ def _support(
 def single_view_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds the noise and the losses of a stereo camera, and rounds disparities."""
     clean, before, fb = layers["clean"], layers["disparity"], view.focal_baseline_px_m
-    xp, (axis, _, _), bumps = of(clean), beside_camera(view.second_view_m), _bumps(view, p)
+    xp, (axis, _, _) = of(clean), beside_camera(view.second_view_m)
+    bumps = lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_across_px"] + p["rough_px"] * bumps
     own = _support(view, before, _step(-3 - axis, 1), (growth, growth), p)
     rim = p["rim_px"]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,10 +21,13 @@ from glsim.noise.twins.layers import (
     deep,
     moved_by_mm,
     normal_pair,
+    padded,
     pixels,
     random_bits,
     select,
     square,
+    value_range,
+    where_worthwhile,
     without,
 )
 from glsim.noise.twins.tof_light import (
@@ -52,6 +54,8 @@ _HALO = {0: 0.332485, 1: 0.234939}
 _HALO_OUTER = 0.0891
 #: Weights per axis of tof_fast's blur.
 _BLUR = {0: 0.8, 1: 0.1}
+#: KERNEL's weights along an axis, of whose products it consists within 1e-7.
+_KERNEL_ALONG = tuple(KERNEL[k] / KERNEL[0] ** 0.5 for k in (0, 1))
 _STEEPEST = 12.0
 _LOG2_E, _LOG10_2, _LOG2_10 = 1.442695, 0.301030, 3.321928
 _TINY, _HALF_ROOT_3 = 1e-20, 0.86602540378
@@ -65,28 +69,71 @@ def _parts(layers: Layers) -> tuple[Image, Image]:
     return real, xp.stack([a[..., 1], a[..., 3], b[..., 1]], -1)
 
 
-def _alike(
-    view: FrameContext, p: Parameters, real: Image, imaginary: Image, reach: int, clamped: bool
-) -> Iterator[tuple[int, int, Image, Image, Image, Image, Image]]:
-    """Yield for each neighbour: dx, dy, its phasor, whether it is bright enough, phase distances.
+def _bilateral(
+    view: FrameContext, p: Parameters, layers: Layers, sharpness: Any, along: Sequence[Any],
+    clamped: bool,
+) -> tuple[Image, Image, Image, Any]:  # fmt: skip
+    """Average phasors over a square; neighbours of different phase weigh less.
 
-    The first distance is 0 for the same phase and 1 for the opposite one; the second is 0 at pixels
-    that are too dark themselves.
+    Pixels that are too dark count for others like them alone, which weigh all by their place.
+
+    Args:
+        sharpness: decay of the weight with the phase distance: 0 for equal, 1 for opposite phases.
+        along: weights along an axis, by distance.
+
+    Returns:
+        Real and imaginary parts, sum of the phase distances, and number of neighbours.
     """
-    xp = of(real)
+    real, imaginary = _parts(layers)
+    xp, reach = of(real), len(along) - 1
+    height, width = real.shape[-3:-1]
     norm = real * real + imaginary * imaginary
-    unit = 1.0 / xp.sqrt(xp.maximum(norm, _TINY))
-    limit = deep(p["min_amplitude"]) * deep(p["min_amplitude"])
-    bright = xp.floats(norm >= limit)
-    least = bright * limit
-    reals, imaginaries, norms, units = (
-        around(view, part, reach, clamped=clamped) for part in (real, imaginary, norm, unit)
+    bright = norm >= deep(p["min_amplitude"]) * deep(p["min_amplitude"])
+    unit, seen = 1.0 / xp.sqrt(xp.maximum(norm, _TINY)), xp.floats(bright)
+    own_x, own_y = real * unit, imaginary * unit
+    dark = [padded(view, part, reach, clamped=clamped) for part in (real, imaginary, own_x, own_y)]
+    count = padded(view, seen, reach, clamped=clamped)
+    lights = r, i, x, y = [part * count for part in dark]
+    sharp_x, sharp_y = 0.5 * sharpness * x, 0.5 * sharpness * y
+
+    def part(layer: Image, right: int, down: int, wider: int = 0, lower: int = 0) -> Image:
+        return layer[..., down : down + height + lower, right : right + width + wider, :]
+
+    def summed(layer: Image, weights: Sequence[Any]) -> Image:
+        rows = total = 0.0
+        for k in range(-reach, reach + 1):
+            rows = xp.plus(rows, weights[abs(k)], layer[..., reach + k : reach + k + height, :, :])
+        for k in range(-reach, reach + 1):
+            total = xp.plus(total, weights[abs(k)], rows[..., reach + k : reach + k + width, :])
+        return total
+
+    sums: list[Image] = [xp.zeros_like(real)] * 3
+    for dx, dy in (to for to in square(reach) if to[::-1] > (0, 0)):
+        # The weight of a pair is computed once, for both of its pixels.
+        ahead, behind = max(dx, 0), max(-dx, 0)
+        first = reach - ahead, reach - dy, abs(dx), dy
+        second = reach + dx - ahead, reach, abs(dx), dy
+        alike = part(sharp_x, *first) * part(x, *second)
+        alike = xp.exp(xp.plus(alike, part(sharp_y, *first), part(y, *second)))
+        for sign, weight in ((1, part(alike, ahead, dy)), (-1, part(alike, behind, 0))):
+            to = reach + sign * dx, reach + sign * dy
+            sums = [
+                xp.plus(total, weight, part(layer, *to), along[abs(dx)] * along[dy])
+                for total, layer in zip(sums, (r, i, count), strict=True)
+            ]
+    own, falls = along[0] * along[0], xp.exp(-0.5 * sharpness)
+    total = own + falls * sums[2]
+    all_in_one, flat = (along[0] + 2.0 * sum(along[1:])) ** 2, [1.0] * len(along)
+    real, imaginary = (
+        xp.where(bright, (own * here + falls * light) / total, summed(layer, along) / all_in_one)
+        for here, light, layer in zip((real, imaginary), sums[:2], dark[:2], strict=True)
     )
-    for dx, dy in square(reach):
-        r, i = reals(dx, dy), imaginaries(dx, dy)
-        alike = xp.plus(real * r, imaginary, i) * unit
-        away = 0.5 - 0.5 * (alike * units(dx, dy))
-        yield dx, dy, r, i, xp.floats(norms(dx, dy) >= least), away, bright * away
+    near = xp.where(bright, summed(count, flat), float((2 * reach + 1) ** 2))
+    mean_x, mean_y = (
+        xp.where(bright, summed(light, flat), summed(layer, flat))
+        for light, layer in zip(lights[2:], dark[2:], strict=True)
+    )
+    return real, imaginary, 0.5 * (near - own_x * mean_x - own_y * mean_y), near
 
 
 def _filtered(
@@ -196,41 +243,19 @@ def _turned(light: Image, c: Image, s: Image) -> Image:
 
 def tof_bilateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Averages phasors over 3x3 pixels; neighbours of different phase weigh less."""
-    real, imaginary = _parts(layers)
-    xp, sharpness = of(real), deep(-_LOG2_E * p["sharpness"])
-    sum_real, sum_imaginary = KERNEL[0] * real, KERNEL[0] * imaginary
-    total = apart = xp.zeros_like(real)
-    total = total + KERNEL[0]
-    for dx, dy, r, i, counts, away, bright_away in _alike(view, p, real, imaginary, 1, False):
-        if dx or dy:
-            weight = counts * KERNEL[abs(dx) + abs(dy)] * xp.exp(sharpness * bright_away)
-            apart = xp.plus(apart, counts, away)
-            sum_real = xp.plus(sum_real, weight, r)
-            sum_imaginary = xp.plus(sum_imaginary, weight, i)
-            total = total + weight
+    sharpness = deep(_LOG2_E * p["sharpness"])
+    real, imaginary, apart, _ = _bilateral(view, p, layers, sharpness, _KERNEL_ALONG, False)
     kept = ~(layers["phasor_b"][..., 2] > 0) | _border(view)
-    marked = xp.amax(apart, -1) >= p["max_edge"]
-    return _filtered(layers, kept, marked, sum_real / total, sum_imaginary / total)
+    return _filtered(layers, kept, of(real).amax(apart, -1) >= p["max_edge"], real, imaginary)
 
 
 def tof_smooth(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Averages phasors over 7x7 pixels; neighbours of different phase weigh less."""
-    real, imaginary = _parts(layers)
-    xp, sharpness = of(real), deep(p["sharpness"])
-    falloff = deep(-0.5 / (p["width_px"] * p["width_px"]))
-    sum_real = sum_imaginary = total = apart = xp.zeros_like(real)
-    near = apart + 1e-6
-    for dx, dy, r, i, counts, away, bright_away in _alike(view, p, real, imaginary, 3, True):
-        weight = counts * xp.exp(falloff * float(dx * dx + dy * dy) - sharpness * bright_away)
-        sum_real = xp.plus(sum_real, weight, r)
-        sum_imaginary = xp.plus(sum_imaginary, weight, i)
-        total = total + weight
-        apart = xp.plus(apart, counts, away)
-        near = near + counts
-    kept = ~(layers["phasor_b"][..., 2] > 0) | (total <= 0).any(-1)
-    marked = xp.amax(apart / near, -1) >= p["max_apart"]
-    safe = xp.where(total > 0, total, 1.0)
-    return _filtered(layers, kept, marked, sum_real / safe, sum_imaginary / safe)
+    falloff, xp = deep(-0.5 / (p["width_px"] * p["width_px"])), of(layers["phasor_b"])
+    along = [1.0, *(xp.exp(falloff * float(k * k)) for k in (1, 2, 3))]
+    real, imaginary, apart, near = _bilateral(view, p, layers, deep(p["sharpness"]), along, True)
+    kept, marked = layers["phasor_b"][..., 2] <= 0, xp.amax(apart / near, -1) >= p["max_apart"]
+    return _filtered(layers, kept, marked, real, imaginary)
 
 
 def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -350,36 +375,26 @@ def field_stop(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Adds noise of known statistics on even surfaces; adds up phasors beside depth steps."""
     clean, lit = layers["clean"], layers["lit"]
-    xp, low, high = of(clean), clean, clean
-    depths = around(view, clean, 1, clamped=True)
-    for dx, dy in square(1):
-        low, high = xp.minimum(low, depths(dx, dy)), xp.maximum(high, depths(dx, dy))
-    at_step = high - low > 0.001 * p["step_mm"]
+    xp, at_step = of(clean), value_range(view, clean, 1) > 0.001 * p["step_mm"]
     seen = phasors(view, p, clean, layers["normal"], layers["rays"], lit)
     seed: Any = view.seed
-    x, y = pixels(view.window, seed)
-    white = normal_pair(*random_bits(x, y, view.seed, 1)[:2])[0]
+    random: Any = (*pixels(view.window, seed), seed)
+    white = normal_pair(*random_bits(*random, 1)[:2])[0]
     sigma = _part_sigma(p, seen[2])
     dimmed = seen[2] + xp.amax(sigma, -1) * white
     kept = xp.where(dimmed < 1.1 * p["min_amplitude"], 0.0, 1.0)[..., None]
     even = [kept * seen[0], kept * seen[1], seen[2], sigma, at_step & False]
-    if view.batched and clean.device.type == "cpu":  # a GPU would be waited for
-        at = at_step.nonzero(as_tuple=True)
-        picked = {n: v if isinstance(v, float) else v.expand(clean.shape)[at] for n, v in p.items()}
-        stepped = _at_steps(
-            picked,
-            [partial(_picked, part, at) for part in seen],
-            (xp.words(at[2]), xp.words(at[1]), seed.expand(len(clean), 1, 1)[at[0], 0, 0]),
-        )
-        for part, values in zip(even, stepped, strict=True):
+    at, own_p = where_worthwhile(view, at_step, p)
+    if at is not None:
+        random = xp.words(at[2]), xp.words(at[1]), seed.expand(len(clean), 1, 1)[at[0], 0, 0]
+    there = [around(view, part, 1, clamped=True, at=at) for part in seen]
+    stepped = _at_steps(own_p, there, random)
+    for part, values in zip(even, stepped, strict=True):
+        if at is not None:
             part[at] = values
-    else:
-        there = [around(view, part, 1, clamped=True) for part in seen]
-        stepped = _at_steps(p, there, (x, y, seed))
-        even = [
-            xp.where(at_step[..., None] if part.ndim > at_step.ndim else at_step, values, part)
-            for part, values in zip(even[:4], stepped, strict=False)
-        ] + [at_step & stepped[4]]
+        else:
+            chosen = at_step[..., None] if part.ndim > at_step.ndim else at_step
+            part[...] = xp.where(chosen, values, part)
     real, imaginary, amplitude, sigma, marked = even
     z, reason, sums = decoded(view, layers, p, real, imaginary)
     reason = xp.where((amplitude <= 0) & (clean <= 0), float(Reason.NO_SURFACE), reason)
@@ -402,15 +417,6 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
         "decoded": xp.stack([xp.where(marked, 0.0, depth), sums], -1),
         **expected_depth(view, p, layers),
     }
-
-
-def _picked(layer: Image, at: tuple[Any, Any, Any], dx: int, dy: int) -> Image:
-    """Return the neighbours (dx, dy) of the pixels ``at`` of a batch; clamped at the frame."""
-    row, column = (
-        (place + by).clamp(0, side - 1)
-        for place, by, side in zip(at[1:], (dy, dx), layer.shape[1:3], strict=True)
-    )
-    return layer[at[0], row, column]
 
 
 def _part_sigma(p: Parameters, amplitude: Image) -> Image:

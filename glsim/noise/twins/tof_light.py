@@ -84,7 +84,10 @@ def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
     """Computes the share of three emitters that lights each pixel, by ray marching in the image."""
     z = layers["clean"]
     if view.batched:
-        return {"lit": _shadows_of_batch(view, z, p)}
+        axis, way, baseline_m = beside_camera(view.emitter_m)
+        places = [baseline_m + side * 0.001 * p["spread_mm"] for side in (-1.0, 0.0, 1.0)]
+        lights = [(axis, way, place, 1 / 3) for place in places]
+        return {"lit": lit_share(z, view.focal_px, lights, 0.001 * p["bias_mm"])}
     emitter = np.asarray(view.emitter_m, np.float32)
     baseline = max(np.sqrt((emitter * emitter).sum()), np.float32(1e-6))
     towards = emitter[:2] / max(np.sqrt((emitter[:2] * emitter[:2]).sum()), np.float32(1e-6))
@@ -115,14 +118,6 @@ def tof_shadow(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
             break
     lit = np.float32(1.0) - hidden.sum(axis=-1).astype(np.float32) * np.float32(1.0 / 3.0)
     return {"lit": np.where(z > 0, lit, np.float32(0.0))}
-
-
-def _shadows_of_batch(view: FrameContext, z: Image, p: Parameters) -> Image:
-    """Compute the share of three emitters without marching, see ``lit_share``."""
-    axis, way, baseline_m = beside_camera(view.emitter_m)
-    places = [baseline_m + side * 0.001 * p["spread_mm"] for side in (-1.0, 0.0, 1.0)]
-    lights = [(axis, way, place, 1 / 3) for place in places]
-    return lit_share(z, view.focal_px, lights, 0.001 * p["bias_mm"])
 
 
 def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
