@@ -10,7 +10,6 @@ import pytest
 
 from glsim.core.errors import ConfigError, ShaderError
 from glsim.core.reason import Reason
-from glsim.noise.rig_checks import unambiguous_m
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.settings.distribution import Distribution
 from glsim.simulation.frame import Frame
@@ -133,10 +132,6 @@ def changed(folder: Path, old: str, new: str) -> str:
     assert old in text
     (folder / "sensor.toml").write_text(text.replace(old, new), encoding="utf-8")
     return str(folder / "sensor.toml")
-
-
-def test_the_kinects_frequencies_reach_18_75_m() -> None:
-    assert unambiguous_m((80, 16, 120)) == pytest.approx(18.75)
 
 
 @pytest.mark.parametrize(

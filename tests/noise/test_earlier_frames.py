@@ -15,7 +15,7 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator
-from glsim.simulation.plan.tasks import Task, make_tasks
+from glsim.simulation.plan.tasks import make_tasks
 from tests.support.scenes import face_mesh
 
 RIG = """
@@ -53,15 +53,11 @@ def draw(context: moderngl.Context, settings: Settings, *seeds: int) -> list[Fra
     source = OneMesh(face_mesh(40))
     tasks = list(make_tasks(settings, [source]))
     if seeds:
-        tasks = [with_seed(tasks[0], seed) for seed in seeds]
+        tasks = [replace(tasks[0], seeds=tasks[0].seeds._replace(frame=seed)) for seed in seeds]
     simulator = Simulator(settings, [source], context, ("earlier_depth", "disparity"))
-    frames = list(simulator.frames(tasks))
-    assert all(isinstance(frame, Frame) for frame in frames)
-    return [frame for frame in frames if isinstance(frame, Frame)]
-
-
-def with_seed(task: Task, seed: int) -> Task:
-    return replace(task, seeds=task.seeds._replace(frame=seed))
+    frames = [frame for frame in simulator.frames(tasks) if isinstance(frame, Frame)]
+    assert len(frames) == len(tasks)
+    return frames
 
 
 def filtered(**p: float) -> dict[str, dict[str, float]]:

@@ -305,19 +305,14 @@ def dots(rows: int = CELLS[0], columns: int = CELLS[1]) -> tuple[NDArray[np.int6
     return place_pixel(x, y, dot_place(x, y))
 
 
-def window_of(cell: tuple[int, int]) -> list[tuple[int, int]]:
-    """Rows and columns of all dots in the 9x9 pixels around a cell's dot."""
-    x, y = dots()
-    near = (np.abs(x - x[cell]) <= 4) & (np.abs(y - y[cell]) <= 4)
-    return list(zip(y[near].tolist(), x[near].tolist(), strict=True))
-
-
 def rule(depth: Image, cell: tuple[int, int], inlier_px: float = 0.1) -> bool:
     """The window's rule of BlenSor and render_kinect, dot by dot."""
-    x, y = (int(part[cell]) for part in dots())
+    columns, rows = dots()
+    x, y = int(columns[cell]), int(rows[cell])
     if depth[y, x] <= 0:
         return False
-    around = window_of(cell)
+    near = (np.abs(columns - x) <= 4) & (np.abs(rows - y) <= 4)  # in the 9x9 pixels
+    around = list(zip(rows[near].tolist(), columns[near].tolist(), strict=True))
     seen = [(r, c, FOCAL_BASELINE / float(depth[r, c])) for r, c in around if depth[r, c] > 0]
     if 3 * len(seen) <= 2 * len(around):
         return False

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim import DepthNoise, Reason, load_settings
-from glsim.core.camera import Intrinsics
 from glsim.core.depth_map import lit_by_marching, normals
 from glsim.core.errors import ConfigError
 from tests.support.stage_harness import Z_MAX, z_mean
@@ -148,7 +147,6 @@ def test_normals_and_shadows_of_batches_are_those_of_maps() -> None:
         apart = np.abs(lit[number] - lit_by_marching(clean[number], rig))
         assert (apart > 0.01).mean() < 0.01  # the march takes half pixels
         assert (lit[number][clean[number] > 0] == 0).mean() > 0.01
-    assert isinstance(rig.intrinsics, Intrinsics)
 
 
 def test_values_have_a_gradient_and_lost_pixels_have_none() -> None:
