@@ -46,8 +46,8 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     step = 0.001 * p["step_mm_per_m"] * clean
     at, own_p = where_worthwhile(view, value_range(view, clean, 2) > step, p)
     depths, lights = (around(view, part, 2, clamped=True, at=at) for part in (clean, bright))
-    own_draws = (part if at is None else part[at] for part in (growth, chance[0]))
-    found = _beside_steps(depths, lights, *own_draws, own_p)
+    own_growth, own_chance = (n if at is None else n[at] for n in (growth, chance[0]))
+    found = _beside_steps(depths, lights, own_growth, own_chance, own_p)
     if at is not None:
         even = [clean, clean, zero, bright, zero > 0, zero > 0]
         found = [part.index_put(at, values) for part, values in zip(even, found, strict=True)]

@@ -100,7 +100,8 @@ def _bilateral(
         return layer[..., down : down + height + lower, right : right + width + wider, :]
 
     def summed(layer: Image, weights: Sequence[Any]) -> Image:
-        rows = total = 0.0
+        rows: Any = 0.0
+        total: Any = 0.0
         for k in range(-reach, reach + 1):
             rows = xp.plus(rows, weights[abs(k)], layer[..., reach + k : reach + k + height, :, :])
         for k in range(-reach, reach + 1):
@@ -378,18 +379,17 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     xp, at_step = of(clean), value_range(view, clean, 1) > 0.001 * p["step_mm"]
     seen = phasors(view, p, clean, layers["normal"], layers["rays"], lit)
     seed: Any = view.seed
-    random: Any = (*pixels(view.window, seed), seed)
-    white = normal_pair(*random_bits(*random, 1)[:2])[0]
+    x, y = pixels(view.window, seed)
+    white = normal_pair(*random_bits(x, y, seed, 1)[:2])[0]
     sigma = _part_sigma(p, seen[2])
     dimmed = seen[2] + xp.amax(sigma, -1) * white
     kept = xp.where(dimmed < 1.1 * p["min_amplitude"], 0.0, 1.0)[..., None]
     even = [kept * seen[0], kept * seen[1], seen[2], sigma, at_step & False]
     at, own_p = where_worthwhile(view, at_step, p)
     if at is not None:
-        random = xp.words(at[2]), xp.words(at[1]), seed.expand(len(clean), 1, 1)[at[0], 0, 0]
+        x, y, seed = xp.words(at[2]), xp.words(at[1]), seed.expand(len(clean), 1, 1)[at[0], 0, 0]
     there = [around(view, part, 1, clamped=True, at=at) for part in seen]
-    stepped = _at_steps(own_p, there, random)
-    for part, values in zip(even, stepped, strict=True):
+    for part, values in zip(even, _at_steps(own_p, there, (x, y, seed)), strict=True):
         if at is not None:
             part[at] = values
         else:
