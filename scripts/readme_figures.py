@@ -1,11 +1,13 @@
-"""Draw sensors.webp, rooms.webp and one_map.webp of docs/figures: python -m scripts.readme_figures.
+"""Draw figures of docs/figures: python -m scripts.readme_figures [NAME ...].
 
-One face seen by seven sensors, ten people of the presets office and living-room, and one depth map
-with the noise of nine sensors. Takes a minute and needs glsim fetch people.
+One face seen by seven sensors, ten people of the presets office and living-room, one depth map with
+the noise of nine sensors, and hair and cloth after denoisers. Takes a minute and needs glsim fetch
+people.
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,6 +41,8 @@ _ON_ONE_MAP: Final = (
     "kinect-v2-fast", "kinect-v2", "azure-kinect", "realsense-d4xx-fast", "realsense-d435",
     "truedepth", "kinect-v1-pattern", "kinect-v2-fankhauser", "any-depth-camera",
 )  # fmt: skip
+#: Denoisers of form.
+_ON_FORM: Final = ("face-kinect-v2", "face", "guided:radius=1,epsilon_mm=5")
 
 
 def _frames(preset: str, people: int, **overrides: Any) -> list[Frame]:
@@ -126,7 +130,31 @@ def one_map() -> Picture:
     return np.vstack([np.hstack(tiles[:5]), np.hstack(tiles[5:])])
 
 
+def form() -> Picture:
+    """Draw a head from behind and a person, shaded: the truth, the noisy map, and denoised."""
+    rows = []
+    for yaw_deg, seed in ((150, 5), (20, 8)):
+        pose = {"distance_mm": 800, "y_mm": -10, "yaw_deg": yaw_deg, "motion": 0}
+        settings = load_settings(
+            overrides={"seed": seed, "pose": pose, "appearance": {"wear": "always"},
+                       "output": {"crop": 144, "depth_unit_mm": 0.1}},
+            source={"subjects": 1, "frames_per_subject": 1},
+        )  # fmt: skip
+        (frame,) = (frame for frame in simulate(settings) if isinstance(frame, Frame))
+        noisy_mm = frame.noisy * np.float32(0.1)
+        maps = {"clean": frame.clean * np.float32(0.1), "kinect-v2": noisy_mm}
+        maps |= {name: load_denoiser(name)(noisy_mm).depth_mm for name in _ON_FORM}
+        tiles = []
+        for name, depth_mm in maps.items():
+            picture = shaded((0.001 * depth_mm).astype(np.float32), frame.intrinsics)
+            picture = cv2.resize(picture, (_TILE_PX, _TILE_PX), interpolation=cv2.INTER_CUBIC)
+            tiles.append(np.vstack([_caption(name, picture.shape[1], _CAPTION_PX), picture]))
+        rows.append(np.hstack(tiles))
+    return np.vstack(rows)
+
+
 if __name__ == "__main__":
-    for draw in (sensors, rooms, one_map):
+    drawn = [draw for draw in (sensors, rooms, one_map, form) if draw.__name__ in sys.argv[1:]]
+    for draw in drawn or (sensors, rooms, one_map, form):
         encoded = cv2.imencode(".webp", draw(), [cv2.IMWRITE_WEBP_QUALITY, 82])[1]
         write_atomic(encoded.tobytes(), _FIGURES / f"{draw.__name__}.webp")
