@@ -1,6 +1,7 @@
 """Pairs per second: glsim against Open3D and pyrender with NumPy noise, on the same meshes.
 
     python -m benchmarks.generate [--ict-root FaceXModel] [--frames 300]
+    python -m benchmarks.generate --scenes --frames 60      heads, people and rooms, without peers
 
 Every contender gets the same faces (a new one every frame), makes clean depth, shadow and noise
 at 512x424, and writes two 16-bit PNGs to disk, in one process on one core. Peers add the noise of
@@ -40,6 +41,17 @@ CONTENDERS = {
     "pyrender": "pyrender, lean noise",
 }
 _PEERS = ("open3d", "pyrender")
+#: Scene -> sensor, kind of source, preset, assignments; each is also timed as a crop of 128 px.
+_SCENES: dict[str, tuple[str, str, str | None, list[str]]] = {
+    "heads, bare": ("kinect-v2", "procedural", None, []),
+    "heads, dressed": ("kinect-v2", "procedural", None, ["appearance.wear=always"]),
+    "people": ("kinect-v2", "people", None, []),
+    "people in an office": ("kinect-v2", "people", "office", []),
+    "bare, azure-kinect": ("azure-kinect", "procedural", None, []),
+    "bare, realsense-d435": ("realsense-d435", "procedural", None, []),
+    "bare, truedepth": ("truedepth", "procedural", None, []),
+}
+_CROP = ", 128 px"
 #: Frames before the clock starts: shaders compile, caches fill.
 _WARM_UP = 10
 _TURNS = 3
@@ -53,6 +65,7 @@ def main() -> None:
     parser.add_argument("--ict-root", type=Path, help="faces of ICT-FaceKit, not embedded ones")
     parser.add_argument("--frames", type=int, default=300, help="frames of glsim's rows")
     parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS))
+    parser.add_argument("--scenes", action="store_true", help="time scenes instead")
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.one:
@@ -63,6 +76,8 @@ def main() -> None:
         scale = 1000 / (len(seconds) - _WARM_UP)
         print(json.dumps({"cpu_ms": scale * cpu, "wall_ms": scale * wall}))
         return
+    if arguments.scenes:
+        arguments.only = [name + end for name in _SCENES for end in (_CROP, "")]
     turns = [{name: _turn(name, arguments) for name in arguments.only} for _ in range(_TURNS)]
     medians = {
         name: {key: statistics.median(turn[name][key] for turn in turns) for key in report}
@@ -73,7 +88,7 @@ def main() -> None:
         cpu_ms = report["cpu_ms"]
         ratio = cpu_ms / medians[arguments.only[0]]["cpu_ms"]
         cells = (f"{cpu_ms:.1f}", f"{report['wall_ms']:.1f}", f"{1000 / cpu_ms:.0f}")
-        table.add_row(CONTENDERS[name], *cells, f"{ratio:.1f}x")
+        table.add_row(CONTENDERS.get(name, name), *cells, f"{ratio:.1f}x")
     Console(width=120).print(table)
 
 
@@ -114,12 +129,22 @@ def _run_glsim(
     from glsim.data.layer_images import write_frame
     from glsim.gl.context import open_context
     from glsim.simulation.frame import Frame
-    from glsim.simulation.pipeline import Simulator
+    from glsim.simulation.pipeline import Simulator, open_sources
     from glsim.simulation.plan.tasks import make_tasks
 
-    settings, source = _faces(sensor, frames + _WARM_UP, ict_root)
-    tasks = make_tasks(settings, [source])[: frames + _WARM_UP]
-    simulator = Simulator(settings, [source], open_context(), ("clean", "noisy"))
+    if scene := _SCENES.get(sensor.removesuffix(_CROP)):
+        camera, kind, preset, assignments = scene
+        crop = ["output.crop=128"] if sensor.endswith(_CROP) else []
+        count = {"subjects": (frames + _WARM_UP) // 20 + 1, "frames_per_subject": 20}
+        settings = load_settings(
+            None, [*assignments, *crop], {"sensor": camera}, {"kind": kind, **count}, preset
+        )
+        sources = open_sources(settings)
+    else:
+        settings, source = _faces(sensor, frames + _WARM_UP, ict_root)
+        sources = [source]
+    tasks = make_tasks(settings, sources)[: frames + _WARM_UP]
+    simulator = Simulator(settings, sources, open_context(), ("clean", "noisy"))
     for number, frame in enumerate(simulator.frames(tasks)):
         assert isinstance(frame, Frame)
         write_frame(frame, out, f"{number:06d}", ("clean", "noisy"))
