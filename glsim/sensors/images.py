@@ -158,7 +158,11 @@ def read_projector_image(
         )
     if not image.any():
         raise ConfigError(f"{file}: is black: a projector's image holds some light")
-    across, down = (_seen_px(view_deg[n], image.shape[1 - n], focal_px[n]) for n in (0, 1))
+    # Pixels of the image that a camera pixel sees, rounded to odd numbers.
+    sides = zip(view_deg, image.shape[::-1], focal_px, strict=True)
+    across, down = (
+        2 * int(0.5 * min(px / (2.0 * half_tan(view) * focal), px)) + 1 for view, px, focal in sides
+    )
     # Sums of whole numbers below 2^53 are exact in float64, in any order.
     sums = cv2.boxFilter(
         image.astype(np.float64), cv2.CV_64F, (across, down),
@@ -171,9 +175,3 @@ def read_projector_image(
 def half_tan(view_deg: float) -> float:
     """Compute the tangent of half a field of view."""
     return float(np.tan(np.radians(0.5 * view_deg)))
-
-
-def _seen_px(view_deg: float, side_px: int, focal_px: float) -> int:
-    """Compute the width, in pixels of a projector's image, that a camera pixel sees; it is odd."""
-    seen = side_px / (2.0 * half_tan(view_deg) * focal_px)
-    return 2 * int(0.5 * min(seen, side_px)) + 1

@@ -49,18 +49,24 @@ def sheets() -> dict[str, ValidationSheet]:
     functions += [function for _, function in plugins]
     names = [file.stem for file in sorted(_SHEETS.glob("*.toml"))]
     return {
-        name: _sheet(name, tuple(f for f in functions if f.sheet == name))
+        name: _sheet(name, functions)
         for name in dict.fromkeys([*names, *(function.sheet for function in functions)])
     }
 
 
-def _sheet(name: str, functions: tuple[Any, ...]) -> ValidationSheet:
+def _sheet(name: str, functions: list[Any]) -> ValidationSheet:
     """Join the checks of a sheet file and the checks that plug-in functions declare."""
     file = _SHEETS / f"{name}.toml"
     tree: dict[str, Any] = read_toml(file) if file.is_file() else {"title": name, "check": []}
+    if "extends" in tree:  # the same measurements; checks of the same number are replaced
+        base = _sheet(tree["extends"], functions)
+        own = {table["number"]: _check(table) for table in tree["check"]}
+        checks = [own.get(check.number, check) for check in base.checks]
+        return ValidationSheet(tree["title"], tuple(checks), base.functions)
+    functions = [f for f in functions if f.sheet == name]
     checks = [_check(table) for table in tree["check"]]
     checks += [check for function in functions for check in function.checks]
-    return ValidationSheet(tree["title"], tuple(checks), functions)
+    return ValidationSheet(tree["title"], tuple(checks), tuple(functions))
 
 
 def _check(table: dict[str, Any]) -> Check:

@@ -168,22 +168,7 @@ def shadows(captures: Captures) -> dict[str, Measurement]:
         place, profile, _ = shadow_profile(captures, far, horizontal=False)
         others += [_shadow_width(place, profile, side) for side in (-1, 1)]
     widths["other sides"] = max(others, key=abs)
-    return {"20": Measurement(widths, _expected_widths(captures)), "21": _penumbra(captures)}
-
-
-def shadow_px(baseline_m: float, focal_px: float, occluder_m: float, background_m: float) -> float:
-    """Compute the width of the shadow that an occluder casts on a background, px."""
-    return baseline_m * focal_px * (1.0 / occluder_m - 1.0 / background_m)
-
-
-def _expected_widths(captures: Captures) -> str:
-    emitters = captures.camera.rig.emitters
-    if not emitters:
-        return "the rig has no emitter"
-    baseline = float(np.mean([e.position_m[0] for e in emitters]))
-    focal = captures.camera.rig.intrinsics.fx
-    widths = (f"{shadow_px(baseline, focal, 0.9, z):.1f}" for z in (1.1, 1.5, 2.0))
-    return f"b f (1/Zo - 1/Zb) of this rig: {', '.join(widths)} px"
+    return {"20": Measurement(widths), "21": _penumbra(captures)}
 
 
 def _penumbra(captures: Captures) -> Measurement:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
+from glsim.bench.measures.disparity import measure_disparity_noise, to_disparity
 from glsim.bench.measures.disparity_steps import (
     between_share,
     border_band,
@@ -35,24 +35,19 @@ _TILT_DEG = 10.0
 _ALBEDO = 0.6
 
 
-def _plane(captures: Captures, z_mm: float) -> tuple[DisparityNoise, NDArray[np.float64]]:
-    """Capture a tilted plane; return its disparity noise, px, and its depths, mm."""
-    camera = captures.camera
-    mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
-    shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm}")
-    disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
-    pairs = [(k, k + 1) for k in range(_FRAMES - 1)]
-    return measure_disparity_noise(list(disparity), pairs), np.nan_to_num(shot.measured_mm)
-
-
 def _noise_rows(
     captures: Captures, distances_m: Sequence[float], scale: float
 ) -> tuple[dict[str, dict[str, float | None]], NDArray[np.float64]]:
-    """Measure planes; return the noise of each measure, times ``scale``, and the last depths."""
+    """Capture tilted planes; return noise of disparity, px times ``scale``, and last depths, mm."""
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
     found = []
     for distance in distances_m:
-        noise, depth = _plane(captures, 1000 * distance)
+        z_mm = 1000 * distance
+        mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
+        shot = captures.camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm}")
+        depth = np.nan_to_num(shot.measured_mm)
+        disparity = to_disparity(depth, captures.focal_baseline_px_mm)
+        noise = measure_disparity_noise(list(disparity), [(k, k + 1) for k in range(_FRAMES - 1)])
         found.append(noise)
         for name, row in rows.items():
             row[f"{distance:g} m"] = scale * float(getattr(noise, name))
@@ -106,10 +101,13 @@ def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, floa
 @validation_check("realsense-d435")
 def stereo(captures: Captures) -> dict[str, Measurement]:
     """Measure planes and a depth step with a stereo camera."""
-    rows, depth = _noise_rows(captures, (0.5, 0.9, 1.7), 1.0)
+    rows, depth = _noise_rows(captures, (0.5, 0.7, 0.9, 1.7), 1.0)
     step = _step_rows(captures, 700, 1500, 150, upright=False)
-    values = {s.name: s.settings for s in captures.camera.sensor.stages}["match_stereo"]
-    steps, unit = (values[n].bounds()[0] for n in ("subpixel_steps", "depth_unit_mm"))
+    values = {k: v for s in captures.camera.sensor.stages for k, v in s.settings.items()}
+    names = ("subpixel_steps", "depth_unit_mm")
+    if names[0] not in values:  # a camera of one view
+        names = ("steps_per_px", "step_mm")
+    steps, unit = (values[n].bounds()[0] for n in names)
     share = lattice_share(depth, captures.focal_baseline_px_mm * steps, unit)
     corner = _validity_rows(
         captures, scenes.room_corner(captures.focal_baseline_px_mm), "room corner"
@@ -118,7 +116,7 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
         "1": Measurement(rows["residual"]),
         "2": Measurement(rows["frame"]),
         "3": Measurement(rows["static"]),
-        "4": Measurement(rows["correlation"], note="mean of three distances"),
+        "4": Measurement(rows["correlation"], note="mean of four distances"),
         "5": Measurement({"share": share}),
         "6": Measurement({"ratio": step["before"]}),
         "7": Measurement({"width": step["behind px"]}),
@@ -126,7 +124,18 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
         "9": Measurement({"share": step["between"]}),
         "10": Measurement({"share": corner["holes"]}),
         "11": Measurement({"share": corner["flips"]}),
+        "12": Measurement({"0.7 m": _wave_px(captures)}),
     }
+
+
+def _wave_px(captures: Captures) -> float:
+    """Capture a steep plane; measure the sine over the fraction of its disparity, amplitude, px."""
+    mesh = scenes.tilted(700, 30, _ALBEDO, half_mm=1400)
+    shot = captures.camera.capture(mesh, 1, None, scene="steep plane")
+    true = captures.focal_baseline_px_mm / shot.truth_mm
+    error = captures.focal_baseline_px_mm / shot.measured_mm - true
+    error[np.abs(error) > 1] = np.nan  # another surface
+    return 2 * float(np.abs(np.nanmean(error * np.exp(2j * np.pi * true))))
 
 
 @validation_check("truedepth")
