@@ -61,7 +61,7 @@ def compare(
         frames: Frames of each set; larger sets are thinned.
         seed: Of the device and the noise of --replay.
         smooth_px: Standard deviation of the smoothing that removes the noise of REAL before a
-            replay, pixels. Default: 1.6 times the distance at which its noise is half alike.
+            replay, pixels. Default: 2 times the distance at which its noise is half alike.
         depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
         focal_px: Focal length of both, pixels. Default: stated, or that of the sensor of --replay,
             or a Kinect V2's.

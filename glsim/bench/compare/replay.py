@@ -52,6 +52,8 @@ _LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
 #: Standard deviation of the smoothing of infrared images before their ratio is taken, px, and
 #: infrared of a dark surface that it is still taken from, counts; chosen: noise is smaller.
 _LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
+#: Half of the depths lie beyond this share of a gate's nearest, 98 % beyond this of that; chosen.
+_BEYOND_GATE, _NEAREST = 0.75, 0.35
 #: Frames that the noise is measured on; more do not change the smoothing.
 _SOME_FRAMES = 4
 #: Widest hole of a surface that is closed, px, without and with infrared. Chosen: infrared says how
@@ -123,19 +125,23 @@ def replay(
 def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
     """Return settings that widen the sensor's gates; raises ConfigError for depths beyond reach."""
     depths = np.concatenate([frame.measured_mm[::4, ::4].ravel() for frame in real])
-    near, middle, far = np.nanquantile(depths, (0.001, 0.5, 0.999)).tolist()
+    near, low, middle, far = np.nanquantile(depths, (0.001, 0.02, 0.5, 0.999)).tolist()
     gates = [
         (stage.name, stage.settings["near_mm"].typical, stage.settings["far_mm"].typical)
         for stage in sensor.stages
         if stage.spec.name == "range_gate"
     ]
     reach = 1000 * sensor.rig.near_m, 1000 * sensor.rig.far_m
-    least = max([reach[0], *(gate[1] for gate in gates)])
+    searched = [
+        s.settings["largest_px"].typical for s in sensor.stages if "largest_px" in s.settings
+    ]
+    matched = [1000 * real.intrinsics.fx * sensor.rig.baseline_m / px for px in searched]
+    least = max([reach[0], *(_BEYOND_GATE * gate[1] for gate in gates), *matched])
     most = min([reach[1], *(gate[2] for gate in gates)])
-    if not 0.5 * least <= middle <= 1.2 * most:
+    if low < _NEAREST * least or not least <= middle <= 1.2 * most:
         raise ConfigError(
-            f"{real.title}: half of the depths are beyond {middle:.0f} mm, {sensor.name} sees "
-            f"{least:.0f} to {most:.0f} mm: give the unit of the files, --depth-unit-mm"
+            f"{real.title}: depths from {low:.0f} mm on, half of them beyond {middle:.0f} mm; "
+            f"{sensor.name} is for {least:.0f} to {most:.0f} mm: give the unit, --depth-unit-mm"
         )
     return [
         text

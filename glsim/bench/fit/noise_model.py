@@ -12,7 +12,7 @@ from glsim.bench.fit.recording_statistics import RecordingStatistics
 from glsim.bench.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
 from glsim.bench.measures.measured_frame import lit, mean_frame, radius_px
 from glsim.core.camera import Intrinsics
-from glsim.core.depth_frame import DepthFrame, Frames
+from glsim.core.depth_frame import Frames
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
     TAP_READ_LSB2,
@@ -119,7 +119,9 @@ def fit_infrared(
     gain = float("nan")
     if bright.size >= _LEAST_CLASS:
         gain = float(np.quantile(bright, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
-    law = measure_noise_law(*_some_pairs(frames))
+    starts = np.linspace(0, len(frames) - 2, min(_PAIRS, len(frames) // 2)).astype(int)
+    chosen = [frames[k] for start in np.unique(starts) for k in (start, start + 1)]
+    law = measure_noise_law(chosen, [(k, k + 1) for k in range(0, len(chosen), 2)])
     nothing = InfraredLaw(gain, law, float("nan"), float("inf"), float("nan"))
     if usable.sum() < _LEAST_CLASS:
         return nothing
@@ -146,14 +148,6 @@ def fit_infrared(
         error / scale if scale > 0 else float("inf"),
         scale,
     )
-
-
-def _some_pairs(frames: Frames) -> tuple[list[DepthFrame], list[tuple[int, int]]]:
-    """Choose up to _PAIRS evenly spaced pairs of successive frames; return frames and pairs."""
-    count = len(frames)
-    starts = np.unique(np.linspace(0, count - 2, min(_PAIRS, count // 2)).astype(int))
-    chosen = [frames[k] for start in starts for k in (start, start + 1)]
-    return chosen, [(2 * k, 2 * k + 1) for k in range(len(starts))]
 
 
 def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
