@@ -147,8 +147,8 @@ def form() -> Picture:
         tiles = []
         for name, depth_mm in maps.items():
             picture = shaded((0.001 * depth_mm).astype(np.float32), frame.intrinsics)
-            picture = cv2.resize(picture, (_TILE_PX, _TILE_PX), interpolation=cv2.INTER_CUBIC)
-            tiles.append(np.vstack([_caption(name, picture.shape[1], _CAPTION_PX), picture]))
+            tile = cv2.resize(picture, (_TILE_PX, _TILE_PX), interpolation=cv2.INTER_CUBIC)
+            tiles.append(np.vstack([_caption(name, _TILE_PX, _CAPTION_PX), tile]))
         rows.append(np.hstack(tiles))
     return np.vstack(rows)
 

@@ -56,9 +56,9 @@ def systematic_mm2(
         earlier_clean_mm: (H, W) its clean map.
     """
     truth = prediction.truth
-    if earlier_mm is None or np.shape(earlier_clean_mm) != truth.clean.shape:
+    if earlier_mm is None or earlier_clean_mm is None or earlier_mm.shape != truth.clean.shape:
         return math.nan
-    if np.mean(truth.clean != np.asarray(earlier_clean_mm)) > _OTHER_SHARE:
+    if np.mean(truth.clean != earlier_clean_mm) > _OTHER_SHARE:
         return math.nan
     pixels = prediction.valid & truth.parts["interior"] & (earlier_mm > 0)
     if not pixels.any():

@@ -98,9 +98,9 @@ class NetworkFunction:
         """
         frames = np.where(valid, noisy_mm, 0)
         if self.average > 1:
-            noise_mm = estimate_noise_mm(frames[now]) or 0.0
+            motion_mm = _MOTION_NOISES * (estimate_noise_mm(frames[now]) or 0.0)
             past = frames[max(0, now + 1 - self.average) : now + 1]
-            frames[now] = past_mean(past, max(_LEAST_MOTION_MM, _MOTION_NOISES * noise_mm))
+            frames[now] = past_mean(past, max(_LEAST_MOTION_MM, motion_mm))
         frame, earlier, later = frames[now], frames[:now][::-1], frames[now + 1 :]
         outputs = self._run(
             stack_inputs(
