@@ -44,8 +44,8 @@ void main() {
     vec2 ray = textureLod(u_rays, at, 0.0).rg;
     Harmonics harmonics = device_harmonics();
     int k = 0;
+    ivec2 place = mixed ? ivec2(0) : ivec2(side / 2);
     do { // an even pixel has one sample, the central one
-        ivec2 place = mixed ? ivec2(k % side, k / side) : ivec2(side / 2);
         vec2 within = (vec2(place) + 0.5) * width;
         vec2 seen = textureLod(u_fine_seen, (pixel + within) * texel, 0.0).rg;
         // Light and normal change slowly on a surface: a sample takes those of its pixel or of one of
@@ -77,6 +77,8 @@ void main() {
         imaginary *= left;
         sum_a += light.x * vec4(real.x, imaginary.x, real.y, imaginary.y);
         sum_b += vec4(light.x * real.z, light.x * imaginary.z, light.x, 0.0);
+        // No division of whole numbers: a software rasteriser makes it pixel by pixel.
+        place = place.x + 1 < side ? ivec2(place.x + 1, place.y) : ivec2(0, place.y + 1);
     } while (++k < samples);
     light_a = sum_a;
     light_b = sum_b;

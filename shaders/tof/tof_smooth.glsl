@@ -14,7 +14,7 @@ uniform float max_apart = 0.3;     //@ [0, 1]    1  mean phase distance of the 4
 uniform sampler2D u_phasor_a;
 uniform sampler2D u_phasor_b;
 
-const int REACH = 3, SIDE = 7;
+const int REACH = 3;
 
 out vec4 phasor_a;
 out vec4 phasor_b; // w: flags, + 1 if marked as an edge
@@ -32,9 +32,8 @@ void main() {
     float falloff = -0.5 / (width_px * width_px);
     vec3 sum_real = vec3(0.0), sum_imaginary = vec3(0.0), total = vec3(0.0);
     vec3 apart = vec3(0.0), near = vec3(1e-6);
-    int k = 0;
+    vec2 offset = vec2(-REACH);
     do {
-        vec2 offset = vec2(ivec2(k % SIDE, k / SIDE) - REACH);
         vec2 at = (gl_FragCoord.xy + offset) * texel; // clamped at the frame
         vec4 a = textureLod(u_phasor_a, at, 0.0);
         vec2 b = textureLod(u_phasor_b, at, 0.0).xy;
@@ -50,7 +49,9 @@ void main() {
         total += weights;
         apart += counts * away;
         near += counts;
-    } while (++k < SIDE * SIDE);
+        // No division of whole numbers: a software rasteriser makes it pixel by pixel.
+        offset = offset.x < float(REACH) ? offset + vec2(1.0, 0.0) : vec2(-REACH, offset.y + 1.0);
+    } while (offset.y <= float(REACH));
     bool kept = own_b.z <= 0.0 || any(lessThanEqual(total, vec3(0.0)));
     vec3 share = apart / near;
     bool edge = !kept && max(share.x, max(share.y, share.z)) >= max_apart;
