@@ -181,7 +181,14 @@ def test_a_bad_file_is_named(tmp_path: Path) -> None:
 
 
 def test_the_shipped_presets_load_and_have_a_title() -> None:
-    assert preset_names() == ["living-room", "office", "paper", "randomised", "sample"]
+    assert preset_names() == [
+        "living-room",
+        "office",
+        "paper",
+        "randomised",
+        "sample",
+        "still-views",
+    ]
     for name in preset_names():
         load_settings(preset=name)
         assert 20 < len(preset_title(name)) < 90
