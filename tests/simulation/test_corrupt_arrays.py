@@ -154,7 +154,7 @@ def test_depth_that_open3d_made_comes_back_with_noise() -> None:
     """Open3D's rays pass through pixel centres at 0.5 too, unlike its point clouds."""
     o3d = pytest.importorskip("open3d")
     mesh, portrait = face_mesh(60), {**CAMERA, "fx": 200.0, "fy": 202.0}  # fills a sixth
-    points = mesh.vertices_mm * np.float32([0.001, -0.001, -0.001]) + np.float32([0, 0, 0.9])
+    points = mesh.vertices_mm * np.array([0.001, -0.001, -0.001]) + np.array([0, 0, 0.9])
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(points.astype(np.float32), np.asarray(mesh.faces).astype(np.uint32))
     k = [[200.0, 0, 48.0], [0, 202.0, 36.0], [0, 0, 1]]
