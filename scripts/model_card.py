@@ -61,7 +61,7 @@ def scored(folder: Path, sensor: str, assignments: list[str]) -> dict[str, str]:
 
 
 def main() -> None:
-    """Read the command line and print the table."""
+    """Score all sets and print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="for 100 MB of data and the scores")
     folder = parser.parse_args().folder

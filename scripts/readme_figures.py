@@ -1,4 +1,4 @@
-"""Draw figures of docs/figures: python -m scripts.readme_figures [NAME ...].
+"""Draw the figures of docs/figures: python -m scripts.readme_figures [NAME ...].
 
 One face seen by seven sensors, ten people of the presets office and living-room, one depth map with
 the noise of nine sensors, and hair and cloth after denoisers. Takes a minute and needs glsim fetch
@@ -131,7 +131,7 @@ def one_map() -> Picture:
 
 
 def form() -> Picture:
-    """Draw a head from behind and a person, shaded: the truth, the noisy map, and denoised."""
+    """Draw shaded hair and a beard: clean depth, noisy depth, and after each denoiser."""
     rows = []
     for yaw_deg, seed in ((150, 5), (20, 8)):
         pose = {"distance_mm": 800, "y_mm": -10, "yaw_deg": yaw_deg, "motion": 0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -103,19 +103,26 @@ def denoise(
         if uncertainty is not None:
             flush_outputs(uncertainty)
     left = f"left out {left_out_text(others)}: no noisy depth" if others else ""
-    stayed = (
-        f"{unchanged} map(s) came back unchanged, as their noise passes for rounding and form: "
-        f"-d {name}:keep_clean=0 denoises them"
-    )
-    still = maps.first_are_still() and getattr(loaded.function, "average", 0) == 1 > loaded.before
-    mean = f"the first two maps show one still view: -d {name}:average=8 denoises means of them"
-    notes = (left, *files.notes, stayed * bool(unchanged), mean * still)
-    for note in filter(None, notes):
+    for note in filter(None, (left, *files.notes, *_advice(name, loaded, maps, unchanged))):
         print_message(note)
     unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"
     print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}, in {unit}")
     if failures:
         raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
+
+
+def _advice(name: str, denoiser: Denoiser, maps: MapReader, unchanged: int) -> Iterator[str]:
+    """Yield what another setting of a network would do for these maps, a line each."""
+    if unchanged:
+        yield (
+            f"{unchanged} map(s) came back unchanged, as their noise passes for rounding and form: "
+            f"-d {name}:keep_clean=0 denoises them"
+        )
+    sees_one_frame = hasattr(denoiser.function, "average") and not denoiser.before
+    if sees_one_frame and maps.first_are_still():
+        yield (
+            f"the first two maps show one still view: -d {name}:average=8 denoises means of them"
+        )
 
 
 def _denoise_maps(

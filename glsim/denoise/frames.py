@@ -147,7 +147,7 @@ class MapReader:
         return DepthFrame(self._key(number), camera, layers, offset_mm=offset_mm, name=str(file))
 
     def first_are_still(self) -> bool:
-        """Return whether the first two maps can be read and show one view without motion."""
+        """Return whether the first two maps show one still view; False if one cannot be read."""
         if len(self._files) < 2 or self._key(0)[:2] != self._key(1)[:2]:
             return False
         with suppress(DatasetError):

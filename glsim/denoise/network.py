@@ -48,15 +48,13 @@ class NetworkFunction:
     """A ``DepthFunction`` that denoises frames of any size by a network.
 
     Attributes:
-        before, after: neighbours in time that it takes; missing ones are allowed.
-        earlier: of those before, how many the network itself sees.
+        earlier, after: neighbours in time that the network sees; missing ones are allowed.
+        average: the network sees the mean of this many frames, up to the denoised one, where
+            nothing moves.
         infrared: whether it uses the infrared image; without one it denoises by depth alone.
         uncertain: whether it predicts its uncertainty.
-        average: it denoises the mean of this many frames, of those before too, where nothing moves.
         protocol, keep_clean, margin_px, unlikely: of its ``NetworkRecord``.
     """
-
-    average = 1
 
     def __init__(self, network: Runner, name: str, min_probability: float = 0.0) -> None:
         """Make a denoising function of a network.
@@ -68,10 +66,15 @@ class NetworkFunction:
                 the probability of depth instead of a mask.
         """
         self._network, self._name, self._min_probability = network, name, min_probability
-        self.infrared, self.before, self.after = network.inputs
-        self.earlier = self.before
+        self.infrared, self.earlier, self.after = network.inputs
+        self.average = 1
         self.uncertain = "sigma_mm" in network.outputs
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
+
+    @property
+    def before(self) -> int:
+        """The number of earlier frames that a call takes."""
+        return max(self.earlier, self.average - 1)
 
     def __call__(
         self, noisy_mm: Depth, valid: Mask, now: int, infrared: Depth | None = None
@@ -101,11 +104,10 @@ class NetworkFunction:
             motion_mm = _MOTION_NOISES * (estimate_noise_mm(frames[now]) or 0.0)
             past = frames[max(0, now + 1 - self.average) : now + 1]
             frames[now] = past_mean(past, max(_LEAST_MOTION_MM, motion_mm))
-        frame, earlier, later = frames[now], frames[:now][::-1], frames[now + 1 :]
+        frame, later = frames[now], frames[now + 1 :]
+        earlier = frames[max(0, now - self.earlier) : now][::-1]
         outputs = self._run(
-            stack_inputs(
-                self._network.inputs, frame, [*earlier[: self.earlier]], [*later], infrared
-            )
+            stack_inputs(self._network.inputs, frame, [*earlier], [*later], infrared)
         )
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:

@@ -264,8 +264,7 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
                 f"export it where PyTorch is (glsim export {path} -o network.onnx) ({error})"
             ) from None
         network = load_network(path, options.min_probability)
-    network.earlier = min(network.before, options.before)
-    network.before = max(network.earlier, options.average - 1)
+    network.earlier = min(network.earlier, options.before)
     network.average = options.average
     if options.keep_clean is not None:
         network.keep_clean = bool(options.keep_clean)

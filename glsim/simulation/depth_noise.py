@@ -263,7 +263,7 @@ class DepthNoise:
         return sensor_of(self.settings).rig.for_map(size, *self._camera)
 
     def backend_for(self, depth_m: Any, seeds: Any = None) -> str:
-        """Return the backend that a call takes: "torch", "numpy", "egl", "osmesa" or "gl"."""
+        """Choose the backend of a call: "torch", "numpy", "egl", "osmesa" or "gl"."""
         tensor = type(depth_m).__module__.partition(".")[0] == "torch"
         on_gpu = tensor and depth_m.device.type != "cpu" and self._takes_tensors
         return self._backend or ("torch" if on_gpu or seeds is not None else "gl")

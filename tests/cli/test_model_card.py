@@ -1,4 +1,4 @@
-"""The script behind docs/model_card.md, on few frames."""
+"""``scripts.model_card`` makes a row of the model card's table."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def round_head(z_mm: float, half_mm: float) -> Placed:
 def test_shadows_grow_in_the_three_steps_of_real_frames(
     context: moderngl.Context, near_m: float, wall_m: float
 ) -> None:
-    """Light steps up at 29.5, 46.5 and 64.5 mm of baseline, to .16, .53 and all of it."""
+    """Behind a rim .16, .53 and all of the light return from 29.5, 46.5 and 64.5 mm of baseline."""
     half = 1000 * 60 * near_m / FOCAL
     layers = Camera.open(context).shoot(
         [quad(1000 * near_m, (-half, half), (-9000, 9000)), quad(1000 * wall_m)]

@@ -93,7 +93,7 @@ def test_several_may_be_used_in_turn(clean: NDArray[np.uint16]) -> None:
 @pytest.mark.parametrize("backend", [None, "numpy"])
 @pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2", "kinect-v2-paper"])
 def test_nothing_stays_nothing(sensor: str, backend: str | None) -> None:
-    """And a single pixel, which is no surface, does not fail."""
+    """Maps without depth stay empty; a map of a single pixel, which is no surface, is accepted."""
     lone = np.zeros((40, 40), np.uint16)
     frame = corrupted(sensor, lone, backend=backend)
     assert not frame.noisy.any()

@@ -24,6 +24,7 @@ class Network:
     sigma_mm: float | None = None
     blind: bool = False
 
+    earlier: int = 0
     before: int = 0
 
     @property

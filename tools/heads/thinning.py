@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim.core.mesh import reduced
-from tools.heads.falloff import IntArray
+from tools.heads.falloff import Array, IntArray
 from tools.heads.template import FLIP, PART_EYEBALL, Template
 
 #: Share of the triangles that is kept, but for the eyeballs, whose vertices carry the edge of the
@@ -13,7 +14,7 @@ from tools.heads.template import FLIP, PART_EYEBALL, Template
 KEPT_SHARE = 0.55
 
 
-def thinned_triangles(head: Template, landmarks: IntArray) -> IntArray:
+def thinned_triangles(head: Template, landmarks: NDArray[np.integer]) -> IntArray:
     """Return triangles (F', 3) between vertices of the template, landmarks among them.
 
     They are those of the thinned left half and their mirror image.
@@ -27,10 +28,10 @@ def thinned_triangles(head: Template, landmarks: IntArray) -> IntArray:
 
 
 def mirrored_vertices(head: Template) -> IntArray:
-    """Return (V,) the vertex that is the mirror image of each vertex of the template."""
+    """Find the mirror image of each vertex of the template: (V,) vertices."""
     labels = (head.part, head.low, head.slit, head.ring, np.abs(head.column), head.row)
 
-    def order(points: np.ndarray) -> IntArray:
+    def order(points: Array) -> IntArray:
         return np.lexsort((*np.round(points, 5).T, *labels)).astype(np.int32)
 
     found = np.empty(len(head.points), dtype=np.int32)

@@ -55,7 +55,7 @@ def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the library on stdout and stderr; the damage that it reports is raised, too."""
+    """Discard what the EXR library prints; the errors that it prints are also raised."""
     with _OUTPUT, Path(os.devnull).open("w") as nothing, redirect_stdout(nothing):
         kept = os.dup(2)
         os.dup2(nothing.fileno(), 2)

@@ -31,7 +31,7 @@ _SAMPLE, _SAMPLE_PX = 16, 20_000
 
 
 class FramePlace(NamedTuple):
-    """Place of one depth map on the disk.
+    """Name and files of one depth map.
 
     Attributes:
         name: unique in the recording, without slashes.

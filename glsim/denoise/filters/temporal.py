@@ -64,7 +64,7 @@ class Adaptive:
 
 
 def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:
-    """Average the last of some frames over those before it, as far back as a pixel does not move.
+    """Average the last frame with earlier ones, as far back as the depth of a pixel stays the same.
 
     Args:
         depths_mm: (T, H, W) millimetres, 0 = no return.

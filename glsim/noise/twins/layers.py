@@ -60,7 +60,7 @@ def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
 
 
 def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = False) -> Image:
-    """Return a layer with ``reach`` more pixels on each side.
+    """Pad a layer by ``reach`` pixels on each side.
 
     Args:
         clamped: beyond the frame, take the frame's nearest pixel; otherwise, and beyond the window,
@@ -89,7 +89,7 @@ def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = Fals
 def around(
     view: FrameContext, layer: Image, reach: int, *, clamped: bool = False, at: Any = None
 ) -> Callable[[int, int], Image]:
-    """Return a function that gives each pixel's neighbour (dx, dy) in a layer; read only.
+    """Return a function of an offset (dx, dy) that gives each pixel the value there; read only.
 
     Args:
         reach, clamped: of ``padded``.
@@ -118,7 +118,7 @@ def value_range(view: FrameContext, layer: Image, reach: int) -> Image:
 
 
 def where_worthwhile(view: FrameContext, needed: Any, p: Parameters) -> tuple[Any, Parameters]:
-    """Return maps, rows and columns of the pixels of a mask, and their parameters.
+    """Find the pixels of a mask: maps, rows and columns, and the parameters of each.
 
     Only of a batch on a CPU; else None and all parameters: a GPU would be waited for.
     """
