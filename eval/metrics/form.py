@@ -22,8 +22,7 @@ _BAND_PX: Final = (1.0, 2.2)
 #: Least relief of that size, standard deviation in mm, of which a share is computed. Chosen: below
 #: it the noise that is left decides.
 _LEAST_MM: Final = 0.1
-#: Clean maps that differ in a larger share of their pixels show two views. Chosen: in maps of one
-#: face 1 ms apart, in steps of 0.1 mm, 0.0001 of the pixels round differently.
+#: Share of pixels that tells two views apart; of faces 1 ms apart 0.0001 differ. Chosen.
 _OTHER_SHARE: Final = 0.001
 
 

@@ -120,9 +120,7 @@ def _advice(name: str, denoiser: Denoiser, maps: MapReader, unchanged: int) -> I
         )
     sees_one_frame = hasattr(denoiser.function, "average") and not denoiser.before
     if sees_one_frame and maps.first_are_still():
-        yield (
-            f"the first two maps show one still view: -d {name}:average=8 denoises means of them"
-        )
+        yield f"the first two maps show one still view: -d {name}:average=8 denoises their mean"
 
 
 def _denoise_maps(

@@ -148,10 +148,9 @@ class MapReader:
 
     def first_are_still(self) -> bool:
         """Return whether the first two maps show one still view; False if one cannot be read."""
-        if len(self._files) < 2 or self._key(0)[:2] != self._key(1)[:2]:
-            return False
-        with suppress(DatasetError):
-            return not view_change(self._load(0), self._load(1))
+        if len(self._files) > 1 and self._key(0)[:2] == self._key(1)[:2]:
+            with suppress(DatasetError):
+                return not view_change(self._load(0), self._load(1))
         return False
 
     def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:

@@ -49,8 +49,7 @@ class NetworkFunction:
 
     Attributes:
         earlier, after: neighbours in time that the network sees; missing ones are allowed.
-        average: the network sees the mean of this many frames, up to the denoised one, where
-            nothing moves.
+        average: it sees the mean of this many frames, up to the denoised one, where nothing moves.
         infrared: whether it uses the infrared image; without one it denoises by depth alone.
         uncertain: whether it predicts its uncertainty.
         protocol, keep_clean, margin_px, unlikely: of its ``NetworkRecord``.

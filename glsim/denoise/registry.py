@@ -84,9 +84,8 @@ class NetworkOptions:
         MAX_NEIGHBOURS, 0, MAX_NEIGHBOURS, "networks of video: use at most this many earlier frames"
     )
     average: int = parameter(
-        1, 1, 30, "denoise the mean of this many frames, this one and those before it, where "
-        "nothing moves",
-    )  # fmt: skip
+        1, 1, 30, "denoise the mean of this many frames, up to this one, where nothing moves"
+    )
     keep_clean: int | None = parameter(
         None,
         0,
