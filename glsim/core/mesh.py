@@ -8,6 +8,7 @@ the centre of the face. A sensor at distance d sees it through
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ KEPT_SHARE = 0.44
 #: How fast the library raises its error bound, 1 to 7 (its default): 5 is the slowest that reaches
 #: the share.
 _AGGRESSIVENESS = 5
+#: fast_simplification keeps its mesh in global variables: two threads would mix theirs.
+_SIMPLIFYING = Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +105,13 @@ def reduced(
 
     # Copies, for the library refuses arrays that are read-only.
     points, triangles = np.array(vertices_mm, np.float32), np.array(faces, np.int32)
-    collapses = fast_simplification.simplify(
-        points,
-        triangles,
-        target_count=int(share * len(triangles)),
-        agg=_AGGRESSIVENESS,
-        return_collapses=True,
-    )[2]
-    places, left, became = fast_simplification.replay_simplification(points, triangles, collapses)
+    count = int(share * len(triangles))
+    with _SIMPLIFYING:
+        *_, collapses = fast_simplification.simplify(
+            points, triangles, target_count=count, agg=_AGGRESSIVENESS, return_collapses=True
+        )
+        replayed = fast_simplification.replay_simplification(points, triangles, collapses)
+    places, left, became = replayed
     distance = np.linalg.norm(points - places[became], axis=1)
     farthest_first = np.argsort(-distance, kind="stable")
     nearest = np.empty(len(places), dtype=np.int32)

@@ -1,11 +1,13 @@
-"""Normals of vertices, which heads, people, cloth and beards share."""
+"""Normals of vertices, which heads, people, cloth and beards share, and fewer triangles."""
 
 from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import trimesh
 
-from glsim.core.mesh import vertex_normals
+from glsim.core.mesh import reduced, vertex_normals
 
 
 def test_normals_of_a_sphere_point_outwards() -> None:
@@ -24,3 +26,15 @@ def test_large_triangles_count_more() -> None:
     np.testing.assert_allclose(normals[0], np.array([0.0, 1.5, 6.0]) / np.hypot(1.5, 6.0))
     np.testing.assert_allclose(normals[1:5], [[0, 0, 1], [0, 0, 1], [0, 1, 0], [0, 1, 0]])
     assert not normals[5].any()  # no triangle is there
+
+
+def test_meshes_that_two_threads_reduce_do_not_mix() -> None:
+    """A batch loads faces in a thread, and the library keeps its mesh in global variables."""
+    spheres = [trimesh.creation.icosphere(subdivisions=5, radius=r) for r in (90.0, 120.0)]
+    meshes = [(sphere.vertices, sphere.faces, 0.3) for sphere in spheres]
+    alone = [reduced(*mesh) for mesh in meshes]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(reduced, *zip(*(meshes * 4), strict=True)))
+    for number, arrays in enumerate(together):
+        for expected, actual in zip(alone[number % 2], arrays, strict=True):
+            np.testing.assert_array_equal(actual, expected)
