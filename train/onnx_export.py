@@ -75,9 +75,9 @@ def onnx_bytes(
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # the tracer warns of sizes that dynamic_axes frees
-        # The exporter does not know Asinh.
+        # The exporter does not know Asinh, and onnxruntime computes it element by element.
         torch.onnx.register_custom_op_symbolic(  # type: ignore[attr-defined]  # it is documented
-            "aten::asinh", lambda graph, x: graph.op("Asinh", x), _OPSET
+            "aten::asinh", _asinh, _OPSET
         )
         try:
             torch.onnx.export(
@@ -100,6 +100,14 @@ def onnx_bytes(
     from glsim.train.onnx_graph import compacted  # the package onnx is there: PyTorch used it
 
     return compacted(buffer.getvalue(), record_entries(record))
+
+
+def _asinh(graph: Any, x: Any) -> Any:
+    """Write asinh x = sgn x log(|x| + sqrt(x^2 + 1)) into a graph."""
+    one = graph.op("Constant", value_t=torch.ones(()))
+    root = graph.op("Sqrt", graph.op("Add", graph.op("Mul", x, x), one))
+    size = graph.op("Log", graph.op("Add", graph.op("Abs", x), root))
+    return graph.op("Mul", graph.op("Sign", x), size)
 
 
 def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.float32]:
