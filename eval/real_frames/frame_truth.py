@@ -56,7 +56,6 @@ class Tally(NamedTuple):
         shift: (SHIFT_BINS, 2) shift of smooth surfaces, by 100 mm.
         planes: (bins, 2) squared residuals of walls and table tops from planes of their own.
         edges: (len(EDGE_SUMS),) pixels.
-
     """
 
     pair: Array

@@ -42,7 +42,6 @@ class SplitRecording:
         frames: in order.
         partner: frame -> another frame of its static scene.
         scene: frame -> number of its static scene.
-
     """
 
     source: Source

@@ -88,7 +88,6 @@ def score_recording(
     Raises:
         ConfigError: a denoiser is wrong or given twice.
         DenoiserError: a denoiser fails on a frame.
-
     """
     methods = load_methods(denoisers, RAW)
     numbers = list(range(len(recording.frames)))
@@ -117,7 +116,6 @@ def tune_on_pairs(
 
     Raises:
         ConfigError: there are no static pairs.
-
     """
     numbers = sorted(recording.partner)
     if not numbers:

@@ -68,7 +68,6 @@ class RealMeasures:
         plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
         plane_change: as pair_change.
         edges: numbers of EDGES.
-
     """
 
     pair_rmse_mm: list[float]
@@ -113,7 +112,6 @@ class RealScores:
         by_scene: whether units are scenes, else tiles.
         own_ring_losses: shares of both rings that another raw frame of the view has lost.
         pixels: of the static pairs, by BINS_M.
-
     """
 
     title: str

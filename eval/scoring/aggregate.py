@@ -44,7 +44,6 @@ class MetricMean:
         high: upper end.
         frames: number of frames where the metric is defined.
         undefined: number of the others.
-
     """
 
     metric: Metric
@@ -65,7 +64,6 @@ class ScoreSummary:
         sampled: method -> _SAMPLED_METRICS of frames spread evenly over the set.
         histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
         bias_sums: method -> subject -> errors over distance.
-
     """
 
     total_frames: int

@@ -41,7 +41,6 @@ class BiasBin:
         high_mm: upper end.
         pixels: their number.
         subjects: their number.
-
     """
 
     from_mm: int

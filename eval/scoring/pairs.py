@@ -172,7 +172,6 @@ def open_frames(
     Raises:
         DatasetError: there is no such folder, split, layer or pair.
         ConfigError: the device is unusable, or distances are needed and unknown.
-
     """
     own_camera = is_dataset(path)
     if own_camera:

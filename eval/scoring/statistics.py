@@ -28,7 +28,6 @@ class SubjectSums:
         sums: (S,) sums over the frames where the metric is defined.
         counts: (S,) numbers of these frames.
         frames: (S,) numbers of all frames.
-
     """
 
     sums: _Array

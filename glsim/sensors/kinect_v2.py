@@ -41,7 +41,6 @@ def tap_phase_sigma_rad(
 
     Returns:
         (3, ...) rad.
-
     """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
     raw = np.stack([a / m for m in AMPLITUDE_MULTIPLIERS])

@@ -133,7 +133,6 @@ def bend(view, layers, p):
     if "expected" in layers:
         written["expected"] = layers["expected"] * factor
     return written
-
 """
 
 

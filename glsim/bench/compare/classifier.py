@@ -45,7 +45,6 @@ class TellingFeature:
         auc: of it alone, 0.5 to 1.
         first, second: its median in each set.
         apart: difference of the medians over the mean of the two interquartile ranges.
-
     """
 
     feature: str
@@ -65,7 +64,6 @@ class Verdict:
         auc_error, boosted_auc_error: standard errors of both, from the spread of the folds.
         patches: number in each set, matched.
         telling: the features whose medians differ most.
-
     """
 
     auc: float
@@ -88,7 +86,6 @@ def tell_apart(
         first, second: patches of one kind.
         first_views, second_views: number of the view that each frame shows; frames of a static
             recording show one. Default: every frame shows its own.
-
     """
     a, b = _matched(first.matched, second.matched)
     if min(len(a), len(b)) < LEAST_PATCHES:

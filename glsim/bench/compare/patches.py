@@ -71,7 +71,6 @@ class Patches:
         frame: (N,) number of the frame of each.
         column: (N,) its first column, px.
         matched: (N,) log of the distance in mm for surfaces, S in px per m for silhouettes.
-
     """
 
     names: tuple[str, ...]

@@ -86,7 +86,6 @@ def replay(
 
     Returns:
         Frames with the names, size and order of ``real``.
-
     """
     loaded, camera = load_sensor(sensor), real.intrinsics
     assignments = [*_range_assignments(real, loaded), *assignments]

@@ -66,7 +66,6 @@ class ReplaySurfaces:
         light_from: (H, W) flat index of the pixel whose reflectivity a pixel has: its own, or, in
             gaps, that of the surface which the gap was given to.
         behind_from: (H, W) the same of ``behind_mm``.
-
     """
 
     front_mm: Array
@@ -90,7 +89,6 @@ def find_surfaces(
         widest_hole_px: holes within a surface are closed up to this width.
         noise_mm2: (H, W) variance of the camera's noise, mm^2: relief that is rougher is kept.
             None: no relief is kept.
-
     """
     label, front = smooth_surfaces(depth_mm, smooth_px)
     if noise_mm2 is not None:
@@ -114,7 +112,6 @@ def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh
     Args:
         camera: of the depth map.
         albedo: (H, W) of each pixel, relative to a white wall.
-
     """
     rays = camera.rays().astype(np.float64)
     front = surfaces.front_mm, surfaces.label, surfaces.light_from
@@ -157,7 +154,6 @@ def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[La
 
     Returns:
         (H, W) number of the surface, -1 = none, and (H, W) smoothed depth, mm, NaN there.
-
     """
     label = _connected(depth_mm)
     smooth = _smoothed(depth_mm, label >= 0, smooth_px)
@@ -241,7 +237,6 @@ class NoiseFloor:
         at: (N,) infrared, counts, or depth, mm, in the middle of each class.
         variance_mm2: (N,) of the difference from the smoothed depth, mm^2; empty without enough
             pixels.
-
     """
 
     at: Array
@@ -261,7 +256,6 @@ def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseF
     Args:
         frames: all with infrared, or all without.
         sigma_px: standard deviation of the Gaussian window of the smoothing, px.
-
     """
     variances, drivers = [], []
     for frame in frames:
@@ -300,7 +294,6 @@ def keep_relief(
 
     Returns:
         (H, W) mm: the share of the difference that the variance beyond the noise's has of all.
-
     """
     difference = depth_mm - smooth_mm
     variance = _local_variance(difference, label >= 0, sigma_px)

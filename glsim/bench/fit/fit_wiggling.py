@@ -59,7 +59,6 @@ class Wiggling:
         phase_rad: harmonic -> (len(FITTED_MHZ),) phases.
         error: harmonic -> standard error of the size.
         sizes: harmonic -> (len(FITTED_MHZ),) sizes.
-
     """
 
     amplitude: dict[int, float]
@@ -102,7 +101,6 @@ def fit_wiggling(
 
     Returns:
         The harmonics; None if the planes cover too short a range of distances along the rays.
-
     """
     flat = image.rays().astype(np.float64)
     usable = statistics.smooth & np.isfinite(statistics.mean_mm)

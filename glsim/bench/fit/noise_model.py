@@ -84,7 +84,6 @@ class InfraredLaw:
         noise_error: standard error of the taps' noise, a share; infinite if all surfaces are
             equally bright.
         tap_scale: variance of the taps relative to the base sensor's.
-
     """
 
     gain: float
@@ -109,7 +108,6 @@ def fit_infrared(
         frames: the recording.
         albedo: of its brightest surfaces, relative to white.
         taps: noise of the base sensor's taps.
-
     """
     mean = mean_frame(frames)
     assert mean.infrared is not None
@@ -177,7 +175,6 @@ class NoiseModel:
         floor_mm: noise independent of light.
         light: (N,) light of classes of pixels, relative to a facing wall at 1 m.
         sigma_mm: (N,) noise of these classes.
-
     """
 
     amplitude: float
@@ -211,7 +208,6 @@ def fit_noise_model(
         profile: light over the image.
         emitter_m: position of the emitter in the camera frame.
         taps: noise of the base sensor's taps.
-
     """
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
     light = albedo * facing_light(statistics.mean_mm, image, profile, emitter_m)

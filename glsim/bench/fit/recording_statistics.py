@@ -42,7 +42,6 @@ class DevicePattern:
         pixel_mm: standard deviation of single pixels.
         pixel_correlation: correlation of these at 1 px, as ``FixedPattern.rest_correlation``.
         map_mm: (H, W) float32, the pattern itself, NaN where the scene is not smooth.
-
     """
 
     alternation_mm: float
@@ -73,7 +72,6 @@ def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -
         halves: means of the even and of the odd frames; only what both share is pattern.
         mean_mm: (H, W) mean of all frames.
         used: (H, W) pixels of smooth surfaces.
-
     """
     found = measure_pattern(halves)
     bands = np.array(found.alternation_mm)  # half steps of odd rows, from the top to the bottom
@@ -130,7 +128,6 @@ class RecordingStatistics:
         table: temporal noise by distance and radius, rounding subtracted.
         correlation: of the temporal noise between pixels, at LAGS.
         pattern: fixed pattern.
-
     """
 
     frames: int

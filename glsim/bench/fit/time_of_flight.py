@@ -200,7 +200,6 @@ def fitted_toml(
         comments: lines at the top of the file.
         pattern_map: file name of the map of the fixed pattern beside the sensor file, or "".
         waves: wiggling of the device.
-
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
     rig |= {

@@ -37,7 +37,6 @@ class Board:
         on_plane: (H, W) pixels of the board with depth.
         paper: (H, W) the white ones of them.
         distance_mm: median depth of the paper.
-
     """
 
     on_plane: Mask
@@ -89,7 +88,6 @@ def plane_residual(depth_mm: NDArray[np.floating], rays: NDArray[np.floating], p
 
     Returns:
         (H, W) depth minus plane, mm.
-
     """
     z = depth_mm.astype(np.float64)
     design = np.concatenate([np.ones((*z.shape, 1)), rays.astype(np.float64)], axis=-1)

@@ -26,7 +26,6 @@ def lagged_sums(
 
     Returns:
         (..., L, 2) sums; their ratio is the correlation, see ``correlation_of``.
-
     """
     sums = np.zeros((*images.shape[:-2], len(lags), 2))
     for number, (down, right) in enumerate(lags):

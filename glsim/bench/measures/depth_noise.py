@@ -81,7 +81,6 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
     Returns:
         (H, W) difference over sqrt 2, mm, without its mean (drift); its variance is that of one
         frame, rounding included. NaN off smooth surfaces and for outliers.
-
     """
     noise = (second.measured_mm.astype(np.float64) - first.measured_mm) / np.sqrt(2.0)
     both = surfaces(first).smooth & surfaces(second).smooth
@@ -139,7 +138,6 @@ class TemporalNoise:
         pairs: number of static pairs.
         cells: sigma_T, mm, rounding subtracted.
         correlation: between pixels at LAGS; NaN without pairs.
-
     """
 
     pairs: int
@@ -175,7 +173,6 @@ class SpatialNoise:
         rough_mm: 10th percentile, median and 90th of the rms in a window, mm; NaN with fewer than
             100 windows.
         correlation: of the residual at LAGS, smaller than that of the noise.
-
     """
 
     cells: tuple[Cell, ...]

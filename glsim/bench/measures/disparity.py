@@ -48,7 +48,6 @@ class DisparityNoise:
         frame_columns: (7,) the same along columns.
 
     A figure of fewer than LEAST_TILES tiles is NaN.
-
     """
 
     tiles: int
@@ -72,7 +71,6 @@ class Tiles:
         level: (N,) median disparity.
         residual: (N, S, S) disparity minus the robust plane, NaN for outliers.
         sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.
-
     """
 
     top: NDArray[np.int64]
@@ -91,7 +89,6 @@ def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | No
 
     Returns:
         Disparity of the same shape, px, or 1 / depth in 1/m; NaN = no depth.
-
     """
     scale = 1000.0 if focal_baseline_px_mm is None else focal_baseline_px_mm
     return np.asarray(scale / with_nan(depth_mm))
@@ -152,7 +149,6 @@ def measure_disparity_noise(
     Args:
         disparity: (H, W) of each frame, NaN = none.
         pairs: numbers of two frames of one view each, as ``static_pairs`` finds them.
-
     """
     tiles = [find_tiles(image) for image in disparity]
     sigma = np.concatenate([t.sigma for t in tiles])

@@ -50,7 +50,6 @@ class Steps(NamedTuple):
         step: difference of the disparities: the width of a shadow of the whole baseline, px.
         near: pixels with disparity within 3 px of the step.
         between: those of them that lie between the surfaces.
-
     """
 
     right: NDArray[np.bool_]
@@ -67,7 +66,6 @@ def find_steps(disparity: Array) -> Steps:
     Args:
         disparity: (H, W) px, NaN = none. Transpose it for the steps along columns: left is then
             above, right below.
-
     """
     known = np.isfinite(disparity)
     joined = known[:, 1:] & known[:, :-1] & (np.abs(np.diff(disparity, axis=1)) <= _SAME_PX)
@@ -110,7 +108,6 @@ def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
     Returns:
         Medians of the width, px, and of the width over the difference of disparity; NaN with fewer
         than LEAST_STEPS steps.
-
     """
     use = [(s.right == right) & (s.gap == s.empty) for s in found]
     width = np.concatenate([s.gap[u] for s, u in zip(found, use, strict=True)])
@@ -136,7 +133,6 @@ def border_band(disparity: Sequence[Array]) -> tuple[float, float]:
     Returns:
         Medians over the rows of the band's width, px, and of its width minus the disparity of the
         surface there; NaN with fewer than LEAST_ROWS rows.
-
     """
     widths, rest = [], []
     for image in disparity:

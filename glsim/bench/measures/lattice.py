@@ -47,7 +47,6 @@ class Lattice:
         offset: added to the whole number, 0 to 1.
         share: of the telling depths that lie on it.
         telling: number of different depths that would rarely lie on it by chance.
-
     """
 
     constant: float
@@ -72,7 +71,6 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
     Args:
         frames: (H, W) depths each, mm, 0 or NaN = no depth.
         unit_mm: step of the files.
-
     """
     found: set[int] = set()
     for frame in frames:
@@ -88,7 +86,6 @@ def on_lattice(values: Array, constant: float, offset: float = 0.0) -> NDArray[n
         values: depths, units of the files.
         constant: K.
         offset: added to n.
-
     """
     middle = np.rint(constant / values - offset)
     fits = np.zeros(values.shape, np.bool_)
@@ -118,7 +115,6 @@ def estimate_lattice(values: Array, shifted: bool = True) -> Lattice | None:
 
     Returns:
         The likeliest lattice, accepted or not; None if there are too few depths.
-
     """
     if values.size < LEAST_TELLING:
         return None

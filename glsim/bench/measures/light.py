@@ -45,7 +45,6 @@ class NoiseLaw:
         floor_mm: a, mm.
         slope_mm: b, mm counts.
         classes: (infrared, sigma mm, pixels) of each class.
-
     """
 
     floor_mm: float
@@ -64,7 +63,6 @@ class Light:
         overall: median of ``brightness`` over the distances.
         rings: (from px, to px, brightness relative to that within 80 px).
         saturated: share of pixels with saturated infrared.
-
     """
 
     temporal: NoiseLaw

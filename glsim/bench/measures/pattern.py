@@ -55,7 +55,6 @@ class FixedPattern:
         alternation_rms_mm: rms of that half step.
         rest_correlation: between neighbours along x in the residual of the rest; 0 for white
             pixels, 0.55 for pixels smooth over 3 x 3.
-
     """
 
     frames: int

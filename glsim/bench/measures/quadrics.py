@@ -30,7 +30,6 @@ class Surfaces:
         rough_mm: residual standard deviation (49 - 6 degrees of freedom in 7 x 7).
         cosine: of the angle between ray and normal.
         bend_mm: sag over two pixels, the largest second derivative times (2 px)^2 / 2.
-
     """
 
     residual_mm: Array
@@ -65,7 +64,6 @@ def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
         depth_mm: (H, W) depth, NaN where there is none.
         rays: (H, W, 2) x/z and y/z of the pixels.
         size: side of the window, px, odd.
-
     """
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)

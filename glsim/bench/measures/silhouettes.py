@@ -58,7 +58,6 @@ class Edges:
         front_mm: depth at the end of the foreground.
         back_mm: depth at the end of the background.
         shift_px_per_m: S for a baseline of 1 m.
-
     """
 
     side: NDArray[np.int64]
@@ -86,7 +85,6 @@ class Side:
         band_behind: share of them behind the background.
         offset_px: constant of width = offset + slope S, fitted to edges of any S.
         slope_mm: slope of that line, the baseline that acts on this side.
-
     """
 
     edges: int

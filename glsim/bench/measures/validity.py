@@ -57,7 +57,6 @@ def flip_share(images: Sequence[NDArray[np.floating]], pairs: Sequence[tuple[int
 
     Returns:
         The mean over the pairs; NaN without pairs.
-
     """
     if not pairs:
         return float("nan")

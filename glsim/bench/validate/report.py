@@ -25,7 +25,6 @@ class Band:
         low: least value, in ``unit``.
         high: largest value.
         unit: of the number.
-
     """
 
     key: str
@@ -62,7 +61,6 @@ class Check:
         source: origin of the bands.
         kind: of that source: "measured" on devices, "datasheet" (also a decoder's source), or
             "derived" from these or from physics.
-
     """
 
     number: str
@@ -81,7 +79,6 @@ class Measurement:
         note: remark for the reader.
         why_not: reason why the whole check does not apply.
         exception: measured reason why a failure is not the sensor's fault.
-
     """
 
     values: Mapping[str, float | None] = field(default_factory=dict)

@@ -83,7 +83,6 @@ class VirtualCamera:
             scene: name that, with the seed, decides the noise.
             seed: of the device; default: the camera's.
             extra: layers of the stages to return as well.
-
         """
         x, y, z = at_mm
         if x == 0 and y == 0:

@@ -42,7 +42,6 @@ def maps_in(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
 
     Raises:
         ConfigError: no file is left.
-
     """
     files, others = [], Counter[str]()
     beside = cache(lambda place: place.name != "depth" and (place.parent / "depth").is_dir())
@@ -115,7 +114,6 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
 
     Raises:
         ConfigError: there is no such folder, or the numbers of images differ.
-
     """
     if given.is_file() and len(depth_files) == 1:
         return [given]
