@@ -15,6 +15,7 @@ _INTRODUCTION = """\
 
 `glsim COMMAND --help` prints the same. Exit status: 0 = done, 1 = failed or interrupted, 2 =
 wrong usage or settings. Messages go to stderr, tables to stdout.
+
 """
 
 

@@ -20,6 +20,7 @@ _INTRODUCTION = f"""\
 Version {disk_format.FORMAT_VERSION}. [A data set on disk](../data_sets.md) explains it; this page
 is read from the code that checks each record. Keys that are not listed are kept as they are: a
 later version may add some.
+
 """
 #: Record -> (the file, its title).
 _RECORDS: tuple[tuple[Any, str, str], ...] = (

@@ -14,6 +14,7 @@ _INTRODUCTION = """\
 A sensor is a TOML file: a rig (intrinsics, lens, emitters) and a chain of [noise
 stages](stages.md). Every number names its source in a comment of the file. `glsim render face.obj
 --sensor my_sensor.toml` uses a file of your own; copy a shipped one to begin.
+
 """
 
 

@@ -39,6 +39,7 @@ below are read from the code that checks them. *Number or distribution* means a 
 with `per = "frame"` (the default), `"sequence"` or `"subject"`. A normal distribution is cut at
 three deviations. The manifest records what was drawn. An unknown key is an error that names
 similar keys.
+
 """
 
 

@@ -13,6 +13,7 @@ _INTRODUCTION = """\
 A stage includes a file by `#include "lib/random.glsl"` and calls its functions. Depths are metres,
 0 = no depth; `u_seed` is a `uint` that differs for each frame and stage; distances in the image
 are pixels. Same pixel, seed and draw: same random number.
+
 """
 #: A function at the start of a line, with the comment above it.
 _FUNCTION = re.compile(r"((?:^//[^\n]*\n)*)^(\w+ \w+\([^)]*\)) \{", re.MULTILINE)

@@ -20,6 +20,7 @@ A sensor is a chain of stages. A stage is a GLSL file (or a Python function) who
 are its interface: the tables below are read from them. `glsim stages NAME` prints the same. Set a
 parameter with `--set STAGE.PARAMETER=VALUE`, to a number or a distribution; every stage also has
 `enabled`.
+
 """
 
 

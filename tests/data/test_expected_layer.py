@@ -133,6 +133,7 @@ def bend(view, layers, p):
     if "expected" in layers:
         written["expected"] = layers["expected"] * factor
     return written
+
 """
 
 
