@@ -1,4 +1,4 @@
-"""Who may open the page, what a link brings, and what outlives the command."""
+"""Who may open the page, and what outlives the command."""
 
 from __future__ import annotations
 
@@ -21,13 +21,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from glsim.cli.tune_page.access import (
     AccessCheck,
-    brought_by,
     cookie_secret,
     keep_tuning,
     kept_tuning,
     listen,
 )
-from glsim.cli.tune_page.tuning import StageCode, Tuning
+from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
 from glsim.core.files.cache_folder import cache_folder
 from glsim.faces.model_cache import cached_arrays
@@ -58,8 +57,8 @@ def client() -> Any:
 
 def test_a_token_becomes_a_cookie_that_opens_pages_and_sockets(client: Any) -> None:
     assert client.get("/").status_code == 403
-    came = client.get(f"/?token={client.token}&s=abc", follow_redirects=False)
-    assert came.headers["location"].endswith("/?s=abc")
+    came = client.get(f"/?token={client.token}&tab=1", follow_redirects=False)
+    assert came.headers["location"].endswith("/?tab=1")
     assert "HttpOnly" in came.headers["set-cookie"]
     page = client.get("/")
     assert page.text == "the page"
@@ -124,21 +123,6 @@ def test_the_browser_is_given_a_private_file_and_no_token(
         assert address.url in page.read_text()
 
 
-@pytest.mark.parametrize(
-    ("tuning", "brought"),
-    [
-        (Tuning("kinect-v2", {"axial.angle_mm": {"uniform": [1, 2]}, "seed": 3}), 0),
-        (Tuning("/own/s.toml", {"rig.focal_px": [9, 9]}), 0),
-        (Tuning("other.toml"), 1),
-        (Tuning("ideal", {"rig.projector_image": "/etc/x.png"}), 1),
-        (Tuning("ideal", {"rig": {"emitter": [{"map": "x.npy"}]}, "sensor": "x.toml"}), 2),
-        (Tuning("ideal", {}, {"axial": StageCode("x")}), 1),
-    ],
-)
-def test_a_link_tells_which_files_and_code_it_brings(tuning: Tuning, brought: int) -> None:
-    assert len(brought_by(tuning, "/own/s.toml")) == brought
-
-
 def test_the_last_settings_are_kept_in_a_private_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -154,7 +138,7 @@ def test_the_last_settings_are_kept_in_a_private_file(
     assert cookie_secret() == secret
     file = tmp_path / "cache" / "tune.json"
     assert file.stat().st_mode & 0o777 == 0o600
-    for damaged in ("{", "[]", '{"tunings": 3, "secret": 3}'):
+    for damaged in ("{", "[]", '{"tunings": {}}', '{"tunings": 3, "secret": 3}'):
         file.write_text(damaged)
         assert kept_tuning(START, "render a.obj") is None
         assert len(cookie_secret()) == 32

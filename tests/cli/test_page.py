@@ -22,7 +22,6 @@ from typing import Any
 import pytest
 
 from glsim.cli import main
-from glsim.cli.tune_page.tuning import StageCode, Tuning, tuning_of_link
 from glsim.core.files.png import read_image
 
 pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
@@ -372,14 +371,20 @@ def test_the_page_says_nothing_on_its_console_and_asks_no_other_server(
     assert {url for url in page.asked if not url.startswith(own)} == set()
 
 
-def test_a_stereo_camera_shows_both_images_and_what_was_matched(page: Any, server: Server) -> None:
-    (server.folder / "stereo.toml").write_text(
+def test_a_stereo_camera_shows_both_images_and_what_was_matched(
+    tmp_path: Path, browser: Any
+) -> None:
+    (tmp_path / "plate.obj").write_text(_face())
+    (tmp_path / "stereo.toml").write_text(
         'extends = "realsense-d435"\ntitle = "small"\n[rig]\nwidth = 160\nheight = 120\n'
         "focal_px = [110, 110]\ncentre_px = [80, 60]\n"
     )
-    other = new_tab(page)
-    other.goto(f"{server.root}?s={Tuning('stereo.toml', {'pose.distance_mm': 500}).link()}")
-    other.click("text=Run it")
+    options = ["stereo.toml", "--face", "plate.obj", "--port", "0"]
+    values = ["--set", "pose.distance_mm=500", "--set", "scene.wall_mm=1500"]
+    running = start(tmp_path, *options, *values)
+    context = browser.new_context()
+    other = new_tab(context)
+    other.goto(running.address)
     other.wait_for_selector('[data-stage="match_stereo"]')
     script = "all => all.filter(c => c.offsetWidth).map(c => c.dataset.kind)"
     tiles = other.eval_on_selector_all("canvas[data-kind]", script)
@@ -388,41 +393,15 @@ def test_a_stereo_camera_shows_both_images_and_what_was_matched(page: Any, serve
     other.hover('[data-kind="disparity"]')
     said = other.inner_text(".readout")
     assert re.search(r"disparity \d+\.\d\d px  infrared \d+ and \d+ counts", said), said
-    other.close()
-
-
-def test_a_link_brings_code_after_a_click_alone(page: Any, server: Server) -> None:
-    (server.folder / "own.py").write_text(
-        "from glsim.noise.stage import array_stage\n"
-        "open('ran', 'a').write('x')\n"
-        "@array_stage()\ndef keep(view, layers, p):\n    return {'depth': layers['depth']}\n"
-    )
-    (server.folder / "coded.toml").write_text(SENSOR + '[[stage]]\nuse = "own.py:keep"\n')
-    other = new_tab(page)
-    address = f"{server.root}?s={Tuning('coded.toml').link()}"
-    other.goto(address)
-    other.wait_for_selector("text=the sensor file coded.toml")
-    other.click("text=Leave it")
-    other.wait_for_timeout(500)
-    assert not (server.folder / "ran").exists()
-    other.goto(address)
-    other.click("text=Run it")
-    other.wait_for_selector('[data-stage="keep"]')
-    assert (server.folder / "ran").exists()
-    script = 'x" innerHTML="<img src=x onerror=document.title=1>'
-    text = (Path(__file__).parents[2] / "glsim/cli/tune_page/assets/template.glsl").read_text()
-    code = {script: StageCode(text.replace("NAME", "mine"), new=True)}
-    other.goto(f"{server.root}?s={Tuning('small.toml', code=code).link()}")
-    other.click("text=Run it")
-    other.wait_for_selector("text=is no name of a stage")
-    assert other.title() == "glsim tune"
-    other.close()
+    context.close()
+    running.process.terminate()
+    running.process.wait(30)
 
 
 def _kept_values(folder: Path) -> list[Any]:
     """The changed values of the settings that are kept on the disk."""
     kept = json.loads((folder / "cache" / "tune.json").read_text()).get("tunings", {})
-    return [v for link in kept.values() for v in tuning_of_link(link).values.values()]
+    return [value for tuning in kept.values() for value in tuning["values"].values()]
 
 
 def test_a_killed_page_comes_back_with_its_settings(tmp_path: Path, browser: Any) -> None:

@@ -1,12 +1,8 @@
-"""What the page remembers: values, undo, links, and what it writes as text."""
+"""What the page remembers: values and undo; and what it writes as text."""
 
 from __future__ import annotations
 
-import base64
 import shlex
-import zlib
-
-import pytest
 
 from glsim.cli.tune_page.tuning import (
     History,
@@ -14,9 +10,7 @@ from glsim.cli.tune_page.tuning import (
     Tuning,
     python_code,
     set_options,
-    tuning_of_link,
 )
-from glsim.core.errors import ConfigError
 from glsim.settings.schema import load_settings, with_assignments
 
 START = Tuning("kinect-v1")
@@ -69,43 +63,6 @@ def test_a_new_stage_that_is_taken_back_takes_its_values_along() -> None:
     own = START.with_code("mine", StageCode("text", "low_signal", new=True))
     own = own.with_value("mine.amount_mm", 3).with_value("axial.angle_mm", 1)
     assert own.with_code("mine", None) == START.with_value("axial.angle_mm", 1)
-
-
-def test_a_link_holds_the_whole_tuning() -> None:
-    tuning = Tuning(
-        "kinect-v2",
-        {"pose.yaw_deg": {"uniform": [-30, 30]}, "tof_edge.enabled": False, "seed": 3},
-        {"tof_floor": StageCode("#version 330 core\n// größer\n"), "n": StageCode("x", "a", True)},
-        frame=7,
-    )
-    link = tuning.link()
-    assert set(link) <= set("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"), (
-        "no character needs escaping in an address"
-    )
-    assert tuning_of_link(link) == tuning
-
-
-def packed(text: bytes) -> str:
-    return base64.urlsafe_b64encode(zlib.compress(text)).decode().rstrip("=")
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "ä",
-        base64.urlsafe_b64encode(b"no zlib").decode(),
-        packed(b"[1]"),
-        packed(b'{"sensor": 1}'),
-        packed(b'{"sensor": "ideal", "frame": Infinity}'),
-        packed(b'{"sensor": "ideal", "values": {"a": ' + b"[" * 9000 + b"]" * 9000 + b"}}"),
-        packed(b"0" * 5_000_000),
-    ],
-)
-def test_other_links_are_refused_in_one_line(text: str) -> None:
-    with pytest.raises(ConfigError, match="the link holds no settings") as refused:
-        tuning_of_link(text)
-    assert "\n" not in str(refused.value)
 
 
 def test_the_copied_options_give_the_same_settings() -> None:

@@ -14,22 +14,21 @@ import socket
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from pydantic import TypeAdapter
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from glsim.cli.tune_page.tuning import Tuning, tuning_of_link
+from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
 from glsim.core.files.cache_folder import cache_folder
 from glsim.core.files.contents import text_hash
 from glsim.core.files.regular import read_regular
-from glsim.sensors.sensor import sensor_names
 
 #: A browser keeps its cookie for 30 days, s.
 _COOKIE_S = 30 * 86_400
@@ -168,28 +167,6 @@ def _unframed(send: Send) -> Send:
     return send_with_header
 
 
-def brought_by(tuning: Tuning, own_sensor: str) -> list[str]:
-    """List the code and files in a link that the command did not name, for the user's consent.
-
-    Args:
-        own_sensor: the sensor that the command names.
-    """
-    found = [f"GLSL of {stage}" for stage in tuning.code]
-    if tuning.sensor not in (own_sensor, *sensor_names()):
-        found.append(f"the sensor file {tuning.sensor} with its code")
-    for name, value in tuning.values.items():
-        found += [f"{name} = {text}" for text in _texts(value)]  # a file, such as a pattern
-    return found
-
-
-def _texts(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        for part in value.values() if isinstance(value, dict) else value:
-            yield from _texts(part)
-
-
 def _write_private(name: str, text: str) -> Path | None:
     """Write a file of mode 0600 in the cache folder; return None if there is none to write to."""
     try:
@@ -226,7 +203,7 @@ def cookie_secret() -> str:
 
 
 def _start_key(start: Tuning, command: str) -> str:
-    return text_hash("\n".join([str(Path.cwd()), command, start.link()]))
+    return text_hash("\n".join([str(Path.cwd()), command, json.dumps(asdict(start))]))
 
 
 def keep_tuning(start: Tuning, command: str, tuning: Tuning) -> None:
@@ -234,12 +211,13 @@ def keep_tuning(start: Tuning, command: str, tuning: Tuning) -> None:
     state, key = _read_state(), _start_key(start, command)
     kept = state.get("tunings", {})
     others = [(k, v) for k, v in kept.items() if k != key] if isinstance(kept, dict) else []
-    _write_state(state | {"tunings": dict([*others, (key, tuning.link())][-_MOST_KEPT:])})
+    _write_state(state | {"tunings": dict([*others, (key, asdict(tuning))][-_MOST_KEPT:])})
 
 
 def kept_tuning(start: Tuning, command: str) -> Tuning | None:
     """Return the tuning that ``keep_tuning`` saved last for a command; None if there is none."""
     try:
-        return tuning_of_link(str(_read_state()["tunings"][_start_key(start, command)]))
-    except (KeyError, TypeError, ConfigError):
+        kept = _read_state()["tunings"][_start_key(start, command)]
+        return TypeAdapter(Tuning).validate_python(kept)
+    except (KeyError, TypeError, ValueError):
         return None

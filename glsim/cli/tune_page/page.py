@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-from dataclasses import replace
 from pathlib import Path
 
 from fastapi import Response
@@ -14,7 +13,6 @@ from nicegui import Client, app, ui
 from glsim.cli.tune_page.access import (
     AccessCheck,
     PageAddress,
-    brought_by,
     cookie_secret,
     keep_tuning,
     kept_tuning,
@@ -25,8 +23,6 @@ from glsim.cli.tune_page.preview import Picture
 from glsim.cli.tune_page.session import TuneSession
 from glsim.cli.tune_page.tab import TuneTab, figures_of
 from glsim.cli.tune_page.topbar import TopBar
-from glsim.cli.tune_page.tuning import Tuning, tuning_of_link
-from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.sensors.sensor import Sensor
 
@@ -50,18 +46,13 @@ _HEAD = """
 class TunePage(TuneTab):
     """Web page of one open tab."""
 
-    def __init__(self, session: TuneSession, client: Client, link: str) -> None:
-        """Build the elements of a new tab.
-
-        Args:
-            link: of its address, or "" for the last settings.
-        """
+    def __init__(self, session: TuneSession, client: Client) -> None:
+        """Build the elements of a new tab."""
         super().__init__(session, client)
         self._following = False
         self._followed: Picture | None = None
         self._file_times: dict[Path, float] = {}
-        self._asked: Tuning | None = None
-        said = self._open(link)
+        said = self._open_kept()
         ui.add_head_html(_HEAD)
         ui.dark_mode(None)
         ui.on("tune_shown", self._follow)
@@ -78,50 +69,23 @@ class TunePage(TuneTab):
             ui.notify(said, type="warning", timeout=12_000, close_button="ok")
         ui.timer(1.0, self._watch)
 
-    def _open(self, link: str) -> str:
-        """Open a link or the last settings; return a message (undo restores the command's own)."""
-        start, said = self.session.start, ""
-        try:
-            wanted = tuning_of_link(link) if link else kept_tuning(start, self.session.command)
-        except ConfigError as error:
-            return str(error)
-        if wanted is None or wanted == start:
+    def _open_kept(self) -> str:
+        """Open the last settings of this command, if there are any; return a message."""
+        kept = kept_tuning(self.session.start, self.session.command)
+        if kept is None or not self.history.change(kept):
             return ""
-        if not link:
-            said = "these are your last settings: undo (Ctrl+Z) leads to those of the command"
-        # GLSL of the last settings was typed here.
-        if brought_by(wanted if link else replace(wanted, code={}), start.sensor):
-            self._asked = wanted
-        else:
-            self.history.change(wanted)
-        return said
+        return "these are your last settings: undo (Ctrl+Z) leads to those of the command"
 
     async def begin(self) -> None:
         """Draw the first picture, after the browser has connected."""
         reasons = [[r.name.lower(), r.help] for r in Reason]
         self.call("build", "tune-view", "tune-figures", reasons, self.client.id)
         await self.refresh()
-        if self._asked is not None:
-            await self._ask(self._asked)
         await self.session.read_recording()
         if self.session.recorded:
             self.call("recording", self.session.recorded, None)
             self._followed = None
             await self._follow()
-
-    async def _ask(self, wanted: Tuning) -> None:
-        """Ask the user whether to open a link that contains files or code."""
-        with self.client, ui.dialog().props("persistent") as dialog, ui.card():
-            ui.label("These settings bring code or files, which would run or be read as yours:")
-            for name in brought_by(wanted, self.session.start.sensor):
-                ui.label(name).classes("file")
-            with ui.row():
-                ui.button("Run it", on_click=lambda: dialog.submit(True)).props("flat")
-                ui.button("Leave it", on_click=lambda: dialog.submit(False)).props("flat")
-        allowed = await dialog
-        dialog.delete()
-        if allowed:
-            self.change(wanted)
 
     def close(self) -> None:
         """Stop drawing, after the browser has disconnected."""
@@ -204,8 +168,8 @@ def serve(session: TuneSession, address: PageAddress) -> None:
         return _answer(await pages[tab].packet_after(after))
 
     @ui.page("/", title="glsim tune")
-    async def index(client: Client, s: str = "") -> None:
-        page = pages[client.id] = TunePage(session, client, s)
+    async def index(client: Client) -> None:
+        page = pages[client.id] = TunePage(session, client)
         client.on_delete(lambda: pages.pop(client.id).close())
         await client.connected(timeout=60)
         await page.begin()

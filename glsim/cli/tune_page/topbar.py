@@ -53,7 +53,6 @@ class TopBar:
             ui.separator()
             ui.menu_item("Copy command line", self._copy_command)
             ui.menu_item("Copy Python", lambda: _copy(python_code(page.history.now)))
-            ui.menu_item("Copy link", self._copy_link)
 
     def _number(self, name: str, help: str, change: Any) -> ui.number:
         ui.label(name).classes("word")
@@ -110,10 +109,6 @@ class TopBar:
         _copy(f"{self._page.session.command} {set_options(tuning)}")
         if tuning.code:
             ui.notify("changed code is not in it: save the sensor", type="warning")
-
-    async def _copy_link(self) -> None:
-        link = self._page.history.now.link()
-        _copy(str(await ui.run_javascript(f"location.origin + '/?s={link}'")))
 
     def _ask_file(self) -> None:
         """Ask for the name of a sensor file; to replace files, the user must click twice."""

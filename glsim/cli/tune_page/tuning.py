@@ -1,22 +1,16 @@
 """A tuning (the changes to a sensor as a plain value), and its undo history.
 
-Names and values are those of ``--set`` in all that the page writes: a command line, Python, a link,
-a sensor file.
+Names and values are those of ``--set`` in all that the page writes: a command line, Python, a
+sensor file.
 """
 
 from __future__ import annotations
 
-import base64
-import json
 import shlex
-import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pydantic import TypeAdapter
-
-from glsim.core.errors import ConfigError
 from glsim.settings.toml_tables import toml_value
 
 #: A number, a switch, or a distribution such as {"uniform": [1, 3]}.
@@ -24,8 +18,6 @@ Value = Any
 
 #: Steps that can be undone; a step is a few hundred bytes.
 _HISTORY = 200
-#: Most bytes that a link may unpack to: a few stages of 9,000 characters.
-_MAX_UNPACKED = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -69,21 +61,6 @@ class Tuning:
             values = {k: v for k, v in self.values.items() if not k.startswith(f"{stage}.")}
             return replace(self, values=values, code=kept)
         return replace(self, code=kept if code is None else {**kept, stage: code})
-
-    def link(self) -> str:
-        """Encode the tuning as text for a URL."""
-        packed = zlib.compress(json.dumps(asdict(self), separators=(",", ":")).encode(), 9)
-        return base64.urlsafe_b64encode(packed).decode().rstrip("=")
-
-
-def tuning_of_link(text: str) -> Tuning:
-    """Decode the text of ``Tuning.link``. Raises ConfigError for other text."""
-    try:
-        packed = base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
-        raw = zlib.decompressobj().decompress(packed, _MAX_UNPACKED)
-        return TypeAdapter(Tuning).validate_json(raw)
-    except (ValueError, zlib.error):
-        raise ConfigError("the link holds no settings of glsim tune: copy all of it") from None
 
 
 class History:
