@@ -10,7 +10,6 @@ import logging
 import os
 import socket
 import time
-from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
@@ -23,10 +22,9 @@ _T = TypeVar("_T")
 
 #: Tasks under way for each core: the second waits on its node while the first runs.
 TASKS_PER_CORE = 2
-#: How often Ray starts a task again whose process or node died, and how often ``run_tasks`` gives
-#: the same call to Ray again after that: nodes die for reasons of their own, but a call that kills
-#: every process would otherwise be tried for ever.
-_RETRIES, _CALLS_AGAIN = 3, 3
+#: How often Ray starts a task again whose process or node died, or whose result is lost with it:
+#: nodes die for reasons of their own, but a call that kills every process must end.
+_RETRIES = 10
 #: Seconds between two looks at the number of cores: nodes join and leave.
 _CORES_EVERY_S = 2.0
 #: Seconds within which the head of a cluster takes a connection.
@@ -148,16 +146,13 @@ def run_tasks(
 
     Args:
         function: of a module, which every node has.
-        calls: name and arguments of each call; they are taken when there is a core for them. A call
-            whose result is lost with its node is made again.
+        calls: name and arguments of each call; they are taken when there is a core for them.
         environment: variables for the processes of the nodes.
     """
     variables = {"env_vars": SINGLE_THREADED | dict(environment or {})}
     task = ray.remote(function).options(num_cpus=1, max_retries=_RETRIES, runtime_env=variables)
     source = iter(calls)
-    again: deque[tuple[_T, tuple[Any, ...]]] = deque()
-    running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
-    lost: Counter[_T] = Counter()
+    running: dict[Any, _T] = {}
     cores, looked_s = 0, float("-inf")
     more = True
     try:
@@ -167,45 +162,24 @@ def run_tasks(
                 if found != cores:
                     log.info("the cluster has %d cores", found)
                 cores = found
-            while (more or again) and len(running) < max(1, TASKS_PER_CORE * cores):
-                call = again.popleft() if again else next(source, None)
+            while more and len(running) < max(1, TASKS_PER_CORE * cores):
+                call = next(source, None)
                 if call is None:
                     more = False
                     break
-                running[start_task(ray, task, *call[1])] = call
+                running[start_task(ray, task, *call[1])] = call[0]
             if not running:
                 return
             with _connection_errors(ray):
                 done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
             for reference in done:
-                call = running.pop(reference)
-                try:
-                    result = task_result(ray, reference)
-                except LostResultError as error:
-                    _count_loss(lost, call[0], error)
-                    again.append(call)
-                    continue
-                yield call[0], result
+                name = running.pop(reference)
+                yield name, task_result(ray, reference, name)
     except ClusterLostError:
         running.clear()  # to cancel tasks now makes Ray abort the process, now and then
         raise
     finally:
         cancel_tasks(ray, running)
-
-
-def _count_loss(lost: Counter[_T], name: _T, error: LostResultError) -> None:
-    """Count a lost result of a call; log it, or raise DatasetError if it was lost too often."""
-    lost[name] += 1
-    if lost[name] > _CALLS_AGAIN:
-        raise DatasetError(
-            f"processes of the cluster die while they do task {name} (out of memory?): {error}: "
-            "what is complete is kept; run the same command again to continue"
-        ) from error
-    log.warning("%s: calling it again", error)
-
-
-class LostResultError(Exception):
-    """The error that a call's result was lost together with its node."""
 
 
 def start_task(ray: Any, task: Any, *arguments: object) -> Any:
@@ -224,11 +198,11 @@ def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
             ray.cancel(reference, force=True)
 
 
-def task_result(ray: Any, reference: Any) -> Any:
-    """Wait for the result of a Ray task and return it.
+def task_result(ray: Any, reference: Any, name: object) -> Any:
+    """Wait for the result of the Ray task of a call and return it.
 
-    Raises LostResultError, the error in its ``WorkerFailure``, or ClusterLostError if the cluster
-    is gone.
+    Raises the error in its ``WorkerFailure``, DatasetError if its processes die again and again, or
+    ClusterLostError if the cluster is gone.
     """
     try:
         result = _wait_for(ray, reference)
@@ -241,7 +215,11 @@ def task_result(ray: Any, reference: Any) -> Any:
     except ray.exceptions.RuntimeEnvSetupError as error:
         raise ConfigError(f"a node of the cluster cannot start workers: {error}") from error
     except ray.exceptions.RayError as error:
-        raise LostResultError(" ".join(str(error).split())[:200]) from error
+        text = " ".join(str(error).split())
+        raise DatasetError(
+            f"processes of the cluster die while they do task {name} (out of memory?): "
+            f"{text[:200]}: what is complete is kept; run the same command again to continue"
+        ) from error
     if isinstance(result, WorkerFailure):
         raise result.error
     return result

@@ -85,7 +85,7 @@ def test_a_silent_head_is_given_up(silent: str) -> None:
     with pytest.raises(DatasetError, match=match):
         ray_cluster.cluster_cores(stand_in(silent, dict))
     with pytest.raises(DatasetError, match=match):
-        ray_cluster.task_result(stand_in(silent, fail(GetTimeoutError())), None)
+        ray_cluster.task_result(stand_in(silent, fail(GetTimeoutError())), None, 0)
 
 
 def test_a_head_that_answers_is_waited_for() -> None:
@@ -99,7 +99,7 @@ def test_a_head_that_answers_is_waited_for() -> None:
 
     with socket.create_server(("127.0.0.1", 0)) as listening:
         ray = stand_in(f"127.0.0.1:{listening.getsockname()[1]}", call)
-        assert ray_cluster.task_result(ray, None) == "made"
+        assert ray_cluster.task_result(ray, None, 0) == "made"
 
 
 @pytest.mark.parametrize("error", [OSError("Broken\npipe"), RayError("Broken\npipe")])
@@ -114,7 +114,7 @@ def test_errors_of_the_connection_are_one_line(silent: str, error: Exception) ->
     ray_cluster.cancel_tasks(ray, [None])
     if isinstance(error, OSError):
         with pytest.raises(DatasetError, match=match):
-            ray_cluster.task_result(ray, None)
+            ray_cluster.task_result(ray, None, 0)
 
 
 @pytest.mark.long

@@ -102,7 +102,6 @@ def test_a_chunk_that_kills_every_process_ends_the_run(
     tmp_path: Path, nodes: Nodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("glsim.data.ray_cluster._RETRIES", 1)
-    monkeypatch.setattr("glsim.data.ray_cluster._CALLS_AGAIN", 1)
     with pytest.raises(DatasetError, match="processes of the cluster die while they do task"):
         make_on_ray(tmp_path / "ray", nodes, faults=(Fault("kill", 70),))
 
