@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -142,13 +140,6 @@ def test_a_sensor_is_printed_and_copied(tmp_path: Path, capsys: pytest.CaptureFi
         assert run("sensors", *words) in (1, 2)
         assert message in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
-
-
-def test_it_is_a_module_too() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "glsim", "sensors"], capture_output=True, text=True, check=True
-    )
-    assert "kinect-v2" in done.stdout
 
 
 @needs_anny

@@ -39,11 +39,6 @@ def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
         )
 
 
-def test_recordings_hold_depth_and_infrared(tmp_path: Path) -> None:
-    touch(tmp_path, "0001_depth.png", "0001_ir.png")
-    assert maps_in(tmp_path, "noisy")[0] == [tmp_path / "0001_depth.png"]
-
-
 @pytest.mark.parametrize(
     ("names", "message"),
     [

@@ -71,13 +71,6 @@ def test_splits_are_sequences(originals: dict[str, Path], format: str) -> None:
     assert travelled[4].clean_mm.shape == (24, 32)
 
 
-def test_both_formats_read_the_same(originals: dict[str, Path]) -> None:
-    tree, shards = (Dataset(originals[format]) for format in FORMATS)
-    for a, b in zip(tree, shards, strict=True):
-        assert {**a.record, "files": 0} == {**b.record, "files": 0}
-        np.testing.assert_array_equal(a.noisy_mm, b.noisy_mm)
-
-
 def test_depth_unit_and_offset_are_honoured(tmp_path: Path) -> None:
     tasks = make_tasks(1, 3)
 

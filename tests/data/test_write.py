@@ -6,12 +6,10 @@ import json
 import tarfile
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
-from glsim.core.errors import ConfigError, DatasetError, GlsimError, MeshError
-from glsim.data.layer_images import write_frame
+from glsim.core.errors import GlsimError, MeshError
 from glsim.data.progress import GenerateProgress
 from glsim.data.reader import open_dataset
 from glsim.data.verification import verify
@@ -195,19 +193,3 @@ def test_long_splits_become_several_shards(tmp_path: Path) -> None:
     split = open_dataset(tmp_path).split("train")
     assert [pair.record["index"] for pair in split] == list(range(1030))
     np.testing.assert_array_equal(split[1027].noisy_mm, fake_frame(tasks[1027]).noisy)
-
-
-def test_write_frame(tmp_path: Path) -> None:
-    frame = fake_frame(make_tasks(1, 1)[0])
-    paths = write_frame(frame, tmp_path / "new" / "folder", "face", ["noisy", "reason"])
-    assert paths == [tmp_path / "new" / "folder" / f"face_{x}.png" for x in ("noisy", "reason")]
-    assert sorted(paths[0].parent.iterdir()) == paths
-    for path, layer in zip(paths, ("noisy", "reason"), strict=True):
-        image = frame.image(layer)
-        read = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        assert read.dtype == image.dtype
-        np.testing.assert_array_equal(read, image)
-    with pytest.raises(ConfigError, match="no such layer 'nosy': did you mean 'noisy'"):
-        write_frame(frame, tmp_path, "face", ["clean", "nosy"])
-    with pytest.raises(DatasetError, match=r"cannot write .*face_noisy"):
-        write_frame(frame, paths[0], "face", ["noisy"])
