@@ -20,11 +20,12 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import wrap_read_errors, write_atomic
 from glsim.core.files.regular import read_csv
 from glsim.denoise.registry import PAPER_FILTERS
+from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.paper.paper_tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network, with_twins
 from glsim.eval.report.document import Document, TextTable, html_page
-from glsim.eval.report.score_tables import TABLE_METRICS, format_number
+from glsim.eval.report.score_tables import format_number
 
 #: Folder of the filters' data sets and scores, within a reproduction's folder.
 FILTERS_FOLDER: Final = "filters"
@@ -203,7 +204,7 @@ def values_document(cases: Sequence[Case]) -> Document:
     """Return the page that lists all printed values with our values."""
     rows, counts = [], Counter[str]()
     for table, row, metric, printed in printed_values():
-        unit = TABLE_METRICS[metric].unit
+        unit = METRICS[metric].unit
         judged = verdict(row.title, metric, printed, cases)
         counts[judged] += 1
         sizes = sorted({case.sizes[row.title] for case in cases if row.title in case.sizes})
@@ -234,4 +235,4 @@ def values_document(cases: Sequence[Case]) -> Document:
 
 
 def _cell(case: Case, row: str, metric: str) -> str:
-    return mean_and_spread(case.values(row, metric), TABLE_METRICS[metric].unit)
+    return mean_and_spread(case.values(row, metric), METRICS[metric].unit)

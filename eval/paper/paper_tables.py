@@ -11,11 +11,12 @@ from typing import Final
 from glsim.core.depth_protocol import MEANING
 from glsim.denoise.composites import COMPOSITES
 from glsim.denoise.registry import PAPER_FILTERS
+from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.ssim import PRESETS
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.paper.trained_networks import SeedGroup, TrainedRun, group_by_network, with_twins
 from glsim.eval.report.document import Document, Heading, TextTable
-from glsim.eval.report.score_tables import TABLE_METRICS, ResultTable, format_number
+from glsim.eval.report.score_tables import ResultTable, format_number
 from glsim.eval.scoring.aggregate import MetricMean
 from glsim.eval.scoring.evaluate import Evaluation
 
@@ -70,7 +71,7 @@ class _Row:
     def cell(self, metric: str) -> str:
         """Return mean and standard deviation over seeds as text."""
         return mean_and_spread(
-            [entries[metric].mean for entries in self.seeds], TABLE_METRICS[metric].unit
+            [entries[metric].mean for entries in self.seeds], METRICS[metric].unit
         )
 
 

@@ -13,7 +13,7 @@ from glsim.core.files.atomic import write_atomic
 from glsim.denoise.interface import Depth
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.report.document import CaptionedPng, Document, html_page
-from glsim.eval.report.figures.curves import bias_curves, disagreement, error_curves
+from glsim.eval.report.figures.curves import bias_curves
 from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.score_tables import (
@@ -84,21 +84,7 @@ def write_results(
 def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
     """Draw the figures of a report for the denoisers of a job."""
     summary = evaluation.summary.only({spec.partition("@")[0] for spec in job.denoisers})
-    pictures = [
-        CaptionedPng(
-            "disagreement",
-            "All-pixel MSE and surface error: a dot per frame, a large dot for the mean of a "
-            "method. Methods that keep the input's mask lie above each other, because MSE cannot "
-            "tell them apart.",
-            to_png(disagreement(summary)),
-        ),
-        CaptionedPng(
-            "error_curves",
-            "Cumulative absolute error on the pixels where input and truth have depth, the same "
-            "for every method.",
-            to_png(error_curves(summary)),
-        ),
-    ]
+    pictures = []
     if (over_distance := bias_curves(summary)) is not None:
         caption = "Bias over distance: mean error per 100 mm, with its 95 % interval over subjects."
         pictures.append(CaptionedPng("bias_by_distance", caption, to_png(over_distance)))

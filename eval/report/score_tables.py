@@ -13,17 +13,16 @@ from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.regions import REGION_METRICS
 from glsim.eval.metrics.scored_map import FLYING_MM
 from glsim.eval.report.document import Document, Heading, TextTable
-from glsim.eval.scoring.aggregate import PSNR_OF_MEAN, MetricMean, ScoreSummary
+from glsim.eval.scoring.aggregate import MetricMean, ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.evaluate import Evaluation, write_csv
 
 #: Method -> metric -> mean over the set.
 ResultTable = dict[str, dict[str, MetricMean]]
 
-TABLE_METRICS: Final = {**METRICS, PSNR_OF_MEAN.name: PSNR_OF_MEAN}
 #: Sections of table.md: title -> metrics; table.csv has all metrics.
 TABLE_SECTIONS: Final[dict[str, list[str]]] = {
-    title: [m.name for m in TABLE_METRICS.values() if m.in_table and GROUPS[m.group] == title]
+    title: [m.name for m in METRICS.values() if m.in_table and GROUPS[m.group] == title]
     for title in dict.fromkeys(reversed(GROUPS.values()))
 }
 #: Metric that tells whether a method harms surfaces, and the method that is the input.
@@ -87,7 +86,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
         ],
     )
     for title, names in TABLE_SECTIONS.items():
-        metrics = [TABLE_METRICS[name] for name in names]
+        metrics = [METRICS[name] for name in names]
         heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
         scores.parts.append(Heading(title))
         if title == GROUPS["paper"]:
@@ -102,7 +101,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
 
 def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
     """Return the definitions of the metrics, and remarks on the result if there are any."""
-    shown = [TABLE_METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
+    shown = [METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
     lines = [f"**{m.heading}** (`{m.name}`): {m.help}." for m in shown]
     documents = [Document("Definitions", [lines])]
     notes = _remarks(evaluation, table)

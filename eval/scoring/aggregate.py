@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +12,11 @@ from numpy.typing import NDArray
 from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import Metric
-from glsim.eval.metrics.scored_map import psnr_db
 from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
-from glsim.eval.scoring.blocks import BINS, Row
+from glsim.eval.scoring.blocks import Row
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 _T = TypeVar("_T")
-
-#: The only metric that is computed over the whole set and not per frame.
-PSNR_OF_MEAN: Final = Metric(
-    "psnr_of_mean_db",
-    "dB",
-    "higher",
-    "paper",
-    "PSNR of the mean MSE over all frames",
-    in_table=True,
-)
-#: Target number of frames per method for figures, and the metrics kept for them.
-_SAMPLED_FRAMES: Final = 1000
-_SAMPLED_METRICS: Final = ("mse_mm2", "both_interior_rmse_mm")
 
 
 @dataclass(frozen=True)
@@ -56,23 +42,16 @@ class MetricMean:
 
 @dataclass
 class ScoreSummary:
-    """Sums and samples of the scores; memory grows with subjects and methods, not with frames.
+    """Sums of the scores; memory grows with subjects and methods, not with frames.
 
     Attributes:
-        total_frames: of the set.
         metrics: name -> metric, the columns of the rows.
-        sampled: method -> _SAMPLED_METRICS of frames spread evenly over the set.
-        histograms: method -> counts of |error| in bins of ``blocks.BIN_MM``.
         bias_sums: method -> subject -> errors over distance.
     """
 
-    total_frames: int
     metrics: Mapping[str, Metric] = field(default_factory=lambda: METRICS)
-    sampled: dict[str, list[NDArray[np.float64]]] = field(default_factory=dict)
-    histograms: dict[str, NDArray[np.int64]] = field(default_factory=dict)
     bias_sums: BiasSums = field(default_factory=dict)
     _totals: dict[str, dict[str, NDArray[np.float64]]] = field(default_factory=dict)
-    _rows: dict[str, int] = field(default_factory=dict)
 
     @property
     def methods(self) -> list[str]:
@@ -97,8 +76,7 @@ class ScoreSummary:
         def chosen(values: dict[str, _T]) -> dict[str, _T]:
             return {name: value for name, value in values.items() if name in methods}
 
-        parts = (self.sampled, self.histograms, self.bias_sums, self._totals, self._rows)
-        return ScoreSummary(self.total_frames, self.metrics, *(chosen(part) for part in parts))
+        return ScoreSummary(self.metrics, chosen(self.bias_sums), chosen(self._totals))
 
     def add(self, row: Row) -> None:
         """Add the scores of one frame by one method."""
@@ -108,16 +86,6 @@ class ScoreSummary:
         values = np.array([row[name] for name in self.metrics], np.float64)  # None is NaN
         defined = ~np.isnan(values)
         table += np.where(defined, values, 0), defined, np.ones(len(values))
-        number = self._rows.get(method, 0)
-        self._rows[method] = number + 1
-        if number % max(1, self.total_frames // _SAMPLED_FRAMES) == 0:
-            sampled = np.array([row[name] for name in _SAMPLED_METRICS], np.float64)
-            self.sampled.setdefault(method, []).append(sampled)
-
-    def add_histogram(self, method: str, counts: list[int]) -> None:
-        """Add the error histograms of a block of frames."""
-        total = self.histograms.setdefault(method, np.zeros(BINS + 1, np.int64))
-        total += np.asarray(counts)
 
     def add_bias(self, sums: BiasSums) -> None:
         """Add the error sums by distance of a block of frames."""
@@ -128,12 +96,6 @@ class ScoreSummary:
     def bias_by_distance(self, method: str) -> list[BiasBin]:
         """Return the bias of a method in bins of 100 mm, from near to far."""
         return bias_by_distance(self.bias_sums.get(method, {}))
-
-    def sampled_frames(self, method: str) -> NDArray[np.float64]:
-        """Return (N, 2) MSE, mm^2, and interior RMSE, mm, of sampled frames that have both."""
-        values = np.array(self.sampled[method])
-        defined: NDArray[np.float64] = values[~np.isnan(values).any(axis=1)]
-        return defined
 
     def values(self, method: str, metric: str) -> SubjectSums:
         """Return the sums of a metric for a method, in the order of ``subjects``."""
@@ -147,7 +109,7 @@ class ScoreSummary:
         return self.values(method, metric).mean
 
     def entries(self, method: str) -> dict[str, MetricMean]:
-        """Compute the means of all metrics of a method by name, with PSNR_OF_MEAN."""
+        """Compute the means of all metrics of a method by name."""
         result: dict[str, MetricMean] = {}
         for name, metric in self.metrics.items():
             values = self.values(method, name)
@@ -155,12 +117,6 @@ class ScoreSummary:
             result[name] = MetricMean(
                 metric, values.mean, low, high, int(values.counts.sum()), values.undefined
             )
-            if name == "psnr_db":
-                mse = result["mse_mm2"]
-                mean, low, high = (psnr_db(value) for value in (mse.mean, mse.high, mse.low))
-                result[PSNR_OF_MEAN.name] = MetricMean(
-                    PSNR_OF_MEAN, mean, low, high, mse.frames, mse.undefined
-                )
         return result
 
     def table(self) -> dict[str, dict[str, MetricMean]]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,22 +12,11 @@ from glsim.core.errors import DatasetError
 from glsim.denoise.interface import Depth
 
 
-def _eroded(depth: Depth, pixels: int) -> Depth:
-    """Remove a band of ``pixels`` px along the silhouette from a depth map."""
-    kernel = np.ones((2 * pixels + 1,) * 2, np.uint8)
-    inside = cv2.erode((depth > 0).astype(np.uint8), kernel) > 0
-    return np.where(inside, depth, np.float32(0))
+def trivial_predictions(clean: Depth, mean: Depth | None) -> dict[str, Depth]:
+    """Return name -> prediction of a frame; without the mean face if its size is another."""
+    found = {"zero image": np.zeros_like(clean)}
+    return found if mean is None or mean.shape != clean.shape else found | {"mean face": mean}
 
-
-#: Name -> function of (clean, mean face) that returns a prediction, or None without a mean face.
-TRIVIAL_BASELINES: Final[dict[str, Callable[[Depth, Depth | None], Depth | None]]] = {
-    "zero image": lambda clean, _: np.zeros_like(clean),
-    "mean face": lambda _, mean: mean,
-    "clean, eroded 1 px": lambda clean, _: _eroded(clean, 1),
-    "clean, eroded 2 px": lambda clean, _: _eroded(clean, 2),
-    "clean, eroded 4 px": lambda clean, _: _eroded(clean, 4),
-    "clean, shifted 1 px": lambda clean, _: np.pad(clean[:, :-1], ((0, 0), (1, 0))),
-}
 
 #: Largest number of frames, evenly spread, for baselines: only their magnitude matters.
 BASELINE_FRAMES: Final = 200

@@ -9,9 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
@@ -23,13 +21,9 @@ from glsim.denoise.registry import load_denoiser
 from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.scored_map import Truth
-from glsim.eval.scoring.baselines import TRIVIAL_BASELINES
+from glsim.eval.scoring.baselines import trivial_predictions
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames
-
-#: Histograms of absolute errors have BINS bins of this width, and one more for larger errors.
-BIN_MM: Final = 0.1
-BINS: Final = 500
 
 Row = dict[str, Any]
 
@@ -49,7 +43,6 @@ class ScoredBlock:
     Attributes:
         rows: one per frame and method.
         baselines: one per frame and trivial baseline.
-        histograms: method -> counts of |error| on pixels where input and clean are valid.
         bias: method -> subject -> see ``glsim.eval.scoring.bias``.
         bad: frames, with the reason why they (or a method on them) could not be scored.
     """
@@ -58,7 +51,6 @@ class ScoredBlock:
     frames: int
     rows: list[Row]
     baselines: list[Row]
-    histograms: dict[str, list[int]]
     bad: list[dict[str, str]]
     bias: BiasSums = field(default_factory=dict)
 
@@ -152,7 +144,7 @@ class _BlockScorer:
         self._earlier: dict[str, tuple[Depth, Depth]] = {}
 
     def __call__(self, block: FrameBlock) -> ScoredBlock:
-        result = ScoredBlock(block.number, block.frames, [], [], {}, [])
+        result = ScoredBlock(block.number, block.frames, [], [], [])
         self._earlier.clear()  # the same rows, whichever worker had the block before
         for number in range(block.first, block.first + block.frames):
             if number % self._job.stride:
@@ -184,28 +176,14 @@ class _BlockScorer:
             for name, depth in maps.items():
                 self._earlier[name] = depth, frame.clean_mm
                 result.rows.append(place | {"method": name} | json_row(scores[name], time_ms))
-                counts = _histogram(depth, truth)
-                before = result.histograms.get(name)
-                result.histograms[name] = (counts if before is None else counts + before).tolist()
                 add_bias(result.bias, name, key.subject, bias_bins(depth, truth))
         if self._job.baseline_every and number % self._job.baseline_every == 0:
-            for name, predict in TRIVIAL_BASELINES.items():
-                prediction = predict(frame.clean_mm, self._job.mean_face)
-                if prediction is not None and prediction.shape == truth.clean.shape:
-                    scored = json_row(score(prediction, truth), float("nan"))
-                    result.baselines.append(place | {"method": name} | scored)
+            for name, depth in trivial_predictions(frame.clean_mm, self._job.mean_face).items():
+                scored = json_row(score(depth, truth), float("nan"))
+                result.baselines.append(place | {"method": name} | scored)
 
 
 def json_row(scores: dict[str, float], time_ms: float) -> Row:
     """Return scores and time as a JSON row, with None for undefined metrics."""
     row = scores | {"time_ms": time_ms}
     return {name: None if math.isnan(value) else value for name, value in row.items()}
-
-
-def _histogram(depth: np.ndarray[Any, Any], truth: Truth) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Count |error| where input and clean are valid; the input replaces missing depth."""
-    pixels = truth.input_valid & truth.valid
-    prediction = np.where(depth > 0, depth, truth.noisy)[pixels]
-    size = np.abs(prediction - truth.clean[pixels])
-    place = np.minimum((size / BIN_MM).astype(np.int64), BINS)
-    return np.bincount(place, minlength=BINS + 1)

@@ -159,7 +159,7 @@ def _read(folder: Path, number: int) -> ScoredBlock | None:
 def _collect(
     out: Path, folder: Path, blocks: list[FrameBlock], total: int, metrics: Mapping[str, Metric]
 ) -> Evaluation:
-    summary, baselines = ScoreSummary(total, metrics), ScoreSummary(total, metrics)
+    summary, baselines = ScoreSummary(metrics), ScoreSummary(metrics)
     bad: list[tuple[str, str]] = []
     fields = ("subject", "sequence", "frame", "method", *metrics)
 
@@ -174,8 +174,6 @@ def _collect(
                 yield [row[field] for field in fields]
             for row in scored.baselines:
                 baselines.add(row)
-            for method, counts in scored.histograms.items():
-                summary.add_histogram(method, counts)
             summary.add_bias(scored.bias)
             bad.extend((item["frame"], item["why"]) for item in scored.bad)
 

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.files.atomic import write_atomic
+from glsim.eval.metrics.frame_score import METRICS as FRAME_METRICS
 from glsim.eval.report.document import Document, Heading, TextTable
-from glsim.eval.report.score_tables import TABLE_METRICS, format_number
+from glsim.eval.report.score_tables import format_number
 from glsim.eval.scoring.bias import (
     BIAS_BIN_MM,
     ENOUGH_PIXELS,
@@ -136,7 +137,7 @@ def write_transfer(
     rows = [result.row(metric) for metric in METRICS for result in results]
     for metric in METRICS:
         of_metric = [row for row in rows if row["metric"] == metric]
-        document.parts += [Heading(TABLE_METRICS[metric].heading), _cell_table(of_metric)]
+        document.parts += [Heading(FRAME_METRICS[metric].heading), _cell_table(of_metric)]
     paths = [out / "transfer.md", out / "transfer.csv"]
     write_atomic(document.markdown().encode(), paths[0])
     fields = list(dict.fromkeys(name for row in rows for name in row))

@@ -121,7 +121,7 @@ def test_the_report_has_a_table_a_part(
 
 
 def test_parts_that_no_frame_shows_are_left_out() -> None:
-    summary = ScoreSummary(1, metrics_with_regions(["nose", "mouth"]))
+    summary = ScoreSummary(metrics_with_regions(["nose", "mouth"]))
     row = dict.fromkeys(summary.metrics) | {"subject": "a", "sequence": "s", "frame": 0}
     for method, nose in (("a", 2.0), ("b", 1.5)):
         summary.add(row | {"method": method, "rmse_mm@nose": nose})
@@ -130,6 +130,6 @@ def test_parts_that_no_frame_shows_are_left_out() -> None:
     heading, table = document.parts[1:]
     assert heading == Heading("rmse_mm [mm] ↓")
     assert table == TextTable(["method", "nose"], [["`a`", "2.00"], ["`b`", "**1.50**"]])
-    plain = ScoreSummary(1)
+    plain = ScoreSummary()
     plain.add(row | {"method": "a"})
     assert _region_document(plain.table()) is None

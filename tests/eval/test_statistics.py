@@ -41,7 +41,7 @@ def test_the_bootstrap_interval_is_scipys() -> None:
 
 
 def test_undefined_values_are_counted_not_averaged() -> None:
-    summary = ScoreSummary(2)
+    summary = ScoreSummary()
     nothing = dict.fromkeys(METRICS)
     place = {"sequence": "s", "frame": 0, "method": "m"}
     summary.add(nothing | place | {"subject": "a", "iou": 0.5})
@@ -50,6 +50,6 @@ def test_undefined_values_are_counted_not_averaged() -> None:
     assert entries["iou"].mean == 0.5
     assert (entries["iou"].frames, entries["iou"].undefined) == (1, 1)
     assert math.isnan(entries["mse_mm2"].mean)
-    found = Evaluation(summary, ScoreSummary(0), 2, 0, ())
+    found = Evaluation(summary, ScoreSummary(), 2, 0, ())
     table = {"m": entries}
     assert "n/a" in table_markdown(found, table, "x")

@@ -51,14 +51,6 @@ def method_style(number: int) -> dict[str, str]:
     return {"color": _COLOURS[place], "linestyle": _DASHES[rounds % len(_DASHES)]}
 
 
-def plain_log_axis(axis: Any) -> None:
-    """Label a logarithmic axis with plain numbers at 1, 2 and 5 of each decade: 50, 100."""
-    ticker = matplotlib("ticker")
-    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(ticker.NullFormatter())
-
-
 def to_png(figure: Any, dpi: int = 200) -> bytes:
     """Convert a figure to the bytes of a PNG file; equal figures give equal bytes."""
     stream = io.BytesIO()
