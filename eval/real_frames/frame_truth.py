@@ -52,14 +52,14 @@ class Tally(NamedTuple):
 
     Attributes:
         pair: (units, bins, 2) squared error on static pairs, by BINS_M.
-        board: (2, bins, 2 + 1) squared residuals and shifts of the board's paper, and of all of it.
+        paper: (bins, 2) squared residuals of the board's paper from its plane.
         shift: (SHIFT_BINS, 2) shift of smooth surfaces, by 100 mm.
         planes: (bins, 2) squared residuals of walls and table tops from planes of their own.
         edges: (len(EDGE_SUMS),) pixels.
     """
 
     pair: Array
-    board: Array
+    paper: Array
     shift: Array
     planes: Array
     edges: Array
@@ -97,7 +97,7 @@ class FrameTruth:
         if not self._pairs_only:
             shift, planes = self._shift(moved), self._planes(filled)
             edges = self.edge_sums(denoised_mm)
-        return Tally(self._pair(moved), self._plane(filled, moved), shift, planes, edges)
+        return Tally(self._pair(moved), self._paper(filled), shift, planes, edges)
 
     def _pair(self, moved: Array) -> Array:
         """Sum (denoised - partner)^2 minus the noise variance of the partner frame.
@@ -113,13 +113,12 @@ class FrameTruth:
         key = self._units[known] * _BINS + place[known]
         return _sums(key, squares[known], self._unit_count * _BINS).reshape(-1, _BINS, 2)
 
-    def _plane(self, filled: Array, moved: Array) -> Array:
-        sums = np.zeros((2, _BINS, 3))
-        if self.board is None or (place := int(distance_bin(self.board.distance_mm))) < 0:
-            return sums
-        for number, part in enumerate((self.board.paper, self.board.on_plane)):
+    def _paper(self, filled: Array) -> Array:
+        sums = np.zeros((_BINS, 2))
+        if self.board is not None and (place := int(distance_bin(self.board.distance_mm))) >= 0:
+            part = self.board.paper
             residual = plane_residual(filled, self.frame.rays, part)[part]
-            sums[number, place] = part.sum(), (residual**2).sum(), moved[part].sum()
+            sums[place] = residual.size, (residual**2).sum()
         return sums
 
     def _planes(self, filled: Array) -> Array:

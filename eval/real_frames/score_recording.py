@@ -38,15 +38,15 @@ class RealJob:
             recording = split_recording(self.source)
             methods = [load_denoiser(spec) for spec in self.denoisers]
             for number in numbers:
-                yield score_frame(recording, number, methods, self.pairs_only)
+                yield _score_frame(recording, number, methods, self.pairs_only)
 
     def doing(self, number: int) -> str:
         """Describe a frame by its number, for messages."""
         return f"scoring frame {number}"
 
 
-def score_frame(
-    recording: SplitRecording, number: int, methods: Sequence[Denoiser], pairs_only: bool = False
+def _score_frame(
+    recording: SplitRecording, number: int, methods: Sequence[Denoiser], pairs_only: bool
 ) -> ScoredFrame:
     """Denoise one frame by every method and measure the maps.
 

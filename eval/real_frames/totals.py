@@ -61,9 +61,7 @@ class RealMeasures:
             in %.
         paper_rmse_mm: residual of the board's white paper from its plane.
         paper_change: as pair_change.
-        board_rmse_mm: residual of paper and print.
-        board_shift_mm: mean of denoised - raw on the paper.
-        shift_mm: the same over all smooth surfaces.
+        shift_mm: mean of denoised - raw over smooth surfaces.
         shift_by_100mm: (from mm, shift mm) of bins of 100 mm.
         plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
         plane_change: as pair_change.
@@ -74,8 +72,6 @@ class RealMeasures:
     pair_change: Interval
     paper_rmse_mm: list[float]
     paper_change: Interval
-    board_rmse_mm: list[float]
-    board_shift_mm: list[float]
     shift_mm: list[float]
     shift_by_100mm: list[tuple[int, float]]
     plane_rmse_mm: list[float]
@@ -155,11 +151,11 @@ def add_up(
     totals = {}
     for name in scored[0].tallies:
         frames = zip(*(frame.tallies[name] for frame in scored), strict=True)
-        pair, board, shift, planes, edges = (np.stack(part) for part in frames)
-        pair = pair.sum(axis=0)[units]
-        known = pair[pair[..., 0].any(axis=1)], board[board[:, 0, :, 0].any(axis=1)]
-        planes = planes[planes[..., 0].any(axis=1)]
-        totals[name] = Tally(*known, shift.sum(axis=0), planes, edges.sum(axis=0))
+        pair, paper, shift, planes, edges = (np.stack(part) for part in frames)
+        pair, paper, planes = (
+            sums[sums[..., 0].any(axis=1)] for sums in (pair.sum(axis=0)[units], paper, planes)
+        )
+        totals[name] = Tally(pair, paper, shift.sum(axis=0), planes, edges.sum(axis=0))
     raw = next(iter(totals.values()))
     own = np.sum([frame.own for frame in scored], axis=0)
     return RealScores(
@@ -177,7 +173,6 @@ def add_up(
 
 
 def _measures(total: Tally, raw: Tally) -> RealMeasures:
-    paper, board = total.board[:, 0], total.board[:, 1]
     middles_m = SHIFT_BIN_MM * (np.arange(SHIFT_BINS) + 0.5) / 1000
     shift = np.zeros((len(BINS_M) - 1, 2))
     np.add.at(shift, np.digitize(middles_m, BINS_M) - 1, total.shift)  # none below the first bin
@@ -188,10 +183,8 @@ def _measures(total: Tally, raw: Tally) -> RealMeasures:
     return RealMeasures(
         pair_rmse_mm=_roots(total.pair, _LEAST_PIXELS),
         pair_change=_change(total.pair, raw.pair, _LEAST_PIXELS),
-        paper_rmse_mm=_roots(paper, 1),
-        paper_change=_change(paper, raw.board[:, 0], 1),
-        board_rmse_mm=_roots(board, 1),
-        board_shift_mm=_means(paper[..., [0, 2]], 1).tolist(),
+        paper_rmse_mm=_roots(total.paper, 1),
+        paper_change=_change(total.paper, raw.paper, 1),
         shift_mm=_means(shift[None], _LEAST_PIXELS).tolist(),
         shift_by_100mm=[(SHIFT_BIN_MM * n, mm) for n, mm in by_100mm if not math.isnan(mm)],
         plane_rmse_mm=_roots(total.planes, _LEAST_PIXELS),

@@ -1,10 +1,10 @@
-"""The scores on a real recording as a document, a CSV file, and an HTML page with figures."""
+"""The scores on a real recording as a document, JSON, and an HTML page with figures."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,6 @@ from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealScores
 from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable, html_page
 from glsim.eval.report.score_tables import format_number
-from glsim.eval.scoring.evaluate import write_csv
 
 #: Headings of EDGES, in order, and their factor: shares are printed in %.
 _EDGE_HEADS: Final = {
@@ -62,8 +61,6 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
             "The white squares alone: print is seen farther away, and that is no noise. The "
             "interval is over the boards.",
             _table(scores, distances, lambda m: m.paper_rmse_mm, lambda m: m.paper_change),
-            Heading("Chessboard, paper: shift against the raw frames [mm]"),
-            _table(scores, distances, lambda m: m.board_shift_mm),
         ]
     page.parts += [
         Heading("Smooth surfaces: shift against the raw frames [mm]"),
@@ -137,33 +134,17 @@ def write_real_frames(
     pictures: Sequence[CaptionedPng] = (),
     remarks: Sequence[str] = (),
 ) -> list[Path]:
-    """Write table.md, table.csv and scores.json; with pictures, report.html and figures/*.png.
+    """Write table.md and scores.json; with pictures, report.html and figures/*.png.
 
     Returns the paths. Raises DatasetError if writing fails.
     """
     page = real_frames_document(scores, remarks)
-    paths = [out / "table.md", out / "table.csv", out / "scores.json"]
+    paths = [out / "table.md", out / "scores.json"]
     write_atomic(page.markdown().encode(), paths[0])
-    write_csv(paths[1], ("method", "measure", "unit", "at", "value"), _csv_rows(scores))
-    write_atomic((json.dumps(scores.as_json(), indent=1) + "\n").encode(), paths[2])
+    write_atomic((json.dumps(scores.as_json(), indent=1) + "\n").encode(), paths[1])
     if pictures:
         for picture in pictures:
             write_atomic(picture.png, out / "figures" / f"{picture.name}.png")
         paths.append(out / "report.html")
         write_atomic(html_page("Denoisers on real frames", [page], pictures).encode(), paths[-1])
     return paths
-
-
-def _csv_rows(scores: RealScores) -> Iterator[tuple[object, ...]]:
-    """Yield a CSV line for each number; ``at``: lower bound of its distance bin, m, or empty."""
-    for name, m in scores.methods.items():
-        found: list[tuple[str, str, object, float]] = []
-        for measure in ("pair_rmse", "paper_rmse", "board_rmse", "board_shift", "shift"):
-            numbers = getattr(m, f"{measure}_mm")
-            found += [(measure, "mm", a, v) for a, v in zip(BINS_M, numbers, strict=False)]
-        found += [("shift_by_100mm", "mm", mm / 1000, v) for mm, v in m.shift_by_100mm]
-        for measure, change in (("pair_change", m.pair_change), ("paper_change", m.paper_change)):
-            ends = (("", change.value), ("_low_95", change.low), ("_high_95", change.high))
-            found += [(f"{measure}{end}", "%", "", value) for end, value in ends]
-        found += [(key, "1" if key in EDGES[:4] else "px", "", m.edges[key]) for key in EDGES]
-        yield from ((name, *line) for line in found)

@@ -27,7 +27,7 @@ from glsim.cli.progress import scoring_progress
 from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from glsim.eval.real_frames import RealScores
+    from glsim.eval.real_frames.totals import RealScores
 
 EXAMPLES = """
 glsim eval-real recording -d face -o real
@@ -60,8 +60,8 @@ def evaluate_real(
         board: Inner corners of the chessboard.
     """
     from glsim.data.worker_processes import worker_count
-    from glsim.eval.real_frames import score_recording, split_recording, tune_on_pairs
-    from glsim.eval.real_frames.halves import Source
+    from glsim.eval.real_frames.halves import Source, split_recording
+    from glsim.eval.real_frames.score_recording import score_recording, tune_on_pairs
     from glsim.eval.report.real_frames_page import write_real_frames
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
