@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cv2
@@ -53,9 +54,17 @@ def test_any_image_survives(dtype, height, width, top, bottom, seed) -> None:
         np.testing.assert_array_equal(np.asarray(other), image)
 
 
-def test_same_image_same_bytes_and_empty_rows_cost_little() -> None:
+def test_same_image_same_bytes_wherever_the_stack_lies() -> None:
+    """Each first pair of pixels has another hash; ISA-L's level 1 fails for about 50 of them."""
+    pixels = np.zeros((20_000, 3, 64), np.uint16)
+    pixels[:, ::2] = np.random.default_rng(4).integers(1, 60_000, (20_000, 1, 64), np.uint16)
+    with ThreadPoolExecutor(1) as other_stack:
+        elsewhere = other_stack.submit(lambda: [encode_png(image) for image in pixels]).result()
+    assert [encode_png(image) for image in pixels] == elsewhere
+
+
+def test_empty_rows_cost_little() -> None:
     image = make_image(np.uint16, 124, 512, 0, 0, 3)
     padded = np.vstack([np.zeros((150, 512), np.uint16), image, np.zeros((150, 512), np.uint16)])
-    assert encode_png(padded) == encode_png(padded.copy())
     empty_rows = 300 * (1 + 2 * 512)
-    assert len(encode_png(padded)) < len(encode_png(image)) + empty_rows // 100
+    assert len(encode_png(padded)) < len(encode_png(image)) + empty_rows // 50
