@@ -33,11 +33,18 @@ vec3 contrast(float lit) {
     return 1.0 - share * (1.0 - exp(-0.5 * turn * turn));
 }
 
+float clean_at(vec2 place) {
+    return textureLod(u_clean, place, 0.0).r;
+}
+
 void main() {
     vec4 sum_a = vec4(0.0), sum_b = vec4(0.0);
     vec2 texel = 1.0 / vec2(textureSize(u_clean, 0)), pixel = floor(gl_FragCoord.xy);
     vec2 at = gl_FragCoord.xy * texel;
-    float depth = max(textureLod(u_clean, at, 0.0).r, 1.0), even_m = 0.001 * smooth_mm * depth * depth;
+    float own_depth = clean_at(at); // and those of the four neighbours, clamped at the border of the frame
+    vec2 right = vec2(texel.x, 0.0), down = vec2(0.0, texel.y);
+    vec4 beside = vec4(clean_at(at - down), clean_at(at - right), clean_at(at + down), clean_at(at + right));
+    float depth = max(own_depth, 1.0), even_m = 0.001 * smooth_mm * depth * depth;
     bool mixed = u_supersample > 1 && textureLod(u_uneven, at, 0.0).r > even_m;
     int side = u_supersample, samples = mixed ? side * side : 1;
     float share = 1.0 / float(samples), width = 1.0 / float(side); // of a sample; width in pixels
@@ -50,17 +57,13 @@ void main() {
         vec2 seen = textureLod(u_fine_seen, (pixel + within) * texel, 0.0).rg;
         // Light and normal change slowly on a surface: a sample takes those of its pixel or of one of
         // the four neighbours, whichever has the most similar depth.
-        vec2 alike = at;
-        float nearest = 1e5;
-        int i = mixed ? 0 : 4;
-        do {
-            ivec2 way = i == 4 ? ivec2(0) : ivec2((i & 1) * (i - 2), (1 - (i & 1)) * (i - 1));
-            vec2 beside = at + vec2(way) * texel; // clamped at the border of the frame
-            float there = textureLod(u_clean, beside, 0.0).r;
-            float apart = there > 0.0 ? abs(there - seen.r) : 1e5;
-            alike = apart < nearest ? beside : alike;
-            nearest = min(nearest, apart);
-        } while (++i < 5);
+        vec4 apart = mix(vec4(1e5), abs(beside - seen.r), greaterThan(beside, vec4(0.0)));
+        float own = own_depth > 0.0 ? abs(own_depth - seen.r) : 1e5;
+        float nearest = mixed ? min(min(apart.x, apart.y), min(apart.z, apart.w)) : 1e5;
+        vec2 way = apart.z <= nearest ? down : right;
+        way = apart.x <= nearest ? -down : (apart.y <= nearest ? -right : way);
+        vec2 alike = own < nearest || !mixed ? at : at + way;
+        nearest = min(nearest, own);
         // Without such a pixel, the sample is lit and faces the camera.
         vec4 shape = textureLod(u_normal, alike, 0.0);
         float lit = textureLod(u_lit, alike, 0.0).r;
@@ -83,6 +86,6 @@ void main() {
     light_a = sum_a;
     light_b = sum_b;
 #ifdef EXPECTED
-    expected = expected_depth(textureLod(u_clean, at, 0.0).r, ray, harmonics);
+    expected = expected_depth(own_depth, ray, harmonics);
 #endif
 }
