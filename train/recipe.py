@@ -56,21 +56,17 @@ class ScheduleSettings(TomlTable):
     The whole training is its limit in steps, epochs or minutes, whichever comes first.
     """
 
-    kind: Literal["constant", "cosine", "step"] = Field(
+    kind: Literal["constant", "cosine"] = Field(
         "constant", description="curve of the learning rate after the warm-up"
     )
     warmup_steps: int = Field(0, ge=0, le=10**9, description="steps from 0 to lr, linearly")
     final: float = Field(0.01, ge=0, le=1, description="factor on lr at the end of cosine")
-    step_at: float = Field(0.7, gt=0, le=1, description="fraction of training before the step")
-    step_to: float = Field(0.2, ge=0, le=1, description="factor on lr after the step")
 
     def factor(self, steps: int, done: float) -> float:
         """Compute the factor on lr after ``steps`` steps, at fraction ``done`` of the training."""
         warmup = min(1.0, max((steps + 1) / (self.warmup_steps + 1), done / _WARMUP_SHARE))
         if self.kind == "cosine":
             return warmup * (self.final + (1 - self.final) * (1 + cos(pi * min(done, 1.0))) / 2)
-        if self.kind == "step" and done >= self.step_at:
-            return warmup * self.step_to
         return warmup
 
 

@@ -18,10 +18,8 @@ torch.set_num_threads(1)  # more threads are slower on images this small
 BACKBONES: dict[str, dict[str, Any]] = {
     "dncnn": {"kind": "dncnn", "depth": 3, "width": 8},
     "unet": {"kind": "unet", "scales": 3, "width": 4},
-    "unet-plain": {"kind": "unet", "scales": 2, "width": 4, "batch_norm": False},
     "restormer": {"kind": "restormer", "dim": 8, "blocks": [1, 1, 1, 1], "refinement": 1},
     "small_unet": {"kind": "small_unet", "width": 8, "scales": 3},
-    "small_unet-silu": {"kind": "small_unet", "width": 8, "scales": 4, "activation": "silu"},
 }
 WRAPPERS: dict[str, dict[str, Any]] = {
     "paper": {"kind": "paper_input"},
@@ -50,10 +48,7 @@ def build(wrapper: str, backbone: str, inputs: str = "frame") -> DepthModel:
 
 
 def write_checkpoint(
-    path: Path,
-    wrapper: str = "surfaces",
-    backbone: str = "small_unet-silu",
-    inputs: str = "frame",
+    path: Path, wrapper: str = "surfaces", backbone: str = "small_unet", inputs: str = "frame"
 ) -> Path:
     """Write a checkpoint of the model that ``build`` makes from the same names; return ``path``."""
     content = {

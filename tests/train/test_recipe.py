@@ -107,5 +107,3 @@ def test_the_learning_rate() -> None:
     assert cosine.factor(0, 0.05) == pytest.approx(0.5, rel=0.02), "short: warm after a tenth"
     assert cosine.factor(100, 0.5) == pytest.approx(0.55)
     assert cosine.factor(100, 1.0) == pytest.approx(0.1)
-    step = ScheduleSettings(kind="step", step_at=0.7, step_to=0.2)
-    assert [step.factor(1, share) for share in (0.0, 0.69, 0.7, 1.0)] == [1, 1, 0.2, 0.2]

@@ -7,7 +7,7 @@ the implementation details of section 4).
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -18,6 +18,8 @@ from glsim.core.errors import ConfigError
 from glsim.train.models.backbone import Backbone, Blocks, Width, init_zero, pad_to_multiple
 
 Levels = tuple[Blocks, Blocks, Blocks, Blocks]
+#: Channels inside a feed-forward network over those at its ends, the paper's.
+_EXPANSION: Final = 2.66
 
 
 class Restormer(Backbone):
@@ -37,16 +39,13 @@ class Restormer(Backbone):
         blocks: Levels = (4, 6, 6, 8),
         heads: Levels = (1, 2, 4, 8),
         refinement: Blocks = 4,
-        expansion: Annotated[float, Field(gt=0, le=16)] = 2.66,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
 
         def level(channels: int, scale: int, count: int) -> nn.Sequential:
-            return nn.Sequential(
-                *(TransformerBlock(channels, heads[scale], expansion) for _ in range(count))
-            )
+            return nn.Sequential(*(TransformerBlock(channels, heads[scale]) for _ in range(count)))
 
         dims = [dim * 2**scale for scale in range(4)]
         if any(channels % count for channels, count in zip(dims, heads, strict=True)):
@@ -91,12 +90,12 @@ class Restormer(Backbone):
 class TransformerBlock(nn.Module):
     """Attention followed by a gated feed-forward network, each with input norm and skip."""
 
-    def __init__(self, channels: int, heads: int, expansion: float) -> None:
+    def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
         self.norm_attention = BiasFreeNorm(channels)
         self.attention = TransposedAttention(channels, heads)
         self.norm_feed = BiasFreeNorm(channels)
-        self.feed = GatedFeedForward(channels, expansion)
+        self.feed = GatedFeedForward(channels)
 
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, C, H, W) to the same shape."""
@@ -149,9 +148,9 @@ class TransposedAttention(nn.Module):
 class GatedFeedForward(nn.Module):
     """Gated-Dconv feed-forward network (GDFN): GELU of one half gates the other half."""
 
-    def __init__(self, channels: int, expansion: float) -> None:
+    def __init__(self, channels: int) -> None:
         super().__init__()
-        hidden = int(channels * expansion)
+        hidden = int(channels * _EXPANSION)
         self.project = nn.Sequential(
             _conv(channels, 2 * hidden, 1), _conv(2 * hidden, 2 * hidden, 3, depthwise=True)
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated
 
 import torch
 import torch.nn.functional as F  # noqa: N812
@@ -20,8 +20,6 @@ from glsim.train.models.backbone import (
     init_zero,
     pad_to_multiple,
 )
-
-_ACTIVATIONS = {"relu": nn.ReLU, "silu": nn.SiLU}
 
 
 class SmallUNet(Backbone):
@@ -43,7 +41,6 @@ class SmallUNet(Backbone):
         scales: Scales = 3,
         blocks: Blocks = 1,
         growth: Annotated[float, Field(ge=0, le=8)] = 0.5,
-        activation: Literal["relu", "silu"] = "relu",
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:
@@ -55,9 +52,7 @@ class SmallUNet(Backbone):
         gain = (blocks * (2 * scales - 1)) ** -0.5
 
         def level(channels: int) -> nn.Sequential:
-            return nn.Sequential(
-                *(ResidualBlock(channels, activation, gain) for _ in range(blocks))
-            )
+            return nn.Sequential(*(ResidualBlock(channels, gain) for _ in range(blocks)))
 
         self.first = nn.Conv2d(in_channels, width, 3, padding=1)
         self.encoder = nn.ModuleList(level(channels) for channels in widths)
@@ -85,13 +80,12 @@ class SmallUNet(Backbone):
 
 
 class ResidualBlock(nn.Module):
-    """Residual block x + conv(act(conv(act(x)))) with 3x3 convolutions."""
+    """Residual block x + conv(relu(conv(relu(x)))) with 3x3 convolutions."""
 
-    def __init__(self, channels: int, activation: str, gain: float) -> None:
+    def __init__(self, channels: int, gain: float) -> None:
         super().__init__()
         self.one = nn.Conv2d(channels, channels, 3, padding=1)
         self.two = nn.Conv2d(channels, channels, 3, padding=1)
-        self.activation = _ACTIVATIONS[activation]()
         for layer in (self.one, self.two):
             init_he(layer)
         with torch.no_grad():
@@ -99,5 +93,5 @@ class ResidualBlock(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, C, H, W) to the same shape."""
-        inner: Tensor = self.two(self.activation(self.one(self.activation(x))))
+        inner: Tensor = self.two(torch.relu(self.one(torch.relu(x))))
         return x + inner

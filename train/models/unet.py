@@ -17,8 +17,7 @@ class UNet(Backbone):
     """U-Net with two 3x3 convolutions per scale and doubled width; skips are concatenated.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
-    padded inside. Parameters at 1 -> 1: 8,562,881; with scales = 3 and no batch normalisation
-    2,066,497.
+    padded inside. Parameters at 1 -> 1: 8,562,881.
     """
 
     def __init__(
@@ -27,22 +26,20 @@ class UNet(Backbone):
         out_channels: Width = 1,
         scales: Scales = 4,
         width: Width = 64,
-        batch_norm: bool = True,
         residual: bool = True,
         zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
         widths = [width * 2**scale for scale in range(scales)]
         self.down = nn.ModuleList(
-            _pair(before, after, batch_norm)
+            _pair(before, after)
             for before, after in zip([in_channels, *widths], widths, strict=False)
         )
         finer = list(reversed(widths[:-1]))
         self.up = nn.ModuleList(
-            nn.Sequential(nn.Upsample(scale_factor=2), *_layer(2 * after, after, batch_norm))
-            for after in finer
+            nn.Sequential(nn.Upsample(scale_factor=2), *_layer(2 * after, after)) for after in finer
         )
-        self.merge = nn.ModuleList(_pair(2 * after, after, batch_norm) for after in finer)
+        self.merge = nn.ModuleList(_pair(2 * after, after) for after in finer)
         self.last = nn.Conv2d(width, out_channels, 1)
         if zero_last:
             init_zero(self.last)
@@ -60,10 +57,9 @@ class UNet(Backbone):
         return x + correction if self.residual else correction
 
 
-def _pair(before: int, after: int, batch_norm: bool) -> nn.Sequential:
-    return nn.Sequential(*_layer(before, after, batch_norm), *_layer(after, after, batch_norm))
+def _pair(before: int, after: int) -> nn.Sequential:
+    return nn.Sequential(*_layer(before, after), *_layer(after, after))
 
 
-def _layer(before: int, after: int, batch_norm: bool) -> list[nn.Module]:
-    normalised = [nn.BatchNorm2d(after)] if batch_norm else []
-    return [nn.Conv2d(before, after, 3, padding=1), *normalised, nn.ReLU()]
+def _layer(before: int, after: int) -> list[nn.Module]:
+    return [nn.Conv2d(before, after, 3, padding=1), nn.BatchNorm2d(after), nn.ReLU()]
