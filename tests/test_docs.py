@@ -12,13 +12,9 @@ from typing import Any
 
 import pytest
 
-from glsim.noise.registry import shipped_stages
-from glsim.settings.schema import Settings
-from glsim.train.recipe import Recipe
 from scripts.check_site import find_broken_links
 from scripts.reference import DOCS, committed_pages
 from scripts.reference.commands import commands, options_of
-from scripts.reference.settings import setting_names
 from tests.support.imports import ROOT
 from tests.support.scenes import face_mesh
 
@@ -117,21 +113,6 @@ def test_the_reference_is_that_of_the_code() -> None:
     assert there == set(pages)
     for file, text in pages.items():
         assert file.read_text(encoding="utf-8") == text.rstrip("\n") + "\n", file
-
-
-def test_the_reference_names_all_that_there_is() -> None:
-    pages = {f.relative_to(DOCS / "reference").as_posix(): t for f, t in committed_pages().items()}
-    for name, spec in shipped_stages().items():
-        section = pages["stages.md"].partition(f"\n## `{name}`\n")[2].partition("\n## ")[0]
-        for parameter in spec.parameters.values():
-            assert f"| `{parameter.name}` | {parameter.type} |" in section
-    for model, page in ((Settings, "settings"), (Recipe, "recipes")):
-        for key in setting_names(model):
-            assert f"| `{key.rpartition('.')[2]}` |" in pages[f"{page}.md"], key
-    for name, command in commands():
-        assert f"## `glsim {name}`" in pages["commands.md"]
-        for option in options_of(command) - {"-h", "--help"}:
-            assert f"`{option}`" in pages["commands.md"]
 
 
 def test_the_first_example_of_the_readme_runs(

@@ -20,6 +20,8 @@ from tests.support.imports import loaded_after
         ("import glsim; glsim.load_settings()", {"torch", "cv2", "trimesh"}),
         ("import glsim.cli, glsim.train.recipe", {"torch", "cv2", "moderngl", "matplotlib"}),
         ("import glsim.eval.scoring.evaluate", {"torch", "matplotlib"}),
+        ("import glsim.train, glsim.train.data", {"torch", "lightning_fabric", "cv2", "numpy"}),
+        ("from glsim.train import load_recipe, recipe_names", {"torch"}),
     ],
 )
 def test_nothing_heavy_is_loaded_early(code: str, not_loaded: set[str]) -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -19,18 +16,9 @@ from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.network import NetworkFunction
 from glsim.denoise.registry import load_denoiser
+from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.runners import Runs
 
-#: 44 frames of a real Kinect V2; GLSIM_REAL_FRAMES names another place.
-REAL_FRAMES = Path(
-    os.environ.get(
-        "GLSIM_REAL_FRAMES", Path(__file__).resolve().parents[3] / "shared/data/kinect-v2-real"
-    )
-)
-needs_real_frames = pytest.mark.skipif(
-    not REAL_FRAMES.is_dir(),
-    reason="the real Kinect V2 frames are not here: GLSIM_REAL_FRAMES names their folder",
-)
 HEAD_MM, WALL_MM = 900.0, 1500.0
 _SQUARE = np.ones((3, 3), np.uint8)
 
@@ -198,23 +186,22 @@ def test_rims_of_simulated_heads_before_walls() -> None:
 
 
 @pytest.mark.long
-@needs_real_frames
+@needs_real_kinect_v2
 def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
     network = load_denoiser("face")
     lost = {"hard": np.zeros(2), "measured": np.zeros(2)}
-    for name in ("0030",):
-        noisy = read_image(REAL_FRAMES / f"{name}_depth.png").astype(np.float32)
-        camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
-        edges = find_edges(frames_of("real", [noisy], camera=camera)[0])
-        estimate = network.estimate(noisy[None])
-        for composite, total in lost.items():
-            out = estimate.composite(composite)
-            for ring in range(2):
-                column = edges.column + np.where(edges.side == 1, -ring, ring)
-                total[ring] += (out[edges.row, column] == 0).mean()
-            if composite == "measured":
-                assert not (few_neighbours(out) & (noisy == 0)).any()
-                assert ((out > 0) & (noisy == 0)).sum() < 0.05 * (noisy == 0).sum()
+    noisy = read_image(REAL_KINECT_V2 / "0030_depth.png").astype(np.float32)
+    camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
+    edges = find_edges(frames_of("real", [noisy], camera=camera)[0])
+    estimate = network.estimate(noisy[None])
+    for composite, total in lost.items():
+        out = estimate.composite(composite)
+        for ring in range(2):
+            column = edges.column + np.where(edges.side == 1, -ring, ring)
+            total[ring] += (out[edges.row, column] == 0).mean()
+        if composite == "measured":
+            assert not (few_neighbours(out) & (noisy == 0)).any()
+            assert ((out > 0) & (noisy == 0)).sum() < 0.05 * (noisy == 0).sum()
     assert lost["measured"][0] < 0.05
     assert lost["measured"][1] < 0.01
     assert lost["measured"][0] <= lost["hard"][0]

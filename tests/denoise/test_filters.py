@@ -179,12 +179,6 @@ def test_soft_validity_gives_four_composites(
         "    before = 1\n"
         "    def __call__(self, noisy, valid, now):\n"
         "        return noisy[0], valid[0]\n"
-        "def broken(noisy, valid):\n"
-        "    return noisy\n"
-        "def small(noisy, valid):\n"
-        "    return noisy[:-1], valid[:-1]\n"
-        "def sure(noisy, valid):\n"
-        "    return noisy, 2.0 * valid\n"
     )
     parts = load_denoiser("my_denoiser:soft:level=0.5").estimate(NOISY[None]).composites()
     np.testing.assert_allclose(parts["soft"][NOISY > 0], 0.5 * (NOISY[NOISY > 0] + 10))
@@ -195,13 +189,6 @@ def test_soft_validity_gives_four_composites(
     assert later.label == "mine"
     both = np.stack([NOISY, CLEAN])
     np.testing.assert_array_equal(later.estimate(both, 1).composite(""), NOISY)
-    for name, words in (
-        ("broken", "must return"),
-        ("small", "shape"),
-        ("sure", r"\[0, 1\]"),
-    ):
-        with pytest.raises(DenoiserError, match=words):
-            load_denoiser(f"my_denoiser:{name}")(NOISY)
 
 
 @pytest.mark.parametrize(

@@ -104,7 +104,7 @@ def test_a_network_that_is_not_shipped_says_so(monkeypatch: pytest.MonkeyPatch) 
             load_denoiser(name)
 
 
-@pytest.fixture(scope="module", params=[name for name in INPUTS if name != "frame"])
+@pytest.fixture(scope="module", params=INPUTS)
 def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from glsim.train.onnx_export import export_onnx
 

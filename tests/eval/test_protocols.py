@@ -6,13 +6,12 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
 from glsim.cli import main
 from glsim.core.depth_protocol import DepthProtocol
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError
 from glsim.data.reader import open_dataset
 from glsim.eval.report.results import example_frame
 from glsim.eval.scoring.blocks import ScoringJob
@@ -100,15 +99,6 @@ def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
     assert example[0].in_space(example[0].clean).max() > 900
     with pytest.raises(ConfigError, match=r"--protocol depth: the maps in .* have the nearest"):
         run(folder, tmp_path / "p", "depth")
-
-
-def test_metres_are_still_refused(folder: Path, tmp_path: Path) -> None:
-    for file in folder.rglob("*.png"):
-        units = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-        cv2.imwrite(str(file), (units > 0).astype(np.uint16))
-    for protocol in (None, "paper"):
-        with pytest.raises(DatasetError, match="metres instead of millimetres"):
-            run(folder, tmp_path / "o", protocol)  # type: ignore[arg-type]
 
 
 def test_a_network_of_the_other_protocol_is_refused(sets: dict[str, Path], tmp_path: Path) -> None:

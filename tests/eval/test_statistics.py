@@ -1,4 +1,4 @@
-"""Means over subjects, their intervals and tests, and number formats."""
+"""Intervals over subjects, and formats of numbers."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from glsim.eval.metrics.frame_score import METRICS
-from glsim.eval.report.score_tables import table_markdown
-from glsim.eval.scoring.aggregate import ScoreSummary
-from glsim.eval.scoring.evaluate import Evaluation
+from glsim.eval.report.score_tables import format_number
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 
@@ -40,16 +37,13 @@ def test_the_bootstrap_interval_is_scipys() -> None:
     assert all(math.isnan(end) for end in bootstrap_interval(values(3.0)))
 
 
-def test_undefined_values_are_counted_not_averaged() -> None:
-    summary = ScoreSummary()
-    nothing = dict.fromkeys(METRICS)
-    place = {"sequence": "s", "frame": 0, "method": "m"}
-    summary.add(nothing | place | {"subject": "a", "iou": 0.5})
-    summary.add(nothing | place | {"subject": "b"})
-    entries = summary.entries("m")
-    assert entries["iou"].mean == 0.5
-    assert (entries["iou"].frames, entries["iou"].undefined) == (1, 1)
-    assert math.isnan(entries["mse_mm2"].mean)
-    found = Evaluation(summary, ScoreSummary(), 2, 0, ())
-    table = {"m": entries}
-    assert "n/a" in table_markdown(found, table, "x")
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(-0.4, "px", "-0.40"), (-0.001, "mm", "0.00"), (-0.00001, "1", "-0.0000"), (0.0, "mm", "0"),
+     (-12.3, "mm", "-12.30"), (1234.5, "mm", "1234"), (123.45, "mm", "123.5"),
+     (float("nan"), "mm", "n/a"), (0.99123, "1", "0.9912")],
+)  # fmt: skip
+def test_numbers_have_digits_that_mean_something_and_none_is_minus_nothing(
+    value: float, unit: str, text: str
+) -> None:
+    assert format_number(value, unit) == text.replace("-0.0000", "0.0000")

@@ -102,7 +102,6 @@ def test_a_stage_that_cannot_be_is_named(tmp_path: Path, text: str, message: str
     ("stages", "message"),
     [
         (['use = "low_signal"'], "'low_signal' reads the layer 'infrared', which no stage before"),
-        (['use = "dot_spread"'], "reads the layer 'dot_match', which no stage before it writes"),
         (['use = "odd.glsl"'], "glsim binds no uniform 'u_sede' .did you mean 'u_seed'"),
         (['use = "despeckle"', 'use = "shadow"'], "'shadow' is a shader and comes after 'despeck"),
         (['use = "axail"'], "no such stage 'axail' .did you mean 'axial'.*a path that ends in"),
@@ -115,7 +114,6 @@ def test_a_stage_that_cannot_be_is_named(tmp_path: Path, text: str, message: str
         (['use = "perlin"\noctaves = { uniform = [1, 9] }'], r"octaves: 9 is outside \[1, 8\]"),
         (['use = "gaussian"\nsigma_mm = { normal = [2, 1] }'], r"sigma_mm: -1 is outside"),
         (['use = "gaussian"\nsigma_mm = "much"'], r"stage 1: gaussian.sigma_mm: .*got 'much'"),
-        (['use = "gaussian"\nsigma_mm = { unifrom = [1, 2] }'], "gaussian.sigma_mm"),
     ],
 )
 def test_what_does_not_fit_is_refused_before_anything_is_drawn(
@@ -138,23 +136,14 @@ def changed(folder: Path, old: str, new: str) -> str:
     ("old", "new", "message"),
     [
         ("[80, 16, 120]", "[]", r"rig.modulation_mhz \[\]: give three frequencies above 1 MHz"),
-        ("[80, 16, 120]", "[80, 16, 0.5]", "give three frequencies above 1 MHz"),
         ("[80, 16, 120]", "[80, 32, 120]", "first must be a whole multiple of the second"),
-        ("[80, 16, 120]", "[80, 80, 120]", "first must be a whole multiple of the second"),
         ("[80, 16, 120]", "[80, 20, 120]", "the phases repeat after 7.50 m, nearer than"),
-        ("[80, 16, 120]", "[100, 50, 150]", "the phases repeat after 3.00 m, nearer than"),
         ("supersample = 3", "supersample = 2", "supersample 2 must be odd"),
-        ("supersample = 3", "supersample = 7", "supersample: .*less than or equal to 5"),
         ("supersample = 3", "supersamples = 3", "did you mean 'supersample'"),
         ("near_mm = 500 ", "near_mm = 4500 ", "near_mm 4500 must be less than range_gate.far"),
-        ("far_mm = 4500", "far_mm = 100", "near_mm 500 must be less than range_gate.far_mm 100"),
         ("[[rig.emitter]]", "[nothing]", "no such setting 'nothing'"),
         ('use = "tof_bilateral"', 'use = "tof_bilatral"', "did you mean 'tof_bilateral'"),
-        (
-            'use = "tof_multipath"',
-            'use = "tof_bilateral"\nname = "more"',
-            "reads the layer 'phasor_a'",
-        ),
+        ('use = "tof_multipath"', 'use = "tof_bilateral"\nname = "more"', "layer 'phasor_a'"),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:

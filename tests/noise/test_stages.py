@@ -390,11 +390,3 @@ def test_spread_reasons(context: moderngl.Context) -> None:
     np.testing.assert_array_equal(
         written["reason"][~before & ~after], layers["reason"][~before & ~after]
     )
-
-
-def test_a_plane_comes_through_whole(context: moderngl.Context) -> None:
-    """A radius of 3.1 px reaches every pixel if all dots match, and no depth is invented."""
-    layers = flat(0.9)
-    layers |= run_shader(context, "correlation_window", layers)
-    depth = run_shader(context, "dot_spread", layers)["depth"][12:-12, 12:-12]
-    assert (depth == np.float32(0.9)).all()

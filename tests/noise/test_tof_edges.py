@@ -14,7 +14,7 @@ from tests.support.tof_harness import Camera, Image, Placed, quad
 
 OFF = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
 ROWS = slice(120, 300)
-FOCAL, CENTRE = 365.456, 254.878
+FOCAL = 365.456
 
 
 def edge(

@@ -24,9 +24,8 @@ REAL_KINECT_V2 = Path(os.environ.get("GLSIM_REAL_FRAMES", REAL_CAMERAS.with_name
 needs_real_kinect_v2 = pytest.mark.skipif(
     not REAL_KINECT_V2.is_dir(), reason=f"no frames in {REAL_KINECT_V2} (GLSIM_REAL_FRAMES)"
 )
-#: Focal length times baseline, px mm, by the lattices of the depths. The V1's 43,145 is 575 px x 75
-#: mm, and 1 % more than the spacing of 1/z gave before (42,710).
-D435_WALL_PX_MM, D435_ROBOT_PX_MM, KINECT_V1_PX_MM = 626_823 / 32, 612_342 / 32, 345_157 / 8
+#: Focal length times baseline, px mm, by the lattices of the depths.
+D435_WALL_PX_MM, D435_ROBOT_PX_MM = 626_823 / 32, 612_342 / 32
 #: Side of the tiles that the tests expect.
 SIDE_PX = 40
 

@@ -146,19 +146,6 @@ def quad(
     return mesh, pose_matrix({"distance_mm": z_mm, "yaw_deg": yaw_deg})
 
 
-def centre(image: Image, side: int = 64, at: tuple[int, int] = (205, 255)) -> Image:
-    """Cut a square around ``at`` (row, column) from an image of a whole frame."""
-    return image[at[0] - side // 2 : at[0] + side // 2, at[1] - side // 2 : at[1] + side // 2]
-
-
-def residual_mm(depth_m: Image) -> NDArray[np.float64]:
-    """Compute the distance from the best-fitting plane, millimetres."""
-    y, x = np.indices(depth_m.shape)
-    basis = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
-    z = 1000.0 * depth_m.ravel().astype(np.float64)
-    return (z - basis @ np.linalg.lstsq(basis, z, rcond=None)[0]).reshape(depth_m.shape)
-
-
 def face_scenes(count: int, seed: int = 0, wall_every: int = 3) -> list[list[Placed]]:
     """Yield procedural faces in random poses, each ``wall_every``-th with a wall."""
     settings = load_settings(source={"subjects": count, "frames_per_subject": 1})

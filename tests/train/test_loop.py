@@ -99,14 +99,6 @@ def test_a_resumed_training_keeps_its_number_of_threads(
     assert not caplog.records
 
 
-def test_a_seed_is_a_training(tmp_path: Path) -> None:
-    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        run(recipe(seed=seed), tmp_path / name)
-    same(tmp_path / "a", tmp_path / "b", "best.pt")
-    with pytest.raises(AssertionError):
-        same(tmp_path / "a", tmp_path / "c", "best.pt")
-
-
 def test_it_learns_and_leaves_what_it_promises(tmp_path: Path) -> None:
     training = {"max_epochs": 12}
     report = run(recipe(training=training), tmp_path)

@@ -16,7 +16,6 @@ from torch import Tensor, nn
 
 from glsim.cli import main
 from glsim.core.errors import DenoiserError, TrainError
-from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.inference import TorchNetwork
 from glsim.denoise.inputs import DEPTH_ALONE
 from glsim.denoise.network import NetworkFunction
@@ -24,8 +23,6 @@ from glsim.denoise.onnx_file import (
     OnnxContent,
     OnnxRuntimeNetwork,
     OpenCvNetwork,
-    Runtime,
-    load_onnx,
     read_onnx,
 )
 from glsim.denoise.record import DEFAULT_RECORD
@@ -38,39 +35,6 @@ from glsim.train.recipe import load_recipe
 from glsim.train.run_setup import read_start
 from glsim.train.state import NOT_COPIED
 from tests.support.networks import BACKBONES, frames, write_checkpoint
-
-RUNTIMES: tuple[Runtime, ...] = ("opencv", "onnxruntime")
-
-
-@pytest.mark.parametrize(
-    ("wrapper", "backbone"),
-    [
-        *(("paper", name) for name in ("dncnn", "unet")),
-        pytest.param("uncertain", "small_unet", marks=pytest.mark.long),
-        pytest.param("surfaces", "small_unet-silu", marks=pytest.mark.long),
-    ],
-)
-def test_both_runtimes_give_the_results_of_pytorch(
-    tmp_path: Path, wrapper: str, backbone: str
-) -> None:
-    """Sizes other than the exporter's, some of them no multiple of 16."""
-    write_checkpoint(tmp_path / "best.pt", wrapper, backbone)
-    export_onnx(tmp_path / "best.pt", tmp_path / "net.onnx")
-    by_torch = load_denoiser(str(tmp_path / "best.pt"))
-    exported = [
-        Denoiser("net", load_onnx(tmp_path / "net.onnx", runtime=runtime)) for runtime in RUNTIMES
-    ]
-    for height, width in ((53, 67), (128, 144), (16, 31)):
-        frame = frames(1, height, width)[0].numpy()
-        expected = by_torch.estimate(frame)
-        for denoiser in exported:
-            found = denoiser.estimate(frame)
-            assert found.depth_mm.dtype == np.float32
-            np.testing.assert_allclose(found.depth_mm, expected.depth_mm, atol=TOLERANCE_MM, rtol=0)
-            np.testing.assert_array_equal(found.valid > 0.5, expected.valid > 0.5)
-            assert denoiser.uncertain == by_torch.uncertain
-            if expected.sigma_mm is not None:
-                np.testing.assert_allclose(found.sigma_mm, expected.sigma_mm, rtol=1e-3)
 
 
 def test_the_shipped_network_needs_no_pytorch(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Training pairs at 1 mm, and the record of the protocol in data, checkpoints and exports."""
+"""Training pairs at 1 mm, and the record of the protocol in data and checkpoints."""
 
 from __future__ import annotations
 
@@ -9,20 +9,15 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.core.errors import ConfigError, DenoiserError
+from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import read_json
 from glsim.data.reader import open_dataset
-from glsim.denoise import checkpoint
-from glsim.denoise.inference import load_network
 from glsim.denoise.inputs import NetworkInputs
-from glsim.denoise.onnx_file import load_onnx
 from glsim.denoise.registry import load_denoiser
 from glsim.train import StoredPairs, stored_batches
 from glsim.train.data.checks import moved_pair
 from glsim.train.data.simulated import SimulatedPairs
-from glsim.train.onnx_export import export_onnx
 from tests.support.moved_sets import write_domes
-from tests.support.networks import BACKBONES, WRAPPERS, build
 from tests.support.train_fakes import recipe
 
 
@@ -114,24 +109,3 @@ def test_a_training_records_its_protocol_and_its_network_keeps_it(
     assert load_denoiser(str(out / "best.pt")).protocol == "paper"
     assert main([*command, "--resume", "--protocol", "depth"]) == 1
     assert "was trained on other data (protocol differ)" in capsys.readouterr().err
-
-    export_onnx(out / "best.pt", tmp_path / "net.onnx")
-    assert load_onnx(tmp_path / "net.onnx").protocol == "paper"
-    checkpoint.export_safetensors(out / "best.pt", tmp_path / "net.safetensors")
-    assert load_network(tmp_path / "net.safetensors").protocol == "paper"
-
-
-def test_networks_without_a_record_are_of_measured_depth(tmp_path: Path) -> None:
-    model = build("paper", "dncnn")
-    table = WRAPPERS["paper"] | {"backbone": BACKBONES["dncnn"]}
-    content: dict[str, Any] = {"recipe": {"model": table}, "model": model.state_dict()}
-    content |= {"progress": {}, "validation": {}}
-    path = tmp_path / "best.pt"
-    checkpoint.save(path, content | {"data": {}})
-    assert load_denoiser(str(path)).protocol == "depth"
-    export_onnx(path, tmp_path / "net.onnx")
-    assert load_onnx(tmp_path / "net.onnx").protocol == "depth"
-    assert load_denoiser("median").protocol is None
-    checkpoint.save(path, content | {"data": {"protocol": "other"}})
-    with pytest.raises(DenoiserError, match="protocol other"):
-        load_denoiser(str(path))

@@ -111,14 +111,3 @@ def test_any_beginning_of_the_validation_frames_is_spread() -> None:
     assert sorted(order) == list(range(100))
     assert max(order[:10]) - min(order[:10]) > 60
     assert spread(frames).indices == order
-
-
-def test_what_is_announced_comes_before_what_takes_long(tmp_path: Path) -> None:
-    said: list[str] = []
-    settings = recipe()
-    fit(settings, batch_source(settings), tmp_path, on_step=lambda _: said.append("step"),
-        announce=said.append)  # fmt: skip
-    assert said[0] == "2 batches of 4 in an epoch, 3 frames to validate, 32-true on cpu"
-    assert said[1] == "step"
-    assert said.count("step 2: first validation") == 1
-    assert said.index("step 2: first validation") == 2
