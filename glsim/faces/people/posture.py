@@ -142,46 +142,33 @@ def _arm(
     height = joints[f"upperleg01.{side}"][1] + (110.0 if a < 0 else 0.35 * upper + 90.0)
     hand = norm(joints[f"finger3-1.{side}"] - wrist)
     before = body.front
-    # Kind -> target of the wrist, mm, and direction of the elbow.
-    goals: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    targets: dict[str, tuple[float, ...]] = {  # of the wrist, mm
         "sides": (
-            (
-                sign * (outside + 35.0 + 10.0 * a),
-                shoulder[1] - 0.965 * (upper + lower),
-                shoulder[2] + 25.0 + 30.0 * b,
-            ),
-            (0.6 * sign, 0.0, -1.0),
+            sign * (outside + 35.0 + 10.0 * a),
+            shoulder[1] - 0.965 * (upper + lower),
+            shoulder[2] + 25.0 + 30.0 * b,
         ),
-        "table": (
-            (sign * (130.0 + 50.0 * b), height, before + (0.55 if a < 0 else 0.75) * lower),
-            (sign, -0.8, -0.5),
-        ),
+        "table": (sign * (130.0 + 50.0 * b), height, before + (0.55 if a < 0 else 0.75) * lower),
         "front": (  # hands held before the belly, one before the other
-            (sign * (55.0 + 15.0 * a), shoulder[1] - upper - 30.0 * b, before + 75.0 + 22.0 * sign),
-            (sign, -0.6, -0.4),
+            sign * (55.0 + 15.0 * a),
+            shoulder[1] - upper - 30.0 * b,
+            before + 75.0 + 22.0 * sign,
         ),
         "crossed": (
-            (
-                -sign * 0.2 * body.half_width,
-                shoulder[1] - 0.72 * upper + 20.0 * sign,
-                before + 62.0 + 24.0 * sign,
-            ),
-            (sign, -0.9, 0.1),
+            -sign * 0.2 * body.half_width,
+            shoulder[1] - 0.72 * upper + 20.0 * sign,
+            before + 62.0 + 24.0 * sign,
         ),
         "raised": (  # a gesture beside the chest
-            (
-                sign * (outside + 40.0 + 50.0 * a),
-                shoulder[1] - 0.55 * upper + 60.0 * b,
-                before + 0.6 * lower,
-            ),
-            (0.7 * sign, -1.0, -0.2),
+            sign * (outside + 40.0 + 50.0 * a),
+            shoulder[1] - 0.55 * upper + 60.0 * b,
+            before + 0.6 * lower,
         ),
-        "chin": (  # a fist under the chin, beside the midline
-            tuple(body.chin + np.array([sign * 30.0, -hand - 33.0, 24.0])),
-            (0.55 * sign, -1.0, 0.2),
-        ),
+        # A fist under the chin, beside the midline.
+        "chin": tuple(body.chin + np.array([sign * 30.0, -hand - 33.0, 24.0])),
     }
-    target, elbow_to = (np.array(goal) for goal in goals["table" if table else kind])
+    goal = "table" if table else kind
+    target, elbow_to = np.array(targets[goal]), np.array(_TABLE["elbows"][goal]) * (sign, 1.0, 1.0)
     curl = _TABLE["fist_deg"] if kind == "chin" else curl
     place = _elbow(shoulder, target, upper, lower, elbow_to)
     reached = place + lower * _unit(target - place)
