@@ -58,7 +58,6 @@ class _Worn:
     binding: Binding
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32]
-    occluder: NDArray[np.int32] | None = None
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -69,7 +68,7 @@ class _Worn:
             if np.array_equal(skin, before) and moved.equals(motion):
                 return part
         placed = self.binding.place(vertices_mm, motion)
-        mesh = Mesh(placed, self.faces, self.albedo, self.occluder)
+        mesh = Mesh(placed, self.faces, self.albedo)
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -184,14 +183,13 @@ class Dresser:
             faces: NDArray[np.int32],
             albedo: float,
             pattern: Pattern = "plain",
-            occluder: NDArray[np.int32] | None = None,
             light: float | NDArray[np.float64] = 1.0,
         ) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
                 values = np.clip(albedo * light * factors, 0.0, 1.0)
-                worn.append(_Worn(region, binding, faces, values.astype(np.float32), occluder))
+                worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
 
         if outfit.hair is not None:
             hair = make_hair(own, self._grid(make_scalp), vertices, outfit.hair, outfit.seed)
