@@ -83,13 +83,11 @@ def test_the_first_lines_come_before_the_first_validation(
     assert "validation loss" in lines[4]
 
 
-def test_the_list_and_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "--list"]) == 0
     listing = capsys.readouterr().out
     assert "paper-d7-small: DnCNN D7" in listing
     assert "width 16 instead of 64" in listing
-    assert main(["train", "--help"]) == 0
-    assert "glsim train face --data" in capsys.readouterr().out
 
 
 def test_help_needs_no_pytorch() -> None:
@@ -115,8 +113,9 @@ def test_train_denoise_and_score(
     data: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["train", "tiny.toml", "--data", str(data)]) == 0
-    *_, first, second, end = capsys.readouterr().err.splitlines()
-    figures = r", 0\.\d min: validation loss \S+, interior \S+ mm"
+    *lines, end = capsys.readouterr().err.splitlines()
+    first, second = (line for line in lines if "validation loss" in line)
+    figures = r", \d+\.\d min: validation loss \S+, interior \S+ mm"
     figures += r" \(input \S+\), flips \d+ \(input \d+\), mse \d+ mm2"
     assert re.fullmatch(r"step 4/8, epoch 1" + figures, first)
     assert re.fullmatch(r"step 8/8, epoch 2" + figures, second)
