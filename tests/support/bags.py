@@ -117,11 +117,12 @@ def _name_b16g(file: Path, shapes: Sequence[tuple[int, ...]]) -> None:
     file.write_bytes(data)
 
 
-def azure_calibration(
-    cx: float = 0.513, cy: float = 0.517, focal: float = 0.4928, k1: float = 0.548
-) -> dict[str, Any]:
+def azure_calibration() -> dict[str, Any]:
     """Return the JSON of a factory calibration, normalised to 1024 x 1024 pixels."""
-    numbers = [cx, cy, focal, focal, k1, -0.021, -0.0027, 0.89, 0.086, -0.0139, 0, 0, -7e-5, 2e-5]
+    numbers = [
+        *(0.513, 0.517, 0.4928, 0.4928),
+        *(0.548, -0.021, -0.0027, 0.89, 0.086, -0.0139, 0, 0, -7e-5, 2e-5),
+    ]
     colour = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": {}}
     depth = {
         "Purpose": "CALIBRATION_CameraPurposeDepth",

@@ -41,11 +41,9 @@ def real_depths(folder: str, unit_mm: float = 1.0, most: int | None = None) -> l
     return depths
 
 
-def real_disparities(
-    folder: str, focal_baseline_px_mm: float | None, unit_mm: float = 1.0, most: int | None = None
-) -> list[Array]:
-    """Read the depth maps of a folder as disparity, px, or as inverse depth, 1/m."""
-    return [to_disparity(d, focal_baseline_px_mm) for d in real_depths(folder, unit_mm, most)]
+def real_disparities(folder: str, focal_baseline_px_mm: float) -> list[Array]:
+    """Read the depth maps of a folder as disparity, px."""
+    return [to_disparity(depth, focal_baseline_px_mm) for depth in real_depths(folder)]
 
 
 def box_noise(

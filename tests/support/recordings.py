@@ -20,7 +20,7 @@ BOARD_CENTRE = (205.0, 140.0)
 SQUARE_PX = 18
 
 
-def board_infrared(print_counts: float = 900.0, paper_counts: float = 12_000.0) -> Array:
+def board_infrared() -> Array:
     """Draw the infrared image of a chessboard of 6 x 8 squares on a grey wall, (H, W) counts."""
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
     across = (columns - BOARD_CENTRE[1]) / SQUARE_PX + 3.0
@@ -28,7 +28,7 @@ def board_infrared(print_counts: float = 900.0, paper_counts: float = 12_000.0) 
     squares = (across >= 0) & (across < 6) & (down >= 0) & (down < 8)
     margin = (across >= -1) & (across < 7) & (down >= -1) & (down < 9)
     dark = squares & ((np.floor(across) + np.floor(down)) % 2 == 1)
-    return np.where(dark, print_counts, np.where(margin, paper_counts, 4000.0))
+    return np.where(dark, 900.0, np.where(margin, 12_000.0, 4000.0))
 
 
 def printed(infrared: Array, offset_mm: float) -> Array:
@@ -64,12 +64,10 @@ def write_frames(
     return folder
 
 
-def write_static_pair(
-    folder: Path, clean: Array, sigma_mm: float, *, drift_mm: float = 0.0, seed: int = 1
-) -> None:
+def write_static_pair(folder: Path, clean: Array, sigma_mm: float, drift_mm: float = 0.0) -> None:
     """Write two frames of one view, of which the second has drifted."""
     infrared = board_infrared()
     for number in (0, 1):
         moved = np.where(clean > 0, clean + drift_mm * number, 0.0)
-        depth = noisy(moved, sigma_mm, seed + number)
+        depth = noisy(moved, sigma_mm, 1 + number)
         write_frame(folder, f"{number:04d}", depth, infrared)

@@ -105,7 +105,7 @@ def sphere(centre_m: tuple[float, float, float], radius_m: float, cells: int = 1
     return camera_mesh(points.reshape(-1, 3), grid_faces(cells + 1, cells + 1))
 
 
-def face_mesh(cells: int = 150, *, albedo: bool = False) -> Mesh:
+def face_mesh(cells: int = 150) -> Mesh:
     """Make an analytic face: an ellipsoid with nose, brows, eyes and lips, in canonical mm.
 
     The bump on the subject's left cheek (+x) makes it unlike its mirror image.
@@ -122,8 +122,7 @@ def face_mesh(cells: int = 150, *, albedo: bool = False) -> Mesh:
     z = z - 9 * hump(-30, 25, 14, 9) - 9 * hump(30, 25, 14, 9)
     z = z + 5 * hump(0, -48, 20, 5) - 4 * hump(0, -42, 18, 3) + 6 * hump(45, -25, 14, 14)
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
-    brightness = (0.3 + 0.5 * (v.ravel() + 1) / 2).astype(np.float32) if albedo else None
-    return Mesh(vertices, grid_faces(cells + 1, cells + 1), brightness)
+    return Mesh(vertices, grid_faces(cells + 1, cells + 1))
 
 
 def rig(
