@@ -15,7 +15,7 @@ Differences are taken between pixels of one surface only: holes and silhouettes 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -76,11 +76,8 @@ class SurfaceGradients:
         """Link neighbouring pixels of ``domain`` whose depths differ by at most FLYING_MM."""
         self.across = np.zeros(depth_mm.shape, np.float32)
         self.down = np.zeros(depth_mm.shape, np.float32)
-        for links, axis, near in (
-            (self.across, 1, np.s_[:, :-1]),
-            (self.down, 0, np.s_[:-1]),
-        ):
-            far = np.s_[:, 1:] if axis else np.s_[1:]
+        for links, axis in ((self.across, 1), (self.down, 0)):
+            near, far = _pairs(axis)
             same = np.abs(np.diff(depth_mm, axis=axis)) <= FLYING_MM
             links[near] = domain[near] & domain[far] & same
         # A slope is compared with its neighbour where both links exist.
@@ -166,53 +163,43 @@ def _project(radius: np.float32, *parts: _Array) -> None:
         part /= over
 
 
+def _pairs(axis: int) -> tuple[Any, Any]:
+    """Return the places of all pixels but the last, and of those after them, along an axis."""
+    return (np.s_[:, :-1], np.s_[:, 1:]) if axis else (np.s_[:-1], np.s_[1:])
+
+
 def _forward(image: _Array, axis: int) -> _Array:
     """Compute the differences to the next pixel along an axis; 0 at the last pixel."""
-    result = np.zeros_like(image)
-    if axis:
-        np.subtract(image[:, 1:], image[:, :-1], out=result[:, :-1])
-    else:
-        np.subtract(image[1:], image[:-1], out=result[:-1])
+    result, (near, far) = np.zeros_like(image), _pairs(axis)
+    np.subtract(image[far], image[near], out=result[near])
     return result
 
 
 def _forward_adjoint(image: _Array, axis: int) -> _Array:
     """Apply the adjoint of ``_forward`` to an image that is 0 at its last pixels."""
-    result = -image
-    if axis:
-        result[:, 1:] += image[:, :-1]
-    else:
-        result[1:] += image[:-1]
+    result, (near, far) = -image, _pairs(axis)
+    result[far] += image[near]
     return result
 
 
 def _backward(image: _Array, axis: int) -> _Array:
     """Compute the differences to the pixel before along an axis; 0 at the first pixel."""
-    result = np.zeros_like(image)
-    if axis:
-        np.subtract(image[:, 1:], image[:, :-1], out=result[:, 1:])
-    else:
-        np.subtract(image[1:], image[:-1], out=result[1:])
+    result, (near, far) = np.zeros_like(image), _pairs(axis)
+    np.subtract(image[far], image[near], out=result[far])
     return result
 
 
 def _backward_adjoint(image: _Array, axis: int) -> _Array:
     """Apply the adjoint of ``_backward`` to an image that is 0 at its first pixels."""
-    result = image.copy()
-    if axis:
-        result[:, :-1] -= image[:, 1:]
-    else:
-        result[:-1] -= image[1:]
+    result, (near, far) = image.copy(), _pairs(axis)
+    result[near] -= image[far]
     return result
 
 
 def _both(links: _Array, axis: int) -> _Array:
     """Return 1 where a pixel and the pixel before it along an axis both have a link, else 0."""
-    result = np.zeros_like(links)
-    if axis:
-        result[:, 1:] = links[:, 1:] * links[:, :-1]
-    else:
-        result[1:] = links[1:] * links[:-1]
+    result, (near, far) = np.zeros_like(links), _pairs(axis)
+    result[far] = links[far] * links[near]
     return result
 
 
