@@ -153,33 +153,6 @@ def test_only_what_has_changed_is_loaded_rendered_linked_and_drawn(
     assert_same(only(simulator, tasks), fresh(settings, sources, context))
 
 
-def test_any_changes_in_turn_give_the_frames_of_new_simulators(
-    context: moderngl.Context, sources: list[OneMesh]
-) -> None:
-    settings = load_settings(overrides={"sensor": "kinect-v2", "output": {"crop": 64}})
-    single = parse_source({"subjects": 1, "frames_per_subject": 1})
-    settings = settings.model_copy(update={"source": (single,)})
-    tasks = make_tasks(settings, sources)
-    simulator = Simulator(settings, sources, context)
-    stages = [stage.name for stage in simulator.sensor.stages]
-    rng = np.random.default_rng(4)
-    values: dict[str, Any] = {}
-    refused = 0
-    for _ in range(20):
-        name = f"{rng.choice(stages)}.enabled"
-        tried = values | {name: not values.get(name, True)}
-        if rng.random() < 0.5:
-            tried["tof_floor.sigma_mm"] = float(rng.integers(1, 9))
-        try:
-            frame = only(simulator.with_values(tried), tasks)
-        except ConfigError:  # a stage reads a layer of one that is switched off
-            refused += 1
-            continue
-        values = tried
-        assert_same(frame, fresh(with_assignments(settings, values), sources, context))
-    assert 0 < refused < 10
-
-
 def test_a_stage_from_a_file_equals_that_file_in_the_sensor(
     context: moderngl.Context, settings: Settings, sources: list[OneMesh], tmp_path: Path
 ) -> None:

@@ -14,7 +14,6 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.denoise.composites import COMPOSITES
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS, score
 from glsim.eval.metrics.scored_map import Truth
@@ -233,18 +232,3 @@ def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
     assert text.index("### Surface") < text.index("### The paper's metrics")
     assert "| `ruin:bend` (worse inside than its input) |" in text
     assert "| `masked_gaussian` |" in text
-
-
-def test_soft_denoisers_get_a_row_for_each_composite(
-    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "soft_one.py").write_text(
-        "def soft(noisy, valid): return noisy, valid * 0.7 + 0.1\n"
-    )
-    found = run(pairs, tmp_path / "o", "net@soft_one:soft")
-    assert found.summary.methods == [f"net [{composite}]" for composite in COMPOSITES]
-    assert found.summary.mean("net [hard]", "flips_px") == found.summary.mean(
-        "net [input mask]", "flips_px"
-    )
-    assert found.summary.mean("net [soft]", "input_bias_mm") < -100
