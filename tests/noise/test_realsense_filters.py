@@ -185,25 +185,6 @@ def test_filled_pixels_have_the_reason_of_what_they_carry() -> None:
     np.testing.assert_array_equal(off["reason"], layers["reason"])
 
 
-def test_a_filtered_crop_is_a_crop_of_the_filtered_frame() -> None:
-    """The rendered border of ``reach_px`` is as good as the whole frame, for each mode."""
-    rng = np.random.default_rng(5)
-    steps = 900 + 8 * rng.standard_normal((90, 640))
-    steps[rng.random(steps.shape) < 0.02] = 0
-    steps[:, 300:330] = 0
-    depth = np.divide(32 * FOCAL_BASELINE, steps, out=np.zeros_like(steps), where=steps > 0)
-    for alpha, mode in ((0.25, 3), (0.5, 0), (0.9, 4)):
-        p = defaults("spatial_filter", alpha=alpha, filling_mode=mode)
-        reach = find_stage("spatial_filter").reach_px(p)
-        assert reach < 160
-        layers = layers_of(depth.astype(np.float32))
-        whole = spatial_filter(VIEW, layers, p)["depth"]
-        left, right = 310 - reach, 330 + reach
-        part = spatial_filter(VIEW, {n: a[:, left:right] for n, a in layers.items()}, p)["depth"]
-        assert whole[:, 310:330].tobytes() == part[:, reach : reach + 20].tobytes()
-    assert find_stage("hole_filling").reach_px(defaults("hole_filling")) >= 4096
-
-
 def test_the_temporal_stage_filters_the_draws_before() -> None:
     rng = np.random.default_rng(6)
     steps = 800 + 3 * rng.standard_normal((30, 40, 9))
@@ -247,7 +228,7 @@ def kinect_with(folder: Path, *stages: str) -> str:
 @pytest.mark.parametrize(
     "stages",
     [
-        ('use = "spatial_filter"\nfilling_mode = 4',),
+        ('use = "spatial_filter"\nfilling_mode = 4\nalpha = 0.3',),
         ('use = "spatial_filter"', 'use = "hole_filling"\nmode = 0'),
         ('use = "hole_filling"', 'use = "threshold_filter"\nfar_mm = 1200'),
     ],

@@ -116,20 +116,6 @@ def test_rows_alternate_with_another_sign_in_the_lower_half(context: moderngl.Co
     np.testing.assert_allclose(step[1::2] - step[::2], 0.37, atol=1e-3)
 
 
-def test_disparity_is_rounded_to_steps(context: moderngl.Context) -> None:
-    ramp = np.linspace(0.85, 0.95, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)
-    depth = run_shader(context, "disparity_quantise", flat(ramp))["depth"].astype(np.float64)
-    steps = FOCAL_BASELINE / depth / 0.125
-    np.testing.assert_allclose(steps, np.rint(steps), rtol=0, atol=1e-4)
-    off_px = FOCAL_BASELINE / depth - FOCAL_BASELINE / ramp
-    assert np.abs(off_px).max() < 0.0625 + 1e-5
-    levels = np.unique(np.rint(steps)).astype(int)
-    np.testing.assert_array_equal(np.diff(levels), 1)
-    bands_mm = np.diff(np.unique(depth)) * 1000.0
-    middle = bands_mm[np.argmin(np.abs(np.unique(depth)[:-1] - 0.9))]
-    assert middle == pytest.approx(1000 * 0.9**2 / FOCAL_BASELINE / 8, rel=0.01)  # 3.7 mm
-
-
 @pytest.mark.parametrize("step", [1.0, 0.5, 3.0])
 def test_depth_is_rounded_to_millimetres(context: moderngl.Context, step: float) -> None:
     ramp = np.random.default_rng(0).uniform(0.5, 4.5, (HEIGHT, WIDTH))
@@ -322,20 +308,6 @@ def rule(depth: Image, cell: tuple[int, int], inlier_px: float = 0.1) -> bool:
         squared = (1.2 * (r - y)) ** 2 + (1.2 * (c - x)) ** 2
         agree += abs(d - mean) / (squared or 1.0) < inlier_px
     return 3 * agree > 2 * len(around)
-
-
-def test_one_dot_in_nine_pixels() -> None:
-    x, y = dots(140, 170)
-    image = np.zeros((420, 510), np.int64)
-    np.add.at(image, (y.ravel(), x.ravel()), 1)
-    assert image.sum() * 9 == image.size
-    assert (image.reshape(140, 3, 170, 3).sum(axis=(1, 3)) == 1).all()
-    place = dot_place(np.arange(170)[None, :], np.arange(140)[:, None])
-    counts = np.bincount(place.ravel(), minlength=9)
-    chi = ((counts - place.size / 9) ** 2).sum() / (place.size / 9)
-    assert abs(chi - 8) / np.sqrt(16) < Z_MAX
-    for lag in ((0, 1), (1, 0), (1, 1)):
-        assert abs(z_correlation(place, np.roll(place, lag, axis=(0, 1)))) < Z_MAX
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -1,4 +1,4 @@
-"""Depth edges, silhouettes and shadows of the time-of-flight sensor."""
+"""Silhouettes and shadows of the time-of-flight sensor."""
 
 from __future__ import annotations
 
@@ -10,66 +10,9 @@ from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
-from tests.support.tof_harness import Camera, Image, Placed, quad
+from tests.support.tof_harness import Camera, Placed, quad
 
-OFF = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
-ROWS = slice(120, 300)
 FOCAL = 365.456
-
-
-def edge(
-    cam: Camera, near: float, far: float, filters: bool, albedo: float = 1.0
-) -> dict[str, Image]:
-    """Rows across a straight edge: near on the left, far on the right, both lit; slanted a little.
-
-    The edge runs from column 250 to 260, so that it meets pixels in all phases.
-    """
-    left = quad(near, (-9000, 0), albedo=albedo)
-    left[1][:2, :2] = [[np.cos(0.03), -np.sin(0.03)], [-np.sin(0.03), -np.cos(0.03)]]
-    return cam.shoot([left, quad(far)], {} if filters else OFF)
-
-
-def counts(layers: dict[str, Image], near: float, far: float) -> tuple[float, float, float]:
-    """Pixels per row: between the surfaces, outside both, and invalid."""
-    depth = 1000 * layers["depth"][ROWS, 230:280]
-    between = (depth > near + 20) & (depth < far - 20)
-    outside = ((depth > far + 20) | (depth < near - 20)) & (depth > 0)
-    one, two, three = (float(part.sum() / len(depth)) for part in (between, outside, depth == 0))
-    return one, two, three
-
-
-@pytest.mark.parametrize(
-    ("far", "filters", "between", "outside", "invalid"),
-    [
-        (950.0, False, (0.05, 1.5), (0, 0), (0, 0.02)),
-        (950.0, True, (0.1, 1.5), (0, 0), (0, 0.02)),
-        (1500.0, False, (0.6, 2.1), (0, 0.1), (0, 0.5)),
-        (1500.0, True, (0, 0.7), (0, 0.1), (1.2, 2.4)),
-        (2000.0, False, (0, 0.1), (0.2, 1.1), (0, 1.7)),
-    ],
-)
-def test_mixed_pixels_are_sums_of_phasors(
-    context: moderngl.Context,
-    far: float,
-    filters: bool,
-    between: tuple[float, float],
-    outside: tuple[float, float],
-    invalid: tuple[float, float],
-) -> None:
-    """A step of 0.6 m blends; one of 1.1 m, more than half a fast cycle, lands outside."""
-    found = counts(edge(Camera.open(context), 900.0, far, filters), 900.0, far)
-    for value, (low, high) in zip(found, (between, outside, invalid), strict=True):
-        assert low <= value <= high, found
-
-
-def test_an_edge_is_where_it_is(context: moderngl.Context) -> None:
-    """The standard deviation of the edge's position along its rows is about 1/3 px."""
-    layers = edge(Camera.open(context), 900.0, 1500.0, filters=True)
-    near = (layers["depth"] > 0) & (layers["depth"] < 1.0)
-    place = near[ROWS].sum(axis=1).astype(float)
-    rows = np.arange(len(place))
-    place -= np.polyval(np.polyfit(rows, place, 1), rows)
-    assert 0.2 < place.std() < 0.8
 
 
 def round_head(z_mm: float, half_mm: float) -> Placed:

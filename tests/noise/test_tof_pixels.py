@@ -15,8 +15,6 @@ from tests.support.tof_harness import QUIET, Camera, Image, Placed, merged, quad
 
 #: A crop around the principal point; the window is a little larger.
 CROP = Rect(216, 172, 80, 64)
-#: The amplitude of a white wall at the centre is GAIN / z^2 (z in m).
-GAIN = 1894.0
 RAW = {"tof_bilateral": {"enabled": 0.0}, "tof_edge": {"enabled": 0.0}}
 
 
@@ -88,25 +86,6 @@ def test_much_light_saturates(context: moderngl.Context) -> None:
     assert not layers["depth"][8:-8, 8:-8].any()
 
 
-#: Only the noise of the light; exact depth.
-LIGHT = {name: {"enabled": 0.0} for name in ("tof_floor", "fixed_pattern", "millimetre_quantise")}
-
-
-def test_fusion_and_filter_gain(context: moderngl.Context) -> None:
-    """Three phases with weights of one: 110.5 mm a radian; the filter divides by almost three."""
-    cam = Camera.open(context)
-    for z_mm in (1500.0, 3000.0):
-        raw = walls(cam, 10, merged(LIGHT, RAW), z_mm)
-        filtered = walls(cam, 10, LIGHT, z_mm)
-        amplitude = 1894 / (z_mm / 1000) ** 2
-        m = np.array([1.322581, 1.0, 1.612903])
-        sigma_phase = m * np.sqrt(2 / 3 * (16.5 + 0.0166 * amplitude / m)) / amplitude
-        expected = 110.5 * np.linalg.norm(sigma_phase)
-        sigma = np.sqrt(raw.var(axis=0, ddof=1).mean())
-        assert 0.95 < sigma / expected < 1.05
-        assert 2.8 < sigma / np.sqrt(filtered.var(axis=0, ddof=1).mean()) < 3.05
-
-
 def test_any_distance_is_unwrapped() -> None:
     """Up to the distance after which all phases repeat, 18.75 m, with errors of 0.1 of a phase."""
     f = np.array([80.0, 16.0, 120.0], np.float32)
@@ -130,20 +109,6 @@ def test_geometry_of_the_emitter_is_undone(context: moderngl.Context, z_mm: floa
     layers = cam.shoot([quad(z_mm)], merged(QUIET, bright))
     error = 1000 * layers["depth"][2:-2, 2:-2] - z_mm  # filters end at the border
     assert np.abs(error).max() < 0.02 + 2e-5 * z_mm
-
-
-@pytest.mark.parametrize(("amplitude", "low", "high"), [(2.0, 0.0, 0.2), (40.0, 0.99, 1.0)])
-def test_validity_depends_on_the_amplitude(
-    context: moderngl.Context, amplitude: float, low: float, high: float
-) -> None:
-    cam = Camera.open(context)
-    albedo = amplitude / 1894
-    found = [cam.shoot([quad(1000.0, albedo=albedo)], seed=s, crop=CROP_DEVICE) for s in range(4)]
-    valid = np.mean([shot["depth"][12:-12, 12:-12] > 0 for shot in found])
-    assert low <= valid <= high
-    codes = np.unique([shot["reason"][12:-12, 12:-12] for shot in found])
-    assert set(codes) <= {Reason.VALID, Reason.LOW_SIGNAL, Reason.UNWRAP, Reason.OUT_OF_RANGE,
-                          Reason.MIXED, Reason.EDGE}  # fmt: skip
 
 
 CROP_DEVICE = Rect(215, 165, 80, 80)
@@ -185,33 +150,6 @@ def test_floor_grows_with_the_slope(context: moderngl.Context) -> None:
     noise = 1000 * np.stack(shots)[:, 40:60, 40:60]
     sigma = np.sqrt(noise.var(axis=0, ddof=1).mean())
     assert sigma == pytest.approx(0.1 * 900 / 365.456 * np.tan(np.radians(60)), rel=0.1)
-
-
-@pytest.mark.parametrize("phases", [0.0, 1.0])
-def test_wiggling_has_the_periods_of_three_taps(context: moderngl.Context, phases: float) -> None:
-    """Thirds and sixths of the half waves: 417, 625, 3125 and 208, 312, 1562 mm; 468 mm is not."""
-    cam = Camera.open(context)
-    changes = merged(QUIET, {"tof_light": {"harmonic_2": 0.01, "harmonic_5": 0.003,
-                                           "harmonic_phase_spread": phases}})  # fmt: skip
-    z = np.arange(600.0, 3000.0, 30.0)
-    small = Rect(250, 200, 12, 12)
-    error = []
-    for z_mm in z:
-        depth = cam.shoot([quad(z_mm, albedo=0.5)], changes, crop=small)["depth"]
-        error.append(1000 * depth[8:-8, 8:-8].mean() - z_mm)
-    curve = np.array(error)
-    periods = (3125.0, 1562.5, 625.0, 416.7, 312.5, 208.3, 468.75)
-    basis = [f(2 * np.pi * z / p) for p in periods for f in (np.cos, np.sin)]
-    fit = np.linalg.lstsq(np.array([np.ones_like(z), *basis]).T, curve, rcond=None)[0]
-    size = np.hypot(fit[1::2], fit[2::2])
-    np.testing.assert_allclose(size[[0, 2, 3]], 1.1, atol=0.15)
-    np.testing.assert_allclose(size[[1, 4, 5]], 0.33, atol=0.1)
-    assert size[6] < 0.06
-    assert (
-        (1.5 if phases == 0 else 0.8)
-        < np.abs(curve - np.polyval(np.polyfit(z, curve, 1), z)).max()
-        < 8
-    )
 
 
 @pytest.mark.parametrize("z_mm", [900.0, 2000.0, 4000.0])
