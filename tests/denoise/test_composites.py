@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from glsim import Frame, load_settings, simulate
 from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.camera import Intrinsics
@@ -151,38 +150,6 @@ def test_no_pixel_appears_in_a_shadow() -> None:
     hard = composed(Denoised(depth, probability), noisy, "hard")
     assert (few_neighbours(hard) & (noisy == 0)).sum() > 20
     assert not measured(depth, probability, noisy)[noisy == 0].any()
-
-
-def _cut(depth_mm: Depth, clean_mm: Depth, ring: np.ndarray, noisy_mm: Depth) -> float:
-    """Share of a ring that is lost although it was measured within 50 mm."""
-    right = ring & (noisy_mm > 0) & (np.abs(noisy_mm - clean_mm) <= 50)
-    return float((right & (depth_mm == 0)).sum() / ring.sum())
-
-
-@pytest.mark.long
-def test_rims_of_simulated_heads_before_walls() -> None:
-    overrides = {
-        "sensor": "kinect-v2-fast", "seed": 77, "output": {"crop": 128},
-        "pose": {"yaw_deg": {"uniform": [-40, 40]}},
-        "scene": {"wall_mm": {"uniform": [1100, 2200]}},
-    }  # fmt: skip
-    settings = load_settings(overrides=overrides, source={"subjects": 2, "frames_per_subject": 1})
-    network, lost, stray = load_denoiser("face"), [], {"hard": 0, "measured": 0}
-    for frame in simulate(settings):
-        assert isinstance(frame, Frame)
-        noisy = frame.noisy.astype(np.float32)
-        clean = np.zeros_like(noisy)
-        clean[frame.window.slices] = 1000 * frame.clean_m
-        estimate = network.estimate(noisy[None])
-        first, second = rings((clean > 0) & (clean < clean.max() - 100), 2)
-        out = estimate.composite("measured")
-        lost.append((_cut(out, clean, first, noisy), _cut(out, clean, second, noisy)))
-        for name in stray:
-            depth = estimate.composite(name)
-            stray[name] += int((few_neighbours(depth) & (noisy == 0)).sum())
-    assert np.mean(lost, axis=0)[0] < 0.05
-    assert np.mean(lost, axis=0)[1] < 0.01
-    assert stray["measured"] == 0
 
 
 @pytest.mark.long

@@ -16,8 +16,6 @@ from glsim.data.reader import open_dataset
 from glsim.eval.report.results import example_frame
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import Evaluation, evaluate
-from glsim.eval.scoring.pairs import open_frames
-from tests.support.eval_scenes import SIZE
 from tests.support.moved_sets import write_both_protocols, write_domes
 
 
@@ -105,20 +103,6 @@ def test_a_network_of_the_other_protocol_is_refused(sets: dict[str, Path], tmp_p
     with pytest.raises(ConfigError, match=r"net: was trained under the protocol paper .* depth"):
         run(sets["depth"], tmp_path / "o", None, NETWORK)
     assert run(sets["depth"], tmp_path / "o", "paper", NETWORK).summary.methods == ["net"]
-
-
-def test_neighbours_in_time_have_the_offset_of_their_frame(sets: dict[str, Path]) -> None:
-    """A sequence whose head moves away keeps its distances."""
-    from glsim.denoise.frames import Stacks
-
-    frames = open_frames(sets["depth"], "test", protocol="paper")
-    stack, now = Stacks(frames, 1, 1).around(1, 1, 1)
-    assert (now, stack.shape) == (1, (2, *SIZE))
-    measured = open_dataset(sets["depth"]).split("test")
-    for image, pair in zip(stack, measured[:2], strict=True):
-        seen = pair.noisy_mm > 0
-        kept = np.maximum(pair.noisy_mm[seen] - 929, 1)
-        np.testing.assert_allclose(image[seen], kept, atol=1e-3)
 
 
 def test_reports_name_the_protocol(sets: dict[str, Path], tmp_path: Path) -> None:
