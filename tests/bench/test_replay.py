@@ -148,6 +148,7 @@ def test_mirrored_frames_are_replayed_mirrored(recorded: Frames) -> None:
         assert compare_sets(frames, again).second.silhouettes.shadow_side == side
 
 
+@pytest.mark.long
 def test_the_command_replays_and_refuses_what_it_cannot(
     tmp_path: Path, recorded: Frames, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -87,7 +87,7 @@ def test_a_check_without_measurement_is_an_error(
 @pytest.mark.parametrize(
     ("sensor", "frames"),
     [
-        ("kinect-v1", 24),
+        pytest.param("kinect-v1", 24, marks=pytest.mark.long),
         ("kinect-v2-paper", 24),
         pytest.param("kinect-v2", 16, marks=pytest.mark.long),
         pytest.param("azure-kinect", 8, marks=pytest.mark.long),

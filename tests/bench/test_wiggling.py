@@ -36,7 +36,7 @@ def walls(slant_deg: float) -> Mesh:
     return scenes.merge_meshes(*parts)
 
 
-@pytest.mark.parametrize("slant_deg", [0.0, 35.0])
+@pytest.mark.parametrize("slant_deg", [0.0, pytest.param(35.0, marks=pytest.mark.long)])
 def test_harmonics_come_back_from_walls_at_several_distances(
     context: moderngl.Context, slant_deg: float
 ) -> None:

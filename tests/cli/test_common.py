@@ -121,6 +121,7 @@ def test_slow_rates_are_not_0(rate: float, text: str) -> None:
     assert rate_text(rate) == text
 
 
+@pytest.mark.long
 def test_an_error_before_the_first_frame_has_no_idle_bar_and_frames_have_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -237,6 +237,7 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     assert "no figures" not in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_tables_have_the_input_first_and_one_row_per_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 from scripts import model_card
 
 
+@pytest.mark.long
 def test_a_row_has_the_metrics_of_networks_and_filters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,6 +52,7 @@ def test_a_data_set_records_its_protocol_and_reads_as_measured(tmp_path: Path) -
         np.testing.assert_array_equal(moved.noisy_mm, measured.noisy_mm)
 
 
+@pytest.mark.long
 def test_generate_takes_the_protocol(tmp_path: Path) -> None:
     from glsim.cli import main
 

@@ -95,6 +95,7 @@ def test_one_thing_of_each_kind_from_the_command_line(lab: Path) -> None:
     assert "lab-cam: 1 checks: 1 pass" in done.stderr
 
 
+@pytest.mark.long
 def test_a_data_set_is_not_resumed_with_other_code_of_a_package(lab: Path) -> None:
     output_of(lab, *GENERATE)
     output_of(lab, *GENERATE)

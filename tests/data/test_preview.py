@@ -68,6 +68,7 @@ def test_more_than_four_frames_stand_in_columns(
     np.testing.assert_array_equal(sheet[top : top + side, left : left + 4 * side], expected)
 
 
+@pytest.mark.long
 def test_people_of_the_demo_are_dressed(tmp_path: Path) -> None:
     """At least two thirds of them have hair and clothes; the script's own command, fewer frames."""
     script = (ROOT / "scripts" / "demo.sh").read_text(encoding="utf-8").replace("\\\n", " ")

@@ -104,7 +104,7 @@ def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:
     assert pairs[0].record["path"] == "a.bag"
 
 
-@pytest.mark.parametrize("codec", ["rawvideo", "ffv1"])
+@pytest.mark.parametrize("codec", ["rawvideo", pytest.param("ffv1", marks=pytest.mark.long)])
 def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     file = tmp_path / "a.mkv"
     colour = [np.zeros((64, 64, 3), np.uint8)] * 4

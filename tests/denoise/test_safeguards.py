@@ -218,7 +218,10 @@ def test_measured_pixels_that_are_unlikely_keep_their_probability(
     np.testing.assert_allclose(probability[left], np.where(noisy > 0, kept, 0)[left])
 
 
-@pytest.mark.parametrize(("sensor", "distance_mm"), [("realsense-d435", 500), ("truedepth", 450)])
+@pytest.mark.parametrize(
+    ("sensor", "distance_mm"),
+    [("realsense-d435", 500), pytest.param("truedepth", 450, marks=pytest.mark.long)],
+)
 def test_the_network_of_stereo_denoises_what_passes_for_clean(
     sensor: str, distance_mm: int
 ) -> None:

@@ -154,6 +154,7 @@ def test_a_board_is_found_in_infrared_and_its_paper_has_the_planted_noise(tmp_pa
     assert np.isnan(scores.methods["raw"].pair_rmse_mm).all()
 
 
+@pytest.mark.long
 def test_tuning_sees_one_half_and_scoring_the_other(pair: Path) -> None:
     recording = split_recording(Source(pair))
     tuned, trials = tune_on_pairs(recording, ["masked_gaussian"], workers=1)

@@ -103,6 +103,7 @@ renderer._gl_context = None  # PyOpenGL 3.1.0 cannot free it
 """
 
 
+@pytest.mark.long
 def test_a_mujoco_camera(tmp_path) -> None:
     pytest.importorskip("mujoco")
     (tmp_path / "scene.py").write_text(SCENE)

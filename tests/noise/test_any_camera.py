@@ -112,7 +112,8 @@ TRUEDEPTH = [0.85, 0.69, 0.56, 0.46, 0.28, 0.10, 0.0]
 
 
 @pytest.mark.parametrize(
-    ("length", "white", "measured"), [(8.0, 0.05, REALSENSE), (5.0, 0.1, TRUEDEPTH)]
+    ("length", "white", "measured"),
+    [(8.0, 0.05, REALSENSE), pytest.param(5.0, 0.1, TRUEDEPTH, marks=pytest.mark.long)],
 )
 def test_noise_has_the_measured_correlation(
     length: float, white: float, measured: list[float]

@@ -83,7 +83,7 @@ def test_a_frame_before_is_the_frame_of_its_own_seed(
         assert "earlier_depth" not in frame.extra, "without the filter there are none"
 
 
-@pytest.mark.parametrize("count", [8, 2])
+@pytest.mark.parametrize("count", [pytest.param(8, marks=pytest.mark.long), 2])
 def test_noise_in_time_falls_as_alpha_says(
     context: moderngl.Context, tmp_path: Path, count: int
 ) -> None:

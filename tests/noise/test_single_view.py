@@ -44,6 +44,7 @@ def test_noise_has_no_bias_and_grows_with_distance(z_m: float) -> None:
     assert abs(z_sd(error, float(np.hypot(sigma, 1 / 256 / np.sqrt(12))))) < Z_MAX
 
 
+@pytest.mark.long
 def test_the_devices_share_stays_in_all_frames_and_differs_between_devices() -> None:
     p = {"sigma_px": 0.05, "device_sigma_px": 0.05}
     one = np.stack([error_px(0.8, seed, device=seed, **p) for seed in range(40)])

@@ -175,7 +175,7 @@ def test_a_pixel_among_others_of_another_phase_is_marked(context: moderngl.Conte
     assert not (loose["reason"] == Reason.MIXED).any()
 
 
-@pytest.mark.parametrize("deliver", ["raw", "undistorted"])
+@pytest.mark.parametrize("deliver", ["raw", pytest.param("undistorted", marks=pytest.mark.long)])
 def test_the_field_stop_cuts_the_same_directions_in_both_geometries(
     context: moderngl.Context, deliver: str
 ) -> None:

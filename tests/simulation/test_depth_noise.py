@@ -87,7 +87,10 @@ def test_it_is_pickled_as_its_settings() -> None:
     [
         {"num_workers": 0},
         {"num_workers": 2, "multiprocessing_context": "fork"},
-        {"num_workers": 2, "multiprocessing_context": "fork", "persistent_workers": True},
+        pytest.param(
+            {"num_workers": 2, "multiprocessing_context": "fork", "persistent_workers": True},
+            marks=pytest.mark.long,
+        ),
         pytest.param(
             {"num_workers": 2, "multiprocessing_context": "spawn"}, marks=pytest.mark.long
         ),

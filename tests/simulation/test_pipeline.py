@@ -92,7 +92,8 @@ print(t.json.dumps([list(t.made(context, t.moving_settings(s, output={"crop": 12
 """
 
 
-@pytest.mark.parametrize("backend", ["egl", pytest.param("osmesa", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("backend", ["egl", "osmesa"])
 def test_other_processes_and_backends_give_the_same_bytes(
     context: moderngl.Context, backend: str
 ) -> None:

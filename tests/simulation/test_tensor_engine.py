@@ -168,6 +168,7 @@ def test_reasons_fit_depths_and_p_is_a_share_of_maps() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of torch, in itself
+@pytest.mark.long
 def test_a_compiled_function_of_the_user_may_call_it() -> None:
     clean, noise = torch.from_numpy(heads(2)), DepthNoise("kinect-v2-fast")
     expected = noise(clean, seeds=[1, 2])  # the first call reads the sensor's file

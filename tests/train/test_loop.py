@@ -79,6 +79,7 @@ def test_interrupted_anywhere_equals_uninterrupted(
     assert rows(tmp_path / "whole") == rows(parts)
 
 
+@pytest.mark.long
 def test_a_resumed_training_keeps_its_number_of_threads(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

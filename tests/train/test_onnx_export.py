@@ -175,7 +175,8 @@ def test_a_network_is_its_onnx_file_again(kind: str, tmp_path: Path) -> None:
         torch.testing.assert_close(weight, model.state_dict()[name], rtol=0, atol=0, msg=name)
 
 
-@pytest.mark.parametrize("name", ["face", pytest.param("face-video", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["face", "face-video"])
 def test_each_shipped_network_can_be_trained_further(name: str) -> None:
     chosen = load_recipe(name, (), {"training": {"start": name}})
     weights, record = read_start(name, chosen.model)
