@@ -9,11 +9,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.scoring.bias import BiasBin, BiasSums, add_bias, bias_by_distance
-from glsim.eval.scoring.blocks import Row
+from glsim.eval.scoring.blocks import Row, default_composites
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 _T = TypeVar("_T")
@@ -69,8 +68,7 @@ class ScoreSummary:
 
     def one_composite(self) -> ScoreSummary:
         """Return a summary with one row per denoiser: the default composite of a network."""
-        others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
-        return self._of({name for name in self.methods if not name.endswith(others)})
+        return self._of(default_composites(self.methods))
 
     def _of(self, methods: Collection[str]) -> ScoreSummary:
         def chosen(values: dict[str, _T]) -> dict[str, _T]:

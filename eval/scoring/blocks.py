@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError, DenoiserError
+from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.denoise.denoiser import Denoiser, Estimate
 from glsim.denoise.frames import Stacks
 from glsim.denoise.interface import Depth
@@ -134,6 +135,12 @@ def labelled(method: Denoiser, estimate: Estimate) -> dict[str, Depth]:
         f"{method.label} [{part}]" if part else method.label: depth
         for part, depth in estimate.composites().items()
     }
+
+
+def default_composites(labels: Iterable[str]) -> list[str]:
+    """Leave out the composites of networks but the default one, given the labels of methods."""
+    others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
+    return [label for label in labels if not label.endswith(others)]
 
 
 class _BlockScorer:

@@ -60,8 +60,9 @@ MEAN_ROOT: Final = 2**0.25 * math.gamma(0.75) / math.sqrt(math.pi)
 #: Windows whose depths span more than this, mm per pixel of step, contain an edge; least number of
 #: windows without an edge.
 EDGE_MM, LEAST_WINDOWS = 30.0, 50
-#: Least local noise, mm: rounding makes windows without any difference.
+#: Least local noise, mm: rounding makes windows without any difference; size of the windows, px.
 _LEAST_MM: Final = 0.01
+_LOCAL_PX: Final = (15, 15)
 
 
 def clean_noise_mm(depth_mm: Depth) -> float | None:
@@ -142,18 +143,16 @@ def noise_share(spectrum: NDArray[np.float64]) -> float:
     return float(np.sqrt((seen * spectrum).mean()) / GAIN)
 
 
-def local_noise_mm(depth_mm: Depth, otherwise_mm: float, window_px: int = 15) -> Depth:
+def local_noise_mm(depth_mm: Depth, otherwise_mm: float) -> Depth:
     """Estimate the noise around each pixel of a depth map, (H, W) float32 mm.
 
     Args:
         depth_mm: (H, W) millimetres, 0 = no return.
         otherwise_mm: where a third of the window has no surface.
-        window_px: side of the window.
     """
     size, inner = _second_differences(depth_mm, 1)
-    window = (window_px, window_px)
-    share = cv2.blur(inner.astype(np.float32), window)
-    roots = cv2.blur(np.where(inner, np.sqrt(size), np.float32(0)), window)
+    share = cv2.blur(inner.astype(np.float32), _LOCAL_PX)
+    roots = cv2.blur(np.where(inner, np.sqrt(size), np.float32(0)), _LOCAL_PX)
     known = share > 1 / 3
     mean = np.divide(roots, share, out=np.zeros_like(roots), where=known)
     local: Depth = np.where(known, np.maximum(_noise_of(mean), _LEAST_MM), otherwise_mm)

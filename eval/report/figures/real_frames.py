@@ -7,23 +7,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.totals import RealScores
 from glsim.eval.report.figures.style import method_style, new_figure
+from glsim.eval.scoring.blocks import default_composites
 
 _TEXT_SIZE: Final = 7
 #: Uncalibrated networks shift depth by a few mm, filters by tenths of a mm.
 _SHIFT_RANGE_MM: Final = 6.0
-#: Ends of the names of methods that are not drawn: tables have all composites.
-_OTHERS: Final = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
 
 
 def measures_figure(scores: RealScores) -> Any:
     """Draw errors on static pairs and on the board, depth shift, and losses at edges."""
     figure = new_figure(10.0, 7.4)
     (pairs, papers), (shifts, edges) = figure.subplots(2, 2)
-    names = [name for name in scores.methods if not name.endswith(_OTHERS)]
+    names = default_composites(scores.methods)  # tables have all
     kinds = ("ring_1_lost", "ring_2_lost", "shadow_filled")
     for number, name in enumerate(names):
         m, style = scores.methods[name], method_style(number)
