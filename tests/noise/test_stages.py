@@ -341,24 +341,3 @@ def test_each_pixel_takes_the_nearest_dot(context: moderngl.Context, radius: flo
         # Any of several equally near dots is right.
         fits = (squared == least[:, None]) & (value == depth[row][:, None])
         assert fits.any(axis=1)[reached].all()
-
-
-def test_spread_reasons(context: moderngl.Context) -> None:
-    layers = scene(3)
-    written = run_shader(context, "dot_spread", layers)
-    before, after = layers["depth"] > 0, written["depth"] > 0
-    clean = layers["clean"] > 0
-    # The scene has no noise: the depth of a pixel tells its dot.
-    other = np.abs(written["depth"] - layers["clean"]) > np.float32(0.02)
-    for pixels, code in (
-        (before & ~after, Reason.WINDOW),
-        (~before & after & clean, Reason.MOVED),
-        (~before & after & ~clean, Reason.GROWN),
-        (before & after & ~other, Reason.VALID),
-        (before & after & other, Reason.MOVED),
-    ):
-        assert pixels.any()
-        assert (written["reason"][pixels] == code).all()
-    np.testing.assert_array_equal(
-        written["reason"][~before & ~after], layers["reason"][~before & ~after]
-    )

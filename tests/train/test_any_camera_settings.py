@@ -35,13 +35,12 @@ def test_one_camera_at_four_sizes() -> None:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_frames_hold_a_face_and_repeat(name: str) -> None:
+def test_frames_hold_a_face(name: str) -> None:
     layers = ("clean", "expected", "noisy", "infrared", "reason")
-    first, again = (list(simulate(settings(name), layers=layers)) for _ in range(2))
-    for frame, other in zip(first, again, strict=True):
+    first = list(simulate(settings(name), layers=layers))
+    for frame in first:
         assert frame.noisy.shape == (128, 128)
         assert (frame.noisy > 0).mean() > 0.3
-        assert frame.noisy.tobytes() == other.noisy.tobytes()
         assert ((frame.noisy > 0) == np.isin(frame.reason, MEASURED)).all()
         assert (frame.expected != frame.clean).any()
     assert first[0].parameters != first[1].parameters

@@ -131,21 +131,6 @@ def test_fewer_filters_are_the_same_filters(filters: tuple[FilterName, ...]) -> 
     assert torch.equal(some.channels[:, len(filters) :], every.channels[:, len(FILTERS) :])
 
 
-@pytest.mark.parametrize(
-    ("filters", "match"),
-    [
-        ([], "at least 1 item"),
-        (["slopes", "guided_1"], "in the order guided_1"),
-        (["guided_1", "guided_1"], "each once"),
-        (["median"], "'guided_1', 'robust'"),
-    ],
-)
-def test_other_filters_are_refused(filters: list[str], match: str) -> None:
-    spec = {"kind": "small_unet", "width": 8, "scales": 3}
-    with pytest.raises(ConfigError, match=match):
-        build_model({"kind": "mask_aware", "filters": filters, "backbone": spec})
-
-
 @pytest.mark.parametrize("surfaces", [False, True])
 def test_calibration_sets_and_resets_the_factor(surfaces: bool) -> None:
     model = untrained(surfaces=surfaces)

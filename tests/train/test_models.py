@@ -130,12 +130,11 @@ def paper_input(**backbone: Any) -> dict[str, Any]:
     ("spec", "words"),
     [
         ({"kind": "mask_awar", "backbone": {"kind": "dncnn"}}, "did you mean 'mask_aware'"),
-        ({"backbone": {"kind": "dncnn"}}, "model.kind"),
+        ({"kind": "mask_aware", "filters": ["slopes", "robust"]}, "in the order guided_1"),
         ({"kind": "paper_input"}, "model.backbone: give a table"),
         (paper_input(kind="dncn"), "did you mean 'dncnn'"),
         (paper_input(deptt=7), "no parameter 'deptt' .did you mean 'depth'"),
         (paper_input(depth=1), "model.backbone.depth = 1: .*greater than or equal to 2"),
-        (paper_input(depth="deep"), "model.backbone.depth = 'deep'"),
         (paper_input(in_channels=2), "model.backbone.in_channels: set by the model around it"),
         (paper_input(backbone={"kind": "unet"}), "dncnn has no backbone"),
         (paper_input() | {"uncertainty": True}, "no parameter 'uncertainty'"),

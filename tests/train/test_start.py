@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from glsim.train import loop, run_setup
-from glsim.train.batches import StoredBatches, spread
+from glsim.train.batches import StoredBatches
 from glsim.train.loop import StepStatus, fit
 from glsim.train.recipe import load_recipe
 from glsim.train.run_setup import computes_bfloat16, with_precision
@@ -102,12 +102,3 @@ def test_each_validation_takes_a_share_of_the_minutes(
         settings = recipe(training=training)
         fit(settings, batch_source(settings, count=4), tmp_path / str(minutes))
         assert counted == expected
-
-
-def test_any_beginning_of_the_validation_frames_is_spread() -> None:
-    frames = batch_source(recipe()).validation
-    frames.indices = list(range(100))
-    order = spread(frames).indices
-    assert sorted(order) == list(range(100))
-    assert max(order[:10]) - min(order[:10]) > 60
-    assert spread(frames).indices == order
