@@ -1,7 +1,7 @@
 """Pairs per second: glsim against Open3D and pyrender with NumPy noise, on the same meshes.
 
     python -m benchmarks.generate [--ict-root FaceXModel] [--frames 300]
-    python -m benchmarks.generate --scenes --frames 60      heads, people and rooms, without peers
+    python -m benchmarks.generate --scenes --frames 60      heads, people and rooms
 
 Every contender gets the same faces (a new one every frame), makes clean depth, shadow and noise
 at 512x424, and writes two 16-bit PNGs to disk, in one process on one core. Peers add the noise of
@@ -52,6 +52,8 @@ _SCENES: dict[str, tuple[str, str, str | None, list[str]]] = {
     "bare, truedepth": ("truedepth", "procedural", None, []),
 }
 _CROP = ", 128 px"
+#: The scene's triangles by a peer, whole frames; persons are loaded and dressed as for glsim.
+_BY_OPEN3D = ", Open3D ray casting, lean noise"
 #: Frames before the clock starts: shaders compile, caches fill.
 _WARM_UP = 10
 _TURNS = 3
@@ -70,14 +72,19 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.one:
         name, out = arguments.one
-        run = _run_peer if name in _PEERS else _run_glsim
+        run = _run_peer if _is_peer(name) else _run_glsim
         seconds = list(run(name, arguments.frames, Path(out), arguments.ict_root))
         cpu, wall = np.array(seconds[-1]) - np.array(seconds[_WARM_UP - 1])
         scale = 1000 / (len(seconds) - _WARM_UP)
         print(json.dumps({"cpu_ms": scale * cpu, "wall_ms": scale * wall}))
         return
     if arguments.scenes:
-        arguments.only = [name + end for name in _SCENES for end in (_CROP, "")]
+        arguments.only = [
+            name + end
+            for name, (sensor, *_) in _SCENES.items()
+            for end in (_CROP, "", _BY_OPEN3D)
+            if sensor == "kinect-v2" or end != _BY_OPEN3D
+        ]
     turns = [{name: _turn(name, arguments) for name in arguments.only} for _ in range(_TURNS)]
     medians = {
         name: {key: statistics.median(turn[name][key] for turn in turns) for key in report}
@@ -92,9 +99,13 @@ def main() -> None:
     Console(width=120).print(table)
 
 
+def _is_peer(name: str) -> bool:
+    return name in _PEERS or name.endswith(_BY_OPEN3D)
+
+
 def _turn(name: str, arguments: argparse.Namespace) -> dict[str, float]:
     """Run one contender in its own process, single-threaded; return its report."""
-    frames = max(20, arguments.frames // 5) if name in _PEERS else arguments.frames
+    frames = max(20, arguments.frames // 5) if _is_peer(name) else arguments.frames
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
     environment = os.environ | threads | {"PYOPENGL_PLATFORM": "egl"}
     command = [sys.executable, "-m", "benchmarks.generate", "--frames", str(frames)]
@@ -122,6 +133,16 @@ def _faces(sensor: str, frames: int, ict_root: Path | None) -> tuple[Settings, F
     return load_settings(overrides={"sensor": sensor}, source=count), source
 
 
+def _scene_settings(name: str, frames: int, sensor: str | None = None) -> Settings:
+    """Return settings of a row of scenes: 20 frames of each person."""
+    own, kind, preset, assignments = _SCENES[name.removesuffix(_CROP)]
+    crop = ["output.crop=128"] if name.endswith(_CROP) else []
+    count = {"subjects": (frames + _WARM_UP) // 20 + 1, "frames_per_subject": 20}
+    return load_settings(
+        None, [*assignments, *crop], {"sensor": sensor or own}, {"kind": kind, **count}, preset
+    )
+
+
 def _run_glsim(
     sensor: str, frames: int, out: Path, ict_root: Path | None
 ) -> Iterator[tuple[float, float]]:
@@ -132,13 +153,8 @@ def _run_glsim(
     from glsim.simulation.pipeline import Simulator, open_sources
     from glsim.simulation.plan.tasks import make_tasks
 
-    if scene := _SCENES.get(sensor.removesuffix(_CROP)):
-        camera, kind, preset, assignments = scene
-        crop = ["output.crop=128"] if sensor.endswith(_CROP) else []
-        count = {"subjects": (frames + _WARM_UP) // 20 + 1, "frames_per_subject": 20}
-        settings = load_settings(
-            None, [*assignments, *crop], {"sensor": camera}, {"kind": kind, **count}, preset
-        )
+    if sensor.removesuffix(_CROP) in _SCENES:
+        settings = _scene_settings(sensor, frames)
         sources = open_sources(settings)
     else:
         settings, source = _faces(sensor, frames + _WARM_UP, ict_root)
@@ -159,18 +175,32 @@ def _run_peer(
 
     from benchmarks.lean_noise import LeanNoise
     from glsim.sensors.sensor import sensor_of
+    from glsim.simulation.face_loader import FaceLoader
     from glsim.simulation.frame import encode_depth
+    from glsim.simulation.pipeline import open_sources
+    from glsim.simulation.plan.tasks import make_tasks
+    from glsim.simulation.scenes import FrameScenes
 
-    settings, source = _faces("kinect-v2-paper", frames + _WARM_UP, ict_root)
+    scene = name.removesuffix(_BY_OPEN3D)
+    if scene in _SCENES:
+        name, settings = "open3d", _scene_settings(scene, frames, "kinect-v2-paper")
+        sources = open_sources(settings)
+    else:
+        settings, source = _faces("kinect-v2-paper", frames + _WARM_UP, ict_root)
+        sources = [source]
     rig = sensor_of(settings).rig
+    scenes = FrameScenes(FaceLoader(settings, sources, rig), regions=False)
+    tasks = make_tasks(settings, sources)[: frames + _WARM_UP]
     render = importlib.import_module(f"benchmarks.{name}_peer").Renderer(rig)
     add_noise = LeanNoise(rig)
-    (of,) = settings.source
-    people = source.subjects(of.subjects)
-    keys = [key for person in people for key in source.frames(person, of.frames_per_subject)]
-    for number, face in enumerate(source.load(keys[: frames + _WARM_UP])):
+    for number, (task, face) in enumerate(scenes.loader.load_ahead(tasks)):
         assert isinstance(face, Face), face
-        clean, lit = render(face.mesh)
+        points, faces, first = [], [], 0
+        for mesh, view in scenes.build(task, face).meshes:
+            points.append(mesh.vertices_mm @ view[:3, :3].T + view[:3, 3])
+            faces.append(mesh.faces + first)
+            first += len(mesh.vertices_mm)
+        clean, lit = render(np.concatenate(points), np.concatenate(faces))
         for layer, depth in (("clean", clean), ("noisy", add_noise(clean, lit, number))):
             cv2.imwrite(str(out / f"{number:06d}_{layer}.png"), encode_depth(depth))
         yield time.process_time(), time.perf_counter()

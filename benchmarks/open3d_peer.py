@@ -7,8 +7,6 @@ import open3d as o3d
 from numpy.typing import NDArray
 
 from glsim.core.camera import SensorRig
-from glsim.core.mesh import Mesh
-from glsim.core.pose import pose_matrix
 
 #: Least distance, m, by which an occluder must be in front of a point to shadow it: the shader's
 #: order of magnitude.
@@ -20,18 +18,22 @@ class Renderer:
 
     def __init__(self, rig: SensorRig) -> None:
         self._emitter = np.asarray(rig.emitters[0].position_m, dtype=np.float32)
-        self._view = pose_matrix({"distance_mm": 900.0})
         rays = rig.rays()
         directions = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
         self._rays = np.concatenate([np.zeros_like(directions), directions], axis=-1)
 
-    def __call__(self, mesh: Mesh) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return clean depth, m, and the lit share, both (H, W) float32."""
-        points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
+    def __call__(
+        self, points_m: NDArray[np.float32], faces: NDArray[np.int32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return clean depth, m, and the lit share, both (H, W) float32.
+
+        Args:
+            points_m, faces: vertices (n, 3) in the camera's frame, and triangles (m, 3).
+        """
         scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(points, dtype=np.float32)),
-            o3d.core.Tensor.from_numpy(mesh.faces.astype(np.uint32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(points_m, dtype=np.float32)),
+            o3d.core.Tensor.from_numpy(faces.astype(np.uint32)),
         )
         depth = _distances(scene, self._rays)
         depth[~np.isfinite(depth)] = 0.0  # the rays' z is 1: t is depth along the axis

@@ -7,8 +7,6 @@ import pyrender
 from numpy.typing import NDArray
 
 from glsim.core.camera import SensorRig
-from glsim.core.mesh import Mesh
-from glsim.core.pose import pose_matrix
 
 #: As in `benchmarks/open3d_peer.py`.
 _SHADOW_BIAS_M = 0.003
@@ -23,16 +21,16 @@ class Renderer:
         self._camera = pyrender.IntrinsicsCamera(
             image.fx, image.fy, image.cx, image.cy, znear=0.1, zfar=12.0
         )
-        self._view = pose_matrix({"distance_mm": 900.0})
         self._emitter = np.asarray(rig.emitters[0].position_m)
         rays = rig.rays()
         self._rays = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1)
 
-    def __call__(self, mesh: Mesh) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return clean depth, m, and the lit share, both (H, W) float32."""
-        points = mesh.vertices_mm @ self._view[:3, :3].T + self._view[:3, 3]
+    def __call__(
+        self, points_m: NDArray[np.float32], faces: NDArray[np.int32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return clean depth, m, and the lit share; arguments as in `benchmarks/open3d_peer.py`."""
         primitive = pyrender.Primitive(
-            positions=(points * (1, -1, -1)).astype(np.float32), indices=mesh.faces
+            positions=(points_m * (1, -1, -1)).astype(np.float32), indices=faces
         )
         drawn = pyrender.Mesh([primitive])
         depth = self._depth(drawn, np.zeros(3))
