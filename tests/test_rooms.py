@@ -77,7 +77,10 @@ HOMES = {
     "safetensors": ("glsim.denoise.checkpoint",),
     "lightning_fabric": ("glsim.train",),
     "tensorboard": ("glsim.train",),
-    "matplotlib": ("glsim.eval.report.figures",),
+    "matplotlib": (
+        "glsim.eval.report.figures",
+        "glsim.eval.paper.figures",
+    ),
     "jinja2": ("glsim.eval.report.document",),
     "nicegui": ("glsim.cli.tune_page",),
     "fastapi": ("glsim.cli.tune_page.page",),

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.eval.paper.draw_figures import write_paper_figures
+from glsim.eval.paper.figures.draw_figures import write_paper_figures
 from glsim.eval.paper.ours_beside_printed import (
     FILTERS_FOLDER,
     MASKS,

@@ -158,18 +158,26 @@ def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
 
 
-#: Kind of a face source -> its name in captions.
-_NAMES: Final = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURCES.items()}}
+_NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURCES.items()}}
 
 
 def data_note(dataset: Dataset) -> str:
-    """Describe a reproduction's data in a caption: sources, frames, absent face sets, sensor."""
+    """Describe a data set in a caption: sources, numbers of frames, absent face sets, sensor.
+
+    Args:
+        dataset: of the reproduction.
+    """
     held = Counter(str(pair.record["source"]) for pair in dataset)
-    sources = ", ".join(f"{_NAMES.get(kind, kind)} ({count:,})" for kind, count in held.items())
+    sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in held.items())
     note = f"Frames: {sources}."
-    others = " and ".join(_NAMES.get(kind, kind) for kind in held if kind not in PAPER_SOURCES)
+    others = " and ".join(source_name(kind) for kind in held if kind not in PAPER_SOURCES)
     missing = missing_counts(held)
     if others and missing:
         lacks = ", ".join(f"{PAPER_SOURCES[kind].name} ({n:,})" for kind, n in missing.items())
         note += f" In place of {lacks}: {others}."
     return f"{note} Sensor: {dataset.sensor_title}."
+
+
+def source_name(kind: str) -> str:
+    """Return the name that captions use for a kind of face source."""
+    return _NAMES.get(kind, kind)

@@ -130,8 +130,8 @@ def tables(
 
 
 def figures(folder: FolderArgument) -> None:
-    """Draw the paper's figures 2, 4, 5 and 6 from the data and networks of a reproduction."""
-    from glsim.eval.paper.draw_figures import write_paper_figures
+    """Draw the paper's figures 1 to 6 from the data and networks of a reproduction."""
+    from glsim.eval.paper.figures.draw_figures import write_paper_figures
 
     print_written(write_paper_figures(folder, lambda name: print_message(f"drawing {name}")))
 

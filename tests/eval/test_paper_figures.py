@@ -1,4 +1,4 @@
-"""The paper's figures: panels, missing networks, and whose heads."""
+"""The paper's figures: panels, axes with units, shadows, missing networks, and whose heads."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.data.reader import open_dataset
-from glsim.eval.paper import draw_figures as write
+from glsim.data.reader import Dataset, open_dataset
+from glsim.eval.paper.figures import draw_figures as write
+from glsim.eval.paper.figures.solids import choose_frame, frustum_figure, surfaces_figure
 from glsim.eval.paper.trained_networks import data_note
 from glsim.eval.report.figures.panels import method_panels
 from glsim.eval.report.figures.style import to_png
@@ -36,12 +38,41 @@ def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_note_says_whose_heads_are_shown(reproduction: Path) -> None:
-    note = data_note(open_dataset(reproduction / "data"))
+@pytest.fixture
+def data(reproduction: Path) -> Dataset:
+    return open_dataset(reproduction / "data")
+
+
+def test_a_note_says_whose_heads_are_shown(data: Dataset) -> None:
+    note = data_note(data)
     assert "embedded heads (3), D3DFACS (1)" in note
     assert "In place of D3DFACS (1), FaceWarehouse (1)" in note or "FaceWarehouse (1)" in note
     assert "Biwi (1): embedded heads." in note
     assert "Kendrick et al." in note
+
+
+def test_figure_3_shows_the_set_that_is_asked_for(data: Dataset) -> None:
+    assert choose_frame(data, "d3dfacs").pair.record["source"] == "d3dfacs"
+    assert choose_frame(data, "facewarehouse").pair.record["source"] == "procedural"
+    frame = choose_frame(data, "d3dfacs")
+    figure: Any = surfaces_figure(frame, "note")
+    assert [axis.get_title() for axis in figure.axes] == ["clean", "noisy"]
+    assert [len(axis.collections) for axis in figure.axes] == [1, 1]
+
+
+def test_figure_1_shows_the_frustum_and_the_shadow(data: Dataset) -> None:
+    figure = frustum_figure(choose_frame(data, "procedural"), "note")
+    whole, near = figure.axes
+    assert whole.get_title() == "viewing frustum"
+    colours = np.unique(np.round(near.collections[0].get_facecolor()[:, :3], 2), axis=0)
+    assert len(colours) > 20  # shaded
+    red_over_green = colours[:, 0] / colours[:, 1]
+    assert red_over_green.min() < 2 < 4 < red_over_green.max()  # lit skin, and shadow
+    rays = [line for line in near.lines if line.get_linestyle() == ":"]
+    assert len(rays) == 9
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"frustum, 512x424 px", "crop, 96x96 px"} <= {*labels}
+    assert "projector, 75 mm beside; its blocked rays" in labels
 
 
 @pytest.mark.long
@@ -62,9 +93,10 @@ def test_networks_of_a_folder_and_what_is_missing(
 
     monkeypatch.setattr(write, "method_panels", small)
     monkeypatch.setattr(write, "to_png", lambda figure: to_png(figure, dpi=20))
+    monkeypatch.setattr(write, "frustum_figure", surfaces_figure)
     paths = write.write_paper_figures(tmp_path)
     assert {path.name for path in paths} == {
-        *(f"figure_{n}.png" for n in (2, 5, 6)), "captions.md", "paper_figures.html",
+        *(f"figure_{n}.png" for n in (1, 2, 3, 5, 6)), "captions.md", "paper_figures.html",
     }  # fmt: skip
     assert all(cv2.imread(str(path)) is not None for path in paths if path.suffix == ".png")
     assert [[title.partition("\n")[0] for title in titles] for titles in drawn] == [
@@ -75,7 +107,7 @@ def test_networks_of_a_folder_and_what_is_missing(
     assert drawn[1][1] == "D7\nfull, 10 steps"
     text = (tmp_path / "paper_figures" / "captions.md").read_text()
     assert "Missing, without a checkpoint: D20, D64, AR D20, AR D64." in text
-    assert text.count("embedded heads") >= 3
+    assert text.count("embedded heads") >= 5
 
 
 def test_without_data_there_is_nothing_to_draw(

@@ -1,4 +1,4 @@
-"""Draw the paper's figures of methods from a reproduction, and figure 6 with our networks."""
+"""Draw the paper's figures 1 to 5 from a reproduction's folder, and figure 6 with our networks."""
 
 from __future__ import annotations
 
@@ -9,17 +9,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.core.depth_frame import DepthFrame
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
 from glsim.denoise.registry import load_denoiser
+from glsim.eval.paper.figures.solids import (
+    FigureFrame,
+    choose_frame,
+    frustum_figure,
+    surfaces_figure,
+)
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.paper.trained_networks import (
     SeedGroup,
     data_note,
     find_trained_runs,
     group_by_network,
+    source_name,
     with_twins,
 )
 from glsim.eval.report.document import CaptionedPng, Document, html_page
@@ -56,10 +62,9 @@ def write_paper_figures(
 ) -> list[Path]:
     """Draw the figures from REPRODUCTION/data and REPRODUCTION/runs; return the written files.
 
-    Writes REPRODUCTION/paper_figures/figure_N.png (2, 4, 5 and 6), captions.md, and all of it in
-    paper_figures.html; figures 1 and 3 of the paper show no method. Networks are those in the
-    folder, whatever their size; a figure without any of its networks is left out, and captions name
-    missing rows. drawing: gets each figure's name.
+    Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and all of it in
+    paper_figures.html. Networks are those in the folder, whatever their size; a figure without any
+    of its networks is left out, and captions name missing rows. drawing: gets each figure's name.
 
     Raises ConfigError without a data set, DatasetError, DenoiserError, and GlsimError without
     Matplotlib.
@@ -94,15 +99,15 @@ def write_paper_figures(
 def _figures(
     dataset: Dataset, groups: Sequence[SeedGroup], note: str
 ) -> dict[str, tuple[str, Callable[[], Any]]]:
-    """Return name -> caption and drawing function of the figures, without drawing them.
-
-    All are of the middle frame of the test split. Raises DatasetError without test frames.
-    """
-    split = dataset.split("test")
-    if not len(split):
-        raise DatasetError(f"{dataset.path}: has no test frames to draw")
-    example = split[len(split) // 2]
+    """Return name -> caption and drawing function of the six figures, without drawing them."""
+    example = choose_frame(dataset)
+    scan = choose_frame(dataset, "facewarehouse")
     figures: dict[str, tuple[str, Callable[[], Any]]] = {
+        "figure_1": (
+            "The viewing frustum of the sensor with the head in it, camera and projector; right, "
+            "what the camera sees of the head, and where the projector's light does not reach.",
+            lambda: frustum_figure(example, note),
+        ),
         "figure_2": (
             "The paper's filters beside the truth: depth, error, and the surface seen from 30 "
             "degrees aside. Adaptive is a filter over time, on single frames the identity.",
@@ -112,6 +117,11 @@ def _figures(
                 ("depth", "error", "side"),
                 note,
             ),
+        ),
+        "figure_3": (
+            "A depth map in 3D, left clean, right noisy: "
+            f"{source_name(scan.pair.record['source'])}.",
+            lambda: surfaces_figure(scan, note),
         ),
     }
     for name, (rows, kinds, caption) in _NETWORKS.items():
@@ -145,10 +155,10 @@ def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Colum
     return columns
 
 
-def _panels(frame: DepthFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
+def _panels(frame: FigureFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
     """Draw the frame as denoised by each method; networks use the default composite."""
     maps = {
-        title: load_denoiser(spec)(frame.noisy_mm).depth_mm.astype(np.float32)
+        title: load_denoiser(spec)(frame.noisy).depth_mm.astype(np.float32)
         for title, spec in (_NOISY | columns).items()
     }
-    return method_panels(PanelFrame(frame.clean_mm, frame.intrinsics), maps, rows, note)
+    return method_panels(PanelFrame(frame.clean, frame.window.intrinsics), maps, rows, note)

@@ -1,0 +1,224 @@
+"""Figures 1 and 3 of the paper: surfaces in Matplotlib's 3D axes, mm (x right, y away, z up)."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import Intrinsics, SensorRig
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import lit_by_marching, normals, surface
+from glsim.core.errors import DatasetError
+from glsim.data.reader import Dataset
+from glsim.denoise.interface import Depth
+from glsim.eval.report.figures.side_view import STEEPEST_DEG
+from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
+from glsim.sensors.sensor import sensor_of
+from glsim.settings.schema import Settings
+
+Points = NDArray[np.floating[Any]]
+_TEXT_SIZE: Final = 7
+#: Direction to the light in figure axes: from the upper left, behind the camera.
+_LIGHT: Final = np.array([-0.4, -0.75, 0.55]) / np.linalg.norm([-0.4, -0.75, 0.55])
+#: Brightness of a triangle that the light does not reach.
+_AMBIENT: Final = 0.35
+#: Colours: seen and lit by the projector; seen in its shadow.
+_LIT, _SHADOW, _SKIN = "#e9b98a", "#7b1e3a", "#dbccbd"
+_CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072b2"
+#: Rays of light that are drawn to the shadow.
+_RAYS: Final = 9
+#: Margin around a head, mm.
+_MARGIN_MM: Final = 15.0
+
+
+class FigureFrame(NamedTuple):
+    """A frame of a data set with the maps and rigs that the figures need.
+
+    Attributes:
+        pair: the frame.
+        clean, noisy: its maps, (H, W) mm, 0 = no depth.
+        rig: the sensor's.
+        window: the same with the camera of the delivered frame.
+    """
+
+    pair: DepthFrame
+    clean: Depth
+    noisy: Depth
+    rig: SensorRig
+    window: SensorRig
+
+
+def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
+    """Return the middle frame of the test split, from the given kind of face source if possible.
+
+    Raises DatasetError for a data set without test frames or clean maps.
+    """
+    split = dataset.split("test")
+    if not len(split):
+        raise DatasetError(f"{dataset.path}: has no test frames to draw")
+    numbers = [n for n, pair in enumerate(split) if pair.record["source"] == kind]
+    chosen = numbers or range(len(split))
+    pair = split[chosen[len(chosen) // 2]]
+    rig = sensor_of(Settings.model_validate(dataset.header["settings"])).rig
+    window = replace(rig, intrinsics=pair.intrinsics)
+    return FigureFrame(pair, pair.clean_mm, pair.noisy_mm, rig, window)
+
+
+def frustum_figure(frame: FigureFrame, note: str) -> Any:
+    """Draw figure 1: the viewing frustum (left), the head with the projector's shadow (right)."""
+    figure = new_figure(8.6, 4.6)
+    lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)
+    far = float(frame.clean.max()) + 150.0
+    x, y, _ = _image_corners(frame.rig.intrinsics, far).T
+    emitters = to_figure_axes(
+        1000.0 * np.array([e.position_m for e in frame.rig.emitters[:1]]).reshape(-1, 3)
+    )
+    whole = np.array([x.min(), -60.0, -y.max()]), np.array([x.max(), far, -y.min()])
+    boxes = {"viewing frustum": whole, "the head, and the projector's shadow on it": _bounds(frame)}
+    for place, (title, (start, end)) in enumerate(boxes.items()):
+        axis = _axes_3d(figure, place, start, end, 18.0, -140.0)
+        axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.02)
+        _draw_surface(axis, frame.clean, frame, (start, end), lit)
+        if place == 0:
+            _draw_frustum(axis, frame.rig.intrinsics, far, _FRUSTUM)
+            _draw_frustum(axis, frame.window.intrinsics, far, _WINDOW)
+            axis.plot([0], [0], [0], marker="s", color=_CAMERA, markersize=5, linestyle="")
+            axis.plot(*emitters.T, marker="D", color=_PROJECTOR, markersize=5, linestyle="")
+        else:
+            _draw_rays(axis, frame, lit, emitters, start)
+    figure.legend(
+        handles=_legend(frame), loc="outside upper center", ncols=3, fontsize=_TEXT_SIZE - 1,
+        frameon=False,
+    )  # fmt: skip
+    add_note(figure, note)
+    return figure
+
+
+def surfaces_figure(frame: FigureFrame, note: str) -> Any:
+    """Draw figure 3: the surfaces of a frame's clean and noisy depth maps."""
+    figure = new_figure(7.6, 4.3)
+    bounds = _bounds(frame)
+    for place, (title, depth) in enumerate({"clean": frame.clean, "noisy": frame.noisy}.items()):
+        # From a little above the head, and from the side where no shadow falls.
+        axis = _axes_3d(figure, place, *bounds, 12.0, -62.0)
+        axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.0, pad=-4)
+        _draw_surface(axis, depth, frame, bounds)
+    add_note(figure, note)
+    return figure
+
+
+def to_figure_axes(points_mm: Points) -> NDArray[np.float64]:
+    """Convert (..., 3) camera axes (x right, y down, z forward) to figure axes (z up)."""
+    points = np.asarray(points_mm, np.float64)
+    return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
+
+
+def _bounds(frame: FigureFrame) -> tuple[Points, Points]:
+    """Compute two opposite corners of a box around the clean surface, figure axes, mm."""
+    points = frame.window.intrinsics.unproject(frame.clean)
+    seen = to_figure_axes(points)[frame.clean > 0]
+    return seen.min(axis=0) - _MARGIN_MM, seen.max(axis=0) + _MARGIN_MM
+
+
+def _axes_3d(
+    figure: Any, place: int, low: Points, high: Points, elevation_deg: float, azimuth_deg: float
+) -> Any:
+    """Add 3D axes with equal scales and the limits of a box to a figure with two columns."""
+    axis = figure.add_subplot(1, 2, place + 1, projection="3d", computed_zorder=False)
+    axis.view_init(elev=elevation_deg, azim=azimuth_deg)
+    axis.set_proj_type("persp", focal_length=2.0)
+    ticker = matplotlib("ticker")
+    for name, a, b in zip("xyz", low, high, strict=True):
+        getattr(axis, f"set_{name}lim")(a, b)
+        getattr(axis, f"{name}axis").set_major_locator(ticker.MaxNLocator(4))
+        axis.tick_params(axis=name, labelsize=_TEXT_SIZE - 1, pad=-2)
+    axis.set_xlabel("x [mm]", fontsize=_TEXT_SIZE, labelpad=-4)
+    axis.set_ylabel("distance [mm]", fontsize=_TEXT_SIZE, labelpad=-2)
+    axis.set_zlabel("up [mm]", fontsize=_TEXT_SIZE, labelpad=-4)
+    axis.set_box_aspect(np.asarray(high) - np.asarray(low))
+    return axis
+
+
+def _draw_surface(
+    axis: Any,
+    depth_mm: Depth,
+    frame: FigureFrame,
+    bounds: tuple[Points, Points],
+    lit: NDArray[np.floating] | None = None,
+) -> None:
+    """Draw the surface of a depth map within a box; pixels outside the box are left out.
+
+    Args:
+        lit: (H, W) 0 where the projector's light does not reach; None: one colour for all.
+    """
+    mesh = surface(depth_mm / np.float32(1000), frame.window, STEEPEST_DEG)
+    if mesh is None:
+        return
+    points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # to the axes of the camera
+    corners = to_figure_axes(points)[mesh.faces]
+    inside = ((corners >= bounds[0]) & (corners <= bounds[1])).all(axis=(1, 2))
+    # Normals of the map are those of its pixels: triangles alone show each millimetre as a step.
+    towards = to_figure_axes(normals(depth_mm / np.float32(1000), frame.window.rays()))
+    column, row = np.floor(frame.window.intrinsics.project(points)).astype(np.int64).T
+    row, column = row.clip(0, depth_mm.shape[0] - 1), column.clip(0, depth_mm.shape[1] - 1)
+    smooth = towards[row, column][mesh.faces].mean(axis=1)
+    rgb = matplotlib("colors").to_rgb
+    colours = np.tile(np.array(rgb(_SKIN if lit is None else _LIT)), (len(mesh.faces), 1))
+    if lit is not None:
+        colours[(lit[row, column][mesh.faces] == 0).all(axis=1)] = rgb(_SHADOW)
+    shade = _AMBIENT + (1 - _AMBIENT) * np.clip(smooth @ _LIGHT, 0, 1)
+    shaded = np.clip(colours * shade[:, None], 0, 1)[inside]
+    collection = importlib.import_module("mpl_toolkits.mplot3d.art3d").Poly3DCollection
+    # Edges in the colour of the face close the seams between triangles.
+    axis.add_collection3d(
+        collection(corners[inside], facecolors=shaded, edgecolors=shaded, linewidths=0.2)
+    )
+
+
+def _image_corners(camera: Intrinsics, distance_mm: float) -> Points:
+    """Compute the (4, 3) corners of the image at a distance, camera axes, mm."""
+    x = (np.array([0, camera.width, camera.width, 0]) - camera.cx) / camera.fx
+    y = (np.array([0, 0, camera.height, camera.height]) - camera.cy) / camera.fy
+    return np.stack([x, y, np.ones(4)], axis=1) * distance_mm
+
+
+def _draw_frustum(axis: Any, camera: Intrinsics, far_mm: float, colour: str) -> None:
+    """Draw the pyramid from the camera to the image's corners, and its base."""
+    ends = to_figure_axes(_image_corners(camera, far_mm))
+    for end in ends:
+        axis.plot(*np.stack([np.zeros(3), end]).T, color=colour, linewidth=0.8)
+    axis.plot(*np.concatenate([ends, ends[:1]]).T, color=colour, linewidth=0.8)
+
+
+def _draw_rays(
+    axis: Any, frame: FigureFrame, lit: NDArray[np.floating], emitters: Points, low: Points
+) -> None:
+    """Draw rays from the projector to points in its shadow, within the box of the axes."""
+    rows, columns = np.nonzero((frame.clean > 0) & (lit == 0))
+    if not len(rows) or not len(emitters):
+        return
+    points = to_figure_axes(frame.window.intrinsics.unproject(frame.clean))[rows, columns]
+    order = np.argsort(points[:, 2])
+    for point in points[order[np.linspace(0, len(order) - 1, _RAYS).astype(int)]]:
+        share = (low[1] - emitters[0, 1]) / (point[1] - emitters[0, 1])  # where it enters the box
+        start = emitters[0] + share * (point - emitters[0])
+        axis.plot(*np.stack([start, point]).T, color=_PROJECTOR, linewidth=0.6, linestyle=":")
+
+
+def _legend(frame: FigureFrame) -> list[Any]:
+    patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
+    handles = [
+        line([], [], color=colour, linewidth=1, label=f"{name}, {c.width}x{c.height} px")
+        for colour, name, c in ((_FRUSTUM, "frustum", frame.rig.intrinsics),
+                                (_WINDOW, "crop", frame.window.intrinsics))
+    ]  # fmt: skip
+    handles.append(line([], [], color=_CAMERA, marker="s", linestyle="", label="camera"))
+    if frame.rig.emitters:
+        text = f"projector, {1000 * frame.rig.baseline_m:.0f} mm beside; its blocked rays"
+        handles.append(line([], [], color=_PROJECTOR, marker="D", linestyle=":", label=text))
+    handles.append(patch(facecolor=_LIT, label="seen and lit"))
+    return [*handles, patch(facecolor=_SHADOW, label="seen, in the projector's shadow")]
