@@ -7,7 +7,6 @@ docs/denoise.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 import cv2
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, did_you_mean
+from glsim.denoise.filters.windows import around
 from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.denoise.record import UNLIKELY
 
@@ -135,34 +135,24 @@ def tolerance_mm(depth_mm: Depth) -> Depth:
 
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
     """Select the pixels of ``asked`` whose neighbours in ``sure`` lie on the same surface."""
-    pixels = np.nonzero(asked)
-    own = noisy_mm[pixels]
-    allowed = tolerance_mm(own)
-    alike, surely, places = (np.zeros(own.shape, np.uint8) for _ in range(3))
-    images = (noisy_mm, sure, np.ones_like(asked))
-    for depth, known, inside in zip(*(_around(i, pixels, REACH_PX) for i in images), strict=True):
-        near = (depth > 0) & (np.abs(depth - own) <= allowed)
-        alike += near
-        surely += near & known
-        places += inside
+    own = noisy_mm[asked][:, None]
+    depth = around(noisy_mm, REACH_PX, asked, 0)
+    known, inside = (around(mask, REACH_PX, asked, 0) for mask in (sure, np.ones_like(asked)))
+    alike = (depth > 0) & (np.abs(depth - own) <= tolerance_mm(own))
+    surely, pixels, places = (np.sum(part, axis=1) for part in (alike & known, alike, inside))
     found = np.zeros_like(asked)
-    found[pixels] = (surely >= LEAST_SURE) | (alike >= LEAST_PATCH * places)
+    # A pixel is on its own surface: it does not count.
+    found[asked] = (surely >= LEAST_SURE) | (pixels - 1 >= LEAST_PATCH * (places - 1))
     return found
 
 
 def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
     """Select the hole pixels to fill; ``sure_mm`` is the denoised depth, 0 where doubtful."""
     closed = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
-    pixels = np.nonzero(closed)
-    own = sure_mm[pixels]
-    allowed = tolerance_mm(own)
-    one = np.ones(own.shape, np.bool_)
-    for depth in _around(noisy_mm, pixels, REACH_PX):
-        one &= (depth == 0) | (np.abs(depth - own) <= allowed)
-    touching = np.zeros(own.shape, np.uint8)
-    for neighbour in _around(kept, pixels, 1):
-        touching += neighbour
-    closed[pixels] = one & (touching >= LEAST_TOUCHING)
+    own = sure_mm[closed][:, None]
+    depth = around(noisy_mm, REACH_PX, closed, 0)
+    one = ((depth == 0) | (np.abs(depth - own) <= tolerance_mm(own))).all(axis=1)
+    closed[closed] = one & (around(kept, 1, closed, 0).sum(axis=1) >= LEAST_TOUCHING)
     return closed
 
 
@@ -176,15 +166,3 @@ def _narrow_holes(empty: Mask) -> Mask:
     for outside in (labels[wide], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
         narrow[outside] = False
     return np.asarray(narrow[labels])
-
-
-def _around(
-    image: NDArray[Any], pixels: tuple[NDArray[np.intp], ...], reach_px: int
-) -> Iterator[NDArray[Any]]:
-    """Yield the values (N,) at each offset of a window around N pixels; 0 outside the image."""
-    padded = np.pad(image, reach_px)
-    rows, columns = pixels
-    for down in range(2 * reach_px + 1):
-        for right in range(2 * reach_px + 1):
-            if (down, right) != (reach_px, reach_px):
-                yield padded[rows + down, columns + right]
