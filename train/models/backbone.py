@@ -23,8 +23,8 @@ class Backbone(nn.Module):
     """A network from (B, in_channels, H, W) to (B, out_channels, H, W), for any H and W.
 
     It has no units: a `DepthModel` wraps it and converts millimetres. With ``residual`` it adds its
-    input to the output of its layers; raises ConfigError if their channels differ. Holes farther
-    than ``margin_px`` from depth change nothing of it.
+    input to the output of its layers; raises ConfigError if their channels differ. Its last layer
+    is made last. Holes farther than ``margin_px`` from depth change nothing of it.
     """
 
     margin_px: int = AROUND_PX

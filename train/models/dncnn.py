@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, Depth, Width, init_zero
+from glsim.train.models.backbone import Backbone, Depth, Width
 
 
 class DnCNN(Backbone):
@@ -27,15 +27,12 @@ class DnCNN(Backbone):
         depth: Depth = 20,
         width: Width = 64,
         residual: bool = True,
-        zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
         ends = [in_channels, *[width] * (depth - 1), out_channels]
         layers = [nn.Conv2d(ends[i], ends[i + 1], 3, padding=1) for i in range(depth)]
         for layer in layers:
             nn.init.kaiming_normal_(layer.weight, mode="fan_in")
-        if zero_last:
-            init_zero(layers[-1])
         self.layers = nn.ModuleList(layers)
 
     def forward(self, x: Tensor) -> Tensor:

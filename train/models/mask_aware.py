@@ -15,12 +15,12 @@ from typing import Annotated, Any, Final
 
 import torch
 from pydantic import AfterValidator, Field
-from torch import Tensor
+from torch import Tensor, nn
 
 from glsim.core.errors import ConfigError
 from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
 from glsim.denoise.record import UNLIKELY
-from glsim.train.models.backbone import Backbone
+from glsim.train.models.backbone import Backbone, init_zero
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import (
     extra_channels,
@@ -111,6 +111,7 @@ class MaskAware(DepthModel):
         self.filters = filters
         self.inputs = NetworkInputs(infrared, before, after)
         self.backbone = backbone
+        init_zero([layer for layer in backbone.modules() if isinstance(layer, nn.Conv2d)][-1])
         self.uncertainty = uncertainty
         self.surfaces = surfaces
         self.register_buffer("sigma_scale", torch.ones(()))
@@ -131,7 +132,6 @@ class MaskAware(DepthModel):
             "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,
             "out_channels": 2 + len(filters) + uncertainty + 4 * surfaces,
             "residual": False,
-            "zero_last": True,
         }
 
     def forward(self, noisy_mm: Tensor) -> Prediction:

@@ -15,7 +15,7 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from glsim.core.errors import ConfigError
-from glsim.train.models.backbone import Backbone, Blocks, Width, init_zero, pad_to_multiple
+from glsim.train.models.backbone import Backbone, Blocks, Width, pad_to_multiple
 
 Levels = tuple[Blocks, Blocks, Blocks, Blocks]
 #: Channels inside a feed-forward network over those at its ends, the paper's.
@@ -40,7 +40,6 @@ class Restormer(Backbone):
         heads: Levels = (1, 2, 4, 8),
         refinement: Blocks = 4,
         residual: bool = True,
-        zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
 
@@ -71,8 +70,6 @@ class Restormer(Backbone):
         )
         self.refinement = level(2 * dim, 0, refinement)
         self.last = _conv(2 * dim, out_channels, 3)
-        if zero_last:
-            init_zero(self.last)
 
     def forward(self, x: Tensor) -> Tensor:
         """Run the network on (B, in_channels, H, W)."""

@@ -17,7 +17,6 @@ from glsim.train.models.backbone import (
     Scales,
     Width,
     init_he,
-    init_zero,
     pad_to_multiple,
 )
 
@@ -42,7 +41,6 @@ class SmallUNet(Backbone):
         blocks: Blocks = 1,
         growth: Annotated[float, Field(ge=0, le=8)] = 0.5,
         residual: bool = True,
-        zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
         # Measured with four and five scales, 48 and 80 px: see AROUND_PX. A scale doubles its part.
@@ -60,8 +58,6 @@ class SmallUNet(Backbone):
         self.narrow = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in pairwise(widths))
         self.decoder = nn.ModuleList(level(channels) for channels in widths[:-1])
         self.last = nn.Conv2d(width, out_channels, 3, padding=1)
-        if zero_last:
-            init_zero(self.last)
 
     def forward(self, x: Tensor) -> Tensor:
         """Run the network on (B, in_channels, H, W)."""

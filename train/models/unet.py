@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from glsim.train.models.backbone import Backbone, Scales, Width, init_zero, pad_to_multiple
+from glsim.train.models.backbone import Backbone, Scales, Width, pad_to_multiple
 
 
 class UNet(Backbone):
@@ -27,7 +27,6 @@ class UNet(Backbone):
         scales: Scales = 4,
         width: Width = 64,
         residual: bool = True,
-        zero_last: bool = False,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
         widths = [width * 2**scale for scale in range(scales)]
@@ -41,8 +40,6 @@ class UNet(Backbone):
         )
         self.merge = nn.ModuleList(_pair(2 * after, after) for after in finer)
         self.last = nn.Conv2d(width, out_channels, 1)
-        if zero_last:
-            init_zero(self.last)
 
     def forward(self, x: Tensor) -> Tensor:
         """Run the network on (B, in_channels, H, W)."""
