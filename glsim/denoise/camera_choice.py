@@ -63,7 +63,7 @@ def recognise_camera(
         return Camera(sensor, f"its images have {width} x {height} pixels")
     if step_mm > 0:
         values = distinct_values(maps_mm, step_mm)
-        lattice = estimate_lattice(values[values <= _SEARCHED_STEPS], shifted=False)
+        lattice = estimate_lattice(values[values <= _SEARCHED_STEPS])
         if lattice is not None and lattice.accepted:
             sensor = _STEREO_SIZES.get((width, height), "realsense-d435")
             return Camera(sensor, "its depths lie on a lattice of disparities")

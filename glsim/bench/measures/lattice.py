@@ -1,4 +1,4 @@
-"""Search for the lattice of a stereo camera's depths, round(K / (n + offset)) for integers n.
+"""Search for the lattice of a stereo camera's depths, round(K / n) for integers n.
 
 A stereo matcher delivers disparity in steps (1/32 px in a RealSense D400, 1/8 px in a Kinect V1),
 so that K = focal length times baseline times the steps a pixel, in units of the depth files. The
@@ -26,10 +26,6 @@ _STRAY = 0.02
 _SEARCHED = 150
 #: Rounding is half a step; the rest is for constants between two tries.
 _TOLERANCE = 0.5 + 1e-6
-#: Offsets that are tried, steps. The D400's is 0; the Kinect V1 counts from a reference plane.
-_OFFSETS = tuple(k / 10 for k in range(1, 10))
-#: Largest value of files whose lattice may have an offset: a Kinect V1 sees 10 m in steps of 1 mm.
-_MOST_WITH_OFFSET = 10_000
 #: Share of the telling depths that lie on a lattice, and their number, to accept it; chosen.
 LEAST_ON_LATTICE, LEAST_TELLING = 0.97, 12
 #: Largest value of 16 bits: the files clip there.
@@ -40,24 +36,17 @@ _CHUNK = 1 << 16
 
 @dataclass(frozen=True)
 class Lattice:
-    """The discrete depths that a stereo camera can deliver: round(K / (n + offset)), file units.
+    """The discrete depths that a stereo camera can deliver: round(K / n), file units.
 
     Attributes:
         constant: K, in units of the depth files.
-        offset: added to the whole number, 0 to 1.
         share: of the telling depths that lie on it.
         telling: number of different depths that would rarely lie on it by chance.
     """
 
     constant: float
-    offset: float
     share: float
     telling: int
-
-    @property
-    def hits(self) -> float:
-        """Number of telling depths that lie on it."""
-        return self.share * self.telling
 
     @property
     def accepted(self) -> bool:
@@ -79,31 +68,30 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
     return np.array(sorted(v for v in found if 0 < v < _CLIPPED), np.float64)
 
 
-def on_lattice(values: Array, constant: float, offset: float = 0.0) -> NDArray[np.bool_]:
-    """Tell which depths equal round(K / (n + offset)) for an integer n of at least 1.
+def on_lattice(values: Array, constant: float) -> NDArray[np.bool_]:
+    """Tell which depths equal round(K / n) for an integer n of at least 1.
 
     Args:
         values: depths, units of the files.
         constant: K.
-        offset: added to n.
     """
-    middle = np.rint(constant / values - offset)
+    middle = np.rint(constant / values)
     fits = np.zeros(values.shape, np.bool_)
     for step in (-1, 0, 1):  # the next whole number may round to the value as well
-        place = np.maximum(middle + step, 1.0) + offset
+        place = np.maximum(middle + step, 1.0)
         fits |= np.abs(constant / place - values) <= _TOLERANCE
     return fits
 
 
-def lattice_share(values: Array, constant: float, offset: float = 0.0) -> float:
+def lattice_share(values: Array, constant: float) -> float:
     """Compute the share of informative values that lie on a lattice; NaN without any."""
     telling = constant / values**2 < _TELLING
     if not telling.any():
         return float("nan")
-    return float(on_lattice(values[telling], constant, offset).mean())
+    return float(on_lattice(values[telling], constant).mean())
 
 
-def estimate_lattice(values: Array, shifted: bool = True) -> Lattice | None:
+def estimate_lattice(values: Array) -> Lattice | None:
     """Estimate the lattice of a recording from its depths alone.
 
     The constant of the largest likelihood wins: multiples of K fit as well, but would fit by chance
@@ -111,24 +99,28 @@ def estimate_lattice(values: Array, shifted: bool = True) -> Lattice | None:
 
     Args:
         values: different depths, units of the files, see ``distinct_values``.
-        shifted: also search lattices with an offset, in twenty times the time.
 
     Returns:
         The likeliest lattice, accepted or not; None if there are too few depths.
     """
     if values.size < LEAST_TELLING:
         return None
-    best = _refined(values, _searched(values, 0.0), 0.0)
-    if not shifted or best.accepted or values.max() > _MOST_WITH_OFFSET:
-        return best
-    moved = [_refined(values, _searched(values, offset), offset) for offset in _OFFSETS]
-    close = max(moved, key=lambda lattice: lattice.hits)
-    fine = close.offset + np.linspace(-0.1, 0.1, 11)
-    moved += [_refined(values, close.constant, float(o)) for o in fine if 0.0 <= o < 1.0]
-    return max([best, *moved], key=lambda lattice: lattice.hits)
+    constant = _searched(values)
+    telling = values[constant / values**2 < _TELLING]
+    if telling.size == 0:
+        return Lattice(constant, 0.0, 0)
+    # The middle of the nearby constants that fit the most values.
+    reach = 3.0 / float(telling.max())
+    near = constant * (1.0 + np.linspace(-reach, reach, 1201))
+    hits = np.zeros(len(near))
+    for value in telling:
+        hits += _nearest_fits(value, near)
+    good = near[hits == hits.max()]
+    middle = float(good[len(good) // 2])
+    return Lattice(middle, lattice_share(telling, middle), int(telling.size))
 
 
-def _searched(values: Array, offset: float) -> float:
+def _searched(values: Array) -> float:
     """Search the most likely constant K, in steps of a third of a level at the largest depth."""
     far = np.sort(values)[::-1]
     some = far[np.unique(np.linspace(0, far.size - 1, _SEARCHED).astype(int))]
@@ -137,42 +129,27 @@ def _searched(values: Array, offset: float) -> float:
     best, highest = LEAST_CONSTANT, -np.inf
     for start in range(0, len(logs), _CHUNK):
         constants = np.exp(logs[start : start + _CHUNK])
-        likelihood = _likelihood(some, constants, offset)
+        likelihood = _likelihood(some, constants)
         place = int(likelihood.argmax())
         if likelihood[place] > highest:
             best, highest = float(constants[place]), float(likelihood[place])
     return best
 
 
-def _likelihood(values: Array, constants: Array, offset: float) -> Array:
+def _likelihood(values: Array, constants: Array) -> Array:
     """Compute, for K constants, the log likelihood ratio of the depths against chance, (K,)."""
     total = np.zeros(len(constants))
     for value in values:
         chance = np.minimum(constants / value**2, 1.0)
         telling = chance < _TELLING
-        fits = _nearest_fits(value, constants, offset)
+        fits = _nearest_fits(value, constants)
         with np.errstate(divide="ignore"):
             miss = np.log(_STRAY) - np.log1p(-chance)
         total += np.where(telling, np.where(fits, np.log1p(-_STRAY) - np.log(chance), miss), 0.0)
     return total
 
 
-def _nearest_fits(value: float, constants: Array, offset: float) -> NDArray[np.bool_]:
+def _nearest_fits(value: float, constants: Array) -> NDArray[np.bool_]:
     """Return (K,) bool: whether a lattice of that constant has a level that rounds to the depth."""
-    place = np.maximum(np.rint(constants / value - offset), 1.0) + offset
+    place = np.maximum(np.rint(constants / value), 1.0)
     return np.asarray(np.abs(constants / place - value) <= _TOLERANCE)
-
-
-def _refined(values: Array, constant: float, offset: float) -> Lattice:
-    """Refine a constant: the middle of the nearby constants that fit the most values."""
-    telling = values[constant / values**2 < _TELLING]
-    if telling.size == 0:
-        return Lattice(constant, offset, 0.0, 0)
-    reach = 3.0 / float(telling.max())
-    near = constant * (1.0 + np.linspace(-reach, reach, 1201))
-    hits = np.zeros(len(near))
-    for value in telling:
-        hits += _nearest_fits(value, near, offset)
-    good = near[hits == hits.max()]
-    middle = float(good[len(good) // 2])
-    return Lattice(middle, offset, lattice_share(telling, middle, offset), int(telling.size))
