@@ -2,12 +2,13 @@
 
 The rules are librealsense's, for disparities as floating-point numbers (src/proc/*.h and *.cpp,
 read as facts; the code is our own). Its recommended order is spatial_filter, temporal_filter,
-hole_filling. Its decimation makes a smaller image, which no stage can do.
+hole_filling. Its decimation makes a smaller image, which no stage can do: ``decimate`` is for maps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from glsim.noise.stage import array_stage
 __all__ = ["hole_filling", "spatial_filter", "temporal_filter", "threshold_filter"]
 
 Image = NDArray[np.float32]
+_Depth = TypeVar("_Depth", bound=np.number)
 
 #: Disparities count 1/32 px: librealsense's disparity-transform.h has 5 bits behind the point.
 _STEPS_PER_PX = 32.0
@@ -246,6 +248,25 @@ def fill_holes(depth: Image, mode: int) -> Image:
         chosen = sign * (np.maximum.accumulate(part + value) - part)
         bits[row] = np.where(chosen == nothing, 0, chosen)
     return bits.astype(np.int32).view(np.float32)
+
+
+def decimate(depth: NDArray[_Depth], factor: int) -> NDArray[_Depth]:
+    """Shrink depth maps as librealsense's decimation by 2 or 3 does.
+
+    Args:
+        depth: (..., H, W), any unit, 0 = none; what is left of a last block is cut off.
+        factor: side of the blocks, px.
+
+    Returns:
+        (..., H // factor, W // factor) lower median of each block's pixels with depth; 0 without.
+    """
+    height, width = (size // factor for size in depth.shape[-2:])
+    cut = depth[..., : height * factor, : width * factor]
+    blocks = cut.reshape(*depth.shape[:-2], height, factor, width, factor).swapaxes(-3, -2)
+    ordered = np.sort(blocks.reshape(*depth.shape[:-2], height, width, factor**2))
+    holes = (ordered == 0).sum(axis=-1, keepdims=True)  # they come first
+    middle = np.minimum((holes + factor**2 - 1) // 2, factor**2 - 1)
+    return np.take_along_axis(ordered, middle, axis=-1)[..., 0]
 
 
 def _steps(depth_m: Image, focal_baseline_px_m: float) -> Image:

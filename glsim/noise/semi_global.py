@@ -67,7 +67,8 @@ def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
     matched: Matched = matcher.compute(*padded)[:, border:].astype(np.int16)
     matched[matched <= shift * _MATCHED_STEPS] = NO_MATCH
     if p["texture_counts"] > 0:
-        matched[_local_moments(left, window)[1] < p["texture_counts"] ** 2] = NO_MATCH
+        side = int(p["texture_px"] or window) | 1
+        matched[_local_moments(left, side)[1] < p["texture_counts"] ** 2] = NO_MATCH
     if p["smallest_region_px"] > 0:
         step = max(int(p["region_step_px"] * _MATCHED_STEPS), 1)
         cv2.filterSpeckles(matched, NO_MATCH, int(p["smallest_region_px"]) - 1, step)

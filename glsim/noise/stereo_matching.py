@@ -67,6 +67,7 @@ def _reach_px(p: Mapping[str, float]) -> int:
     uniqueness_percent=("int", 5, 0, 100, "1", "reject matches not this much better than others"),
     left_right_px=("int", 1, 0, 100, "px", "reject matches that differ more from right to left"),
     texture_counts=("float", 1.0, 0, 1000, "counts", "reject windows of a smaller deviation"),
+    texture_px=("int", 0, 0, 63, "px", "side of these windows, odd; 0: those that are compared"),
     smallest_region_px=("int", 100, 0, 100000, "px", "reject smaller connected regions"),
     region_step_px=("float", 1.0, 0.1, 16, "px", "step that still connects neighbours"),
     rim_px=(

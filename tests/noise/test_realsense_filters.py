@@ -14,6 +14,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.noise.layer_names import EARLIER_LAYER
 from glsim.noise.realsense_filters import (
+    decimate,
     fill_holes,
     filter_sequence,
     hole_filling,
@@ -48,6 +49,12 @@ def layers_of(depth: Image, clean: Image | None = None) -> dict[str, Image]:
 
 def defaults(use: str, **changes: float) -> dict[str, float]:
     return {n: p.default for n, p in find_stage(use).parameters.items()} | changes
+
+
+def test_decimation_takes_the_lower_median_of_what_has_depth() -> None:
+    depth = image([4, 3, 0, 0, 9], [2, 1, 7, 5, 9], [0, 0, 8, 6, 9], [0, 0, 0, 7, 9])
+    assert decimate(depth, 2).tolist() == [[2, 5], [0, 7]]
+    assert decimate(depth[None], 2).shape == (1, 2, 2)
 
 
 def test_an_average_over_time_starts_anew_after_a_step() -> None:

@@ -21,7 +21,7 @@ def test_all_of_them_are_known() -> None:
     azure = [f"azure-kinect{mode}" for mode in ("", "-nfov-binned", "-wfov", "-wfov-unbinned")]
     v1 = [f"kinect-v1{model}" for model in ("", "-nguyen", "-pattern")]
     v2 = [f"kinect-v2{model}" for model in ("", "-fankhauser", "-fast", "-paper", "-sdk")]
-    models = ("05", "15", "35", "35-high-accuracy", "35-vga", "55", "xx-fast")
+    models = ("05", "15", "15-high-accuracy", "35", "35-high-accuracy", "35-vga", "55", "xx-fast")
     d4 = [f"realsense-d4{model}" for model in models]
     ours = ["any-depth-camera", *azure, "femto-bolt", "ideal", *v1, *v2, "led3d", "oak-d-pro", *d4]
     assert [*ours, "truedepth", "truedepth-filtered"] == SENSORS

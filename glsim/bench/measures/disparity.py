@@ -111,6 +111,21 @@ def find_tiles(disparity: Array) -> Tiles:
     return Tiles(rows.ravel()[full], columns.ravel()[full], level, images, sigma)
 
 
+def power_share(tiles: Sequence[Tiles], least_px: float, most_px: float, axis: int) -> float:
+    """Compute the share of the residual's power at periods along an axis, mean of the tiles.
+
+    Args:
+        tiles: of each frame.
+        least_px, most_px: shortest and longest period, px.
+        axis: 0 along columns, 1 along rows.
+    """
+    residual = np.nan_to_num(np.concatenate([t.residual for t in tiles]))
+    power = (np.abs(np.fft.rfft(residual, axis=1 + axis)) ** 2).mean(axis=2 - axis)
+    cycles = np.fft.rfftfreq(TILE_PX)
+    chosen = (cycles >= 1 / most_px) & (cycles <= 1 / least_px)
+    return float((power[:, chosen].sum(axis=1) / power[:, 1:].sum(axis=1)).mean())
+
+
 def _plane_residual(values: Array) -> Array:
     """Subtract a robust plane from each of (N, S * S) tiles; outliers and holes become NaN."""
     y, x = np.mgrid[:TILE_PX, :TILE_PX] - (TILE_PX - 1) / 2
@@ -199,33 +214,28 @@ def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tup
 def _pair_tiles(first: Array, second: Array, tiles: Tiles) -> tuple[Array, Array]:
     """Measure each tile's temporal noise; also return (N, S, S) differences / sqrt 2, mean 0."""
     difference = (second - first) / np.sqrt(2.0)
-    parts = []
-    for top, left in zip(tiles.top, tiles.left, strict=True):
-        part = difference[top : top + TILE_PX, left : left + TILE_PX]
-        known = part[np.isfinite(part)]
-        if known.size < LEAST_SHARE**2 * part.size:
-            continue
-        middle = float(np.median(known))
-        spread = 1.4826 * float(np.median(np.abs(known - middle)))
-        spread = max(spread, float(np.sqrt(((known - middle) ** 2).mean())) / 3.0)
-        near = np.abs(part - middle) <= _CLIP_DIFFERENCE * spread + 1e-12
-        part = np.where(near, part, np.nan)
-        parts.append(part - np.nanmean(part))
-    squares = np.array(parts).reshape(-1, TILE_PX, TILE_PX)
+    place = np.arange(TILE_PX)
+    rows, columns = tiles.top[:, None, None] + place[:, None], tiles.left[:, None, None] + place
+    parts = difference[rows, columns]
+    parts = parts[np.isfinite(parts).mean(axis=(1, 2)) >= LEAST_SHARE**2]
+    away = np.abs(parts - np.nanmedian(parts, axis=(1, 2), keepdims=True))
+    spread = np.fmax(
+        1.4826 * np.nanmedian(away, axis=(1, 2), keepdims=True),
+        np.sqrt(np.nanmean(away**2, axis=(1, 2), keepdims=True)) / 3.0,
+    )
+    parts = np.where(away <= _CLIP_DIFFERENCE * spread + 1e-12, parts, np.nan)
+    squares = parts - np.nanmean(parts, axis=(1, 2), keepdims=True)
     count = np.maximum(np.isfinite(squares).sum(axis=(1, 2)) - 1, 1)
     return np.sqrt(np.nansum(squares**2, axis=(1, 2)) / count), squares
 
 
 def _shared_variance(first: Tiles, second: Tiles) -> Array:
     """Compute the covariance of residuals between two frames, for tiles in both frames."""
-    places = {place: n for n, place in enumerate(zip(second.top, second.left, strict=True))}
-    shared = []
-    for number, place in enumerate(zip(first.top, first.left, strict=True)):
-        if place in places:
-            products = first.residual[number] * second.residual[places[place]]
-            count = max(int(np.isfinite(products).sum()) - 3, 1)
-            shared.append(float(np.nansum(products)) / count)
-    return np.array(shared)
+    here, there = ((tiles.top << 32) + tiles.left for tiles in (first, second))
+    _, one, other = np.intersect1d(here, there, return_indices=True)
+    products = first.residual[one] * second.residual[other]
+    count = np.maximum(np.isfinite(products).sum(axis=(1, 2)) - 3, 1)
+    return np.asarray(np.nansum(products, axis=(1, 2)) / count)
 
 
 def _median(parts: Sequence[Array]) -> float:

@@ -10,9 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.bench.measures.disparity import measure_disparity_noise, to_disparity
+from glsim.bench.measures.disparity import (
+    Array,
+    find_tiles,
+    measure_disparity_noise,
+    power_share,
+    to_disparity,
+)
 from glsim.bench.measures.disparity_steps import (
     between_share,
     border_band,
@@ -25,6 +30,7 @@ from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.mesh import Mesh
+from glsim.noise.realsense_filters import decimate
 
 #: Distances between pixels at which correlation is compared: LAGS_PX of the measures without 12.
 _LAGS = (1, 2, 3, 4, 6, 8)
@@ -33,20 +39,38 @@ _FRAMES = 4
 #: Tilt of the planes, degrees: disparities cross several whole pixels.
 _TILT_DEG = 10.0
 _ALBEDO = 0.6
+#: Sensors whose frames are measured after librealsense's decimation, as those of the device were.
+_DECIMATED_BY = {"realsense-d415-high-accuracy": 2}
+
+
+def _focal_baseline_px_mm(captures: Captures) -> float:
+    """Return focal length times baseline in delivered pixels, px mm."""
+    return captures.focal_baseline_px_mm / _DECIMATED_BY.get(captures.camera.name, 1)
+
+
+def _shot(captures: Captures, mesh: Mesh, frames: int, scene: str) -> tuple[Array, Array]:
+    """Capture (T, H, W) depth, mm, 0 = none, and its disparity, px."""
+    shot = captures.camera.capture(mesh, frames, None, scene=scene)
+    depth = np.nan_to_num(shot.measured_mm)
+    if factor := _DECIMATED_BY.get(captures.camera.name):
+        depth = decimate(depth, factor)
+    return depth, to_disparity(depth, _focal_baseline_px_mm(captures))
+
+
+def _plane(captures: Captures, z_mm: float) -> tuple[Array, Array]:
+    """Capture depth and disparity of a tilted plane, once."""
+    mesh, name = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm), f"plane {z_mm}"
+    return captures.cached(name, lambda: _shot(captures, mesh, _FRAMES, name))
 
 
 def _noise_rows(
     captures: Captures, distances_m: Sequence[float], scale: float
-) -> tuple[dict[str, dict[str, float | None]], NDArray[np.float64]]:
-    """Capture tilted planes; return noise of disparity, px times ``scale``, and last depths, mm."""
+) -> dict[str, dict[str, float | None]]:
+    """Capture tilted planes; return noise of disparity, px times ``scale``."""
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
     found = []
     for distance in distances_m:
-        z_mm = 1000 * distance
-        mesh = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm)
-        shot = captures.camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm}")
-        depth = np.nan_to_num(shot.measured_mm)
-        disparity = to_disparity(depth, captures.focal_baseline_px_mm)
+        disparity = _plane(captures, 1000 * distance)[1]
         noise = measure_disparity_noise(list(disparity), [(k, k + 1) for k in range(_FRAMES - 1)])
         found.append(noise)
         for name, row in rows.items():
@@ -56,29 +80,22 @@ def _noise_rows(
         for way in ("rows", "columns")
         for k, lag in enumerate(_LAGS)
     }
-    return rows, depth
+    return rows
 
 
-def lattice_share(depth_mm: NDArray[np.floating], constant_mm: float, unit_mm: float) -> float:
-    """Compute the share of depths that equal round(constant / n) units for an integer n.
-
-    Args:
-        depth_mm: any shape, 0 = none.
-        constant_mm: f B times the steps per pixel, px mm.
-        unit_mm: step of the depths.
-    """
-    units = np.rint(depth_mm[depth_mm > 0] / unit_mm)
-    return float(on_lattice(units, constant_mm / unit_mm).mean())
+def _lattice_share(captures: Captures, z_mm: float, steps: float, unit_mm: float) -> float:
+    """Return the share of a plane's depths that are round(f B steps / n) units of a whole n."""
+    depth_mm = _plane(captures, z_mm)[0]
+    constant = captures.focal_baseline_px_mm * steps / unit_mm  # a median keeps the lattice
+    return float(on_lattice(np.rint(depth_mm[depth_mm > 0] / unit_mm), constant).mean())
 
 
 def _step_rows(
-    captures: Captures, near_mm: float, far_mm: float, half_mm: float, *, upright: bool
+    captures: Captures, near_mm: float, far_mm: float, half_mm: float, *, upright: bool = False
 ) -> Mapping[str, float]:
     """Capture a square before a wall; measure gaps, depths in between and left border band."""
-    camera = captures.camera
     mesh = scenes.occluder(near_mm, far_mm, half_mm, _ALBEDO)
-    shot = camera.capture(mesh, 2, None, scene=f"step {near_mm} {far_mm}")
-    disparity = to_disparity(np.nan_to_num(shot.measured_mm), captures.focal_baseline_px_mm)
+    _, disparity = _shot(captures, mesh, 2, f"step {near_mm} {far_mm}")
     found = [find_steps(image.T if upright else image) for image in disparity]
     (_, before), (behind_px, behind) = (measure_gaps(found, right) for right in (False, True))
     return {
@@ -92,8 +109,7 @@ def _step_rows(
 
 def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, float]:
     """Capture a static scene; measure its holes beside the left band, and its flips, percent."""
-    shot = captures.camera.capture(mesh, _FRAMES, None, scene=scene)
-    frames = list(shot.whole_mm)
+    frames = list(_shot(captures, mesh, _FRAMES, scene)[1])
     flips = flip_share(frames, [(k, k + 1) for k in range(_FRAMES - 1)])
     return {"holes": 100 * hole_share_beside_band(frames), "flips": 100 * flips}
 
@@ -101,16 +117,16 @@ def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, floa
 @validation_check("realsense-d435")
 def stereo(captures: Captures) -> dict[str, Measurement]:
     """Measure planes and a depth step with a stereo camera."""
-    rows, depth = _noise_rows(captures, (0.5, 0.7, 0.9, 1.7), 1.0)
-    step = _step_rows(captures, 700, 1500, 150, upright=False)
+    rows = _noise_rows(captures, (0.5, 0.7, 0.9, 1.7), 1.0)
+    step = _step_rows(captures, 700, 1500, 150)
     values = {k: v for s in captures.camera.sensor.stages for k, v in s.settings.items()}
     names = ("subpixel_steps", "depth_unit_mm")
     if names[0] not in values:  # a camera of one view
         names = ("steps_per_px", "step_mm")
     steps, unit = (values[n].bounds()[0] for n in names)
-    share = lattice_share(depth, captures.focal_baseline_px_mm * steps, unit)
+    share = _lattice_share(captures, 1700.0, steps, unit)
     corner = _validity_rows(
-        captures, scenes.room_corner(captures.focal_baseline_px_mm), "room corner"
+        captures, scenes.room_corner(_focal_baseline_px_mm(captures)), "room corner"
     )
     return {
         "1": Measurement(rows["residual"]),
@@ -141,7 +157,7 @@ def _wave_px(captures: Captures) -> float:
 @validation_check("truedepth")
 def truedepth(captures: Captures) -> dict[str, Measurement]:
     """Measure planes and a depth step with a TrueDepth camera."""
-    rows, _ = _noise_rows(captures, (0.2, 0.35, 1.2), 1000 / captures.focal_baseline_px_mm)
+    rows = _noise_rows(captures, (0.2, 0.35, 1.2), 1000 / captures.focal_baseline_px_mm)
     step = _step_rows(captures, 300, 600, 60, upright=True)
     board = _validity_rows(captures, scenes.wall(200, _ALBEDO), "board")
     return {
@@ -153,20 +169,36 @@ def truedepth(captures: Captures) -> dict[str, Measurement]:
         "6": Measurement({"share": step["between"]}),
         "7": Measurement({"share": board["holes"]}),
         "8": Measurement({"share": board["flips"]}),
+        **board_measurements(list(_plane(captures, 200.0)[1])),
+    }
+
+
+def board_measurements(disparity: Sequence[Array]) -> dict[str, Measurement]:
+    """Measure checks 9 to 11 of truedepth on frames of boards, real or simulated.
+
+    Args:
+        disparity: (H, W) of each frame, px or 1/m, the baseline along columns.
+    """
+    tiles = [find_tiles(image) for image in disparity]
+    along = measure_disparity_noise(disparity).columns
+    low, high = np.percentile(np.concatenate([t.sigma for t in tiles]), (10, 90))
+    return {
+        "9": Measurement({f"{lag} px": along[k] for k, lag in enumerate(_LAGS[:4])}),
+        "10": Measurement({"share": power_share(tiles, 5.7, 8.0, axis=0)}),
+        "11": Measurement({"ratio": float(high / low)}),
     }
 
 
 @validation_check("kinect-v1-pattern")
 def kinect_v1(captures: Captures) -> dict[str, Measurement]:
     """Measure planes and a depth step with a Kinect V1 that matches its dots."""
-    rows, depth = _noise_rows(captures, (0.7, 1.2), 1.0)
-    step = _step_rows(captures, 700, 1500, 150, upright=False)
+    rows = _noise_rows(captures, (0.7, 1.2), 1.0)
+    step = _step_rows(captures, 700, 1500, 150)
     along = {k: v for k, v in rows["correlation"].items() if k.startswith("rows")}
-    share = lattice_share(depth, 8 * captures.focal_baseline_px_mm, 1.0)
     return {
         "1": Measurement(rows["residual"]),
         "2": Measurement(along, note="mean of two distances"),
-        "3": Measurement({"share": share}),
+        "3": Measurement({"share": _lattice_share(captures, 1200.0, 8, 1.0)}),
         "4": Measurement({"width": step["behind px"]}),
         "5": Measurement({"share": step["between"]}),
     }
