@@ -12,14 +12,25 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.bench.measures.lattice import on_lattice
 from glsim.bench.validate import Captures, VirtualCamera, run
+from glsim.bench.validate.checks import depth_edges as edges
 from glsim.bench.validate.checks import faces, phases, walls
-from glsim.bench.validate.checks.triangulation import lattice_share
+from glsim.bench.validate.checks.triangulation import board_measurements
 from glsim.bench.validate.report import Band, Check, CheckResult, Measurement, ValidationReport
 from glsim.cli import main
 from glsim.core.errors import ConfigError
+from glsim.data.recordings.recording import open_recording
 from glsim.sensors.sensor import SENSOR_FOLDER
-from tests.support.real_cameras import REAL_CAMERAS, needs_real_cameras
+from tests.support.real_cameras import (
+    REAL_CAMERAS,
+    REAL_KINECT_V2,
+    needs_real_cameras,
+    needs_real_kinect_v2,
+    real_disparities,
+)
+
+TRUEDEPTHS = ("iPadPro12_4gen_iOS15", "iPhone11Pro_iOS14")
 
 
 def captures_of(context: moderngl.Context, sensor: str | Path, frames: int = 16) -> Captures:
@@ -85,33 +96,61 @@ def test_a_check_without_measurement_is_an_error(
 
 
 @pytest.mark.parametrize(
-    ("sensor", "frames"),
+    ("sensor", "frames", "missed"),
     [
-        pytest.param("kinect-v1", 24, marks=pytest.mark.long),
-        ("kinect-v2-paper", 24),
-        pytest.param("kinect-v2", 16, marks=pytest.mark.long),
-        pytest.param("azure-kinect", 8, marks=pytest.mark.long),
-        pytest.param("azure-kinect-nfov-binned", 8, marks=pytest.mark.long),
-        pytest.param("realsense-d435", 64, marks=pytest.mark.long),
-        pytest.param("realsense-d455", 64, marks=pytest.mark.long),
-        pytest.param("realsense-d4xx-fast", 64, marks=pytest.mark.long),
-        pytest.param("truedepth", 64, marks=pytest.mark.long),
-        pytest.param("kinect-v1-pattern", 64, marks=pytest.mark.long),
+        pytest.param("kinect-v1", 24, set(), marks=pytest.mark.long),
+        ("kinect-v2-paper", 24, set()),
+        pytest.param("kinect-v2", 16, {"31", "32", "33", "35"}, marks=pytest.mark.long),
+        pytest.param("azure-kinect", 8, set(), marks=pytest.mark.long),
+        pytest.param("azure-kinect-nfov-binned", 8, {"4", "5"}, marks=pytest.mark.long),
+        pytest.param("realsense-d435", 64, set(), marks=pytest.mark.long),
+        pytest.param("realsense-d455", 64, set(), marks=pytest.mark.long),
+        pytest.param("realsense-d415-high-accuracy", 64, set(), marks=pytest.mark.long),
+        pytest.param("realsense-d4xx-fast", 64, set(), marks=pytest.mark.long),
+        pytest.param("truedepth", 64, set(), marks=pytest.mark.long),
+        pytest.param("kinect-v1-pattern", 64, set(), marks=pytest.mark.long),
     ],
 )
-def test_the_sheet_passes(context: moderngl.Context, sensor: str, frames: int) -> None:
+def test_the_sheet_passes_but_for_what_docs_validation_says(
+    context: moderngl.Context, sensor: str, frames: int, missed: set[str]
+) -> None:
     made = run.run_checks(captures_of(context, sensor, frames))
     assert len(made.results) >= 3
     failed = {r.check.number for r in made.results if r.state not in ("pass", "exception")}
-    assert failed == set()
+    assert failed == missed
 
 
 @needs_real_cameras
 def test_real_depths_lie_on_the_lattice() -> None:
     frame = REAL_CAMERAS / "d435_wall_2frames" / "depth_0.png"
     depth_mm = cv2.imread(str(frame), cv2.IMREAD_UNCHANGED).astype(np.float64)
-    assert lattice_share(depth_mm, 626_823, 1.0) > 0.999  # few halves are rounded the other way
-    assert lattice_share(depth_mm, 600_000, 1.0) < 0.9
+    known = depth_mm[depth_mm > 0]
+    assert on_lattice(known, 626_823).mean() > 0.999  # few halves are rounded the other way
+    assert on_lattice(known, 600_000).mean() < 0.9
+
+
+def held(sheet: str, measured: dict[str, Measurement]) -> set[str]:
+    """The states of measured checks of a sheet."""
+    checks = {check.number: check for check in run.sheets()[sheet].checks}
+    return {CheckResult(checks[number], m).state for number, m in measured.items()}
+
+
+@needs_real_kinect_v2
+@pytest.mark.long
+def test_bands_of_gaps_hold_the_real_frames() -> None:
+    """The same code as on simulated frames, which miss some of them."""
+    frames = open_recording(REAL_KINECT_V2, None).read(60, None)
+    assert held("kinect-v2", edges.gap_measurements(frames)) == {"pass"}
+
+
+@needs_real_cameras
+@pytest.mark.parametrize(
+    "folder", [f"{kind}_{device}" for kind in ("board", "eval") for device in TRUEDEPTHS]
+)
+@pytest.mark.long
+def test_bands_of_boards_hold_the_real_frames(folder: str) -> None:
+    disparity = real_disparities(f"truedepth_zeiss/{folder}", None, 0.1)
+    assert held("truedepth", board_measurements(disparity)) == {"pass"}
 
 
 # --- sensors that fail --------------------------------------------------------------------------

@@ -208,11 +208,8 @@ def _light_lines(light: Light) -> _Lines:
 
 
 def _silhouette_lines(found: Silhouettes) -> _Lines:
-    sides = {"left": found.left, "right": found.right}
-    dark = sides.pop(found.shadow_side)
     lines: _Lines = {}
-    (lit,) = sides.values()
-    for name, side in (("lit", lit), ("shadow", dark)):
+    for name, side in (("lit", found.lit), ("shadow", found.shadow)):
         lines |= {
             (f"silhouettes, {name} side", text, unit, True): value
             for text, unit, value in (
@@ -223,8 +220,8 @@ def _silhouette_lines(found: Silhouettes) -> _Lines:
                 ("behind the background, share of 8 px", "%", 100 * side.band_behind),
             )
         }
-    lines["silhouettes, shadow side", "width over S: slope", "mm", True] = dark.slope_mm
-    lines["silhouettes, shadow side", "width over S: offset", "px", False] = dark.offset_px
+    lines["silhouettes, shadow side", "width over S: slope", "mm", True] = found.shadow.slope_mm
+    lines["silhouettes, shadow side", "width over S: offset", "px", False] = found.shadow.offset_px
     return lines
 
 

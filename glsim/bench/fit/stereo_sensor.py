@@ -110,7 +110,11 @@ def measure_stereo(
             f"{frames.title}: only {noise.tiles} parts of 40x40 px are full of depth: record "
             "walls, a floor, a table, at several distances, and do not move"
         )
-    levels, slopes = _planes(disparity[0])
+    tiles, half = find_tiles(disparity[0]), TILE_PX // 2
+    parts = np.lib.stride_tricks.sliding_window_view(disparity[0], (TILE_PX, TILE_PX))
+    parts = parts[tiles.top, tiles.left].reshape(-1, 2, half, 2, half)
+    steps_px = [np.diff(np.nanmean(parts, axis=axes), axis=1) for axes in ((1, 2, 4), (2, 3, 4))]
+    levels, slopes = tiles.level, np.concatenate(steps_px, axis=1) / half
     groups = np.array_split(np.argsort(-levels), _GROUPS)
     height, width = disparity[0].shape
     return StereoStatistics(
@@ -123,19 +127,6 @@ def measure_stereo(
         tuple(product / float(np.median(levels[group])) for group in groups),
         tuple(float(np.hypot(*np.median(slopes[group], axis=0))) for group in groups),
     )
-
-
-def _planes(disparity: Array) -> tuple[Array, Array]:
-    """Measure tiles: disparity, (N,) px, and slopes along rows and columns, (N, 2) px per px."""
-    tiles = find_tiles(disparity)
-    half = TILE_PX // 2
-    slopes = []
-    for top, left in zip(tiles.top, tiles.left, strict=True):
-        tile = disparity[top : top + TILE_PX, left : left + TILE_PX]
-        down = np.nanmean(tile[half:]) - np.nanmean(tile[:half])
-        right = np.nanmean(tile[:, half:]) - np.nanmean(tile[:, :half])
-        slopes.append((right / half, down / half))
-    return tiles.level, np.array(slopes)
 
 
 #: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.

@@ -134,15 +134,12 @@ def border_band(disparity: Sequence[Array]) -> tuple[float, float]:
         Medians over the rows of the band's width, px, and of its width minus the disparity of the
         surface there; NaN with fewer than LEAST_ROWS rows.
     """
-    widths, rest = [], []
-    for image in disparity:
-        known = np.isfinite(image)
-        first = known.argmax(axis=1)
-        for row in np.flatnonzero(known.any(axis=1)):
-            surface = image[row, first[row] : first[row] + _BORDER_PX]
-            if np.isfinite(surface).all() and np.ptp(surface) <= _SAME_PX * surface.size:
-                widths.append(float(first[row]))
-                rest.append(float(first[row] - np.median(surface)))
-    if len(widths) < LEAST_ROWS:
+    rows = np.concatenate(disparity)
+    first = np.isfinite(rows).argmax(axis=1)
+    place = np.minimum(first[:, None] + np.arange(_BORDER_PX), rows.shape[1] - 1)
+    surface = np.take_along_axis(rows, place, axis=1)
+    whole = np.ptp(surface, axis=1) <= _SAME_PX * _BORDER_PX  # False with a hole
+    if whole.sum() < LEAST_ROWS:
         return float("nan"), float("nan")
-    return float(np.median(widths)), float(np.median(rest))
+    width, surface = first[whole], surface[whole]
+    return float(np.median(width)), float(np.median(width - np.median(surface, axis=1)))

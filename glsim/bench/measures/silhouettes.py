@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.measures.measured_frame import radius_px
 from glsim.bench.measures.pixel_runs import goes_on, successive_runs
 from glsim.core.depth_frame import DepthFrame
 
@@ -33,6 +34,8 @@ _MOST_GAP = 40
 _MOST_SLANT = 2
 #: Width of the band outside the foreground, px.
 BAND_PX = 8
+#: Pixel of the background whose infrared counts, px from the gap.
+_BESIDE_PX = 3
 #: Depth counts as behind the background if it is farther by this much, mm.
 _BEHIND_MM = 50.0
 #: Range of S of the edges that are measured, px per m of baseline. Chosen: 200 is a head at 0.9 m
@@ -58,6 +61,8 @@ class Edges:
         front_mm: depth at the end of the foreground.
         back_mm: depth at the end of the background.
         shift_px_per_m: S for a baseline of 1 m.
+        radius_px: distance of the rim from the principal point, px of a Kinect V2.
+        back_counts: infrared of the background beside the gap, counts; 0 without infrared.
     """
 
     side: NDArray[np.int64]
@@ -70,6 +75,8 @@ class Edges:
     front_mm: Array
     back_mm: Array
     shift_px_per_m: Array
+    radius_px: NDArray[np.float32]
+    back_counts: Array
 
 
 @dataclass(frozen=True)
@@ -105,11 +112,31 @@ class Silhouettes:
     right: Side
     shadow_side: str
 
+    @property
+    def shadow(self) -> Side:
+        """The side with the wider gaps."""
+        return self.right if self.shadow_side == "right" else self.left
 
-def measure_silhouettes(frames: Sequence[DepthFrame]) -> Silhouettes:
-    """Measure the gaps on both sides; NaN for a side with fewer than 50 edges."""
+    @property
+    def lit(self) -> Side:
+        """The other side."""
+        return self.left if self.shadow_side == "right" else self.right
+
+
+def measure_silhouettes(
+    frames: Sequence[DepthFrame],
+    ring_px: tuple[float, float] = (0.0, np.inf),
+    light: tuple[float, float] = (-np.inf, np.inf),
+) -> Silhouettes:
+    """Measure the gaps on both sides; NaN for a side with fewer than 50 edges.
+
+    Args:
+        frames: real or simulated.
+        ring_px: distances from the principal point, px of a Kinect V2, of the edges that count.
+        light: infrared of their backgrounds, counts; frames without infrared have 0.
+    """
     found = [find_edges(frame) for frame in frames]
-    left, right = (_side(found, number) for number in (0, 1))
+    left, right = (_side(found, number, ring_px, light) for number in (0, 1))
     widths = np.nan_to_num([left.width_mean_px, right.width_mean_px])
     return Silhouettes(left, right, "left" if widths[0] > widths[1] else "right")
 
@@ -134,6 +161,7 @@ def find_edges(frame: DepthFrame) -> Edges:
     used &= np.where(on_right, *widths[::-1]) >= _LEAST_BACK
     column = np.where(on_right, end - 1, next_start)
     used[used] = goes_on(on_right[used], row[used], column[used], _MOST_SLANT).any(axis=0)
+    back = np.where(on_right, next_start + _BESIDE_PX, end - 1 - _BESIDE_PX)[used]
     row, end, next_start, column = (v[used] for v in (row, end, next_start, column))
     front_mm, back_mm = np.sort([left[used], right[used]], axis=0)
     missing = np.cumsum(np.pad(~known, ((0, 0), (1, 0))), axis=1)
@@ -149,12 +177,23 @@ def find_edges(frame: DepthFrame) -> Edges:
         front_mm,
         back_mm,
         frame.intrinsics.fx * (1000.0 / front_mm - 1000.0 / back_mm),
+        radius_px(frame)[row, column],
+        np.zeros(row.size) if frame.infrared is None else frame.infrared[row, back].astype("f8"),
     )
 
 
-def _side(found: Sequence[Edges], number: int) -> Side:
+def _side(
+    found: Sequence[Edges], number: int, ring_px: tuple[float, float], light: tuple[float, float]
+) -> Side:
+    def whole(name: str) -> Array:
+        return np.concatenate([getattr(e, name) for e in found])
+
+    radius, counts = whole("radius_px"), whole("back_counts")
+    own = (whole("side") == number) & (radius >= ring_px[0]) & (radius < ring_px[1])
+    own &= (counts >= light[0]) & (counts < light[1])
+
     def column(name: str) -> Array:
-        return np.concatenate([getattr(e, name)[e.side == number] for e in found])
+        return np.asarray(whole(name)[own])
 
     shift, widths = column("shift_px_per_m"), column("width")
     used = (shift >= HEAD_SHIFTS[0]) & (shift <= HEAD_SHIFTS[1])

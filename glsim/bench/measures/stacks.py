@@ -215,6 +215,21 @@ def crossing(x: Array, share: Array, level: float) -> float:
     return float(x[i] + t * (x[i + 1] - x[i]))
 
 
+def half_valid(
+    level: NDArray[np.floating], valid: NDArray[np.bool_], edges: NDArray[np.floating]
+) -> float:
+    """Interpolate the level from which half of the pixels are valid; NaN if they never are.
+
+    Args:
+        level, valid: of the pixels, of one shape.
+        edges: of the bins whose means are compared.
+    """
+    place = np.digitize(level, edges)
+    used = [k for k in range(1, len(edges)) if (place == k).any()]
+    means, shares = (np.array([part[place == k].mean() for k in used]) for part in (level, valid))
+    return crossing(means, shares, 0.5)
+
+
 def normals(depth_mm: Array, rays: NDArray[np.floating]) -> Array:
     """Compute (H, W, 3) unit normals by central differences; NaN if a neighbour has no depth.
 

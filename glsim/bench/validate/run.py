@@ -21,11 +21,12 @@ from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.errors import ConfigError
 from glsim.core.plugins import each_usable, load_plugin, plugin_names, shipped_objects
 from glsim.gl.context import borrowed_context
-from glsim.sensors.sensor import Sensor
 from glsim.settings.toml_tables import read_toml
 
 #: Files of checks, by the name of the sensor.
 _SHEETS = Path(__file__).parent / "sheets"
+#: Sheets of sensors without their own, by the number of imagers that are matched.
+_ALIKE = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
 
 
 @dataclass(frozen=True)
@@ -81,15 +82,6 @@ def _is_check(value: Any) -> bool:
     return callable(value) and isinstance(getattr(value, "checks", None), tuple)
 
 
-def sheet_of(sensor: Sensor) -> ValidationSheet:
-    """Return the sheet of a sensor, or else the sheet for its measuring principle."""
-    name = sensor.name
-    if name not in sheets():
-        alike = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
-        name = alike[min(len(sensor.rig.imagers_m), 2)]
-    return sheets()[name]
-
-
 def validate_sensor(
     sensor: str, *, seed: int = 0, frames: int = 64, backend: str | None = None
 ) -> ValidationReport:
@@ -114,7 +106,8 @@ def run_checks(captures: Captures) -> ValidationReport:
     """Run the sheet of the captures' sensor. Raises ConfigError for a check without measurement."""
     started = time.perf_counter()
     camera = captures.camera
-    sheet = sheet_of(camera.sensor)
+    alike = _ALIKE[min(len(camera.rig.imagers_m), 2)]
+    sheet = sheets().get(camera.sensor.name, sheets()[alike])
     measured: dict[str, Measurement] = {}
     for function in sheet.functions:
         measured |= function(captures)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,12 +12,17 @@ from glsim.core.depth_map import grid_triangles
 from glsim.core.mesh import Mesh
 from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
+from glsim.looks.dress import Dresser
+from glsim.settings.distribution import DrawKeys
+from glsim.settings.schema import AppearanceSettings
 from glsim.settings.toml_tables import read_toml
 
 #: Focal length times baseline of the device that made the frames, px mm.
 _FOCAL_BASELINE_PX_MM = 626_823 / 32
 #: Albedos that give the real frame's counts: 6,000 to 12,000 on the mug, 500 to 700 on the walls.
 _MUG_ALBEDO, _HANDLE_ALBEDO, _WALL_ALBEDO, _SIDE_ALBEDO = 0.5, 0.55, 0.8, 1.0
+#: Albedo of bars: the median of what casts shadows in real frames.
+_BAR_ALBEDO = 0.3
 #: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
 #: 11 rows, so that it crosses pixels at all positions.
 _EDGE_SLANT = 0.09
@@ -92,11 +98,7 @@ def depth_edge(near_mm: float, far_mm: float) -> Mesh:
 
     The emitter is on the right, so the foreground hides its own shadow: the edge is fully lit.
     """
-    y = 0.8 * near_mm
-    x = _EDGE_SLANT * y
-    left = -1.2 * near_mm
-    front = [(left, y, near_mm), (x, y, near_mm), (-x, -y, near_mm), (left, -y, near_mm)]
-    return merge_meshes(quad(front), wall(far_mm))
+    return merge_meshes(_slanted_bar(-1.2 * near_mm, 0.0, near_mm), wall(far_mm))
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
@@ -105,15 +107,37 @@ def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0)
     return merge_meshes(square, wall(far_mm, albedo))
 
 
-def faces(count: int, z_mm: float, seed: int) -> list[Mesh]:
-    """Build procedural heads of ``count`` people at z, all with the default skin albedo."""
+def bars(near_mm: float, far_mm: float, albedo: float) -> Mesh:
+    """Build six slanted bars, each as wide as a tenth of their distance, before a wall."""
+    lefts = np.arange(-0.72, 0.7, 0.26) * near_mm
+    fronts = [_slanted_bar(x, x + 0.1 * near_mm, near_mm, _BAR_ALBEDO) for x in lefts]
+    return merge_meshes(*fronts, wall(far_mm, albedo))
+
+
+def _slanted_bar(left_mm: float, right_mm: float, z_mm: float, albedo: float = 1.0) -> Mesh:
+    """Build a bar at depth z that crosses the image's middle row at two x, slanted."""
+    y, lean = 0.8 * z_mm, _EDGE_SLANT * 0.8 * z_mm
+    ends = [(left_mm + lean, y), (right_mm + lean, y), (right_mm - lean, -y), (left_mm - lean, -y)]
+    return quad([(*end, z_mm) for end in ends], albedo)
+
+
+def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) -> list[Mesh]:
+    """Build procedural heads of ``count`` people at z, dressed (hair, cloth) or bare.
+
+    All have the default skin albedo.
+    """
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
+    dresser = Dresser(source, AppearanceSettings(wear=wear))
     meshes = []
-    for face in source.load(keys):
+    for number, face in enumerate(source.load(keys)):
         assert isinstance(face, Face)
-        vertices = face.mesh.vertices_mm * np.array([1, -1, -1], np.float32)
-        meshes.append(Mesh(vertices + np.array([0, 0, z_mm], np.float32), face.mesh.faces))
+        worn = dresser.dress(face, DrawKeys(number, number, number))
+        own = [worn.mesh, *(part.mesh for part in worn.parts)]
+        whole = merge_meshes(*own) if len(own) > 1 else worn.mesh
+        vertices = whole.vertices_mm * np.array([1, -1, -1], np.float32)
+        placed = vertices + np.array([0, 0, z_mm], np.float32)
+        meshes.append(Mesh(placed, whole.faces, whole.albedo))
     return meshes
 
 

@@ -11,9 +11,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import correlation_of, lagged_sums
+from glsim.bench.measures.correlation import LAGS, correlation_of, lagged_sums
+from glsim.bench.measures.depth_noise import measure_spatial
 from glsim.bench.measures.pixel_runs import successive_runs
-from glsim.bench.measures.stacks import sigma_temporal
+from glsim.bench.measures.stacks import half_valid, sigma_temporal, without_plane
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
@@ -72,11 +73,9 @@ def plane_tiles(
     )
     whole = (z.min(axis=1) > 0) & (np.ptp(z, axis=1) <= _MOST_SPREAD_MM)
     z, light = z[whole], light[whole]
-    y, x = np.indices(size) - (side_px - 1) / 2
-    base = np.column_stack([x.ravel(), y.ravel(), np.ones(side_px**2)])
-    residual = z - z @ np.linalg.pinv(base).T @ base.T
-    rms = np.sqrt((residual**2).sum(axis=1) / (side_px**2 - 3))
-    return np.median(light, axis=1).astype(np.float64), rms, residual.reshape(-1, *size)
+    residual = without_plane(z.reshape(-1, *size))
+    rms = np.sqrt((residual**2).sum(axis=(1, 2)) / (side_px**2 - 3))
+    return np.median(light, axis=1).astype(np.float64), rms, residual
 
 
 def dim_correlation(infrared: Array, residual_mm: Array) -> dict[str, float]:
@@ -211,7 +210,7 @@ def limits(captures: Captures) -> dict[str, Measurement]:
     dim = captures.camera.capture(
         scenes.albedo_ramp(_RAMP_MM, 500.0, 0.0, 0.1), 8, None, scene="dim ramp"
     )
-    near = [z for z in range(140, 200, 5) if _share(captures, float(z), 0.1) > 0.5]
+    near = [z for z in range(140, 200, 5) if captures.valid_percent(z, 0.1) > 50]
     share = {f"{z} m": abs(captures.mean_error_mm(1000.0 * z)) - z for z in (0.5, 1, 2, 3)}
     noise = {f"{z} m": captures.temporal_sigma_mm(1000.0 * z) for z in (1, 2, 3)}
     return {
@@ -224,13 +223,17 @@ def limits(captures: Captures) -> dict[str, Measurement]:
             }
         ),
         "11": Measurement(
-            {"counts": _half_valid(dim.stack("infrared"), np.isfinite(dim.whole_mm))}
+            {
+                "counts": half_valid(
+                    dim.stack("infrared"), np.isfinite(dim.whole_mm), np.arange(20.0, 140.0, 4.0)
+                )
+            }
         ),
         "12": Measurement(
             {
                 "nearest": float(min(near)) if near else None,
-                "3.8 m": _share(captures, 3800.0, 0.8),
-                "4 m": _share(captures, 4000.0, 0.8),
+                "3.8 m": captures.valid_percent(3800, 0.8) / 100,
+                "4 m": captures.valid_percent(4000, 0.8) / 100,
             }
         ),
         "13": Measurement({k: max(v, 0.0) for k, v in share.items()}, note="of one device"),
@@ -241,27 +244,17 @@ def limits(captures: Captures) -> dict[str, Measurement]:
 @validation_check(f"{_SHEET}-nfov-binned")
 def binned(captures: Captures) -> dict[str, Measurement]:
     """Measure the noise and the range of the mode that averages 2 x 2 pixels, on whole walls."""
-    near, *far = (
-        captures.camera.capture(scenes.wall(z, 0.6), 4, None, scene=f"binned {z}").whole_mm
-        for z in (1000.0, 2500.0, 3400.0, 4400.0, 5400.0)
+    near, middle, *far = (
+        captures.camera.capture(scenes.wall(z, 0.6), 4, None, scene=f"binned {z}")
+        for z in (1000.0, 1700.0, 2500.0, 3400.0, 4400.0, 5400.0)
     )
-    middle = far[-1][:, 124:164, 140:180]
+    valid = [np.isfinite(shot.whole_mm) for shot in far]
+    surfaces = measure_spatial([*near, *middle, *far[0]])
+    along = dict(zip(LAGS, surfaces.correlation, strict=True))
     return {
-        "1": Measurement({"sigma": sigma_temporal(near)}),
-        "2": Measurement({"all": float(np.mean(np.isfinite(far)))}),
-        "3": Measurement({"middle": float(np.isfinite(middle).mean())}),
+        "1": Measurement({"sigma": sigma_temporal(near.whole_mm)}),
+        "2": Measurement({"all": float(np.mean(valid))}),
+        "3": Measurement({"middle": float(valid[-1][:, 124:164, 140:180].mean())}),
+        "4": Measurement({"p10": surfaces.rough_mm[0]}),
+        "5": Measurement({"2 px": along[0, 2], "3 px": along[0, 3]}),
     }
-
-
-def _share(captures: Captures, z_mm: float, albedo: float) -> float:
-    """Measure the share of pixels with depth in the middle of a wall."""
-    return float(np.isfinite(captures.wall(z_mm, albedo).whole_mm).mean())
-
-
-def _half_valid(infrared: np.ndarray, valid: np.ndarray) -> float:
-    """Find the infrared, counts, above which at least half of the pixels have depth."""
-    edges = np.arange(20, 140, 4)
-    bins = np.digitize(infrared.ravel(), edges)
-    shares = [valid.ravel()[bins == k].mean() for k in range(1, len(edges))]
-    least = next((k for k, share in enumerate(shares) if share >= 0.5), None)
-    return float("nan") if least is None else float(edges[least] + 2)

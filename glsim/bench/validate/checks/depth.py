@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.bench.measures import stacks as measure
-from glsim.bench.measures.stacks import Array
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
@@ -44,10 +43,10 @@ def quantisation(captures: Captures) -> dict[str, Measurement]:
     }
 
 
-def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
-    """Measure the share of valid pixels over the amplitude; None for a sensor without infrared.
+@validation_check("kinect-v2")
+def validity(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 23: the amplitude at which half of the pixels are valid.
 
-    Returns (N,) amplitudes, the (N,) share at each, and the share at amplitudes of 11 and above.
     The scene is one wall at 3 m whose albedo grows from left to right; the amplitude is a pixel's
     measured infrared over 16, noise included, as that of the real frames.
     """
@@ -55,7 +54,7 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
     half_mm = half_px * z / captures.camera.rig.intrinsics.fx
     bright = float(captures.wall(z).centre(16, 16).stack("infrared").mean()) / COUNTS_PER_AMPLITUDE
     if bright <= 0:
-        return None
+        return {"23": Measurement(why_not="the sensor gives no infrared")}
     low, high = 1.0 / bright, min(17.0 / bright, 1.0)
     capture = captures.camera.capture(
         scenes.albedo_ramp(z, half_mm, low, high),
@@ -65,24 +64,12 @@ def validity_curve(captures: Captures) -> tuple[Array, Array, float] | None:
     ).centre(2 * half_px - 4, 96)
     amplitude = capture.stack("infrared").ravel() / COUNTS_PER_AMPLITUDE
     valid = np.isfinite(capture.whole_mm).ravel()
-    bins = np.arange(1.0, 17.0, 0.5)
-    which = np.digitize(amplitude, bins) - 1
-    used = np.unique(which[(which >= 0) & (which < len(bins))])
-    x = np.array([amplitude[which == b].mean() for b in used])
-    y = np.array([valid[which == b].mean() for b in used])
     above = (amplitude >= 11) & (amplitude < 17)
-    return x, y, measure.mean_of(valid[above].astype(np.float64))
-
-
-@validation_check("kinect-v2")
-def validity(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 23: the amplitude at which half of the pixels are valid."""
-    curve = validity_curve(captures)
-    if curve is None:
-        return {"23": Measurement(why_not="the sensor gives no infrared")}
-    amplitude, share, above = curve
-    half_valid = measure.crossing(amplitude, share, 0.5)
-    return {"23": Measurement({"a*": half_valid, "valid": 100 * above})}
+    values = {
+        "a*": measure.half_valid(amplitude, valid, np.arange(1.0, 17.5, 0.5)),
+        "valid": 100 * measure.mean_of(valid[above].astype(np.float64)),
+    }
+    return {"23": Measurement(values)}
 
 
 @validation_check("kinect-v2")
@@ -98,28 +85,20 @@ def ranges(captures: Captures) -> dict[str, Measurement]:
     return {"25": Measurement({"outside": outside, "inside": inside})}
 
 
-def wiggle_curve(captures: Captures) -> tuple[Array, Array]:
-    """Measure the mean error of skin-like walls every 20 mm, 0.6 to 3 m: distances, errors, mm."""
-    distances = np.arange(600.0, 3001.0, 20.0)
-    errors = []
-    for z in distances:
-        capture = captures.camera.capture(
-            scenes.wall(float(z), _SKIN),
-            _WIGGLE_FRAMES,
-            _WIGGLE_PX,
-            scene=f"wiggle {z:g}",
-        )
-        errors.append(measure.mean_of(capture.measured_mm - capture.truth_mm))
-    return distances, np.array(errors)
-
-
 @validation_check("kinect-v2")
 def wiggle(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 26: the ripple of the mean error over distance.
+    """Measure check 26: the ripple of the mean error over distance, skin-like walls every 20 mm.
 
     other: power of the residual of a fit of all allowed periods, over the power before the fit.
     """
-    z, error = wiggle_curve(captures)
+    z = np.arange(600.0, 3001.0, 20.0)
+    shots = (
+        captures.camera.capture(
+            scenes.wall(float(at), _SKIN), _WIGGLE_FRAMES, _WIGGLE_PX, scene=f"wiggle {at:g}"
+        )
+        for at in z
+    )
+    error = np.array([measure.mean_of(shot.measured_mm - shot.truth_mm) for shot in shots])
     if not np.isfinite(error).all():
         return {"26": Measurement({}, f"no depth at {z[~np.isfinite(error)][0]:.0f} mm")}
     ripple = measure.without_trend(z, error)

@@ -1,22 +1,32 @@
-"""Checks 15 to 21 at depth edges: jitter, mixed pixels, silhouettes, shadows."""
+"""Checks 15 to 21 and 31 to 34 at depth edges: jitter, mixed pixels, silhouettes, shadows."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from glsim.bench.measures import stacks as measure
+from glsim.bench.measures.silhouettes import measure_silhouettes
 from glsim.bench.measures.stacks import Array
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.bench.validate.virtual_camera import Changes
-from glsim.core.depth_frame import Frames
+from glsim.core.depth_frame import DepthFrame, Frames
 
 NEAR_MM = 900.0
 _EDGE_PX = 96
 #: Half the side of the square that casts shadows, and the side of the window around it, px.
 HALF_PX = 20.0
 _SHADOW_PX = 128
+#: S of bars, px per m of baseline, before a wall, and the wall's distance and reflectivities: the
+#: deciles of S of all silhouettes in 44 real frames, and what stands behind these.
+_BAR_SHIFTS = (16, 40, 60, 80, 115, 155, 195, 240, 300, 400)
+_BAR_WALL_MM, _BAR_ALBEDOS = 2200.0, (0.12, 0.22, 0.35)
+#: Infrared of the backgrounds that count, counts: real gaps there depend on S alone; and a ring of
+#: the image, px.
+_BACK_COUNTS, _RING_PX = (600.0, 2500.0), (150.0, 225.0)
 #: Most that depth beside a lone silhouette may differ, mm: 30 of noise, and the 61 by which the
 #: light of the lens's halo is late, as real frames show beside printed edges.
 _STRAY_MM = 90.0
@@ -130,11 +140,6 @@ def shadow_profile(
     return np.asarray(rays * focal, np.float64), profile, capture
 
 
-def horizontal_shadow(captures: Captures, far_mm: float) -> tuple[Array, Array, Frames]:
-    """Return the horizontal ``shadow_profile``, which is measured once."""
-    return captures.cached(f"shadow {far_mm}", lambda: shadow_profile(captures, far_mm))
-
-
 def _shadow_width(place: Array, profile: Array, side: int) -> float:
     """Compute the width of the shadow beside the square, px.
 
@@ -162,18 +167,17 @@ def shadows(captures: Captures) -> dict[str, Measurement]:
     widths: dict[str, float] = {}
     others: list[float] = []
     for far in (1100, 1500, 2000):
-        place, profile, _ = horizontal_shadow(captures, far)
-        widths[f"{far / 1000:g} m"] = _shadow_width(place, profile, -1)
-        others.append(_shadow_width(place, profile, 1))
-        place, profile, _ = shadow_profile(captures, far, horizontal=False)
-        others += [_shadow_width(place, profile, side) for side in (-1, 1)]
+        across = shadow_profile(captures, far)
+        widths[f"{far / 1000:g} m"] = _shadow_width(*across[:2], -1)
+        others.append(_shadow_width(*across[:2], 1))
+        down = shadow_profile(captures, far, horizontal=False)
+        others += [_shadow_width(*down[:2], side) for side in (-1, 1)]
     widths["other sides"] = max(others, key=abs)
-    return {"20": Measurement(widths), "21": _penumbra(captures)}
+    return {"20": Measurement(widths), "21": _penumbra(*across)}
 
 
-def _penumbra(captures: Captures) -> Measurement:
+def _penumbra(place: Array, profile: Array, capture: Frames) -> Measurement:
     """Measure check 21: light levels on the shadow side of a square before a wall at 2 m."""
-    place, profile, capture = horizontal_shadow(captures, 2000)
     side = (place < 0) & np.isfinite(profile)
     inner = np.flatnonzero(side & (profile > 0.15) & (profile < 0.85))
     # A level is a column whose neighbours have nearly the same light.
@@ -197,3 +201,34 @@ def _penumbra(captures: Captures) -> Measurement:
     return Measurement(
         {"levels": float(len(levels)), "sigma": float(np.fmax.reduce(growth))}, f"levels {shares}"
     )
+
+
+@validation_check("kinect-v2")
+def bars(captures: Captures) -> dict[str, Measurement]:
+    """Measure checks 31 to 34 on bars before a wall."""
+    shots: list[DepthFrame] = []
+    for shift in _BAR_SHIFTS:
+        near_mm = 1000 / (shift / captures.camera.rig.intrinsics.fx + 1000 / _BAR_WALL_MM)
+        for albedo in _BAR_ALBEDOS:
+            mesh, name = scenes.bars(near_mm, _BAR_WALL_MM, albedo), f"bars {shift} {albedo}"
+            shots += captures.camera.capture(mesh, 1, None, scene=name)
+    if not any(np.any(shot.infrared) for shot in shots):
+        return {n: Measurement(why_not="the sensor gives no infrared") for n in _GAPS}
+    return gap_measurements(shots)
+
+
+_GAPS = ("31", "32", "33", "34")
+
+
+def gap_measurements(frames: Sequence[DepthFrame]) -> dict[str, Measurement]:
+    """Measure checks 31 to 34 on frames, real or simulated, with infrared."""
+    found = measure_silhouettes(frames, light=_BACK_COUNTS)
+    ring = measure_silhouettes(frames, _RING_PX, _BACK_COUNTS)
+    dark = found.shadow
+    values = (
+        {"slope": dark.slope_mm, "offset": dark.offset_px},
+        {"invalid": 100 * dark.band_invalid, "behind": 100 * dark.band_behind},
+        {"behind": 100 * found.lit.band_behind},
+        {"invalid": 100 * ring.shadow.band_invalid},
+    )
+    return {number: Measurement(v) for number, v in zip(_GAPS, values, strict=True)}

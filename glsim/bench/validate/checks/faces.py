@@ -1,25 +1,23 @@
-"""Checks 24, 30 and A3 on isolated faces: masks, normals and holes."""
+"""Checks 24, 30, 35 and A3 on faces: masks, normals, holes, and rims with hair."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from glsim.bench.compare.patches import KINDS, edge_patches
 from glsim.bench.measures import stacks as measure
+from glsim.bench.measures.depth_noise import measure_spatial
+from glsim.bench.measures.silhouettes import measure_silhouettes
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
-from glsim.core.depth_frame import Frames
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.mesh import SKIN_ALBEDO
 
 _PEOPLE = 6
 _FRAMES_EACH = 4
-
-
-def portraits(captures: Captures) -> list[Frames]:
-    """Capture a few frames of a few people at 0.9 m, without background, with skin albedo."""
-    return [
-        captures.camera.capture(mesh, _FRAMES_EACH, 160, scene=f"face {number}")
-        for number, mesh in enumerate(scenes.faces(_PEOPLE, 900, captures.camera.seed))
-    ]
+#: Wall behind dressed heads, mm.
+_WALL_MM = 1800.0
 
 
 @validation_check("kinect-v2")
@@ -27,7 +25,9 @@ def isolated_faces(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 24 and 30, and anti-check A3: masks, normals and shadows of faces."""
     invalid = inside = kept = surface = grown = rim = 0
     angles, holes = [], []
-    for capture in portraits(captures):
+    heads = scenes.faces(_PEOPLE, 900, captures.camera.seed, "never")
+    for number, mesh in enumerate(heads):
+        capture = captures.camera.capture(mesh, _FRAMES_EACH, 160, scene=f"face {number}")
         clean = np.isfinite(capture.truth_mm)
         valid = np.isfinite(capture.whole_mm)
         interior = measure.eroded(clean, 3) & (measure.steps_mm(capture.truth_mm) <= 100)
@@ -58,3 +58,21 @@ def isolated_faces(captures: Captures) -> dict[str, Measurement]:
         "30": Measurement({"angle": float(np.mean(angles))}, "within 60 deg of the axis"),
         "A3": Measurement({"hole": float(max(holes))}),
     }
+
+
+@validation_check("kinect-v2")
+def dressed_heads(captures: Captures) -> dict[str, Measurement]:
+    """Measure check 35 on dressed heads before a wall: flying pixels at rims, rough surfaces."""
+    shots: list[DepthFrame] = []
+    for number, head in enumerate(scenes.faces(_PEOPLE, 900, captures.camera.seed, "always")):
+        mesh = scenes.merge_meshes(head, scenes.wall(_WALL_MM, SKIN_ALBEDO))
+        shots += captures.camera.capture(mesh, 1, 240, scene=f"dressed {number}")
+    rims = edge_patches(shots, measure_silhouettes(shots).shadow_side)[KINDS[2]]
+    flying = rims.features[:, rims.names.index("flying pixels of the gap")]
+    heads = [
+        shot.changed({"noisy_mm": np.where(shot.noisy_mm < 0.8 * _WALL_MM, shot.noisy_mm, 0)})
+        for shot in shots
+    ]
+    rough_mm = measure_spatial(heads).rough_mm
+    values = {"flying": float(np.median(flying)), "p90": rough_mm[2]}
+    return {"35": Measurement(values, "procedural heads with hair and clothes")}
