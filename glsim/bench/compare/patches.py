@@ -109,7 +109,7 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
 def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Patches]:
     """Cut silhouette patches from the frames, on the lit side and on the shadow side."""
     found: dict[str, list[_Found]] = {KINDS[2]: [], KINDS[3]: []}
-    shadow = 1 if shadow_side == "right" else 0
+    shadow, size = 1 if shadow_side == "right" else 0, (_ROWS, _FRONT_PX + _BACK_PX)
     for number, frame in enumerate(frames):
         edges = find_edges(frame)
         for side in (0, 1):
@@ -118,16 +118,21 @@ def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Pa
             inside &= (edges.shift_px_per_m > HEAD_SHIFTS[0]) & (
                 edges.shift_px_per_m < HEAD_SHIFTS[1]
             )
-            for k in _thinned(np.flatnonzero(inside)):
-                patch = _edge_patch(
-                    frame.measured_mm, int(edges.row[k]), int(edges.column[k]), side
-                )
-                if patch is None:
-                    continue
-                features = _edge_features(patch, edges.front_mm[k], edges.back_mm[k])
-                if features is not None:
-                    shift = float(edges.shift_px_per_m[k])
-                    found[kind].append((number, int(edges.column[k]), shift, features))
+            # The last foreground pixel is in column 7 of a patch, after it is mirrored.
+            top = edges.row - _ROWS // 2
+            left = edges.column - (_FRONT_PX - 1 if side == 1 else _BACK_PX)
+            whole = np.lib.stride_tricks.sliding_window_view(frame.measured_mm, size)
+            fits = (top >= 0) & (top < whole.shape[0]) & (left >= 0) & (left < whole.shape[1])
+            k = _thinned(np.flatnonzero(inside))
+            k = k[fits[k]]
+            cut = whole[top[k], left[k]][..., :: 1 if side == 1 else -1].astype(np.float64)
+            features = _edge_features(cut, edges.front_mm[k], edges.back_mm[k])
+            kept = np.isfinite(features).all(axis=1)
+            k = k[kept]
+            found[kind] += zip(
+                [number] * len(k), edges.column[k], edges.shift_px_per_m[k], features[kept],
+                strict=True,
+            )  # fmt: skip
     return {kind: _collected(EDGE_FEATURES, rows) for kind, rows in found.items()}
 
 
@@ -176,54 +181,39 @@ def _surface_features(e: Array) -> Array:
     )
 
 
-def _edge_patch(depth_mm: NDArray[np.float32], row: int, column: int, side: int) -> Array | None:
-    """Cut 13 x 24 px with the last foreground pixel in column 7; None at the image border."""
-    top = row - _ROWS // 2
-    left = column - _FRONT_PX + 1 if side == 1 else column - _BACK_PX
-    height, width = depth_mm.shape
-    size = _FRONT_PX + _BACK_PX
-    if top < 0 or left < 0 or top + _ROWS > height or left + size > width:
-        return None
-    patch = depth_mm[top : top + _ROWS, left : left + size].astype(np.float64)
-    return patch if side == 1 else patch[:, ::-1]
+def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
+    """Compute the (N, F) features of (N, 13, 24) patches.
+
+    NaN for patches with fewer than 7 rows that have a foreground, a background and 8 px between.
+    """
+    known, column = np.isfinite(z), np.arange(z.shape[-1])
+    near_mm = np.minimum(0.25 * (back_mm - front_mm), 60.0)[:, None, None]
+    front = np.abs(z - front_mm[:, None, None]) < near_mm
+    back = np.abs(z - back_mm[:, None, None]) < near_mm
+    first = z.shape[-1] - front[..., ::-1].argmax(axis=-1)[..., None]  # after the last one
+    beyond = back & (column >= first)
+    gap = (column >= first) & (column < beyond.argmax(axis=-1)[..., None])
+    band = (column >= first) & (column < first + 8)
+    used = front.any(axis=-1) & beyond.any(axis=-1) & (first[..., 0] + 8 <= z.shape[-1])
+    used[used.sum(axis=1) < 7] = False
+    width = gap.sum(axis=-1)
+    rows = (
+        width,
+        (gap & ~known).sum(axis=-1),
+        (gap & known).sum(axis=-1),
+        (band & ~known).sum(axis=-1) / 8,
+        (band & (z > back_mm[:, None, None] + 50.0)).sum(axis=-1) / 8,
+        np.abs(np.diff(known.astype(int), axis=-1)).sum(axis=-1),
+    )
+    count = np.where(used.any(axis=1), used.sum(axis=1), np.nan)
+    means = [np.where(used, row, 0).sum(axis=1) / count for row in rows]
+    spread = np.sqrt(np.where(used, (width - means[0][:, None]) ** 2, 0).sum(axis=1) / count)
+    return np.column_stack([means[0], spread, *means[1:], _rough(z, front), _rough(z, back)])
 
 
-def _edge_features(patch: Array, front_mm: float, back_mm: float) -> Array | None:
-    """Compute the features; None if fewer than 7 rows have a foreground and a background."""
-    known = np.isfinite(patch)
-    z = np.nan_to_num(patch)
-    step = 0.25 * (back_mm - front_mm)
-    front = known & (np.abs(z - front_mm) < min(step, 60.0))
-    back = known & (np.abs(z - back_mm) < min(step, 60.0))
-    widths, invalid, flying, band, behind, changes = [], [], [], [], [], []
-    for r in range(len(patch)):
-        ahead = np.flatnonzero(front[r])
-        if len(ahead) == 0:
-            continue
-        a = int(ahead[-1]) + 1
-        beyond = np.flatnonzero(back[r, a:])
-        if len(beyond) == 0 or a + 8 > patch.shape[1]:
-            continue
-        b = a + int(beyond[0])
-        widths.append(b - a)
-        invalid.append((~known[r, a:b]).sum())
-        flying.append(known[r, a:b].sum())
-        band.append((~known[r, a : a + 8]).mean())
-        behind.append((z[r, a : a + 8] > back_mm + 50.0).mean())
-        changes.append(np.abs(np.diff(known[r].astype(int))).sum())
-    if len(widths) < 7:
-        return None
-    return np.array(
-        [
-            np.mean(widths), np.std(widths), np.mean(invalid), np.mean(flying), np.mean(band),
-            np.mean(behind), np.mean(changes), _rough(patch, front), _rough(patch, back),
-        ]
-    )  # fmt: skip
-
-
-def _rough(patch: Array, used: NDArray[np.bool_]) -> float:
-    """Compute the log of the mean absolute second difference along rows, mm; 0 without pixels."""
-    z = np.where(used, patch, np.nan)
-    bend = np.abs(z[:, :-2] - 2 * z[:, 1:-1] + z[:, 2:])
-    bend = bend[np.isfinite(bend)]
-    return float(np.log(max(float(np.mean(np.minimum(bend, 50.0))), 0.1))) if bend.size else 0.0
+def _rough(z: Array, used: NDArray[np.bool_]) -> Array:
+    """Compute (N,) logs of the mean absolute second difference along rows, mm; 0 without pixels."""
+    bend = np.abs(np.diff(np.where(used, z, np.nan), 2, axis=-1))
+    count = np.isfinite(bend).sum(axis=(1, 2))
+    mean = np.nansum(np.minimum(bend, 50.0), axis=(1, 2)) / np.maximum(count, 1)
+    return np.where(count > 0, np.log(np.maximum(mean, 0.1)), 0.0)
