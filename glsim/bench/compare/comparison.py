@@ -209,7 +209,8 @@ def _light_lines(light: Light) -> _Lines:
 
 def _silhouette_lines(found: Silhouettes) -> _Lines:
     lines: _Lines = {}
-    for name, side in (("lit", found.lit), ("shadow", found.shadow)):
+    lit, dark = found.lit_and_shadow
+    for name, side in (("lit", lit), ("shadow", dark)):
         lines |= {
             (f"silhouettes, {name} side", text, unit, True): value
             for text, unit, value in (
@@ -220,8 +221,8 @@ def _silhouette_lines(found: Silhouettes) -> _Lines:
                 ("behind the background, share of 8 px", "%", 100 * side.band_behind),
             )
         }
-    lines["silhouettes, shadow side", "width over S: slope", "mm", True] = found.shadow.slope_mm
-    lines["silhouettes, shadow side", "width over S: offset", "px", False] = found.shadow.offset_px
+    lines["silhouettes, shadow side", "width over S: slope", "mm", True] = dark.slope_mm
+    lines["silhouettes, shadow side", "width over S: offset", "px", False] = dark.offset_px
     return lines
 
 

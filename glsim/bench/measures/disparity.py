@@ -111,19 +111,12 @@ def find_tiles(disparity: Array) -> Tiles:
     return Tiles(rows.ravel()[full], columns.ravel()[full], level, images, sigma)
 
 
-def power_share(tiles: Sequence[Tiles], least_px: float, most_px: float, axis: int) -> float:
-    """Compute the share of the residual's power at periods along an axis, mean of the tiles.
-
-    Args:
-        tiles: of each frame.
-        least_px, most_px: shortest and longest period, px.
-        axis: 0 along columns, 1 along rows.
-    """
-    residual = np.nan_to_num(np.concatenate([t.residual for t in tiles]))
-    power = (np.abs(np.fft.rfft(residual, axis=1 + axis)) ** 2).mean(axis=2 - axis)
-    cycles = np.fft.rfftfreq(TILE_PX)
-    chosen = (cycles >= 1 / most_px) & (cycles <= 1 / least_px)
-    return float((power[:, chosen].sum(axis=1) / power[:, 1:].sum(axis=1)).mean())
+def power_share(residual: Array, least_px: float, most_px: float) -> float:
+    """Compute the share of power at some periods along columns, px, mean of (N, S, S) tiles."""
+    power = (np.abs(np.fft.rfft(np.nan_to_num(residual), axis=1)) ** 2).mean(axis=2)[:, 1:]
+    period = 1 / np.fft.rfftfreq(residual.shape[1])[1:]
+    chosen = (period >= least_px) & (period <= most_px)
+    return float((power[:, chosen].sum(axis=1) / power.sum(axis=1)).mean())
 
 
 def _plane_residual(values: Array) -> Array:

@@ -113,14 +113,10 @@ class Silhouettes:
     shadow_side: str
 
     @property
-    def shadow(self) -> Side:
-        """The side with the wider gaps."""
-        return self.right if self.shadow_side == "right" else self.left
-
-    @property
-    def lit(self) -> Side:
-        """The other side."""
-        return self.left if self.shadow_side == "right" else self.right
+    def lit_and_shadow(self) -> tuple[Side, Side]:
+        """The side with the narrower gaps, and the one with the wider gaps."""
+        pair = self.left, self.right
+        return pair if self.shadow_side == "right" else pair[::-1]
 
 
 def measure_silhouettes(
@@ -151,8 +147,7 @@ def find_edges(frame: DepthFrame) -> Edges:
     row, start, end, next_start, next_end = successive_runs(joined, _LEAST_RUN, _MOST_GAP)
     # Depth at an end: the median of the four pixels next to the outermost one.
     ends = (end[:, None] + np.arange(-5, -1), next_start[:, None] + np.arange(1, 5))
-    inner = (np.sort(z[row[:, None], columns], axis=1) for columns in ends)
-    left, right = (0.5 * (part[:, 1] + part[:, 2]).astype(np.float64) for part in inner)
+    left, right = (np.median(z[row[:, None], at].astype(np.float64), axis=1) for at in ends)
     on_right = left < right  # the foreground is on the left, the gap on its right
     widths = end - start, next_end - next_start
     band = np.where(on_right, end, next_start - BAND_PX)[:, None] + np.arange(BAND_PX)
@@ -185,29 +180,24 @@ def find_edges(frame: DepthFrame) -> Edges:
 def _side(
     found: Sequence[Edges], number: int, ring_px: tuple[float, float], light: tuple[float, float]
 ) -> Side:
-    def whole(name: str) -> Array:
-        return np.concatenate([getattr(e, name) for e in found])
+    def column(name: str, of: NDArray[np.bool_] | slice = slice(None)) -> Array:
+        return np.asarray(np.concatenate([getattr(e, name) for e in found])[of])
 
-    radius, counts = whole("radius_px"), whole("back_counts")
-    own = (whole("side") == number) & (radius >= ring_px[0]) & (radius < ring_px[1])
+    shift, radius, counts = map(column, ("shift_px_per_m", "radius_px", "back_counts"))
+    own = (column("side") == number) & (radius >= ring_px[0]) & (radius < ring_px[1])
     own &= (counts >= light[0]) & (counts < light[1])
-
-    def column(name: str) -> Array:
-        return np.asarray(whole(name)[own])
-
-    shift, widths = column("shift_px_per_m"), column("width")
-    used = (shift >= HEAD_SHIFTS[0]) & (shift <= HEAD_SHIFTS[1])
-    width = widths[used]
+    used = own & (shift >= HEAD_SHIFTS[0]) & (shift <= HEAD_SHIFTS[1])
+    width = column("width", used)
     if width.size < _LEAST_EDGES:
         return Side(int(width.size), *(float("nan"),) * 7)
-    offset, slope = _line(shift, widths)
+    offset, slope = _line(shift[own], column("width", own))
     return Side(
         int(width.size),
         _median_of_counts(width),
         float(width.mean()),
-        _median_of_counts(column("invalid")[used]),
-        float(column("band_invalid")[used].mean()),
-        float(column("band_behind")[used].mean()),
+        _median_of_counts(column("invalid", used)),
+        float(column("band_invalid", used).mean()),
+        float(column("band_behind", used).mean()),
         offset,
         1000.0 * slope,
     )

@@ -181,14 +181,11 @@ def _penumbra(place: Array, profile: Array, capture: Frames) -> Measurement:
     side = (place < 0) & np.isfinite(profile)
     inner = np.flatnonzero(side & (profile > 0.15) & (profile < 0.85))
     # A level is a column whose neighbours have nearly the same light.
+    columns = [int(c) for c in inner if np.ptp(profile[c - 1 : c + 2]) < 0.12]
     levels: list[float] = []
-    columns: list[int] = []
-    for column in inner:
-        around = profile[column - 1 : column + 2]
-        if np.isfinite(around).all() and np.ptp(around) < 0.12:
-            if not levels or abs(profile[column] - levels[-1]) > 0.15:
-                levels.append(float(profile[column]))
-            columns.append(int(column))
+    for light in profile[columns].tolist():
+        if not levels or abs(light - levels[-1]) > 0.15:
+            levels.append(light)
     if not columns:
         return Measurement(
             {"levels": 0.0, "sigma": None}, "light falls from full to none within a pixel or two"
@@ -222,13 +219,12 @@ _GAPS = ("31", "32", "33", "34")
 
 def gap_measurements(frames: Sequence[DepthFrame]) -> dict[str, Measurement]:
     """Measure checks 31 to 34 on frames, real or simulated, with infrared."""
-    found = measure_silhouettes(frames, light=_BACK_COUNTS)
-    ring = measure_silhouettes(frames, _RING_PX, _BACK_COUNTS)
-    dark = found.shadow
+    lit, dark = measure_silhouettes(frames, light=_BACK_COUNTS).lit_and_shadow
+    _, ring = measure_silhouettes(frames, _RING_PX, _BACK_COUNTS).lit_and_shadow
     values = (
         {"slope": dark.slope_mm, "offset": dark.offset_px},
         {"invalid": 100 * dark.band_invalid, "behind": 100 * dark.band_behind},
-        {"behind": 100 * found.lit.band_behind},
-        {"invalid": 100 * ring.shadow.band_invalid},
+        {"behind": 100 * lit.band_behind},
+        {"invalid": 100 * ring.band_invalid},
     )
     return {number: Measurement(v) for number, v in zip(_GAPS, values, strict=True)}

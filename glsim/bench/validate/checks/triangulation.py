@@ -182,9 +182,10 @@ def board_measurements(disparity: Sequence[Array]) -> dict[str, Measurement]:
     tiles = [find_tiles(image) for image in disparity]
     along = measure_disparity_noise(disparity).columns
     low, high = np.percentile(np.concatenate([t.sigma for t in tiles]), (10, 90))
+    residual = np.concatenate([t.residual for t in tiles])
     return {
         "9": Measurement({f"{lag} px": along[k] for k, lag in enumerate(_LAGS[:4])}),
-        "10": Measurement({"share": power_share(tiles, 5.7, 8.0, axis=0)}),
+        "10": Measurement({"share": power_share(residual, 5.7, 8.0)}),
         "11": Measurement({"ratio": float(high / low)}),
     }
 
