@@ -149,7 +149,7 @@ def test_bands_of_gaps_hold_the_real_frames() -> None:
 )
 @pytest.mark.long
 def test_bands_of_boards_hold_the_real_frames(folder: str) -> None:
-    disparity = real_disparities(f"truedepth_zeiss/{folder}", None, 0.1)
+    disparity = real_disparities(f"truedepth_zeiss/{folder}", 10_000.0)  # 1/m of 0.1 mm
     assert held("truedepth", board_measurements(disparity)) == {"pass"}
 
 
