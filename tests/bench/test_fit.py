@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
-from glsim.bench.fit.recording_statistics import describe_pattern, measure_recording
+from glsim.bench.fit.recording_statistics import measure_recording, pattern_map, pattern_parameters
 from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
@@ -127,7 +127,7 @@ def test_law_without_a_simulator() -> None:
     assert model.knows_amplitude
     assert model.amplitude == pytest.approx(GAIN, rel=0.05)
     assert model.floor_mm == pytest.approx(FLOOR_MM, rel=0.05)
-    assert found.pattern.total_mm < 0.2
+    assert np.linalg.norm(list(found.pattern.values())) < 0.2
     assert found.correlation[0] == pytest.approx(0, abs=0.02)
 
 
@@ -200,10 +200,10 @@ def test_a_real_pair_gives_the_published_light_and_noise() -> None:
     assert 16 * law.gain == pytest.approx(30_300, rel=0.15)
     assert law.law.floor_mm == pytest.approx(1.05, rel=0.1)
     assert law.law.slope_mm == pytest.approx(4_600, rel=0.1)
-    assert abs(found.pattern.alternation_mm) == pytest.approx(0.69, rel=0.1)
-    rows_mm = np.hypot(found.pattern.alternation_mm, found.pattern.row_mm)
+    assert found.pattern["row_alternation_mm"] == pytest.approx(0.69, rel=0.1)
+    rows_mm = np.hypot(found.pattern["row_alternation_mm"], found.pattern["row_sigma_mm"])
     assert rows_mm == pytest.approx(0.64, rel=0.1)  # four devices: 0.59 to 0.68
-    assert found.pattern.column_mm < 0.29
+    assert found.pattern["column_sigma_mm"] < 0.29
 
 
 def test_infrared_in_a_folder_of_its_own(recording: Path, tmp_path: Path) -> None:
@@ -243,17 +243,18 @@ def test_pattern_and_its_map(smooth: bool) -> None:
     used = np.zeros(shape, np.bool_)
     used[5:-5, 5:-5] = True
     frames = frames_of("half", halves, camera=IMAGE, step_mm=0.0)
-    found = describe_pattern(frames, 0.5 * (halves[0] + halves[1]), used)
-    assert found.alternation_mm == pytest.approx(0.65, rel=0.1)
-    assert found.row_step_mm == pytest.approx(0.2, abs=0.05)
-    assert found.row_mm == pytest.approx(0.3, rel=0.12)
-    assert found.column_mm == pytest.approx(0.15, rel=0.12)
-    assert found.pixel_mm == pytest.approx(0.25, rel=0.06)
-    assert found.pixel_correlation == pytest.approx(0.55 if smooth else 0.0, abs=0.06)
-    known = np.isfinite(found.map_mm)
+    found, alike = pattern_parameters(frames)
+    assert found["row_alternation_mm"] == pytest.approx(0.65, rel=0.1)
+    assert found["row_step_mm"] == pytest.approx(0.2, abs=0.05)
+    assert found["row_sigma_mm"] == pytest.approx(0.3, rel=0.12)
+    assert found["column_sigma_mm"] == pytest.approx(0.15, rel=0.12)
+    assert found["pixel_sigma_mm"] == pytest.approx(0.25, rel=0.06)
+    assert alike == pytest.approx(0.55 if smooth else 0.0, abs=0.06)
+    map_mm = pattern_map(0.5 * (halves[0] + halves[1]), used)
+    known = np.isfinite(map_mm)
     assert known[used].mean() > 0.99
     assert not known[~used].any()
-    assert np.corrcoef(found.map_mm[known], truth[known])[0, 1] > 0.9
+    assert np.corrcoef(map_mm[known], truth[known])[0, 1] > 0.9
 
 
 def test_wiggling_of_a_slanted_wall() -> None:

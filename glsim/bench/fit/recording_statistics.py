@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -29,63 +29,28 @@ MAP_WINDOW_PX = 15
 _LEAST_WINDOW = 0.2
 
 
-@dataclass(frozen=True, eq=False)
-class DevicePattern:
-    """The fixed pattern of one device; parts that the recording does not show are 0.
-
-    Attributes:
-        alternation_mm: half the even-odd difference of rows in the upper half of the image; the
-            lower half has the opposite sign.
-        row_step_mm: odd minus even rows, alike in both halves.
-        row_mm: standard deviation of rows beyond that.
-        column_mm: standard deviation of columns.
-        pixel_mm: standard deviation of single pixels.
-        pixel_correlation: correlation of these at 1 px, as ``FixedPattern.rest_correlation``.
-        map_mm: (H, W) float32, the pattern itself, NaN where the scene is not smooth.
-    """
-
-    alternation_mm: float
-    row_step_mm: float
-    row_mm: float
-    column_mm: float
-    pixel_mm: float
-    pixel_correlation: float
-    map_mm: NDArray[np.float32]
-
-    @property
-    def known_share(self) -> float:
-        """Share of the pixels with a known value in the map."""
-        return float(np.isfinite(self.map_mm).mean())
-
-    @property
-    def total_mm(self) -> float:
-        """Standard deviation of all parts of the pattern together, mm."""
-        parts = (self.alternation_mm, self.row_step_mm / 2.0, self.row_mm, self.column_mm,
-                 self.pixel_mm)  # fmt: skip
-        return float(np.linalg.norm(parts))
-
-
-def describe_pattern(halves: Sequence[DepthFrame], mean_mm: Array, used: Mask) -> DevicePattern:
-    """Measure the parts of the fixed pattern as in ``glsim compare``, and its map.
+def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], float]:
+    """Measure the fixed pattern as in ``glsim compare``; what the frames do not show is 0.
 
     Args:
         halves: means of the even and of the odd frames; only what both share is pattern.
-        mean_mm: (H, W) mean of all frames.
-        used: (H, W) pixels of smooth surfaces.
+
+    Returns:
+        Parameters of the stage ``fixed_pattern``, mm (the alternation without its sign, which the
+        stage draws), and the correlation of single pixels at 1 px.
     """
     found = measure_pattern(halves)
     bands = np.array(found.alternation_mm)  # half steps of odd rows, from the top to the bottom
     upper, lower = (float(np.nan_to_num(mean_of(part))) for part in np.array_split(bands, 2))
-    own_rows = found.rows_mm**2 - found.alternation_rms_mm**2
-    return DevicePattern(
-        0.5 * (lower - upper),
-        upper + lower,
-        float(np.sqrt(max(own_rows, 0.0))) if np.isfinite(own_rows) else 0.0,
-        float(np.nan_to_num(found.columns_mm)),
-        float(np.nan_to_num(found.rest_mm)),
-        float(np.nan_to_num(found.rest_correlation)),
-        pattern_map(mean_mm, used),
-    )
+    parts = {
+        "column_sigma_mm": found.columns_mm,
+        "row_sigma_mm": np.sqrt(np.fmax(found.rows_mm**2 - found.alternation_rms_mm**2, 0.0)),
+        "row_alternation_mm": 0.5 * abs(lower - upper),
+        "row_step_mm": upper + lower,
+        "pixel_sigma_mm": found.rest_mm,
+    }
+    known = {name: float(np.nan_to_num(value)) for name, value in parts.items()}
+    return known, float(np.nan_to_num(found.rest_correlation))
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
@@ -127,7 +92,9 @@ class RecordingStatistics:
         smooth: (H, W) pixels of smooth, complete surfaces.
         table: temporal noise by distance and radius, rounding subtracted.
         correlation: of the temporal noise between pixels, at LAGS.
-        pattern: fixed pattern.
+        pattern: parameters of the stage ``fixed_pattern``, mm.
+        pixel_correlation: of the pattern's single pixels at 1 px.
+        map_mm: (H, W) float32, the pattern itself, NaN where the scene is not smooth.
     """
 
     frames: int
@@ -136,7 +103,9 @@ class RecordingStatistics:
     smooth: Mask
     table: tuple[Cell, ...]
     correlation: tuple[float, ...]
-    pattern: DevicePattern
+    pattern: Mapping[str, float]
+    pixel_correlation: float
+    map_mm: NDArray[np.float32]
 
 
 def measure_recording(frames: Frames) -> RecordingStatistics:
@@ -155,7 +124,7 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
     whole = mean_frame(frames)
     flat = lit & _flat_mask(whole.infrared, mean, steady)
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
-    halves = [mean_frame(frames[start::2]) for start in (0, 1)]
+    pattern, alike = pattern_parameters([mean_frame(frames[start::2]) for start in (0, 1)])
     quantum = frames[0].step_mm ** 2 / 12.0
     samples = [(mean, radius_px(whole), np.where(smooth, variance - quantum, np.nan))]
     return RecordingStatistics(
@@ -169,7 +138,9 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
             lagged_sums(without_local_mean(np.where(smooth, b - a, np.nan)))
             for a, b in pairwise(frame.measured_mm.astype(np.float64) for frame in frames)
         ),
-        pattern=describe_pattern(halves, mean, used),
+        pattern=pattern,
+        pixel_correlation=alike,
+        map_mm=pattern_map(mean, used),
     )
 
 

@@ -117,7 +117,7 @@ def fit_time_of_flight(
     ]
     waves = wiggling.waves() if wiggling is not None else ()
     text = fitted_toml(name, tree, values, image, comments, map_name if usable else "", waves)
-    return FittedSensor(text, lines, (), statistics.pattern.map_mm, statistics.table)
+    return FittedSensor(text, lines, (), statistics.map_mm, statistics.table)
 
 
 def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
@@ -133,7 +133,8 @@ def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
 
 def _knows_pattern(statistics: RecordingStatistics) -> bool:
     """Return whether the recording shows the pattern: a known map and enough frames."""
-    return statistics.pattern.known_share > 0 and statistics.frames >= LEAST_PATTERN_FRAMES
+    known = bool(np.isfinite(statistics.map_mm).any())
+    return known and statistics.frames >= LEAST_PATTERN_FRAMES
 
 
 def _fitted_values(
@@ -144,16 +145,9 @@ def _fitted_values(
     wiggling: Wiggling | None,
 ) -> dict[str, float]:
     """Collect the parameters that the recording determines; infrared is preferred to distances."""
-    pattern = statistics.pattern
-    values = {
-        "sigma_mm": model.floor_mm,
-        "column_sigma_mm": pattern.column_mm,
-        "row_sigma_mm": pattern.row_mm,
-        "row_alternation_mm": abs(pattern.alternation_mm),  # its sign is drawn, and in the map
-        "row_step_mm": pattern.row_step_mm,
-    }
-    if _knows_pattern(statistics):
-        values["pixel_sigma_mm"] = pattern.pixel_mm
+    values = {"sigma_mm": model.floor_mm, **statistics.pattern}
+    if not _knows_pattern(statistics):
+        del values["pixel_sigma_mm"]
     if infrared is not None and math.isfinite(infrared.gain):
         values["gain"] = infrared.gain
         if infrared.knows_noise:
@@ -226,8 +220,10 @@ def _result_lines(
     wiggling: Wiggling | None,
 ) -> dict[str, str]:
     """Describe the results: name -> text."""
-    pattern = statistics.pattern
-    known = f"{100 * pattern.known_share:.0f} % of the pixels, those on flat surfaces"
+    pattern = dict(statistics.pattern)
+    total_mm = math.hypot(*(pattern | {"row_step_mm": pattern["row_step_mm"] / 2}).values())
+    share = 100 * np.isfinite(statistics.map_mm).mean()
+    known = f"{share:.0f} % of the pixels, those on flat surfaces"
     if not _knows_pattern(statistics):
         known += (
             f"; mostly temporal noise with {statistics.frames} frames: below "
@@ -235,10 +231,10 @@ def _result_lines(
             "and the sensor does not name the map"
         )
     return _light_lines(model, law) | {
-        "fixed pattern": f"{pattern.total_mm:.2f} mm (alternation of rows "
-        f"{abs(pattern.alternation_mm):.2f}, rows {pattern.row_mm:.2f}, columns "
-        f"{pattern.column_mm:.2f}, pixels {pattern.pixel_mm:.2f}, these alike at 1 px by "
-        f"{pattern.pixel_correlation:.2f})",
+        "fixed pattern": f"{total_mm:.2f} mm (alternation of rows "
+        f"{pattern['row_alternation_mm']:.2f}, rows {pattern['row_sigma_mm']:.2f}, columns "
+        f"{pattern['column_sigma_mm']:.2f}, pixels {pattern['pixel_sigma_mm']:.2f}, these alike at "
+        f"1 px by {statistics.pixel_correlation:.2f})",
         "map of the fixed pattern": known,
         "correlation of the noise at 1 to 3 px along rows; diagonal": ", ".join(
             f"{c:.2f}" for c in statistics.correlation[:3]

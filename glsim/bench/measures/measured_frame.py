@@ -40,13 +40,7 @@ def surface_mm(frame: DepthFrame) -> Array:
 
 def radius_px(frame: DepthFrame) -> Array:
     """Compute the (H, W) distance from the principal point, rescaled to pixels of a Kinect V2."""
-    return _radius_px(frame.intrinsics)
-
-
-@lru_cache(maxsize=2)
-def _radius_px(camera: Intrinsics) -> Array:
-    rays = camera.rays()
-    return np.asarray(_FOCAL_PX * np.hypot(rays[..., 0], rays[..., 1]), np.float32)
+    return np.asarray(_FOCAL_PX * np.hypot(frame.rays[..., 0], frame.rays[..., 1]), np.float32)
 
 
 def lit(frame: DepthFrame) -> NDArray[np.bool_]:
