@@ -67,6 +67,8 @@ def run_transfer(
     recipe = load_recipe(study.train.recipe, study.train.set, limits)
     cells = study.cells() if networks or not trainings else ()
     tested = {c.place: c for c in (*cells, *(c for each in trainings for c in each.cells))}
+    for cell in tested.values():
+        study.test_settings(cell)  # likewise
     filters = {place: _score_filters(study, runner, cell) for place, cell in tested.items()}
     notes = [f"`{name}` is `{Path(spec).name}`, given" for name, spec in networks.items()]
     results: list[CellResult] = []

@@ -6,10 +6,10 @@
     name = "kinect-v2"                  name in tables and folders
     sensor = "kinect-v2"                a shipped sensor or a .toml file; default: the name
     train_people = 0                    default: as in [train]; 0: only tested, never trained on
-    optional = true                     left out, instead of an error, where glsim has no such one
     settings = { devices = 64 }         settings of its data sets, as in a file for glsim generate
     train_variants = { wide = { } }     further settings, each with training sets of its own
     [[source]]                          one source of faces each: name, kind, root, settings
+    optional = true                     left out, instead of an error, where there are no such faces
     [[scene]]                           what is around the faces: name, settings
     [test]                              people, tune_people, frames, seed, crop, settings
     [train]                             people, val_people, the same, and recipe, steps, set
@@ -31,7 +31,6 @@ from pydantic import Field, StringConstraints, model_validator
 
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.faces.people.fetch import data_folder
-from glsim.sensors.sensor import sensor_names
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.toml_tables import TomlTable, merge_tables, parse_table, read_toml
 
@@ -46,12 +45,7 @@ class Family(TomlTable):
     """A choice along one axis of a study (sensors, faces, scenes); the base class is a scene."""
 
     name: _Name
-    optional: bool = False
     settings: dict[str, Any] = Field(default_factory=dict)
-
-    def missing(self) -> str | None:
-        """Return why the family cannot be used; None if it can."""
-        return None
 
 
 class SensorFamily(Family):
@@ -61,17 +55,13 @@ class SensorFamily(Family):
     train_people: int | None = Field(None, ge=0)
     train_variants: dict[_Name, dict[str, Any]] = Field(default_factory=dict)
 
-    def missing(self) -> str | None:
-        """Return why the sensor cannot be used; None if it can."""
-        known = self.sensor.endswith(".toml") or self.sensor in sensor_names()
-        return None if known else f"this glsim has no sensor {self.sensor}"
-
 
 class FaceFamily(Family):
     """A source of faces in a study."""
 
     kind: Literal["procedural", "ict-facekit", "people"]
     root: Path | None = None
+    optional: bool = False
 
     def missing(self) -> str | None:
         """Return why the faces cannot be used; None if they can."""
@@ -257,33 +247,31 @@ def load_study(size: str, ict_root: Path | None = None) -> tuple[TransferStudy, 
         ict_root: folder of ICT-FaceKit.
 
     Returns:
-        The study without the optional families that are missing, and the reasons.
+        The study without the optional faces that are missing, and the reasons.
 
     Raises:
-        ConfigError: a wrong study, or a family is missing and not optional.
+        ConfigError: a wrong study, or faces are missing and not optional.
     """
     file = Path(size) if size.endswith(".toml") else _FOLDER / f"{size}.toml"
     if not file.is_file():
         known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
         raise ConfigError(f"--study {size}: no such study ({did_you_mean(size, known)})")
     study = parse_table(TransferStudy, read_toml(file), str(file))
-    kept: dict[str, list[Family]] = {"sensor": [], "source": []}
-    reasons: list[str] = []
+    sensors, sources, reasons = [], [], []
     for sensor in study.sensor:
         used = sensor.sensor or sensor.name
         used = str(file.parent / used) if used.endswith(".toml") else used
-        kept["sensor"].append(sensor.model_copy(update={"sensor": used}))
+        sensors.append(sensor.model_copy(update={"sensor": used}))
     for source in study.source:
         root = None if source.root is None else file.parent / source.root
         root = ict_root if ict_root and source.kind == "ict-facekit" else root
-        kept["source"].append(source.model_copy(update={"root": root}))
-    for kind, families in kept.items():
-        missing = {family.name: why for family in families if (why := family.missing())}
-        for family in families:
-            if family.name in missing and not family.optional:
-                raise ConfigError(f"{family.name}: {missing[family.name]}")
-        reasons += [f"{name} is left out: {why}" for name, why in missing.items()]
-        kept[kind] = [family for family in families if family.name not in missing]
-    if not all(kept.values()):
+        faces = source.model_copy(update={"root": root})
+        if (why := faces.missing()) is None:
+            sources.append(faces)
+        elif faces.optional:
+            reasons.append(f"{faces.name} is left out: {why}")
+        else:
+            raise ConfigError(f"{faces.name}: {why}")
+    if not sources:
         raise ConfigError(f"nothing is left to test: {'; '.join(reasons)}")
-    return study.model_copy(update={kind: tuple(f) for kind, f in kept.items()}), reasons
+    return study.model_copy(update={"sensor": tuple(sensors), "source": tuple(sources)}), reasons

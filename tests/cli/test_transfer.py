@@ -17,10 +17,6 @@ name = "led3d"
 [[sensor]]
 name = "fankhauser"
 sensor = "kinect-v2-fankhauser"
-[[sensor]]
-name = "none"
-sensor = "no-such-sensor"
-optional = true
 [[source]]
 name = "heads"
 kind = "procedural"
@@ -77,7 +73,6 @@ def test_a_training_without_a_sensor_stops_and_goes_on(
     assert json.loads(run.read_text())["steps"] == 2
     assert not (tmp_path / "o" / "transfer.md").exists()
     said = capsys.readouterr().err
-    assert "none is left out: this glsim has no sensor no-such-sensor" in said
     assert "ict is left out: give its folder with --ict-root" in said
     monkeypatch.setattr(loop, "fit", fit)
     assert main(command) == 0
@@ -140,7 +135,7 @@ def test_wrong_options(
         ('name = "fankhauser"', 'name = "led3d"', "two are called 'led3d'"),
         ('name = "fankhauser"', 'name = "../up"', "sensor.1.name: String should match pattern"),
         ('name = "led3d"', 'name = "led3d"\nsettings = { pose.distanse_mm = 9 }', "distanse_mm"),
-        ('sensor = "no-such-sensor"\noptional = true', "", "none: this glsim has no sensor none"),
+        ('sensor = "kinect-v2-fankhauser"', "", "fankhauser/heads/alone: no such sensor"),
         ("[train]", "[train]\nseed = 2000", "the same people"),
     ],
 )
