@@ -18,7 +18,7 @@ from glsim.core.errors import ConfigError, TrainError
 from glsim.core.files.atomic import file_checksum, wrap_write_errors
 from glsim.core.files.lock import locked
 from glsim.denoise import checkpoint
-from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX, is_shipped, shipped_file
+from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX, shipped_file
 from glsim.settings.toml_tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
 from glsim.train.state import WeightsOf
@@ -128,7 +128,7 @@ def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[st
         TrainError: for a missing or damaged file, and for an ONNX file of another network.
     """
     path = Path(start)
-    if not path.exists() and not is_shipped(start):
+    if not path.exists() and start not in NETWORKS:
         raise TrainError(
             f"{start}: no such checkpoint: give a best.pt, an ONNX file of glsim export, or the "
             f"name of a shipped network ({', '.join(NETWORKS)})"

@@ -98,8 +98,7 @@ class NetworkOptions:
 def denoiser_names() -> list[str]:
     """Return the names of all denoisers: filters, shipped networks, and plug-ins."""
     filters = [*PAPER_FILTERS, *(name for name in _FILTERS if name not in PAPER_FILTERS)]
-    networks = [name for name in NETWORKS if name == SHIPPED or is_shipped(name)]
-    return [*filters, *networks, *_plugins()]
+    return [*filters, *NETWORKS, *_plugins()]
 
 
 def network_for(sensor: str) -> str:
@@ -176,12 +175,6 @@ def _resolve(text: str, spec: str, label: str) -> tuple[Any, str, bool]:
         return build(_FILTERS[name], _assignments(tail, spec), spec), "", False
     if name in NETWORKS:
         options = build(NetworkOptions, _assignments(tail, spec), spec)
-        if not is_shipped(name):
-            raise DenoiserError(
-                f"{label}: this installation has no {name}{ONNX_SUFFIX}, the weights of the "
-                "shipped network: install glsim again, or choose a network or filter with -d "
-                "(glsim eval --list)"
-            )
         return *_from_file(shipped_file(name), label, options), False
     if name in _plugins():
         found = _filter(name)
@@ -271,13 +264,8 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
 
 
 def shipped_file(name: str) -> Path:
-    """Return the path of a shipped network's weights; the file may be missing."""
+    """Return the path of a shipped network's weights."""
     return _SHIPPED_FOLDER / f"{name}{ONNX_SUFFIX}"
-
-
-def is_shipped(name: str) -> bool:
-    """Return whether the weights of a network are installed."""
-    return shipped_file(name).is_file()
 
 
 def _version(file: Path) -> str:

@@ -180,9 +180,6 @@ def test_without_a_denoiser_the_shipped_network_is_taken(
         assert read(tmp_path / "two.png").any() == kept
     assert main([*command[:-2], "face:size=3"]) == 2
     assert "no such parameter 'size'" in capsys.readouterr().err
-    shipped.unlink()
-    assert main(command) == 1
-    assert "no face.onnx, the weights of the shipped network" in capsys.readouterr().err
 
 
 def test_uncertainty_is_a_map_beside_the_depth(

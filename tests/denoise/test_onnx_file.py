@@ -97,13 +97,6 @@ def test_files_that_are_missing_too_large_or_have_other_outputs(
         load_onnx(path)
 
 
-def test_a_network_that_is_not_shipped_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("glsim.denoise.registry._SHIPPED_FOLDER", Path("/nowhere"))
-    for name in ("face", "face-video"):
-        with pytest.raises(DenoiserError, match=f"has no {name}.onnx"):
-            load_denoiser(name)
-
-
 @pytest.fixture(scope="module", params=INPUTS)
 def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from glsim.train.onnx_export import export_onnx
