@@ -21,24 +21,9 @@ from glsim.settings.source_settings import parse_source
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator, simulate
 from glsim.simulation.plan.tasks import Task, make_tasks
-from tests.support.scenes import face_mesh
+from tests.support.scenes import face_mesh, sensor_file
 
-SENSOR = """
-title = "small"
-[rig]
-width = 96
-height = 80
-focal_px = [80, 80]
-centre_px = [48, 40]
-[[rig.emitter]]
-position_m = [0.05, 0, 0]
-[[stage]]
-use = "axial"
-base_sigma_mm = 3
-[[stage]]
-use = "range_gate"
-near_mm = 300
-"""
+STAGES = 'use = "axial"\nbase_sigma_mm = 3', 'use = "range_gate"\nnear_mm = 300'
 
 #: The shipped stage of that name made louder: one more uniform, one less.
 LOUD = """#version 330 core
@@ -55,9 +40,7 @@ void main() {
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    file = tmp_path / "small.toml"
-    file.write_text(SENSOR)
-    loaded = load_settings(overrides={"sensor": str(file)})
+    loaded = load_settings(overrides={"sensor": sensor_file(tmp_path, *STAGES, emitter=True)})
     single = parse_source({"subjects": 1, "frames_per_subject": 1})
     return loaded.model_copy(update={"source": (single,)})
 
@@ -162,7 +145,7 @@ def test_a_stage_from_a_file_equals_that_file_in_the_sensor(
     changed = simulator.with_stage("axial", file).with_values({"axial.amount_mm": 12})
     own = tmp_path / "own.toml"
     text = 'use = "loud.glsl"\nname = "axial"\namount_mm = 12'
-    own.write_text(SENSOR.replace('use = "axial"\nbase_sigma_mm = 3', text))
+    own.write_text(Path(settings.sensor).read_text().replace(STAGES[0], text))
     wanted = fresh(settings.model_copy(update={"sensor": str(own)}), sources, context)
     assert_same(only(changed, make_tasks(settings, sources)), wanted)
     moved = (wanted.noisy_m - wanted.clean_m)[(wanted.noisy_m > 0) & (wanted.clean_m > 0)]

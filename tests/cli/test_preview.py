@@ -17,29 +17,14 @@ from glsim.settings.schema import Settings, load_settings, with_assignments
 from glsim.settings.source_settings import parse_source
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
-from tests.support.scenes import face_mesh
+from tests.support.scenes import face_mesh, sensor_file
 
-SENSOR = """
-title = "small"
-[rig]
-width = 96
-height = 80
-focal_px = [80, 80]
-centre_px = [48, 40]
-[[stage]]
-use = "gaussian"
-sigma_mm = 4
-[[stage]]
-use = "range_gate"
-near_mm = 300
-"""
+STAGES = 'use = "gaussian"\nsigma_mm = 4', 'use = "range_gate"\nnear_mm = 300'
 
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    file = tmp_path / "small.toml"
-    file.write_text(SENSOR)
-    loaded = load_settings(overrides={"sensor": str(file), "strict": True})
+    loaded = load_settings(overrides={"sensor": sensor_file(tmp_path, *STAGES), "strict": True})
     single = parse_source({"subjects": 1, "frames_per_subject": 4})
     return loaded.model_copy(update={"source": (single,)})
 

@@ -10,6 +10,7 @@ from typing import Any
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from glsim.core.camera import Distortion, Emitter, Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
@@ -181,12 +182,7 @@ def frames_of(
 
 def interior(depth_m: Array, margin_px: int = 2) -> NDArray[np.bool_]:
     """Mark the pixels whose whole neighbourhood has depth."""
-    valid = np.pad(depth_m > 0, margin_px)
-    inside = np.ones(depth_m.shape, dtype=bool)
-    height, width = depth_m.shape
-    for row in range(2 * margin_px + 1):
-        for column in range(2 * margin_px + 1):
-            inside &= valid[row : row + height, column : column + width]
+    inside: NDArray[np.bool_] = binary_erosion(depth_m > 0, np.ones((2 * margin_px + 1,) * 2))
     return inside
 
 
