@@ -98,8 +98,9 @@ def _reach_px(p: Mapping[str, float]) -> int:
     device_sigma_px=("float", 0.0, 0, 1, "px", "error of the device's own, standard deviation"),
     device_grain_px=("float", 4.0, 0.5, 64, "px", "sigma of the Gaussian that smooths it"),
     device_fine=("float", 0.0, 0, 1, "1", "share of its variance in bricks of a finer grain"),
-    device_fine_px=(
-        "float", 1.0, 0.3, 16, "px", "their sigma along the baseline, three times that across it",
+    device_fine_px=("float", 1.0, 0.3, 16, "px", "their sigma along the baseline"),
+    device_fine_across_px=(
+        "float", 0.0, 0, 48, "px", "their sigma across the baseline; 0: three times that along it",
     ),
     device_patches=(
         "float", 0.0, 0, 2, "1", "standard deviation of the log of its strength, over places 12 px "
@@ -132,7 +133,10 @@ def match_stereo(
     exact += p["amplitude_px"] * np.sin(2 * np.pi * exact)
     if p["device_sigma_px"] > 0:
         names = ("device_grain_px", "device_fine", "device_fine_px", "device_patches")
-        own = _device_error(view.device_seed, view.window, turn.upright, *(p[n] for n in names))
+        across_px = p["device_fine_across_px"] or 3 * p["device_fine_px"]
+        own = _device_error(
+            view.device_seed, view.window, turn.upright, *(p[n] for n in names), across_px
+        )
         exact += p["device_sigma_px"] * own
     steps = np.rint(exact * p["subpixel_steps"])
     kept = (disparity >= 0) & (steps > 0) & (steps <= p["largest_px"] * p["subpixel_steps"])
@@ -189,6 +193,7 @@ def _device_error(
     fine: float,
     fine_px: float,
     patches: float,
+    fine_across_px: float,
 ) -> NDArray[np.float32]:
     """Draw an (h, w) float32 smooth standard normal field, the same in every frame of a device.
 
@@ -196,10 +201,11 @@ def _device_error(
         upright: whether the baseline lies along columns.
         grain_px: sigma of its Gaussian.
         fine: share of its variance in bricks.
-        fine_px: sigma of their Gaussian along the baseline; across it three times that.
+        fine_px: sigma of their Gaussian along the baseline.
         patches: standard deviation of the log of its strength from place to place.
+        fine_across_px: sigma of the bricks' Gaussian across the baseline.
     """
-    bricks = (3 * fine_px, fine_px) if upright else (fine_px, 3 * fine_px)
+    bricks = (fine_across_px, fine_px) if upright else (fine_px, fine_across_px)
     reach = int(np.ceil(3 * max(grain_px, *(bricks if fine else ()), _PATCH_PX if patches else 0)))
     around = Rect(
         window.left - reach, window.top - reach, window.width + 2 * reach, window.height + 2 * reach

@@ -152,12 +152,12 @@ def test_reasons_tell_hidden_from_unmatched_pixels() -> None:
 def test_bricks_and_patches_keep_the_size_of_the_device_s_error(upright: bool) -> None:
     """Bricks are longer across the baseline, and patches make the strength differ from place."""
     window = Rect(0, 0, 600, 600)
-    fine = _device_error(7, window, upright, 4.0, 0.9, 0.6, 0.0)
+    fine = _device_error(7, window, upright, 4.0, 0.9, 0.6, 0.0, 1.8)
     assert abs(fine.mean()) < 5 * 4 * 2 * np.sqrt(np.pi) / 600  # five standard errors of its mean
     assert fine.std() == pytest.approx(1.0, abs=0.05)
     alike = [float((fine[2:] * fine[:-2]).mean()), float((fine[:, 2:] * fine[:, :-2]).mean())]
     assert alike[upright] > alike[not upright] + 0.3
-    patchy = _device_error(7, window, upright, 4.0, 0.9, 0.6, 1.0)
+    patchy = _device_error(7, window, upright, 4.0, 0.9, 0.6, 1.0, 1.8)
     assert float((patchy**2).mean()) == pytest.approx(1.0, rel=0.25)  # some 200 patches
     spread = [np.sqrt((f**2).reshape(25, 24, 25, 24).mean((1, 3))) for f in (fine, patchy)]
     plain, more = (np.quantile(s, 0.9) / np.quantile(s, 0.1) for s in spread)
