@@ -33,7 +33,7 @@ def product(left: _Array, right: _Array) -> _Array:
     """
     if right.ndim == 1:
         return product(left, right[:, None])[..., 0]
-    if left.ndim == 2 and left.size <= _FEW and len(right) <= 4:  # matrices of poses
+    if left.ndim == 2 and max(left.size, right.size) <= _FEW and len(right) <= 4:  # poses
         return np.asarray((left[:, :, None] * right).sum(axis=1))
     rows = left.reshape(-1, left.shape[-1])
     # NumPy's loops run along the last axis, which should be long.
