@@ -41,7 +41,9 @@ class MetricMean:
 
 @dataclass
 class ScoreSummary:
-    """Sums of the scores; memory grows with subjects and methods, not with frames.
+    """Adds up the scores of all frames by method and subject.
+
+    Memory grows with methods and subjects, not with frames.
 
     Attributes:
         metrics: name -> metric, the columns of the rows.

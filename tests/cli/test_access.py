@@ -1,4 +1,4 @@
-"""Who may open the page, and what outlives the command."""
+"""The tuner's page opens with its token alone; its last settings are kept after the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Intervals over subjects, and formats of numbers."""
+"""Confidence intervals are drawn over subjects; numbers of tables have a fixed format."""
 
 from __future__ import annotations
 

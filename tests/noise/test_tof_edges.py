@@ -1,4 +1,4 @@
-"""Silhouettes and shadows of the time-of-flight sensor."""
+"""The time-of-flight sensor loses pixels at silhouettes and in shadows as real ones do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training pairs at 1 mm, and the record of the protocol in data and checkpoints."""
+"""Depths of training pairs count from 1 mm; data and checkpoints record that protocol."""
 
 from __future__ import annotations
 

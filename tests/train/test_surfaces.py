@@ -1,4 +1,4 @@
-"""Pixels at steps in depth: the loss pulls the right one of several surfaces."""
+"""At a step in depth, the loss changes only the candidate surface that is right at a pixel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure of a whole set: bias over distance."""
+"""Draw the bias of each method over distance, mm over m, from the scores of a data set."""
 
 from __future__ import annotations
 

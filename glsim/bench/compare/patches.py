@@ -212,7 +212,15 @@ def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
 
 
 def _rough(z: Array, used: NDArray[np.bool_]) -> Array:
-    """Compute (N,) logs of the mean absolute second difference along rows, mm; 0 without pixels."""
+    """Compute the logarithm of each patch's roughness: its mean second difference along rows.
+
+    Args:
+        z: (N, H, W) depth, mm.
+        used: (N, H, W), the pixels that count.
+
+    Returns:
+        (N,), of mm; 0 for a patch without such pixels.
+    """
     bend = np.abs(np.diff(np.where(used, z, np.nan), 2, axis=-1))
     count = np.isfinite(bend).sum(axis=(1, 2))
     mean = np.nansum(np.minimum(bend, 50.0), axis=(1, 2)) / np.maximum(count, 1)

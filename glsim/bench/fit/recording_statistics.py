@@ -30,7 +30,9 @@ _LEAST_WINDOW = 0.2
 
 
 def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], float]:
-    """Measure the fixed pattern as in ``glsim compare``; what the frames do not show is 0.
+    """Measure the fixed pattern of a device by the function of ``glsim compare``.
+
+    A parameter is 0 where the frames are too few or too small to show it.
 
     Args:
         halves: means of the even and of the odd frames; only what both share is pattern.

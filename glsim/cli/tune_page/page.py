@@ -47,7 +47,7 @@ class TunePage(TuneTab):
     """Web page of one open tab."""
 
     def __init__(self, session: TuneSession, client: Client) -> None:
-        """Build the elements of a new tab."""
+        """Build the page's controls and pictures for a newly opened browser tab."""
         super().__init__(session, client)
         self._following = False
         self._followed: Picture | None = None

@@ -218,7 +218,14 @@ _GAPS = ("31", "32", "33", "34")
 
 
 def gap_measurements(frames: Sequence[DepthFrame]) -> dict[str, Measurement]:
-    """Measure checks 31 to 34 on frames, real or simulated, with infrared."""
+    """Measure the gaps beside foregrounds (checks 31 to 34) in real or simulated frames.
+
+    Args:
+        frames: depth, mm, and infrared, counts, of a Kinect V2.
+
+    Returns:
+        Number of the check -> widths, px and mm, and shares, percent.
+    """
     lit, dark = measure_silhouettes(frames, light=_BACK_COUNTS).lit_and_shadow
     _, ring = measure_silhouettes(frames, _RING_PX, _BACK_COUNTS).lit_and_shadow
     values = (

@@ -1,4 +1,4 @@
-"""Checks 24, 30, 35 and A3 on faces: masks, normals, holes, and rims with hair."""
+"""Measure checks 24, 30, 35 and A3 on rendered faces: masks, normals, holes, rims of hair."""
 
 from __future__ import annotations
 
