@@ -255,7 +255,7 @@ def decimate(depth: NDArray[_Depth], factor: int) -> NDArray[_Depth]:
 
     Args:
         depth: (..., H, W), any unit, 0 = none; what is left of a last block is cut off.
-        factor: side of the blocks, px.
+        factor: side of the blocks, px; 1 changes nothing.
 
     Returns:
         (..., H // factor, W // factor) lower median of each block's pixels with depth; 0 without.

@@ -89,7 +89,7 @@ def test_a_check_without_measurement_is_an_error(
     sheet = run.ValidationSheet("other", (result(0.5).check,), ())
     monkeypatch.setitem(run.sheets(), "ideal", sheet)
     with pytest.raises(ConfigError, match="no measurement for the checks 1"):
-        run.run_checks(captures_of(context, "ideal"))
+        run.run_checks(captures_of(context, "ideal").camera)
 
 
 # --- sensors that pass --------------------------------------------------------------------------
@@ -114,7 +114,7 @@ def test_a_check_without_measurement_is_an_error(
 def test_the_sheet_passes_but_for_what_docs_validation_says(
     context: moderngl.Context, sensor: str, frames: int, missed: set[str]
 ) -> None:
-    made = run.run_checks(captures_of(context, sensor, frames))
+    made = run.run_checks(captures_of(context, sensor, frames).camera)
     assert len(made.results) >= 3
     failed = {r.check.number for r in made.results if r.state not in ("pass", "exception")}
     assert failed == missed
@@ -206,7 +206,7 @@ def test_the_sheet_notices_another_matcher(
     file.write_text(
         f'extends = "realsense-d435"\ntitle = "t"\n[[stage]]\nuse = "match_stereo"\n{change}\n'
     )
-    assert failures(run.run_checks(captures_of(context, file))) >= rows
+    assert failures(run.run_checks(captures_of(context, file).camera)) >= rows
 
 
 # --- the command --------------------------------------------------------------------------------

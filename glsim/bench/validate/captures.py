@@ -28,10 +28,14 @@ _ABLATIONS = read_toml(Path(__file__).with_name("ablations.toml"))
 
 
 class Captures:
-    """A virtual camera with a cache of its captures."""
+    """A virtual camera with a cache of its captures.
 
-    def __init__(self, camera: VirtualCamera) -> None:
-        self.camera = camera
+    Args:
+        decimated_by: as in the camera's validation sheet.
+    """
+
+    def __init__(self, camera: VirtualCamera, decimated_by: int = 1) -> None:
+        self.camera, self.decimated_by = camera, decimated_by
         self._cache: dict[str, Any] = {}
 
     def ablation(self, name: str) -> Changes | None:

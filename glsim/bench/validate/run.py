@@ -35,11 +35,14 @@ class ValidationSheet:
 
     Args:
         title: device or authors of the checks.
+        decimated_by: what librealsense's decimation divided the sides of the device's frames by;
+            the sensor's frames are decimated alike before they are measured. 1: not at all.
     """
 
     title: str
     checks: tuple[Check, ...]
     functions: tuple[CheckFunction, ...]
+    decimated_by: int = 1
 
 
 @cache
@@ -59,15 +62,16 @@ def _sheet(name: str, functions: list[Any]) -> ValidationSheet:
     """Join the checks of a sheet file and the checks that plug-in functions declare."""
     file = _SHEETS / f"{name}.toml"
     tree: dict[str, Any] = read_toml(file) if file.is_file() else {"title": name, "check": []}
+    decimated_by = tree.get("decimated_by", 1)
     if "extends" in tree:  # the same measurements; checks of the same number are replaced
         base = _sheet(tree["extends"], functions)
         own = {table["number"]: _check(table) for table in tree["check"]}
         checks = [own.get(check.number, check) for check in base.checks]
-        return ValidationSheet(tree["title"], tuple(checks), base.functions)
+        return ValidationSheet(tree["title"], tuple(checks), base.functions, decimated_by)
     functions = [f for f in functions if f.sheet == name]
     checks = [_check(table) for table in tree["check"]]
     checks += [check for function in functions for check in function.checks]
-    return ValidationSheet(tree["title"], tuple(checks), tuple(functions))
+    return ValidationSheet(tree["title"], tuple(checks), tuple(functions), decimated_by)
 
 
 def _check(table: dict[str, Any]) -> Check:
@@ -99,15 +103,15 @@ def validate_sensor(
         backend: as of ``open_context``.
     """
     with borrowed_context(backend) as context:
-        return run_checks(Captures(VirtualCamera(sensor, context, seed, frames)))
+        return run_checks(VirtualCamera(sensor, context, seed, frames))
 
 
-def run_checks(captures: Captures) -> ValidationReport:
-    """Run the sheet of the captures' sensor. Raises ConfigError for a check without measurement."""
+def run_checks(camera: VirtualCamera) -> ValidationReport:
+    """Run the sheet of a camera's sensor. Raises ConfigError for a check without measurement."""
     started = time.perf_counter()
-    camera = captures.camera
     alike = _ALIKE[min(len(camera.rig.imagers_m), 2)]
     sheet = sheets().get(camera.sensor.name, sheets()[alike])
+    captures = Captures(camera, sheet.decimated_by)
     measured: dict[str, Measurement] = {}
     for function in sheet.functions:
         measured |= function(captures)

@@ -39,21 +39,17 @@ _FRAMES = 4
 #: Tilt of the planes, degrees: disparities cross several whole pixels.
 _TILT_DEG = 10.0
 _ALBEDO = 0.6
-#: Sensors whose frames are measured after librealsense's decimation, as those of the device were.
-_DECIMATED_BY = {"realsense-d415-high-accuracy": 2}
 
 
 def _focal_baseline_px_mm(captures: Captures) -> float:
     """Return focal length times baseline in delivered pixels, px mm."""
-    return captures.focal_baseline_px_mm / _DECIMATED_BY.get(captures.camera.name, 1)
+    return captures.focal_baseline_px_mm / captures.decimated_by
 
 
 def _shot(captures: Captures, mesh: Mesh, frames: int, scene: str) -> tuple[Array, Array]:
     """Capture (T, H, W) depth, mm, 0 = none, and its disparity, px."""
     shot = captures.camera.capture(mesh, frames, None, scene=scene)
-    depth = np.nan_to_num(shot.measured_mm)
-    if factor := _DECIMATED_BY.get(captures.camera.name):
-        depth = decimate(depth, factor)
+    depth = decimate(np.nan_to_num(shot.measured_mm), captures.decimated_by)
     return depth, to_disparity(depth, _focal_baseline_px_mm(captures))
 
 
