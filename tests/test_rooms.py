@@ -24,7 +24,7 @@ ROOMS = (
     "glsim.looks",
     "glsim.simulation",
     "glsim.integrations",
-    "glsim.bench.measures",
+    "glsim.measures",
     "glsim.data",
     "glsim.denoise.inputs",
     "glsim.denoise.record",

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.boards import PATTERN
-from glsim.bench.measures.static import static_pairs
 from glsim.core.depth_frame import Frames
 from glsim.data.recordings.recording import DEFAULT_FRAMES, open_recording
+from glsim.measures.boards import PATTERN
+from glsim.measures.static import static_pairs
 
 #: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
 #: most pixels of a tile share no input with the next tile.

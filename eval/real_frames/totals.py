@@ -11,7 +11,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from glsim.bench.measures.stacks import ratio
 from glsim.core.files.atomic import without_nan
 from glsim.eval.real_frames.frame_truth import (
     BINS_M,
@@ -23,6 +22,7 @@ from glsim.eval.real_frames.frame_truth import (
 )
 from glsim.eval.real_frames.halves import SplitRecording
 from glsim.eval.scoring.statistics import resampled
+from glsim.measures.stacks import ratio
 
 #: Version of the measures; increase it with a change that alters a number.
 VERSION: Final = 2

@@ -1,1 +1,1 @@
-"""Comparison of simulated frames with theory and real recordings: measure, check, compare, fit."""
+"""Comparison of simulated frames with theory and real recordings: check, compare, fit."""

@@ -21,7 +21,7 @@ from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from glsim.bench.fit.fitted_sensor import FittedSensor
-    from glsim.bench.measures.depth_noise import Cell
+    from glsim.measures.depth_noise import Cell
 
 EXAMPLES = """
 glsim fit recording/

@@ -39,11 +39,11 @@ def preview(
         split: train, val or test. Default: all.
         surface: Also write surface.html, the middle frame as shaded surfaces to turn in a browser.
     """
-    from glsim.bench.measures.depth_errors import noise_table, recording_table
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import write_picture
     from glsim.data.contact_sheet import PreviewFrame, contact_sheet
     from glsim.data.reader import open_dataset
+    from glsim.measures.depth_errors import noise_table, recording_table
 
     opened = open_dataset(dataset)
     pairs = opened.frames() if split is None else opened.split(split)

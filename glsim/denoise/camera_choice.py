@@ -8,13 +8,13 @@ from typing import Any, Final, NamedTuple
 
 from numpy.typing import NDArray
 
-from glsim.bench.measures.lattice import distinct_values, estimate_lattice
 from glsim.core.errors import DatasetError
 from glsim.data.header import read_header
 from glsim.data.recordings.files import MapFiles
 from glsim.data.recordings.folders import stated_camera
 from glsim.denoise.depth_files import dataset_root
 from glsim.denoise.registry import network_for
+from glsim.measures.lattice import distinct_values, estimate_lattice
 
 #: Sizes of images, px, that one camera alone delivers: (width, height) -> sensor.
 _SIZES: Final = {

@@ -32,7 +32,7 @@ DEFAULT_COMPOSITE: Final = "measured"
 #: A pixel is doubtful if its probability of depth is at most this.
 DOUBT: Final = 0.5
 #: Largest difference between neighbours on one surface, mm and mm per m of distance; as in
-#: ``glsim.bench.measures.silhouettes``. Derived: the last pixel of a head's rim at 0.9 m is 21 mm
+#: ``glsim.measures.silhouettes``. Derived: the last pixel of a head's rim at 0.9 m is 21 mm
 #: behind.
 SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
 #: Radius of the neighbourhood, px, and width of the widest hole that is closed.

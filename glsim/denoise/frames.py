@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from glsim.bench.measures.static import view_change
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import (
@@ -24,6 +23,7 @@ from glsim.core.errors import DatasetError
 from glsim.data.recordings.files import MapFiles
 from glsim.denoise.depth_files import dataset_root
 from glsim.denoise.interface import MIN_MEASURED_MM, Depth
+from glsim.measures.static import view_change
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration

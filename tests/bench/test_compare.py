@@ -12,10 +12,10 @@ import pytest
 from glsim.bench.compare.classifier import tell_apart
 from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import surface_patches
-from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.data.recordings.recording import open_recording
+from glsim.measures.measured_frame import frames_of
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import write_frames

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
 from glsim.bench.fit.recording_statistics import measure_recording, pattern_map, pattern_parameters
-from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.recordings.recording import open_recording
+from glsim.measures.measured_frame import frames_of
 from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor

@@ -12,10 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.bench.fit.stereo_sensor import find_lattice, measure_stereo, stereo_base
-from glsim.bench.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
-from glsim.bench.measures.measured_frame import frames_of
-from glsim.bench.measures.stacks import with_nan
-from glsim.bench.measures.validity import flip_share, hole_share_beside_band
 from glsim.bench.validate import VirtualCamera
 from glsim.bench.validate.scenes import room_corner
 from glsim.cli import main
@@ -23,6 +19,10 @@ from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.recordings.recording import open_recording
+from glsim.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
+from glsim.measures.measured_frame import frames_of
+from glsim.measures.stacks import with_nan
+from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.sensors.sensor import load_sensor
 from tests.support.planted_frames import encoded, noisy, plane
 from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras

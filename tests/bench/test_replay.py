@@ -16,13 +16,13 @@ from glsim.bench.compare.replay_surfaces import (
     measure_noise_floor,
     smooth_surfaces,
 )
-from glsim.bench.measures.measured_frame import frames_of
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.recordings.recording import open_recording
+from glsim.measures.measured_frame import frames_of
 from tests.support.real_cameras import REAL_CAMERAS, REAL_KINECT_V2, needs_real_cameras
 
 Array = NDArray[np.float32]

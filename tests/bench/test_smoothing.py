@@ -12,11 +12,11 @@ import pytest
 
 from glsim.bench.fit.recording_statistics import measure_recording
 from glsim.bench.fit.smoothing import find_smoothing
-from glsim.bench.measures.correlation import LAGS
-from glsim.bench.measures.measured_frame import frames_of
 from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.files.atomic import write_atomic
+from glsim.measures.correlation import LAGS
+from glsim.measures.measured_frame import frames_of
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support.planted_frames import encoded
 from tests.support.recordings import write_frames

@@ -12,7 +12,6 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.bench.measures.lattice import on_lattice
 from glsim.bench.validate import Captures, VirtualCamera, run
 from glsim.bench.validate.checks import depth_edges as edges
 from glsim.bench.validate.checks import faces, phases, walls
@@ -21,6 +20,7 @@ from glsim.bench.validate.report import Band, Check, CheckResult, Measurement, V
 from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.data.recordings.recording import open_recording
+from glsim.measures.lattice import on_lattice
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support.real_cameras import (
     REAL_CAMERAS,

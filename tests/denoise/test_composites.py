@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from glsim.bench.measures.measured_frame import frames_of
-from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.camera import Intrinsics
 from glsim.core.files.png import read_image
 from glsim.denoise.composites import BESIDE_PX, composed
@@ -15,6 +13,8 @@ from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.interface import Denoised, Depth
 from glsim.denoise.network import NetworkFunction
 from glsim.denoise.registry import load_denoiser
+from glsim.measures.measured_frame import frames_of
+from glsim.measures.silhouettes import find_edges
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.runners import Runs
 

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.bench.measures.measured_frame import frames_of, lit, surfaces
+from glsim.measures.measured_frame import frames_of, lit, surfaces
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate

@@ -6,10 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.bench.measures.measured_frame import frames_of
-from glsim.bench.measures.silhouettes import find_edges
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
+from glsim.measures.measured_frame import frames_of
+from glsim.measures.silhouettes import find_edges
 from tests.support.tof_harness import Camera, Placed, quad
 
 FOCAL = 365.456

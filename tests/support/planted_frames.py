@@ -1,4 +1,4 @@
-"""Depth frames with known noise, patterns and shadows, for tests of glsim.bench.measures."""
+"""Depth frames with known noise, patterns and shadows, for tests of glsim.measures."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.bench.measures.disparity import to_disparity
 from glsim.core.files.png import decode_png
+from glsim.measures.disparity import to_disparity
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,12 @@ import numpy as np
 
 from glsim.bench.compare.classifier import Verdict, tell_apart
 from glsim.bench.compare.patches import KINDS, Patches, edge_patches, surface_patches
-from glsim.bench.measures.correlation import LAGS
-from glsim.bench.measures.depth_noise import (
+from glsim.core.depth_frame import Frames
+from glsim.core.errors import ConfigError
+from glsim.core.files.atomic import without_nan
+from glsim.core.files.markdown import markdown_table
+from glsim.measures.correlation import LAGS
+from glsim.measures.depth_noise import (
     DISTANCES_M,
     RADII_PX,
     SpatialNoise,
@@ -22,16 +26,12 @@ from glsim.bench.measures.depth_noise import (
     measure_spatial,
     measure_temporal,
 )
-from glsim.bench.measures.light import Light, measure_light
-from glsim.bench.measures.pattern import FixedPattern, measure_pattern
-from glsim.bench.measures.silhouettes import Silhouettes, measure_silhouettes
-from glsim.bench.measures.stacks import ratio
-from glsim.bench.measures.static import static_pairs, view_numbers
-from glsim.bench.measures.validity import measure_invalid
-from glsim.core.depth_frame import Frames
-from glsim.core.errors import ConfigError
-from glsim.core.files.atomic import without_nan
-from glsim.core.files.markdown import markdown_table
+from glsim.measures.light import Light, measure_light
+from glsim.measures.pattern import FixedPattern, measure_pattern
+from glsim.measures.silhouettes import Silhouettes, measure_silhouettes
+from glsim.measures.stacks import ratio
+from glsim.measures.static import static_pairs, view_numbers
+from glsim.measures.validity import measure_invalid
 
 #: AUC of both classifiers for frames of a simulated sensor against their replay through it.
 _FLOORS = {

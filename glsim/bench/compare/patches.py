@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import LAGS, lagged_sums
-from glsim.bench.measures.measured_frame import lit, surfaces
-from glsim.bench.measures.quadrics import quadric_basis
-from glsim.bench.measures.silhouettes import HEAD_SHIFTS, find_edges
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.correlation import LAGS, lagged_sums
+from glsim.measures.measured_frame import lit, surfaces
+from glsim.measures.quadrics import quadric_basis
+from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
 
 Array = NDArray[np.float64]
 

@@ -21,21 +21,21 @@ from glsim.bench.compare.replay_surfaces import (
     measure_noise_floor,
     mesh_of,
 )
-from glsim.bench.measures.correlation import lagged_sums
-from glsim.bench.measures.disparity import (
-    LAGS_PX,
-    LEAST_TILES,
-    find_tiles,
-    to_disparity,
-)
-from glsim.bench.measures.silhouettes import measure_silhouettes
-from glsim.bench.measures.static import view_numbers
 from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.context import borrowed_context
+from glsim.measures.correlation import lagged_sums
+from glsim.measures.disparity import (
+    LAGS_PX,
+    LEAST_TILES,
+    find_tiles,
+    to_disparity,
+)
+from glsim.measures.silhouettes import measure_silhouettes
+from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor
 
 Array = NDArray[np.float64]

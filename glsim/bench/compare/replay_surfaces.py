@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.quadrics import local_planes, step_limit_mm
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import grid_triangles
 from glsim.core.mesh import Mesh
+from glsim.measures.quadrics import local_planes, step_limit_mm
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]

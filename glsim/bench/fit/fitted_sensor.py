@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.depth_noise import Cell
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
+from glsim.measures.depth_noise import Cell
 from glsim.settings.toml_tables import toml_value
 
 

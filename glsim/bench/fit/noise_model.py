@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.fit.recording_statistics import RecordingStatistics
-from glsim.bench.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
-from glsim.bench.measures.measured_frame import lit, mean_frame, radius_px
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
+from glsim.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
+from glsim.measures.measured_frame import lit, mean_frame, radius_px
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
     TAP_READ_LSB2,

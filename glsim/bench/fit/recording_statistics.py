@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.bench.measures.depth_noise import Cell, root_cells
-from glsim.bench.measures.measured_frame import mean_frame, radius_px
-from glsim.bench.measures.pattern import measure_pattern
-from glsim.bench.measures.quadrics import local_planes
-from glsim.bench.measures.stacks import mean_of, moments
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
+from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
+from glsim.measures.depth_noise import Cell, root_cells
+from glsim.measures.measured_frame import mean_frame, radius_px
+from glsim.measures.pattern import measure_pattern
+from glsim.measures.quadrics import local_planes
+from glsim.measures.stacks import mean_of, moments
 from glsim.sensors.images import LARGEST_MM
 
 Array = NDArray[np.float64]

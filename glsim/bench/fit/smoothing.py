@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.fit.noise_model import FILTER_GAIN, TapNoise
-from glsim.bench.measures.correlation import LAGS
+from glsim.measures.correlation import LAGS
 
 Array = NDArray[np.float64]
 

@@ -24,15 +24,6 @@ from numpy.typing import NDArray
 
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.time_of_flight import BASES
-from glsim.bench.measures.disparity import (
-    LEAST_TILES,
-    TILE_PX,
-    DisparityNoise,
-    find_tiles,
-    measure_disparity_noise,
-    to_disparity,
-)
-from glsim.bench.measures.lattice import Lattice, distinct_values, estimate_lattice
 from glsim.bench.validate import scenes
 from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import Intrinsics
@@ -40,6 +31,15 @@ from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 from glsim.data.recordings.recording import Recording
 from glsim.gl.context import borrowed_context
+from glsim.measures.disparity import (
+    LEAST_TILES,
+    TILE_PX,
+    DisparityNoise,
+    find_tiles,
+    measure_disparity_noise,
+    to_disparity,
+)
+from glsim.measures.lattice import Lattice, distinct_values, estimate_lattice
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from glsim.bench.measures import stacks as measure
 from glsim.bench.validate import scenes
 from glsim.bench.validate.virtual_camera import Changes, VirtualCamera
 from glsim.core.depth_frame import Frames
+from glsim.measures import stacks as measure
 from glsim.settings.toml_tables import read_toml
 
 _T = TypeVar("_T")

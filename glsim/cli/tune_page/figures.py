@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import correlation_of, lagged_sums
-from glsim.bench.measures.depth_noise import measure_spatial
-from glsim.bench.measures.measured_frame import frames_of
-from glsim.bench.measures.silhouettes import find_edges, measure_silhouettes
-from glsim.bench.measures.validity import measure_invalid
 from glsim.core.depth_frame import Frames
 from glsim.core.reason import Reason
 from glsim.data.recordings.recording import open_recording
+from glsim.measures.correlation import correlation_of, lagged_sums
+from glsim.measures.depth_noise import measure_spatial
+from glsim.measures.measured_frame import frames_of
+from glsim.measures.silhouettes import find_edges, measure_silhouettes
+from glsim.measures.validity import measure_invalid
 from glsim.simulation.frame import Frame
 
 Array = NDArray[np.float32]

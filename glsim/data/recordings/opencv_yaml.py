@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.boards import find_corners
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import DatasetError
 from glsim.core.files.regular import read_data
+from glsim.measures.boards import find_corners
 
 #: Largest file, bytes: hundreds of times a calibration or a board.
 _MAX_BYTES = 1 << 20

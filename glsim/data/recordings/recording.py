@@ -23,7 +23,6 @@ from pathlib import Path
 
 import numpy as np
 
-from glsim.bench.measures.static import view_change
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.errors import ConfigError, DatasetError
@@ -37,6 +36,7 @@ from glsim.data.recordings.files import FramePlace, MapFiles
 from glsim.data.recordings.folders import depth_files, stated_camera, whole_recording
 from glsim.data.recordings.names import infrared_files
 from glsim.data.recordings.streams import STREAMS, FrameStream
+from glsim.measures.static import view_change
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 

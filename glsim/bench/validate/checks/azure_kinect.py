@@ -11,14 +11,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import LAGS, correlation_of, lagged_sums
-from glsim.bench.measures.depth_noise import measure_spatial
-from glsim.bench.measures.pixel_runs import successive_runs
-from glsim.bench.measures.stacks import half_valid, sigma_temporal, without_plane
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import Frames
+from glsim.measures.correlation import LAGS, correlation_of, lagged_sums
+from glsim.measures.depth_noise import measure_spatial
+from glsim.measures.pixel_runs import successive_runs
+from glsim.measures.stacks import half_valid, sigma_temporal, without_plane
 
 Array = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.bench.measures import stacks as measure
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.measures import stacks as measure
 from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE
 
 #: Allowed periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half

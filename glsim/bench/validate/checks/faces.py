@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from glsim.bench.compare.patches import KINDS, edge_patches
-from glsim.bench.measures import stacks as measure
-from glsim.bench.measures.depth_noise import measure_spatial
-from glsim.bench.measures.silhouettes import measure_silhouettes
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.mesh import SKIN_ALBEDO
+from glsim.measures import stacks as measure
+from glsim.measures.depth_noise import measure_spatial
+from glsim.measures.silhouettes import measure_silhouettes
 
 _PEOPLE = 6
 _FRAMES_EACH = 4

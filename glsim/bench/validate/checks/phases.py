@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.bench.measures import stacks as measure
-from glsim.bench.measures.stacks import Array
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import INTERNAL, PHASES, Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.bench.validate.virtual_camera import Changes
 from glsim.core.depth_frame import Frames
+from glsim.measures import stacks as measure
+from glsim.measures.stacks import Array
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
     FREQUENCIES_MHZ,

@@ -11,25 +11,25 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glsim.bench.measures.disparity import (
+from glsim.bench.validate import scenes
+from glsim.bench.validate.captures import Captures
+from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.mesh import Mesh
+from glsim.measures.disparity import (
     Array,
     find_tiles,
     measure_disparity_noise,
     power_share,
     to_disparity,
 )
-from glsim.bench.measures.disparity_steps import (
+from glsim.measures.disparity_steps import (
     between_share,
     border_band,
     find_steps,
     measure_gaps,
 )
-from glsim.bench.measures.lattice import on_lattice
-from glsim.bench.measures.validity import flip_share, hole_share_beside_band
-from glsim.bench.validate import scenes
-from glsim.bench.validate.captures import Captures
-from glsim.bench.validate.report import Measurement, validation_check
-from glsim.core.mesh import Mesh
+from glsim.measures.lattice import on_lattice
+from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.noise.realsense_filters import decimate
 
 #: Distances between pixels at which correlation is compared: LAGS_PX of the measures without 12.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.bench.measures import stacks as measure
 from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.measures import stacks as measure
 
 #: Frames of the wall for the fixed pattern.
 _PATTERN_FRAMES = 1000

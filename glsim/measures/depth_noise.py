@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.bench.measures.measured_frame import lit, radius_px, surface_mm, surfaces
-from glsim.bench.measures.quadrics import fit_surfaces
-from glsim.bench.measures.stacks import mean_of
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
+from glsim.measures.measured_frame import lit, radius_px, surface_mm, surfaces
+from glsim.measures.quadrics import fit_surfaces
+from glsim.measures.stacks import mean_of
 
 Array = NDArray[np.float64]
 

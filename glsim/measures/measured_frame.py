@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.quadrics import Surfaces, fit_surfaces
-from glsim.bench.measures.stacks import moments
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
+from glsim.measures.quadrics import Surfaces, fit_surfaces
+from glsim.measures.stacks import moments
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.bench.measures.lattice import (
+from glsim.measures.lattice import (
     distinct_values,
     estimate_lattice,
     lattice_share,

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import correlation_of, lagged_sums
 from glsim.core.depth_map import central_normals
+from glsim.measures.correlation import correlation_of, lagged_sums
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.bench.measures.disparity import (
+from glsim.measures.disparity import (
     LAGS_PX,
     find_tiles,
     measure_disparity_noise,

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.measured_frame import radius_px
-from glsim.bench.measures.pixel_runs import goes_on, successive_runs
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.measured_frame import radius_px
+from glsim.measures.pixel_runs import goes_on, successive_runs
 
 Array = NDArray[np.float64]
 

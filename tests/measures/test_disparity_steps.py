@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.bench.measures.disparity_steps import (
+from glsim.measures.disparity_steps import (
     between_share,
     border_band,
     find_steps,
     measure_gaps,
 )
-from glsim.bench.measures.validity import flip_share, hole_share_beside_band
+from glsim.measures.validity import flip_share, hole_share_beside_band
 from tests.support.real_cameras import (
     D435_ROBOT_PX_MM,
     needs_real_cameras,

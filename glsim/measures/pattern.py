@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.measured_frame import lit
-from glsim.bench.measures.quadrics import fit_surfaces
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.measured_frame import lit
+from glsim.measures.quadrics import fit_surfaces
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.measured_frame import SATURATED, lit
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.measured_frame import SATURATED, lit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

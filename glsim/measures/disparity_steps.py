@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.pixel_runs import goes_on, successive_runs
+from glsim.measures.pixel_runs import goes_on, successive_runs
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import lagged_sums
-from glsim.bench.measures.stacks import ratio
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.correlation import lagged_sums
+from glsim.measures.stacks import ratio
 
 #: Two frames show different views if their median absolute difference is above _MOST_MEDIAN_MM and
 #: pixels _APART_PX apart change alike (correlation above _MOST_ALIKE), or if it is above

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glsim.bench.measures import stacks as measure
+from glsim.measures import stacks as measure
 from glsim.sensors import kinect_v2
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 

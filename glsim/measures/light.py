@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.depth_noise import DISTANCES_M, pair_noise
-from glsim.bench.measures.measured_frame import lit, radius_px, surfaces
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.depth_noise import DISTANCES_M, pair_noise
+from glsim.measures.measured_frame import lit, radius_px, surfaces
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.measured_frame import radius_px
 from glsim.core.depth_frame import DepthFrame
+from glsim.measures.measured_frame import radius_px
 
 #: Bounds of the rings, px of a Kinect V2 (its corners are at 330).
 RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.measures.correlation import correlation_of, lagged_sums
-from glsim.bench.measures.stacks import with_nan
+from glsim.measures.correlation import correlation_of, lagged_sums
+from glsim.measures.stacks import with_nan
 
 Array = NDArray[np.float64]
 
