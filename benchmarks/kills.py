@@ -126,7 +126,7 @@ def _problem(command: list[str], out: Path, expected: str) -> str:
 def content_of(out: Path) -> str:
     """Hash a data set's files, an evaluation's scores, or a training's best weights."""
     if (out / "best.pt").exists():
-        from glsim.denoise import checkpoint
+        from glsim.networks import checkpoint
 
         weights = checkpoint.load(out / "best.pt")["model"]
         parts = [(name, weights[name].numpy().tobytes()) for name in sorted(weights)]

@@ -10,8 +10,7 @@ import pytest
 from tests.support.imports import ROOT, all_modules, imported_modules, third_party
 
 #: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
-#: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise, and the
-#: inputs and records of networks two below both.
+#: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise.
 ROOMS = (
     "glsim.core",
     "glsim.settings",
@@ -26,8 +25,7 @@ ROOMS = (
     "glsim.integrations",
     "glsim.measures",
     "glsim.data",
-    "glsim.denoise.inputs",
-    "glsim.denoise.record",
+    "glsim.networks",
     "glsim.train.models",
     "glsim.denoise",
     "glsim.bench",
@@ -71,10 +69,10 @@ HOMES = {
     "torch": (
         "glsim.train",
         "glsim.denoise.inference",
-        "glsim.denoise.checkpoint",
+        "glsim.networks.checkpoint",
         "glsim.simulation.tensor_engine",
     ),
-    "safetensors": ("glsim.denoise.checkpoint",),
+    "safetensors": ("glsim.networks.checkpoint",),
     "lightning_fabric": ("glsim.train",),
     "tensorboard": ("glsim.train",),
     "matplotlib": (
@@ -181,7 +179,7 @@ def test_a_forbidden_import_is_found(tmp_path: Path, source: str) -> None:
     assert broken_rules("glsim.noise.temporary", allowed) == []
 
 
-def test_train_and_eval_meet_in_denoise_only() -> None:
+def test_train_and_eval_meet_below_both_only() -> None:
     for module, other in (("glsim.eval.scoring.evaluate", "train"), ("glsim.train.fit", "eval")):
         assert broken_rules(module, f"import glsim.{other}")
         assert broken_rules(module, "import glsim.denoise") == []

@@ -89,7 +89,7 @@ class EpochSampler(Sampler[list[int]]):
 class StoredBatches:
     """Batches (noisy_mm, clean_mm) of pairs with random access: float32 mm on the device.
 
-    Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.denoise.inputs`` as channels.
+    Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.networks.inputs`` as channels.
 
     Attributes:
         validation: pairs of the validation, without a batch axis.

@@ -16,8 +16,8 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 
 from glsim.core.errors import ConfigError, TrainError
-from glsim.denoise import checkpoint
-from glsim.denoise.interface import MIN_DEPTH_MM
+from glsim.networks import checkpoint
+from glsim.networks.interface import MIN_DEPTH_MM
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
 from glsim.train.data.stored import Batch
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples

@@ -1,7 +1,7 @@
 """Training losses; a loss is configured by the table [loss] of a recipe, and is a callable.
 
 Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
-with 0 = no depth. Only the network sees further inputs (``glsim.denoise.inputs``). Results are
+with 0 = no depth. Only the network sees further inputs (``glsim.networks.inputs``). Results are
 the total and its parts by name. All arithmetic is float32.
 """
 
@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from glsim.core.depth_map import BAND_PX, JUMP_MM
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.denoise.safeguards import REACH_PX
+from glsim.networks.safeguards import REACH_PX
 from glsim.settings.toml_tables import parse_table
 from glsim.train.models.base import Prediction
 

@@ -18,9 +18,9 @@ from torch import Tensor
 from glsim.core.errors import DenoiserError, TrainError
 from glsim.core.files.atomic import write_atomic
 from glsim.denoise.inference import TorchNetwork, load_model
-from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.denoise.onnx_file import OpenCvNetwork, read_content, read_onnx, record_entries
-from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
+from glsim.networks.inputs import NetworkInputs, stack_inputs
+from glsim.networks.onnx_file import OpenCvNetwork, read_content, read_onnx, record_entries
+from glsim.networks.record import DEFAULT_RECORD, NetworkRecord
 from glsim.train.models.base import DepthModel, NamedOutputs, named_outputs
 from glsim.train.models.registry import build_model
 from glsim.train.state import NOT_COPIED
@@ -38,7 +38,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
 
     The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
     outputs of ``glsim.train.models.base``, of the same shape. Further inputs are named as
-    in ``glsim.denoise.inputs``: (1, images, H, W), zeros for what is missing. H and W must be
+    in ``glsim.networks.inputs``: (1, images, H, W), zeros for what is missing. H and W must be
     multiples of 16 (pad with zeros).
 
     Args:

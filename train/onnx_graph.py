@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-#: Rows and columns of the frames, px: multiples of 16 (``glsim.denoise.network``), all different.
+#: Rows and columns of the frames, px: multiples of 16 (``glsim.networks.network``), all different.
 _SIZES: Final = ((96, 208), (144, 80), (240, 64))
 _ENDLESS: Final = np.iinfo(np.int64).max
 #: Operators whose output shape cannot be computed from the shapes of their inputs alone.

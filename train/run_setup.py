@@ -17,8 +17,8 @@ from lightning_fabric.utilities.exceptions import MisconfigurationException
 from glsim.core.errors import ConfigError, TrainError
 from glsim.core.files.atomic import file_checksum, wrap_write_errors
 from glsim.core.files.lock import locked
-from glsim.denoise import checkpoint
 from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX, shipped_file
+from glsim.networks import checkpoint
 from glsim.settings.toml_tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
 from glsim.train.state import WeightsOf

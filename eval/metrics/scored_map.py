@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_map import BAND_PX, JUMP_MM, central_normals
 from glsim.core.errors import DenoiserError
-from glsim.denoise.interface import Depth, Mask
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
+from glsim.networks.interface import Depth, Mask
 
 #: A depth with a larger error, mm, is a flying pixel.
 FLYING_MM: Final = 50.0

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from glsim.core.depth_protocol import MEANING
-from glsim.denoise.composites import COMPOSITES
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.ssim import PRESETS
@@ -19,6 +18,7 @@ from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.score_tables import ResultTable, format_number
 from glsim.eval.scoring.aggregate import MetricMean
 from glsim.eval.scoring.evaluate import Evaluation
+from glsim.networks.composites import COMPOSITES
 
 #: Table -> its rows. Table 2 compares architectures, table 3 each depth with and without AR.
 PAPER_ROWS: Final = {

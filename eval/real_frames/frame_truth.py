@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
 from glsim.data.recordings.opencv_yaml import board_corners
-from glsim.denoise.interface import Depth, Mask
 from glsim.eval.real_frames.halves import SplitRecording
 from glsim.measures.boards import find_board, plane_residual
 from glsim.measures.depth_noise import still_difference
 from glsim.measures.measured_frame import surface_mm, surfaces
 from glsim.measures.silhouettes import STEP_MM, find_edges
+from glsim.networks.interface import Depth, Mask
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ from typing import Final
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
-from glsim.denoise.interface import Depth
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.curves import bias_curves
@@ -26,6 +25,7 @@ from glsim.eval.report.score_tables import (
 )
 from glsim.eval.scoring.blocks import ScoringJob, denoise, stacks_of
 from glsim.eval.scoring.evaluate import Evaluation
+from glsim.networks.interface import Depth
 
 #: Largest number of methods side by side in a figure, which is as wide as a paper page.
 _COLUMNS: Final = 5

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import DatasetError
-from glsim.denoise.interface import Depth
+from glsim.networks.interface import Depth
 
 
 def trivial_predictions(clean: Depth, mean: Depth | None) -> dict[str, Depth]:

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.interface import Depth
 from glsim.eval.metrics.scored_map import FLYING_MM, Truth
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
+from glsim.networks.interface import Depth
 
 #: Width of a bin, mm.
 BIAS_BIN_MM: Final = 100

@@ -14,10 +14,8 @@ from typing import Any, NamedTuple
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError, DenoiserError
-from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.denoise.denoiser import Denoiser, Estimate
 from glsim.denoise.frames import Stacks
-from glsim.denoise.interface import Depth
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.regions import Regions
@@ -25,6 +23,8 @@ from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.scoring.baselines import trivial_predictions
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames
+from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE
+from glsim.networks.interface import Depth
 
 Row = dict[str, Any]
 

@@ -25,7 +25,7 @@ from glsim.data.layer_images import decode_layer
 from glsim.data.reader import open_dataset
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
-from glsim.denoise.interface import Depth
+from glsim.networks.interface import Depth
 from glsim.sensors.sensor import load_sensor
 from glsim.settings.schema import DEFAULT_SENSOR
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from glsim.core.errors import DatasetError
-from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.registry import GRIDS, load_denoiser
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.blocks import ScoringJob
@@ -30,6 +29,7 @@ from glsim.eval.studies.transfer_report import (
     write_transfer,
 )
 from glsim.eval.studies.transfer_study import Cell, Training, TransferStudy
+from glsim.networks.composites import DEFAULT_COMPOSITE
 from glsim.train.recipe import load_recipe
 
 Scores = dict[str, MethodScores]

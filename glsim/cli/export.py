@@ -113,7 +113,7 @@ def _export_network(checkpoint: Path, out: Path) -> None:
     if out.suffix not in (ONNX_SUFFIX, ".safetensors"):
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX} or .safetensors")
     try:
-        from glsim.denoise.checkpoint import export_safetensors
+        from glsim.networks.checkpoint import export_safetensors
         from glsim.train.onnx_export import export_onnx
     except ImportError as error:
         raise TrainError(

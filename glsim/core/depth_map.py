@@ -8,12 +8,15 @@ of the metrics, for pixels that the caller has found to lie within one surface.
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
+
+_T = TypeVar("_T", bound=np.generic)
 
 #: In evaluation and training an edge of a clean map is an invalid pixel, or a jump of more than
 #: JUMP_MM between two neighbours: one surface would have to be seen at 85 degrees, at 0.9 m and the
@@ -202,3 +205,13 @@ def _sample(
         inside, depth_m[row.clip(0, height - 1), column.clip(0, width - 1)], np.float32(0)
     )
     return sampled
+
+
+def around(image: NDArray[_T], radius: int, at: NDArray[np.bool_], outside: float) -> NDArray[_T]:
+    """Cut the square neighbourhoods, (N, (2 radius + 1)^2), of the N pixels of ``at``.
+
+    outside: the value beyond the image.
+    """
+    padded = np.pad(image, radius, constant_values=outside)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2)
+    return windows[at].reshape(int(np.count_nonzero(at)), (2 * radius + 1) ** 2)

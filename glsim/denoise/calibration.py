@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
-from glsim.denoise.interface import Depth
+from glsim.networks.interface import Depth
 from glsim.sensors.images import remove_fixed_pattern
 from glsim.sensors.sensor import load_sensor
 from glsim.sensors.wiggling import remove_wiggling

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import MEANING, DepthProtocol, check_protocol
 from glsim.core.errors import ConfigError, DenoiserError, GlsimError
-from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
-from glsim.denoise.interface import (
+from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
+from glsim.networks.interface import (
     MIN_MEASURED_MM,
     Denoised,
     Depth,
@@ -22,7 +22,7 @@ from glsim.denoise.interface import (
     Mask,
     Probability,
 )
-from glsim.denoise.tiles import head_box
+from glsim.networks.tiles import head_box
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration

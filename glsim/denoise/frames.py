@@ -22,8 +22,8 @@ from glsim.core.depth_protocol import (
 from glsim.core.errors import DatasetError
 from glsim.data.recordings.files import MapFiles
 from glsim.denoise.depth_files import dataset_root
-from glsim.denoise.interface import MIN_MEASURED_MM, Depth
 from glsim.measures.static import view_change
+from glsim.networks.interface import MIN_MEASURED_MM, Depth
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration

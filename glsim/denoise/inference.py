@@ -11,10 +11,10 @@ import torch
 
 from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import DenoiserError, GlsimError
-from glsim.denoise import checkpoint
-from glsim.denoise.interface import Depth
-from glsim.denoise.network import NetworkFunction
-from glsim.denoise.record import NetworkRecord
+from glsim.networks import checkpoint
+from glsim.networks.interface import Depth
+from glsim.networks.network import NetworkFunction
+from glsim.networks.record import NetworkRecord
 from glsim.train.models.base import DepthModel, channels_last, named_outputs
 from glsim.train.models.registry import build_model
 

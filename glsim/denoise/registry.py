@@ -25,10 +25,10 @@ from glsim.core.plugins import (
     shipped_module,
 )
 from glsim.denoise import shipped
-from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.denoise.denoiser import Denoiser
-from glsim.denoise.inputs import MAX_NEIGHBOURS
-from glsim.denoise.interface import build, parameter
+from glsim.networks.composites import DEFAULT_COMPOSITE
+from glsim.networks.inputs import MAX_NEIGHBOURS
+from glsim.networks.interface import build, parameter
 
 _FOLDER: Final = "denoise/filters"
 _MODULES: Final = [shipped_module(_FOLDER, name) for name in module_names(_FOLDER)]
@@ -244,7 +244,7 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
         )
     network: Any
     if path.suffix == ONNX_SUFFIX:
-        from glsim.denoise.onnx_file import load_onnx
+        from glsim.networks.onnx_file import load_onnx
 
         network = load_onnx(path, options.min_probability)
     else:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.denoise.composites import COMPOSITES
+from glsim.networks.composites import COMPOSITES
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.dataset_fakes import make, make_settings, make_tasks
@@ -152,7 +152,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package = tmp_path / "shipped_stand_in"
     write_run(package, 0.2, row=None, sigma_mm=1.234)
     (package / "best.pt").rename(package / "face.onnx")
-    monkeypatch.setattr("glsim.denoise.onnx_file.load_onnx", checkpoint_stand_in.load_network)
+    monkeypatch.setattr("glsim.networks.onnx_file.load_onnx", checkpoint_stand_in.load_network)
     monkeypatch.setattr("glsim.denoise.registry._SHIPPED_FOLDER", package)
     return package / "face.onnx"
 

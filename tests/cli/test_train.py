@@ -17,8 +17,8 @@ from glsim import generate, load_settings
 from glsim.cli import main
 from glsim.cli.train import _print_result, stopping
 from glsim.core.files.png import read_image
-from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
+from glsim.networks import checkpoint
 from tests.support.imports import loaded_after
 
 TINY = """

@@ -11,10 +11,10 @@ from glsim import Frame, load_settings, simulate
 from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_image
-from glsim.denoise.interface import Depth
-from glsim.denoise.record import AROUND_PX
 from glsim.denoise.registry import load_denoiser
-from glsim.denoise.tiles import GRID_PX, box_around, head_box
+from glsim.networks.interface import Depth
+from glsim.networks.record import AROUND_PX
+from glsim.networks.tiles import GRID_PX, box_around, head_box
 
 
 def head(wall_mm: float | None = None, distance_mm: float = 900.0, seed: int = 4) -> Depth:
@@ -48,7 +48,7 @@ def test_a_network_around_depth_gives_what_it_gives_on_the_whole_frame(
     frame = head()
     frames = np.stack([head(seed=5), frame]) if network == "face-video" else frame[None]
     near = load_denoiser(network).estimate(frames, len(frames) - 1)
-    monkeypatch.setattr("glsim.denoise.network.box_around", lambda *_: None)
+    monkeypatch.setattr("glsim.networks.network.box_around", lambda *_: None)
     whole = load_denoiser(network).estimate(frames, len(frames) - 1)
     np.testing.assert_allclose(near.valid, whole.valid, atol=1e-3)
     some = frame > 0

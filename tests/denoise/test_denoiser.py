@@ -16,10 +16,10 @@ from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.png import encode_png
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.denoiser import Denoiser
-from glsim.denoise.interface import Depth
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import evaluate
+from glsim.networks.interface import Depth
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy

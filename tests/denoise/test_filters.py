@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from glsim.core.errors import ConfigError, DenoiserError
-from glsim.denoise.composites import COMPOSITES, DEFAULT_COMPOSITE
 from glsim.denoise.registry import (
     CLEANUPS,
     GRIDS,
@@ -20,6 +19,7 @@ from glsim.denoise.registry import (
     load_denoiser,
     tuning_specs,
 )
+from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE
 from tests.support.eval_scenes import Array, dome, noisy
 
 CLEAN, NOISY = dome(), noisy(dome())

@@ -8,9 +8,9 @@ import pytest
 
 from glsim.denoise.filters.block_matching import noise_spectrum
 from glsim.denoise.filters.tgv import SurfaceGradients
-from glsim.denoise.interface import Depth, Mask
 from glsim.denoise.registry import load_denoiser
-from glsim.denoise.safeguards import estimate_noise_mm, local_noise_mm, noise_share
+from glsim.networks.interface import Depth, Mask
+from glsim.networks.safeguards import estimate_noise_mm, local_noise_mm, noise_share
 
 SIGMA_MM = 2.0
 RNG = np.random.default_rng

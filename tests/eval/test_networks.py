@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
-from glsim.denoise.composites import COMPOSITES
+from glsim.networks.composites import COMPOSITES
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
 from tests.support.eval_scenes import rows, write_pairs

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.denoise.composites import DEFAULT_COMPOSITE
 from glsim.eval.real_frames.frame_truth import find_planes, rims_and_shadow
 from glsim.eval.real_frames.halves import Source, split_recording
 from glsim.eval.real_frames.score_recording import score_recording, tune_on_pairs
@@ -19,6 +18,7 @@ from glsim.eval.real_frames.totals import RealScores
 from glsim.eval.report.figures.real_frames import measures_figure
 from glsim.measures.boards import find_board, find_corners
 from glsim.measures.measured_frame import frames_of
+from glsim.networks.composites import DEFAULT_COMPOSITE
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import (

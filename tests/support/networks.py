@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from glsim.denoise import checkpoint
+from glsim.networks import checkpoint
 from glsim.train.models.base import DepthModel
 from glsim.train.models.registry import build_model
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from glsim.denoise.inputs import DEPTH_ALONE
-from glsim.denoise.record import DEFAULT_RECORD
+from glsim.networks.inputs import DEPTH_ALONE
+from glsim.networks.record import DEFAULT_RECORD
 
 
 class Runs:
-    """Attributes of a ``glsim.denoise.network.Runner`` of depth with a probability."""
+    """Attributes of a ``glsim.networks.network.Runner`` of depth with a probability."""
 
     inputs, record = DEPTH_ALONE, DEFAULT_RECORD
     outputs = ("depth_mm", "probability")

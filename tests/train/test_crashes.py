@@ -12,7 +12,7 @@ import pytest
 
 from glsim.core.errors import TrainError
 from glsim.core.files import flush
-from glsim.denoise import checkpoint
+from glsim.networks import checkpoint
 from glsim.train.logs import RunLogs
 from glsim.train.loop import StepStatus, fit
 from tests.support.power_cuts import PowerCuts

@@ -16,7 +16,7 @@ from torch.utils.data import DataLoader
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import read_image
 from glsim.data.reader import open_dataset
-from glsim.denoise.inputs import NetworkInputs
+from glsim.networks.inputs import NetworkInputs
 from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
 from glsim.train.data.stored import draw_texture

@@ -13,8 +13,8 @@ from torch.utils.data import Subset
 
 from glsim.core.errors import ConfigError
 from glsim.data.reader import open_dataset
-from glsim.denoise import checkpoint
-from glsim.denoise.inputs import NetworkInputs, stack_inputs
+from glsim.networks import checkpoint
+from glsim.networks.inputs import NetworkInputs, stack_inputs
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs

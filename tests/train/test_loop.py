@@ -16,9 +16,9 @@ import torch
 from torch.utils.data import DataLoader
 
 from glsim.core.errors import ConfigError, TrainError
-from glsim.denoise import checkpoint
 from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.scored_map import Truth
+from glsim.networks import checkpoint
 from glsim.train.batches import EpochSampler, StoredBatches
 from glsim.train.loop import fit, validation_figures
 from glsim.train.losses import AllPixels, Masked, interior_mask

@@ -17,16 +17,16 @@ from torch import Tensor, nn
 from glsim.cli import main
 from glsim.core.errors import DenoiserError, TrainError
 from glsim.denoise.inference import TorchNetwork
-from glsim.denoise.inputs import DEPTH_ALONE
-from glsim.denoise.network import NetworkFunction
-from glsim.denoise.onnx_file import (
+from glsim.denoise.registry import load_denoiser, shipped_file
+from glsim.networks.inputs import DEPTH_ALONE
+from glsim.networks.network import NetworkFunction
+from glsim.networks.onnx_file import (
     OnnxContent,
     OnnxRuntimeNetwork,
     OpenCvNetwork,
     read_onnx,
 )
-from glsim.denoise.record import DEFAULT_RECORD
-from glsim.denoise.registry import load_denoiser, shipped_file
+from glsim.networks.record import DEFAULT_RECORD
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import TOLERANCE_MM, export_onnx, onnx_bytes, weights_of_onnx

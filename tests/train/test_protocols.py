@@ -12,8 +12,8 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import read_json
 from glsim.data.reader import open_dataset
-from glsim.denoise.inputs import NetworkInputs
 from glsim.denoise.registry import load_denoiser
+from glsim.networks.inputs import NetworkInputs
 from glsim.train import StoredPairs, stored_batches
 from glsim.train.data.checks import moved_pair
 from glsim.train.data.simulated import SimulatedPairs

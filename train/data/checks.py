@@ -15,7 +15,7 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import file_checksum
 from glsim.data.disk_format import MANIFEST
 from glsim.data.reader import Dataset
-from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
+from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.settings.schema import SPLIT_NAMES
 
 #: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a

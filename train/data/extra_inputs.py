@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
+from glsim.networks.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
 
 #: Infrared is multiplied by a factor within 1/4 and 4, log-uniform: light per distance and albedo
 #: differs by a factor of 5 between a real Kinect V2 and our model of it.

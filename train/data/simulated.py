@@ -18,7 +18,7 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from glsim.core.depth_protocol import DepthProtocol, stored_protocol
 from glsim.core.errors import ConfigError
-from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
+from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame, Skipped

@@ -20,7 +20,7 @@ from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.seeds import pcg_rng
 from glsim.data.reader import open_dataset
-from glsim.denoise.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
+from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
 from glsim.simulation.frame import to_mm
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
 from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
@@ -32,7 +32,7 @@ Batch = tuple[Tensor, Tensor]
 class PairDataset(Dataset[Batch]):
     """A map-style data set whose item n is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
 
-    C = 1 for depth alone, else noisy_mm is the stack of all inputs (``glsim.denoise.inputs``).
+    C = 1 for depth alone, else noisy_mm is the stack of all inputs (``glsim.networks.inputs``).
     The clean frame is the target of the recipe: the clean depth or the expected one.
     """
 
@@ -108,7 +108,7 @@ class Augmentation:
 class StoredPairs(PairDataset):
     """Pairs of a split, each (noisy_mm, target_mm): (1, H, W) float32 mm, 0 = no return.
 
-    With further ``inputs``, noisy_mm is the stack of all, (C, H, W): see ``glsim.denoise.inputs``.
+    With further ``inputs``, noisy_mm is the stack of all, (C, H, W): see ``glsim.networks.inputs``.
     The same (seed, epoch, n) gives the same pair in any process and order.
     """
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.core.seeds import device_key, pcg_rng, stable_seed
-from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.faces.face_source import FaceSource
+from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.simulation.frame import Frame, Skipped, to_mm

@@ -9,7 +9,7 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from glsim.core.errors import ConfigError
-from glsim.denoise.record import AROUND_PX
+from glsim.networks.record import AROUND_PX
 
 #: Bounds of the sizes that a recipe or a checkpoint may ask for, checked before anything is made:
 #: several times the largest published (Restormer: 384 channels, 8 blocks; DnCNN: 64 layers).

@@ -7,8 +7,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 import torch
 from torch import Tensor, nn
 
-from glsim.denoise.inputs import DEPTH_ALONE, NetworkInputs
-from glsim.denoise.record import AROUND_PX, UNLIKELY
+from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs
+from glsim.networks.record import AROUND_PX, UNLIKELY
 from glsim.train.models.backbone import Backbone
 
 
@@ -50,8 +50,8 @@ class DepthModel(nn.Module):
     """A denoiser of depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
     The input is (B, C, H, W) float32: depth in millimetres, 0 = no return, and the model's further
-    ``inputs`` (see ``glsim.denoise.inputs``). The model scales them. ``keep_clean``,
-    ``margin_px`` and ``unlikely`` are those of its ``glsim.denoise.record.NetworkRecord``.
+    ``inputs`` (see ``glsim.networks.inputs``). The model scales them. ``keep_clean``,
+    ``margin_px`` and ``unlikely`` are those of its ``glsim.networks.record.NetworkRecord``.
     """
 
     inputs: NetworkInputs = DEPTH_ALONE

@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-from glsim.denoise.inputs import NetworkInputs
+from glsim.networks.inputs import NetworkInputs
 from glsim.train.models.backbone import pad_to_multiple
 from glsim.train.models.features import noise_around, tukey
 from glsim.train.models.gaussian import blurred, shrunk_mean, weighted_mean

@@ -18,8 +18,8 @@ from pydantic import AfterValidator, Field
 from torch import Tensor, nn
 
 from glsim.core.errors import ConfigError
-from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
-from glsim.denoise.record import UNLIKELY
+from glsim.networks.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
+from glsim.networks.record import UNLIKELY
 from glsim.train.models.backbone import Backbone, init_zero
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import (
@@ -69,7 +69,7 @@ class MaskAware(DepthModel):
     """A denoiser that computes corrected depth, validity and uncertainty from depth features.
 
     Input: (B, C, H, W) float32. The first channel is depth; ``infrared``, ``before`` and ``after``
-    add channels (see ``glsim.denoise.inputs``). Values of depth and infrared that are not above 0
+    add channels (see ``glsim.networks.inputs``). Values of depth and infrared that are not above 0
     are holes.
 
     The correction is the sum of the filters' bands (`features.Features.bands_mm`), each times a

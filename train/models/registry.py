@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from torch import nn
 
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.denoise.inputs import NetworkInputs
+from glsim.networks.inputs import NetworkInputs
 from glsim.train.models.backbone import Backbone
 from glsim.train.models.base import DepthModel, PaperInput
 from glsim.train.models.dncnn import DnCNN

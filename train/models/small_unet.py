@@ -10,7 +10,7 @@ import torch.nn.functional as F  # noqa: N812
 from pydantic import Field
 from torch import Tensor, nn
 
-from glsim.denoise.record import AROUND_PX
+from glsim.networks.record import AROUND_PX
 from glsim.train.models.backbone import (
     Backbone,
     Blocks,

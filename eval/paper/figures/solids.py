@@ -14,9 +14,9 @@ from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import lit_by_marching, normals, surface
 from glsim.core.errors import DatasetError
 from glsim.data.reader import Dataset
-from glsim.denoise.interface import Depth
 from glsim.eval.report.figures.side_view import STEEPEST_DEG
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
+from glsim.networks.interface import Depth
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings
 

@@ -12,9 +12,9 @@ from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_map import surface
 from glsim.core.pose import pose_matrix
 from glsim.data.contact_sheet import shaded
-from glsim.denoise.interface import Depth
 from glsim.eval.metrics.scored_map import FLYING_MM
 from glsim.eval.report.figures.style import matplotlib
+from glsim.networks.interface import Depth
 
 #: Colour of flying pixels.
 FLYING: Final = "#dc1e1e"

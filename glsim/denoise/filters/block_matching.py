@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from glsim.core.errors import require_package
 from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import fill
-from glsim.denoise.interface import Depth, Mask, parameter
-from glsim.denoise.safeguards import estimate_noise_mm, noise_share
+from glsim.networks.interface import Depth, Mask, parameter
+from glsim.networks.safeguards import estimate_noise_mm, noise_share
 
 #: Noise of frames without enough surface to estimate it, mm, and the least one. Chosen.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01

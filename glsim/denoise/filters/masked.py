@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.filters.windows import around, clean_up, fill
-from glsim.denoise.interface import Denoised, Depth, Mask, parameter
+from glsim.core.depth_map import around
+from glsim.denoise.filters.windows import clean_up, fill
+from glsim.networks.interface import Denoised, Depth, Mask, parameter
 
 #: Radius of the window in standard deviations.
 _REACH = 2.5

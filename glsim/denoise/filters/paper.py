@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from glsim.core.errors import ConfigError
-from glsim.denoise.interface import Denoised, Depth, Mask, parameter
+from glsim.networks.interface import Denoised, Depth, Mask, parameter
 
 
 def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:

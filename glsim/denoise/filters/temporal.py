@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.denoise.interface import Denoised, Depth, Mask, parameter
+from glsim.networks.interface import Denoised, Depth, Mask, parameter
+from glsim.networks.past_mean import past_mean
 
 
 @dataclass(frozen=True)
@@ -61,25 +62,6 @@ class Adaptive:
     def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
         """Compute means over past frames; pixels are valid where the input is."""
         return Denoised(past_mean(noisy_mm[: now + 1], self.threshold_mm), valid[now])
-
-
-def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:
-    """Average the last frame with earlier ones, as far back as the depth of a pixel stays the same.
-
-    Args:
-        depths_mm: (T, H, W) millimetres, 0 = no return.
-        threshold_mm: a larger change of depth counts as motion.
-
-    Returns:
-        (H, W) millimetres.
-    """
-    here = depths_mm[-1]
-    total, count, still = here.copy(), np.ones_like(here), here > 0
-    for past in depths_mm[-2::-1]:
-        still &= (past > 0) & (np.abs(past - here) <= threshold_mm)
-        total[still] += past[still]
-        count[still] += 1
-    return np.asarray(total / count)
 
 
 #: Name on the command line -> filter.

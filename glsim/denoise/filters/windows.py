@@ -1,23 +1,15 @@
-"""Helpers for depth maps with masks: fill holes, cut neighbourhoods, clean masks."""
+"""Helpers of filters for depth maps with masks: fill holes, clean masks."""
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.denoise.interface import Depth, Mask
-
-_T = TypeVar("_T", bound=np.generic)
+from glsim.networks.interface import Depth, Mask
 
 #: A pixel farther than this from the local median, mm, belongs to no surface there: more than the
 #: noise of any shipped sensor, less than the step from a nose to a cheek.
 FLYING_MM = 30.0
-#: Neighbours of one piece differ by at most this, mm: more than any slope of a face at 3 mm per
-#: pixel, less than the step to a wall.
-_STEP_MM = 50.0
 
 
 def fill(depth_mm: Depth, support: Mask) -> Depth:
@@ -33,16 +25,6 @@ def fill(depth_mm: Depth, support: Mask) -> Depth:
     return filled
 
 
-def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:
-    """Cut the square neighbourhoods, (N, (2 radius + 1)^2), of the N pixels of ``at``.
-
-    outside: the value beyond the image.
-    """
-    padded = np.pad(image, radius, constant_values=outside)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2)
-    return windows[at].reshape(int(np.count_nonzero(at)), (2 * radius + 1) ** 2)
-
-
 def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
     """Clean a mask; return the trusted pixels and the pixels that shall have depth, (H, W) bool.
 
@@ -54,17 +36,3 @@ def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
     trusted = valid & (np.abs(filled - cv2.medianBlur(filled, 5)) <= FLYING_MM)
     share = cv2.blur(trusted.astype(np.float32), (size, size), borderType=cv2.BORDER_REPLICATE)
     return trusted, share > 0.5
-
-
-def pieces(depth_mm: Depth, valid: Mask) -> NDArray[np.int32]:
-    """Label the 4-connected surfaces of an (H, W) map, with steps up to 50 mm; 0 = no depth."""
-    # Connected components know a mask only, so steps become gaps between pixels at twice the size.
-    height, width = valid.shape
-    grid = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
-    grid[::2, ::2] = valid
-    for axis, target in ((0, grid[1::2, ::2]), (1, grid[::2, 1::2])):
-        step = np.abs(np.diff(depth_mm, axis=axis)) <= _STEP_MM
-        both = np.delete(valid, 0, axis) & np.delete(valid, -1, axis)
-        target[...] = step & both
-    _, labels = cv2.connectedComponents(grid, connectivity=4)
-    return np.where(valid, labels[::2, ::2], 0).astype(np.int32)

@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_map import around
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.denoise.filters.windows import around
-from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
-from glsim.denoise.record import UNLIKELY
+from glsim.networks.interface import MIN_DEPTH_MM, Depth, Mask, Probability
+from glsim.networks.record import UNLIKELY
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.
 COMPOSITES: Final = {
@@ -86,7 +86,7 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
 
     Args:
         depth_mm: (H, W) denoised depth.
-        probability: (H, W) of depth; 0 where ``glsim.denoise.safeguards`` reject the depth.
+        probability: (H, W) of depth; 0 where ``glsim.networks.safeguards`` reject the depth.
         noisy_mm: (H, W) the input, 0 = no return.
 
     Returns:

@@ -21,10 +21,10 @@ from glsim.core.errors import DenoiserError
 from glsim.core.files.png import encode_png, read_image
 from glsim.data.reader import open_dataset
 from glsim.denoise.denoiser import Denoiser
-from glsim.denoise.inputs import NetworkInputs
-from glsim.denoise.onnx_file import Runtime, load_onnx, read_content, read_onnx
 from glsim.denoise.registry import load_denoiser, shipped_file
 from glsim.eval.scoring.blocks import FrameBlock, ScoringJob
+from glsim.networks.inputs import NetworkInputs
+from glsim.networks.onnx_file import Runtime, load_onnx, read_content, read_onnx
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.networks import INPUTS, frames, write_checkpoint
 
@@ -92,7 +92,7 @@ def test_files_that_are_missing_too_large_or_have_other_outputs(
     path.write_bytes(shipped.read_bytes().replace(b"depth_mm", b"depth_cm"))
     with pytest.raises(DenoiserError, match=r"has no output .depth_mm. .*glsim export"):
         load_onnx(path)
-    monkeypatch.setattr("glsim.denoise.onnx_file._MAX_BYTES", 100)
+    monkeypatch.setattr("glsim.networks.onnx_file._MAX_BYTES", 100)
     with pytest.raises(DenoiserError, match="cannot be read"):
         load_onnx(path)
 

@@ -1,6 +1,6 @@
 """Read the network of an ONNX file, and run it by onnxruntime or, without it, by OpenCV.
 
-Each input of ``glsim.denoise.inputs`` is a named input of the graph, (1, images, H, W) float32; H
+Each input of ``glsim.networks.inputs`` is a named input of the graph, (1, images, H, W) float32; H
 and W are multiples of SIZE_MULTIPLE_PX. Load only networks that you trust: a file is bounded in
 size, may use the operators of convolutional networks alone and no other file, and must run on a
 small frame of zeros, but how much memory and time a larger frame takes is the network's choice.
@@ -22,11 +22,11 @@ import numpy as np
 from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.regular import read_regular
-from glsim.denoise.composites import DOUBT
-from glsim.denoise.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
-from glsim.denoise.interface import Depth
-from glsim.denoise.network import NetworkFunction, Runner
-from glsim.denoise.record import DEFAULT_RECORD, NetworkRecord
+from glsim.networks.composites import DOUBT
+from glsim.networks.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
+from glsim.networks.interface import Depth
+from glsim.networks.network import NetworkFunction, Runner
+from glsim.networks.record import DEFAULT_RECORD, NetworkRecord
 
 Runtime = Literal["onnxruntime", "opencv"]
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from glsim import load_settings, simulate
-from glsim.denoise.interface import Depth
-from glsim.denoise.network import NetworkFunction
 from glsim.denoise.registry import load_denoiser
-from glsim.denoise.safeguards import (
+from glsim.networks.interface import Depth
+from glsim.networks.network import NetworkFunction
+from glsim.networks.safeguards import (
     HOLE_RISK_MM,
     MEASURED_RISK_MM,
     REACH_PX,

@@ -14,7 +14,7 @@ AROUND_PX: Final = 48
 #: Pixels beside holes whose probability of depth is at most this are dropped. Chosen: the network
 #: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
 #: (docs/denoise.md). Networks with another bound calibrate their probability: see
-#: ``glsim.denoise.composites.calibrated``.
+#: ``glsim.networks.composites.calibrated``.
 UNLIKELY: Final = 0.17
 
 
@@ -24,7 +24,7 @@ class NetworkRecord(NamedTuple):
     Attributes:
         protocol: where the depths of its training are counted from.
         keep_clean: whether frames without noise are returned unchanged: those whose noise rounding
-            and the form of surfaces explain (``glsim.denoise.safeguards``).
+            and the form of surfaces explain (``glsim.networks.safeguards``).
         margin_px: holes around depth that the network still sees, px.
         unlikely: pixels beside holes are dropped if their probability of depth is at most this, by
             the composite "measured" (UNLIKELY).

@@ -20,9 +20,9 @@ from safetensors import safe_open
 from glsim.cli import main
 from glsim.core.errors import DenoiserError, TrainError
 from glsim.core.files.atomic import AtomicFile
-from glsim.denoise import checkpoint
 from glsim.denoise.inference import load_network
 from glsim.denoise.registry import load_denoiser
+from glsim.networks import checkpoint
 from tests.support.eval_scenes import dome, noisy
 from tests.support.networks import build, frames, write_checkpoint
 

@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.denoise.filters.windows import pieces
-from glsim.denoise.interface import Depth, Mask
-from glsim.denoise.record import AROUND_PX
+from glsim.networks.interface import Depth, Mask
+from glsim.networks.record import AROUND_PX
 
 #: Side of a tile, px. Chosen: frames of depth cameras (1024 x 1024 and less) are never divided.
 TILE_PX: Final = 1024
@@ -37,6 +36,9 @@ FOCAL_SHARE: Final = 0.7
 _LEAST_SHARE, _LEAST_PX = 0.15, 20
 #: Frames are divided by this for the search, px.
 _COARSE_PX: Final = 4
+#: Neighbours of one piece differ by at most this, mm: more than any slope of a face at 3 mm per
+#: pixel, less than the step to a wall.
+_STEP_MM = 50.0
 #: Surface around the head that is denoised too, px. Chosen: with it, cutting the frame there moves
 #: no depth of the head by more than 0.1 mm.
 _HEAD_MARGIN_PX: Final = 32
@@ -71,7 +73,7 @@ def head_box(depth_mm: Depth) -> Box | None:
         depth_mm: (H, W) millimetres, 0 = no depth.
     """
     coarse = np.ascontiguousarray(depth_mm[::_COARSE_PX, ::_COARSE_PX])
-    labels = pieces(coarse, coarse > 0)
+    labels = _pieces(coarse, coarse > 0)
     focal_px = FOCAL_SHARE * depth_mm.shape[1]
     nearest_mm, head = np.inf, None
     areas = np.bincount(labels.ravel())
@@ -86,6 +88,20 @@ def head_box(depth_mm: Depth) -> Box | None:
         return None
     whole = cv2.resize(head.astype(np.uint8), depth_mm.shape[::-1], interpolation=cv2.INTER_NEAREST)
     return box_around(whole > 0, _HEAD_MARGIN_PX)
+
+
+def _pieces(depth_mm: Depth, valid: Mask) -> NDArray[np.int32]:
+    """Label the 4-connected surfaces of an (H, W) map, with steps up to 50 mm; 0 = no depth."""
+    # Connected components know a mask only, so steps become gaps between pixels at twice the size.
+    height, width = valid.shape
+    grid = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
+    grid[::2, ::2] = valid
+    for axis, target in ((0, grid[1::2, ::2]), (1, grid[::2, 1::2])):
+        step = np.abs(np.diff(depth_mm, axis=axis)) <= _STEP_MM
+        both = np.delete(valid, 0, axis) & np.delete(valid, -1, axis)
+        target[...] = step & both
+    _, labels = cv2.connectedComponents(grid, connectivity=4)
+    return np.where(valid, labels[::2, ::2], 0).astype(np.int32)
 
 
 def _head(piece: Mask, height: float, width: float) -> Mask:
@@ -110,7 +126,7 @@ def run_tiled(
 
     The result equals that of the whole frame, up to rounding, for a network that sees at most
     ``margin_px`` to each side. All sizes are multiples of
-    ``glsim.denoise.network.SIZE_MULTIPLE_PX``.
+    ``glsim.networks.network.SIZE_MULTIPLE_PX``.
 
     Args:
         network: the network.

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.denoise.network import SIZE_MULTIPLE_PX, NetworkFunction
-from glsim.denoise.onnx_file import OpenCvNetwork, read_onnx
 from glsim.denoise.registry import shipped_file
-from glsim.denoise.tiles import MARGIN_PX, TILE_PX, run_tiled
+from glsim.networks.network import SIZE_MULTIPLE_PX, NetworkFunction
+from glsim.networks.onnx_file import OpenCvNetwork, read_onnx
+from glsim.networks.tiles import MARGIN_PX, TILE_PX, run_tiled
 from tests.support.runners import Runs
 
 Image = NDArray[np.float32]

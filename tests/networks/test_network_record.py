@@ -10,10 +10,10 @@ import onnx
 import pytest
 
 from glsim.core.errors import DenoiserError
-from glsim.denoise import checkpoint
-from glsim.denoise.onnx_file import load_onnx, read_onnx, record_entries
-from glsim.denoise.record import NetworkRecord
 from glsim.denoise.registry import load_denoiser, shipped_file
+from glsim.networks import checkpoint
+from glsim.networks.onnx_file import load_onnx, read_onnx, record_entries
+from glsim.networks.record import NetworkRecord
 from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import export_onnx
 

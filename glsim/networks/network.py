@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import DenoiserError
-from glsim.denoise.composites import calibrated
-from glsim.denoise.filters.temporal import past_mean
-from glsim.denoise.inputs import NetworkInputs, stack_inputs
-from glsim.denoise.interface import MIN_DEPTH_MM, Depth, Mask, Probability
-from glsim.denoise.record import UNLIKELY, NetworkRecord
-from glsim.denoise.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask
-from glsim.denoise.tiles import box_around, run_tiled
+from glsim.networks.composites import calibrated
+from glsim.networks.inputs import NetworkInputs, stack_inputs
+from glsim.networks.interface import MIN_DEPTH_MM, Depth, Mask, Probability
+from glsim.networks.past_mean import past_mean
+from glsim.networks.record import UNLIKELY, NetworkRecord
+from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask
+from glsim.networks.tiles import box_around, run_tiled
 
 #: Frames are padded with holes, to the right and below, to multiples of this, pixels: the shipped
 #: architectures halve the size three or four times, and an ONNX graph cannot pad by itself.
@@ -80,7 +80,7 @@ class NetworkFunction:
     ) -> tuple[Depth, Mask | Probability] | tuple[Depth, Mask | Probability, Depth]:
         """Denoise frame ``now`` of a sequence.
 
-        With a probability of depth, ``glsim.denoise.safeguards`` apply: frames without noise are
+        With a probability of depth, ``glsim.networks.safeguards`` apply: frames without noise are
         returned unchanged if ``keep_clean``, and pixels outside ``trusted_mask`` have probability
         0, measured ones if their probability is above UNLIKELY.
 
