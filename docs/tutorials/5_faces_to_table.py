@@ -77,6 +77,5 @@ plt.show()
 # .. code-block:: sh
 #
 #    glsim eval data -d noisy -d median -d quadric:sigma_px=2 -d face -o scores
-#    glsim transfer -o study
 #
 # :doc:`/paper_studies` has this comparison under four noise models, with tuned filters.

@@ -25,9 +25,9 @@ from glsim.eval.paper.ours_beside_printed import (
     mask_folder,
     write_values,
 )
+from glsim.eval.paper.runner import Runner
 from glsim.eval.paper.score_networks import score_tables
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.studies.runner import Runner
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.toml_tables import TomlTable, merge_tables, parse_table, read_toml
 from glsim.simulation.plan.paper_sources import PAPER_SOURCES, paper_mixture

@@ -50,30 +50,8 @@ def bootstrap_interval(values: SubjectSums) -> tuple[float, float]:
     if np.count_nonzero(values.counts) < 2:
         return float("nan"), float("nan")
     times = resampled(len(values.sums))
-    return _interval(times @ values.sums, times @ values.counts)
-
-
-def ratio_interval(first: SubjectSums, second: SubjectSums) -> tuple[float, float, float]:
-    """Compute the ratio of two means over the same S subjects, and its 95 % bootstrap interval.
-
-    Both means of a draw are over the same subjects. NaN where a mean is undefined or the second is
-    0, and for the interval of fewer than 2 subjects.
-    """
-    ratio = first.mean / second.mean if second.mean else float("nan")
-    if min(np.count_nonzero(first.counts), np.count_nonzero(second.counts)) < 2:
-        return ratio, float("nan"), float("nan")
-    times = resampled(len(first.sums))
-    # (a / b) / (c / d) as a d / (b c): the zeros of a draw are found before it divides.
-    above = (times @ first.sums) * (times @ second.counts)
-    below = (times @ second.sums) * (times @ first.counts)
-    return ratio, *_interval(above, below)
-
-
-def _interval(above: _Array, below: _Array) -> tuple[float, float]:
-    """Compute the 2.5 % and 97.5 % quantiles of ratios with a divisor above 0; NaN without any."""
-    if not (below > 0).any():
-        return float("nan"), float("nan")
-    low, high = np.quantile(above[below > 0] / below[below > 0], [0.025, 0.975])
+    sums, counts = times @ values.sums, times @ values.counts
+    low, high = np.quantile(sums[counts > 0] / counts[counts > 0], [0.025, 0.975])
     return float(low), float(high)
 
 

@@ -33,7 +33,6 @@ _COMMANDS = {
     "train": ("Denoise", "train:train", "Train a denoiser."),
     "eval": ("Denoise", "eval:evaluate", "Score denoisers on a data set."),
     "eval-real": ("Denoise", "eval_real:evaluate_real", "Score denoisers on real frames."),
-    "transfer": ("Denoise", "transfer:transfer", "Train without a sensor; score on it."),
     "paper": ("Denoise", "paper:app", "Reproduce the paper's tables and figures."),
 }
 

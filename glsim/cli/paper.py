@@ -25,7 +25,7 @@ from glsim.cli.eval import (
     SplitOption,
     score_and_write,
 )
-from glsim.cli.progress import study_displays
+from glsim.cli.progress import generation_progress, scoring_progress
 from glsim.core.errors import ConfigError
 
 app = typer.Typer(
@@ -82,17 +82,19 @@ def reproduce(
         size: Plan: tiny (a check), small (CPU), full (GPU), or your own .toml.
         plan: Print the steps without running them.
     """
+    from glsim.cli.train import stopping, training_progress
     from glsim.data.worker_processes import worker_count
     from glsim.eval.paper.reproduce import load_plan
     from glsim.eval.paper.reproduce import reproduce as run
-    from glsim.eval.studies.runner import Runner
+    from glsim.eval.paper.runner import Displays, Runner
 
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}
     steps: list[str] = []
     announce = steps.append if plan else print_message
-    runner = Runner(out, worker_count(workers), announce, study_displays(), dry=plan)
+    displays = Displays(generation_progress, scoring_progress, training_progress, stopping)
+    runner = Runner(out, worker_count(workers), announce, displays, dry=plan)
     print_message(chosen.title)
     print_written(run(chosen, runner, roots))
     groups: dict[str, list[str]] = {}

@@ -14,7 +14,6 @@ from glsim.core.errors import DatasetError
 if TYPE_CHECKING:
     from glsim.data.progress import GenerateProgress, GenerateSummary
     from glsim.eval.scoring.evaluate import ScoringProgress
-    from glsim.eval.studies.runner import Displays
 
 
 def rate_text(per_second: float) -> str:
@@ -101,11 +100,3 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
         print_message(note)
     if not sum(summary.frames.values()):
         raise DatasetError(f"{out}: no frame could be made, see {out}/skipped.jsonl")
-
-
-def study_displays() -> Displays:
-    """Return the progress bars and signal handling for the steps of a study."""
-    from glsim.cli.train import stopping, training_progress
-    from glsim.eval.studies.runner import Displays
-
-    return Displays(generation_progress, scoring_progress, training_progress, stopping)

@@ -19,7 +19,7 @@ from typing import Any
 import typer
 
 #: Commands that end only with a signal, download, or take minutes at their smallest.
-_LONG = {"tune", "fetch", "transfer", "paper"}
+_LONG = {"tune", "fetch", "paper"}
 #: Words of command lines that need another machine, a network, or data of somebody else.
 _NOBODY = re.compile(
     r"--ray|--part|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"

@@ -1,4 +1,4 @@
-"""Runner of a study's steps (data sets, trainings, scores), which continues after an interruption.
+"""Runner of a reproduction's steps: data sets, trainings, scores. It resumes an interrupted one.
 
 A step is skipped if its output exists and FOLDER/steps/NAME.json says that it was finished with the
 same inputs. Steps without an output run every time: scoring reuses its finished blocks by itself.
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from glsim.train.recipe import Recipe
 
 _T = TypeVar("_T")
-
-
 _Show = AbstractContextManager[Callable[[Any], None] | None]
 
 
@@ -44,10 +42,10 @@ class Displays:
 
 @dataclass
 class Runner:
-    """Runner of the steps of a study, with results in one folder.
+    """Runner of the steps of a reproduction, with results in one folder.
 
     Attributes:
-        out: folder of the study.
+        out: folder of the reproduction.
         workers: number of worker processes.
         announce: called with a line before each step.
         displays: progress of the steps.
@@ -67,7 +65,7 @@ class Runner:
         """Run a step unless it is complete.
 
         Args:
-            name: of the step, unique in the study.
+            name: of the step, unique in the reproduction.
             run: does the work.
             inputs: JSON values that the output depends on.
             output: file or folder whose absence makes the step incomplete; None: run every time.

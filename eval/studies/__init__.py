@@ -1,1 +1,0 @@
-"""Studies that generate data, train networks and score them."""
