@@ -54,7 +54,7 @@ HOMES = {
         "glsim.noise.stage_pass",
         "glsim.simulation.render_cache",
         "glsim.simulation.pipeline",
-        "glsim.bench.validate.virtual_camera",
+        "glsim.simulation.virtual_camera",
         "glsim.bench.fit.stereo_sensor",
         "glsim.cli.tune_page.preview",
         "glsim.cli",

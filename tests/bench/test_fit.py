@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glsim.bench import scenes
 from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.noise_model import LightProfile, TapNoise, fit_infrared, fit_noise_model
 from glsim.bench.fit.recording_statistics import measure_recording, pattern_map, pattern_parameters
-from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
@@ -24,6 +24,7 @@ from glsim.measures.measured_frame import frames_of
 from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import write_frames

@@ -12,8 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.bench.fit.stereo_sensor import find_lattice, measure_stereo, stereo_base
-from glsim.bench.validate import VirtualCamera
-from glsim.bench.validate.scenes import room_corner
+from glsim.bench.scenes import room_corner
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
@@ -24,6 +23,7 @@ from glsim.measures.measured_frame import frames_of
 from glsim.measures.stacks import with_nan
 from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.sensors.sensor import load_sensor
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded, noisy, plane
 from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras
 from tests.support.recordings import write_frames

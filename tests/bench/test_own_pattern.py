@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import glsim
-from glsim.bench.validate import VirtualCamera, scenes
+from glsim.bench import scenes
 from glsim.cli import main
 from glsim.measures.stacks import Array
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 from tests.support.recordings import write_frames
 from tests.support.stage_harness import Z_MAX, z_correlation

@@ -10,14 +10,15 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.bench import scenes
 from glsim.bench.fit.recording_statistics import measure_recording
 from glsim.bench.fit.smoothing import find_smoothing
-from glsim.bench.validate import VirtualCamera, scenes
 from glsim.cli import main
 from glsim.core.files.atomic import write_atomic
 from glsim.measures.correlation import LAGS
 from glsim.measures.measured_frame import frames_of
 from glsim.sensors.sensor import SENSOR_FOLDER
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 from tests.support.recordings import write_frames
 

@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.bench.validate import Captures, VirtualCamera, run
+from glsim.bench.validate import Captures, run
 from glsim.bench.validate.checks import depth_edges as edges
 from glsim.bench.validate.checks import faces, phases, walls
 from glsim.bench.validate.checks.triangulation import board_measurements
@@ -22,6 +22,7 @@ from glsim.core.errors import ConfigError
 from glsim.data.recordings.recording import open_recording
 from glsim.measures.lattice import on_lattice
 from glsim.sensors.sensor import SENSOR_FOLDER
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.real_cameras import (
     REAL_CAMERAS,
     REAL_KINECT_V2,

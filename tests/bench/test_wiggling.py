@@ -6,12 +6,13 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.bench import scenes
 from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.recording_statistics import measure_recording
-from glsim.bench.validate import VirtualCamera, scenes
 from glsim.core.camera import Intrinsics
 from glsim.core.mesh import Mesh
 from glsim.measures.measured_frame import frames_of
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glsim.bench.validate.scenes import occluder
+from glsim.bench.scenes import occluder
 from glsim.core.camera import Emitter, Intrinsics, SensorRig
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import Mesh

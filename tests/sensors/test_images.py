@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import glsim
-from glsim.bench.validate import VirtualCamera, scenes
+from glsim.bench import scenes
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png
 from glsim.faces.one_mesh import OneMesh
@@ -22,6 +22,7 @@ from glsim.settings.schema import load_settings
 from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.scenes import face_mesh
 
 SHAPE = (424, 512)

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.bench.validate import VirtualCamera, scenes
+from glsim.bench import scenes
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
@@ -16,6 +16,7 @@ from glsim.core.files.png import encode_png, read_image
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
 from glsim.settings.toml_tables import read_toml
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 
 MHZ = (80.0, 16.0, 120.0)

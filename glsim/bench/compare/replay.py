@@ -21,7 +21,6 @@ from glsim.bench.compare.replay_surfaces import (
     measure_noise_floor,
     mesh_of,
 )
-from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import ConfigError
@@ -37,6 +36,7 @@ from glsim.measures.disparity import (
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor
+from glsim.simulation.virtual_camera import VirtualCamera
 
 Array = NDArray[np.float64]
 

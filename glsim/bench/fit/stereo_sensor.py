@@ -22,10 +22,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench import scenes
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.time_of_flight import BASES
-from glsim.bench.validate import scenes
-from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
@@ -42,6 +41,7 @@ from glsim.measures.disparity import (
 from glsim.measures.lattice import Lattice, distinct_values, estimate_lattice
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
+from glsim.simulation.virtual_camera import VirtualCamera
 
 Array = NDArray[np.float64]
 

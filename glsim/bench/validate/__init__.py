@@ -2,6 +2,5 @@
 
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.run import run_checks, validate_sensor
-from glsim.bench.validate.virtual_camera import VirtualCamera
 
-__all__ = ["Captures", "VirtualCamera", "run_checks", "validate_sensor"]
+__all__ = ["Captures", "run_checks", "validate_sensor"]

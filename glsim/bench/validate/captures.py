@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from glsim.bench.validate import scenes
-from glsim.bench.validate.virtual_camera import Changes, VirtualCamera
+from glsim.bench import scenes
 from glsim.core.depth_frame import Frames
 from glsim.measures import stacks as measure
 from glsim.settings.toml_tables import read_toml
+from glsim.simulation.virtual_camera import Changes, VirtualCamera
 
 _T = TypeVar("_T")
 

@@ -17,11 +17,11 @@ from glsim.bench.validate.report import (
     Measurement,
     ValidationReport,
 )
-from glsim.bench.validate.virtual_camera import VirtualCamera
 from glsim.core.errors import ConfigError
 from glsim.core.plugins import each_usable, load_plugin, plugin_names, shipped_objects
 from glsim.gl.context import borrowed_context
 from glsim.settings.toml_tables import read_toml
+from glsim.simulation.virtual_camera import VirtualCamera
 
 #: Files of checks, by the name of the sensor.
 _SHEETS = Path(__file__).parent / "sheets"

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.validate import scenes
+from glsim.bench import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import Frames

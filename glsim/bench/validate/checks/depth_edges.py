@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glsim.bench.validate import scenes
+from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
-from glsim.bench.validate.virtual_camera import Changes
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.measures import stacks as measure
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.stacks import Array
+from glsim.simulation.virtual_camera import Changes
 
 NEAR_MM = 900.0
 _EDGE_PX = 96

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.bench import scenes
 from glsim.bench.compare.patches import KINDS, edge_patches
-from glsim.bench.validate import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import DepthFrame

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.bench.validate import scenes
+from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, PHASES, Captures
 from glsim.bench.validate.report import Measurement, validation_check
-from glsim.bench.validate.virtual_camera import Changes
 from glsim.core.depth_frame import Frames
 from glsim.measures import stacks as measure
 from glsim.measures.stacks import Array
@@ -16,6 +15,7 @@ from glsim.sensors.kinect_v2 import (
     FREQUENCIES_MHZ,
     FUSION_MM_PER_RAD,
 )
+from glsim.simulation.virtual_camera import Changes
 
 #: Distance of the walls; it gives amplitudes of up to 120, and of 20 with a dark albedo.
 _WALL_MM = 1500.0

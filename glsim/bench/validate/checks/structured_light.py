@@ -10,13 +10,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from glsim.bench.validate import scenes
+from glsim.bench import scenes
 from glsim.bench.validate.captures import OFF, Captures
 from glsim.bench.validate.checks.depth_edges import HALF_PX, NEAR_MM, capture_edge
 from glsim.bench.validate.report import Measurement, validation_check
-from glsim.bench.validate.virtual_camera import Changes
 from glsim.measures import stacks as measure
 from glsim.measures.stacks import Array
+from glsim.simulation.virtual_camera import Changes
 
 #: Distances for the V1's noise and depth steps, mm.
 V1_DISTANCES_MM = (900, 1500, 2000, 3000, 4000)

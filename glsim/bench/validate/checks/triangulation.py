@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glsim.bench.validate import scenes
+from glsim.bench import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.mesh import Mesh

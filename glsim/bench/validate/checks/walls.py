@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.bench.validate import scenes
+from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.measures import stacks as measure

@@ -1,4 +1,4 @@
-"""Scenes for the validation of sensors: meshes in the camera frame (x right, y down), mm."""
+"""Scenes that validation and fits capture: meshes in the camera frame (x right, y down), mm."""
 
 from __future__ import annotations
 
