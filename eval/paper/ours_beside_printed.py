@@ -21,11 +21,16 @@ from glsim.core.files.atomic import wrap_read_errors, write_atomic
 from glsim.core.files.regular import read_csv
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS
-from glsim.eval.paper.paper_tables import NOTHING_LOSES_TO, PAPER_COLUMNS, mean_and_spread
+from glsim.eval.paper.paper_tables import (
+    NOTHING_LOSES_TO,
+    PAPER_COLUMNS,
+    mean_and_spread,
+    with_twins,
+)
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
-from glsim.eval.paper.trained_networks import find_trained_runs, group_by_network, with_twins
 from glsim.eval.report.document import Document, TextTable, html_page
 from glsim.eval.report.score_tables import format_number
+from glsim.eval.scoring.trained_networks import find_trained_runs, group_by_network
 
 #: Folder of the filters' data sets and scores, within a reproduction's folder.
 FILTERS_FOLDER: Final = "filters"
@@ -114,7 +119,7 @@ def _add_networks(case: Case, place: Path) -> None:
     if not (place / "table.csv").is_file():
         return
     try:
-        groups = with_twins(group_by_network(find_trained_runs(place / "runs")[0]))
+        groups = with_twins(group_by_network(find_trained_runs(place / "runs").runs))
     except ConfigError:  # nothing was trained there
         return
     means = read_means(place / "table.csv")

@@ -26,7 +26,7 @@ from glsim.eval.paper.ours_beside_printed import (
     write_values,
 )
 from glsim.eval.paper.runner import Runner
-from glsim.eval.paper.score_networks import score_tables
+from glsim.eval.paper.score_tables import score_tables
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.toml_tables import TomlTable, merge_tables, parse_table, read_toml

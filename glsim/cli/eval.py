@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast, get_args
@@ -127,8 +128,10 @@ def evaluate(
         _list_denoisers: Print the shipped denoisers and exit.
     """
     from glsim.core.depth_protocol import check_protocol
+    from glsim.eval.report.score_denoisers import score_denoisers
     from glsim.eval.scoring.blocks import ScoringJob
     from glsim.eval.scoring.pairs import TruthLayer
+    from glsim.eval.scoring.trained_networks import find_trained_runs
 
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
@@ -141,15 +144,16 @@ def evaluate(
         device=device,
         protocol=check_protocol(protocol),
     )
+    trained = None if runs is None else find_trained_runs(runs)
+    score = partial(score_denoisers, trained=trained)
     tuned = _add_tuned_filters if tune_filters else None
-    score_and_write(job, out, (), runs, figures, workers, tuned)
+    score_and_write(score, job, out, figures, workers, tuned)
 
 
 def score_and_write(
+    score: Callable[..., tuple[list[Path], list[str]]],
     job: ScoringJob,
     out: Path,
-    tables: Sequence[int],
-    runs: Path | None,
     figures: bool,
     workers: str,
     tune: Callable[[ScoringJob, Path, int], ScoringJob] | None = None,
@@ -157,16 +161,14 @@ def score_and_write(
     """Score with a progress bar, and print the names of the written files.
 
     Args:
+        score: ``score_denoisers``, or a function of the same job, folder and options.
         job: what is scored.
         out: folder of the results.
-        tables: numbers of the paper's tables to write.
-        runs: folder of trained networks.
         figures: whether report.html is wanted.
         workers: as ``--workers``.
         tune: adds denoisers to the job, given the folder and the number of workers.
     """
     from glsim.data.worker_processes import worker_count
-    from glsim.eval.paper.score_networks import score_tables
 
     count = worker_count(workers)
     check_outputs(out / "table.md")
@@ -174,9 +176,7 @@ def score_and_write(
     if tune is not None:
         job = tune(job, out, count)
     with scoring_progress("scoring") as progress:
-        written, harms = score_tables(
-            job, out, tables, runs, figures=figures, workers=count, progress=progress
-        )
+        written, harms = score(job, out, figures=figures, workers=count, progress=progress)
     print_written(written)
     for line in harms:
         print_message(line)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -125,10 +126,12 @@ def tables(
         table: Table of the paper: 1 (filters), 2 or 3 (networks). Repeatable.
     """
     from glsim.core.depth_protocol import check_protocol
+    from glsim.eval.paper.score_tables import score_tables
     from glsim.eval.scoring.blocks import ScoringJob
 
     job = ScoringJob(dataset, split, tuple(denoiser or ()), protocol=check_protocol(protocol))
-    score_and_write(job, out, sorted(set(table)), runs, figures, workers)
+    score = partial(score_tables, tables=sorted(set(table)), runs=runs)
+    score_and_write(score, job, out, figures, workers)
 
 
 def figures(folder: FolderArgument) -> None:

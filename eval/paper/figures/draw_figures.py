@@ -13,24 +13,19 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
 from glsim.denoise.registry import load_denoiser
+from glsim.eval.paper.data_note import data_note, source_name
 from glsim.eval.paper.figures.solids import (
     FigureFrame,
     choose_frame,
     frustum_figure,
     surfaces_figure,
 )
+from glsim.eval.paper.paper_tables import with_twins
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
-from glsim.eval.paper.trained_networks import (
-    SeedGroup,
-    data_note,
-    find_trained_runs,
-    group_by_network,
-    source_name,
-    with_twins,
-)
 from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
+from glsim.eval.scoring.trained_networks import SeedGroup, find_trained_runs, group_by_network
 
 #: Folder of the figures, within a reproduction's folder.
 FOLDER: Final = "paper_figures"
@@ -76,7 +71,7 @@ def write_paper_figures(
             "first"
         )
     dataset = open_dataset(data)
-    trained = find_trained_runs(runs)[0] if any(runs.glob("*/best.pt")) else []
+    trained = find_trained_runs(runs).runs if any(runs.glob("*/best.pt")) else []
     groups = with_twins(group_by_network(trained))
     note = data_note(dataset)
     pictures = []

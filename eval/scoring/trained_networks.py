@@ -6,18 +6,15 @@ truncated or foreign ones before scoring starts.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
 from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.core.files.atomic import read_json
-from glsim.data.reader import Dataset
 from glsim.denoise.registry import load_denoiser
-from glsim.simulation.plan.paper_sources import PAPER_SOURCES, STAND_IN, missing_counts
 
 
 class TrainedRun(BaseModel):
@@ -61,18 +58,22 @@ class TrainedRun(BaseModel):
         return f"{self.label}@{self.checkpoint}"
 
 
-def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
-    """Find the trained networks of a folder, sorted by name.
+class TrainedNetworks(NamedTuple):
+    """The trained networks of a folder.
 
-    Args:
+    Attributes:
         folder: with a folder per run of ``glsim train``.
-
-    Returns:
-        The runs, and a reason for each checkpoint that is left out.
-
-    Raises:
-        ConfigError: if there is no such folder or no checkpoint in it.
+        runs: the networks, sorted by name.
+        refused: a reason for each checkpoint that is left out.
     """
+
+    folder: Path
+    runs: list[TrainedRun]
+    refused: list[str]
+
+
+def find_trained_runs(folder: Path) -> TrainedNetworks:
+    """Find the trained networks of a folder. Raises ConfigError if it has no checkpoint."""
     if not folder.is_dir():
         raise ConfigError(f"--runs {folder}: no such folder")
     runs: list[TrainedRun] = []
@@ -98,7 +99,7 @@ def find_trained_runs(folder: Path) -> tuple[list[TrainedRun], list[str]]:
                 f"{checkpoint}: is the same recipe and seed as {first}: if it is another network, "
                 "train it under another title (--set title=...)"
             )
-    return runs, refused
+    return TrainedNetworks(folder, runs, refused)
 
 
 def _read(checkpoint: Path) -> TrainedRun:
@@ -137,47 +138,3 @@ def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:
     for run in sorted(trained, key=lambda run: run.seed):
         groups.setdefault(run.network, SeedGroup(*run.network, [])).members.append(run)
     return list(groups.values())
-
-
-#: The rows that the paper prints with and without artefact removal.
-_TWINNED: Final = ("D7", "D20", "D64")
-
-
-def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
-    """Add rows with artefact removal that were not trained, as copies of rows without it.
-
-    The measurement operator of denoising is the identity, so that a network with and one without
-    artefact removal are equal, bit for bit.
-    """
-    trained = {(group.row, group.size) for group in groups}
-    twins = [
-        group._replace(title=f"{group.title} again, as AR {group.row}", row=f"AR {group.row}")
-        for group in groups
-        if group.row in _TWINNED
-    ]
-    return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
-
-
-_NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURCES.items()}}
-
-
-def data_note(dataset: Dataset) -> str:
-    """Describe a data set in a caption: sources, numbers of frames, absent face sets, sensor.
-
-    Args:
-        dataset: of the reproduction.
-    """
-    held = Counter(str(pair.record["source"]) for pair in dataset)
-    sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in held.items())
-    note = f"Frames: {sources}."
-    others = " and ".join(source_name(kind) for kind in held if kind not in PAPER_SOURCES)
-    missing = missing_counts(held)
-    if others and missing:
-        lacks = ", ".join(f"{PAPER_SOURCES[kind].name} ({n:,})" for kind, n in missing.items())
-        note += f" In place of {lacks}: {others}."
-    return f"{note} Sensor: {dataset.sensor_title}."
-
-
-def source_name(kind: str) -> str:
-    """Return the name that captions use for a kind of face source."""
-    return _NAMES.get(kind, kind)

@@ -1,0 +1,72 @@
+"""Scoring of denoisers and trained networks, with all tables and figures written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from glsim.core.errors import DatasetError, DenoiserError
+from glsim.denoise.registry import PAPER_FILTERS
+from glsim.eval.report.document import Document
+from glsim.eval.report.results import write_results
+from glsim.eval.report.score_tables import ResultTable, worse_inside
+from glsim.eval.scoring.blocks import ScoringJob
+from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate
+from glsim.eval.scoring.trained_networks import TrainedNetworks, group_by_network
+
+
+def score_denoisers(
+    job: ScoringJob,
+    out: Path,
+    trained: TrainedNetworks | None = None,
+    *,
+    pages: Callable[[Evaluation, ResultTable], Mapping[str, Document]] | None = None,
+    figures: bool = True,
+    workers: int = 1,
+    progress: Callable[[ScoringProgress], None] | None = None,
+) -> tuple[list[Path], list[str]]:
+    """Score the denoisers of a job and trained networks; write all results.
+
+    Args:
+        job: what is scored; without denoisers the paper's filters, and the noisy input always.
+        out: folder of the results.
+        trained: networks of ``glsim train``, scored beside the denoisers.
+        pages: makes further pages from the scores: file name without .md -> page.
+        figures: draw report.html.
+        workers: number of processes.
+        progress: called after each block of frames.
+
+    Returns:
+        The written files, and a line for each method that harms surfaces.
+
+    Raises:
+        ConfigError: a wrong denoiser.
+        DatasetError: some frames could not be scored; the results of the others are written.
+        DenoiserError: a checkpoint of ``trained`` was skipped; likewise.
+    """
+    runs = [] if trained is None else trained.runs
+    specs = ["noisy", *(job.denoisers or PAPER_FILTERS), *(run.spec for run in runs)]
+    job = replace(job, denoisers=tuple(dict.fromkeys(specs)))
+    evaluation = evaluate(job, out, workers=workers, progress=progress)
+    table = evaluation.summary.table()
+    more = {} if pages is None else pages(evaluation, table)
+    # The figures show one seed of each network.
+    others = {run.spec for group in group_by_network(runs) for run in group.members[1:]}
+    drawn = [spec for spec in job.denoisers if spec not in others]
+    written = write_results(evaluation, table, job, out, more, drawn=drawn if figures else None)
+    if evaluation.bad:
+        raise DatasetError(
+            f"{evaluation.bad} of {evaluation.frames} frames could not be scored, see "
+            f"{out / 'bad.csv'}, the first: {evaluation.first_bad[0]}; tables contain the others"
+        )
+    if trained is not None and trained.refused:
+        raise DenoiserError(
+            f"{len(trained.refused)} of the checkpoints in {trained.folder} were skipped, the "
+            f"first: {trained.refused[0]}"
+        )
+    harms = worse_inside({name: table[name] for name in evaluation.summary.one_composite().methods})
+    return written, [
+        f"{name} is worse inside than its input: {ours:.3g} against {before:.3g} mm"
+        for name, (ours, before) in harms.items()
+    ]
