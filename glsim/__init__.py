@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from glsim.core.mesh import Mesh
     from glsim.core.reason import Reason
     from glsim.data.driver import generate
-    from glsim.data.export import export_dataset, push_dataset
+    from glsim.data.export import export_dataset
     from glsim.data.export.exported_frame import Export
     from glsim.data.layer_images import webdataset_decoder
     from glsim.data.reader import open_dataset
@@ -52,7 +52,7 @@ _NAMES = {
     "glsim.core.mesh": "Mesh",
     "glsim.core.reason": "Reason",
     "glsim.data.driver": "generate",
-    "glsim.data.export": "export_dataset push_dataset",
+    "glsim.data.export": "export_dataset",
     "glsim.data.export.exported_frame": "Export",
     "glsim.data.layer_images": "webdataset_decoder",
     "glsim.data.reader": "open_dataset",
@@ -114,7 +114,6 @@ __all__ = [
     "open_context",
     "open_dataset",
     "open_sources",
-    "push_dataset",
     "remove_fixed_pattern",
     "sensor_names",
     "simulate",

@@ -86,7 +86,7 @@ HOMES = {
     "skimage": (),
     "sklearn": ("glsim.bench.compare.classifier",),
     "scipy": ("glsim.bench.compare.replay_surfaces",),
-    "huggingface_hub": ("glsim.data.export.hub",),
+    "huggingface_hub": (),
     "rosbags": ("glsim.data.recordings.bag",),
     "av": ("glsim.data.recordings.mkv",),
     "OpenEXR": ("glsim.core.files.exr",),

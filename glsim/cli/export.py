@@ -14,7 +14,7 @@ from glsim.core.files.cloud import cloud_url
 EXAMPLES = """
 glsim export data -o clouds --to ply --split test        point clouds with normals
 glsim export data -o depth --to exr,open3d --layers noisy --frames 10
-glsim export data --hf me/faces                          to the Hugging Face Hub, as it is
+glsim export data -o to_upload --to hf                   for the Hugging Face Hub, with a card
 glsim export run/best.pt -o face.onnx                    a network
 glsim denoise noisy.png -o clean.png -d face.onnx        runs it without PyTorch
 glsim export run/best.pt -o face.safetensors             its weights and recipe, for PyTorch
@@ -23,13 +23,11 @@ glsim export run/best.pt -o face.safetensors             its weights and recipe,
 
 def export(
     source: Path,
-    out: Annotated[Path | None, typer.Option("-o", "--out")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out")],
     to: str | None = None,
     layers: str | None = None,
     split: str | None = None,
     frames: Annotated[int | None, typer.Option(min=1)] = None,
-    hf: Annotated[str | None, typer.Option(metavar="OWNER/NAME")] = None,
-    public: Annotated[bool, typer.Option("--public")] = False,
 ) -> None:
     """Export a data set's frames for other programs, or export a trained network.
 
@@ -40,27 +38,14 @@ def export(
 
     Args:
         source: A data set, or best.pt or last.pt of a run of glsim train.
-        out: Folder for the files; an .onnx or .safetensors file of a network. Default: none; --hf
-            needs no folder.
+        out: Folder for the files; an .onnx or .safetensors file of a network.
         to: Formats of a data set's frames, several with commas: ply, exr, ...; a wrong name lists
-            them all. Default: npz.
+            them all. hf: the data set itself with its card, for hf upload. Default: npz.
         layers: Depth layers: clean, noisy, expected. Default: all.
         split: Only train, val or test. Default: all.
         frames: Only the first N frames. Default: all.
-        hf: Push what the data set names to this repository of the Hugging Face Hub, with the token
-            of hf auth login or HF_TOKEN. Default: nothing is pushed.
-        public: Everybody can see a new repository of --hf.
     """
     chosen = any(option is not None for option in (to, layers, split, frames))
-    if hf is not None:
-        if out is not None or chosen:
-            raise ConfigError("--hf pushes the whole data set as it is: give no other option")
-        _push(source, hf, public)
-        return
-    if public:
-        raise ConfigError("--public: is of a repository: give --hf OWNER/NAME")
-    if out is None:
-        raise ConfigError("give -o, a folder or file, or --hf OWNER/NAME")
     if source.is_dir() or cloud_url(source) is not None:
         _export_frames(source, out, to, layers, split, frames)
         return
@@ -71,20 +56,6 @@ def export(
             f"{source}: is no data set: --to, --layers, --split and --frames need one"
         )
     _export_network(source, out)
-
-
-def _push(source: Path, repository: str, public: bool) -> None:
-    from glsim.data.export import push_dataset
-
-    if not source.is_dir():
-        raise ConfigError(f"{source}: no such folder: --hf pushes a data set on this machine")
-    pushed = push_dataset(source, repository, public=public)
-    print_message(f"pushed {pushed.files} files, {pushed.size_bytes / 1e6:.1f} MB, to {pushed.url}")
-    if left := pushed.left_out:
-        more = ", ..." if len(left) > 5 else ""
-        print_message(
-            f"left out {len(left)} that the data set does not name: {', '.join(left[:5])}{more}"
-        )
 
 
 def _export_frames(

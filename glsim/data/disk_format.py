@@ -6,7 +6,7 @@
     train|val|test/<subject>/<sequence>_<frame>_<layer>.png     format "png"
     train|val|test/metadata.jsonl    the records as rows for Hugging Face's image-folder loader
     train-000000.tar ...             format "webdataset": <index>.<layer>.png, <index>.json
-    README.md                        card for publication, written on request
+    README.md                        card, in the copy that glsim export --to hf makes
     .glsim/                          lock, plan, chunk records, temporary files; no data
 
 <index> is the frame's position in the plan, eight digits.

@@ -22,7 +22,7 @@ import typer
 _LONG = {"tune", "fetch", "paper"}
 #: Words of command lines that need another machine, a network, or data of somebody else.
 _NOBODY = re.compile(
-    r"--ray|--part|--hf|s3://|/shared|shared/|HEAD:|FaceXModel|"
+    r"--ray|--part|s3://|/shared|shared/|HEAD:|FaceXModel|"
     r"\bscans\b|\bdumps\b|d3dfacs|\.bag\b|my_camera|--source people|"
     r"--preset randomised(?!.*appearance)|-o (videos|sequences)|"
     r"\b(heads|videos|sequences|test)\b(?=.*-d)|--runs"

@@ -1,10 +1,9 @@
-"""Export of a data set's frames to file formats of other programs.
+"""Export of a data set's frames to file formats of other programs, or for the Hugging Face Hub.
 
-``frames`` reads what is exported, ``formats`` holds the formats, ``write`` finds them by name;
-``hub`` pushes a data set as it is.
+``exported_frame`` reads what is exported, ``formats`` holds the formats, ``write_formats`` finds
+them by name; ``hub_folder`` copies a data set with its card.
 """
 
-from glsim.data.export.hub import push_dataset
 from glsim.data.export.write_formats import FORMATS, export_dataset
 
-__all__ = ["FORMATS", "export_dataset", "push_dataset"]
+__all__ = ["FORMATS", "export_dataset"]

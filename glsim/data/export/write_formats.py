@@ -12,6 +12,7 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
 from glsim.data.export.exported_frame import Export, export_frames
+from glsim.data.export.hub_folder import write_hub_folder
 from glsim.data.reader import Dataset
 
 
@@ -24,10 +25,13 @@ FORMATS: Final[Mapping[str, Export]] = {
     export.name: export for export in shipped_objects("data/export/formats", _is_export)
 }
 
+#: The format that is the data set itself, with its card.
+HUB: Final = "hf"
+
 
 def format_names() -> list[str]:
     """Return the names of all export formats, shipped and from plug-ins."""
-    return [*FORMATS, *plugin_names("exports", FORMATS)]
+    return [*FORMATS, HUB, *plugin_names("exports", (*FORMATS, HUB))]
 
 
 def _find(name: str) -> Export:
@@ -56,7 +60,7 @@ def export_dataset(
     """Write the frames of a data set to a folder in the chosen export formats.
 
     Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set. They
-    replace older ones.
+    replace older ones. The format hf stands alone: it copies the whole data set, with a card.
 
     Args:
         dataset: the data set.
@@ -75,6 +79,11 @@ def export_dataset(
         DatasetError: there is no frame, one cannot be read, or a file cannot be written.
     """
     out = Path(out)
+    if HUB in formats:
+        if len(formats) > 1 or any(option is not None for option in (layers, split, count)):
+            raise ConfigError(f"{HUB} is the whole data set as it is: give no other format or part")
+        write_hub_folder(str(dataset), out)
+        return len(dataset)
     exports = [_find(name) for name in formats]
     if not exports:
         raise ConfigError(f"give at least one format of {', '.join(format_names())}")
