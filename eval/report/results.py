@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -92,7 +91,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
     if example is not None:
         frame, maps = example
         names = [name for name in maps if name in summary.methods]
-        sheets = -(-len(names) // _COLUMNS)
+        sheets = max(1, -(-len(names) // _COLUMNS))
         for sheet in range(sheets):
             # Methods are spread evenly, so that no figure has a single column.
             first, last = (len(names) * edge // sheets for edge in (sheet, sheet + 1))
@@ -107,7 +106,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
 
 
 def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None:
-    """Denoise the middle frame of the set by every method.
+    """Denoise the middle frame of the set by every method; the title names those that fail on it.
 
     Takes the next readable frame; returns None if there is none.
     """
@@ -120,9 +119,11 @@ def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None
         except DatasetError:
             continue
         maps: dict[str, Depth] = {}
-        for method in methods:
-            with suppress(Exception):  # of a denoiser; scoring has counted it
-                maps |= denoise(method, stacks, number)[0]
         title = f"{frame.key}, protocol {frames.protocol}"
+        for method in methods:
+            try:
+                maps |= denoise(method, stacks, number)[0]
+            except Exception:  # whatever a denoiser raises; scoring has counted it
+                title += f"; {method.label} fails"
         return PanelFrame(frame.clean_mm, frame.intrinsics, title, frame.offset_mm), maps
     return None

@@ -17,6 +17,7 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS, score
 from glsim.eval.metrics.scored_map import Truth
+from glsim.eval.report.results import example_frame
 from glsim.eval.report.score_tables import format_number
 from glsim.eval.scoring.baselines import mean_face
 from glsim.eval.scoring.blocks import ScoringJob
@@ -142,6 +143,11 @@ def test_a_denoiser_that_fails_costs_its_own_rows(
     methods = [row["method"] for row in rows(tmp_path / "o")]
     assert methods.count("noisy") == 12
     assert methods.count("moody:moody") == 12 - found.bad
+    (tmp_path / "idle.py").write_text("def idle(noisy, valid):\n    raise RuntimeError\n")
+    example = example_frame(ScoringJob(pairs, "test", ("noisy", "idle:idle")))
+    assert example is not None
+    assert example[0].title.endswith("; idle:idle fails")
+    assert [*example[1]] == ["noisy"]
 
 
 def test_what_cannot_be_scored_at_all(pairs: Path, tmp_path: Path) -> None:
