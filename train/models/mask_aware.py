@@ -89,7 +89,7 @@ class MaskAware(DepthModel):
     with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
     see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
     of surfaces, which the rule for frames without noise cannot tell apart. ``unlikely`` is chosen
-    by ``benchmarks/midair.py`` of commit 6e9b96b.
+    by the wrong pixels that stay beside simulated heads (docs/denoise.md).
     """
 
     sigma_scale: Tensor
