@@ -26,7 +26,7 @@ _TUNING_FRAMES = 12
 
 @dataclass(frozen=True)
 class RealJob:
-    """The task of a worker process; ``denoisers`` are specifications for ``glsim.denoise.load``."""
+    """The task of a worker process; ``denoisers`` are specifications for ``load_denoiser``."""
 
     source: Source
     denoisers: tuple[str, ...]
@@ -80,7 +80,7 @@ def score_recording(
 
     Args:
         recording: to score on.
-        denoisers: specs of ``glsim.denoise.load``.
+        denoisers: specs of ``load_denoiser``.
         scoring_half: use the half of the static pairs that ``tune_on_pairs`` has not seen.
         workers: number of processes; default: one per core.
         progress: called after each frame.
@@ -120,7 +120,8 @@ def tune_on_pairs(
     numbers = sorted(recording.partner)
     if not numbers:
         raise ConfigError(
-            f"--tune: {recording.source.path} has no two frames of one static view: give settings"
+            f"--tune-filters: {recording.source.path} has no two frames of one static view: give "
+            "settings"
         )
     stride = max(1, len(numbers) // _TUNING_FRAMES)
     by_name = {name: tuning_specs(name, (0,)) for name in names or GRIDS}

@@ -97,7 +97,7 @@ def find_trained_runs(folder: Path) -> TrainedNetworks:
         else:  # counted twice, it would understate the spread over seeds
             refused.append(
                 f"{checkpoint}: is the same recipe and seed as {first}: if it is another network, "
-                "train it under another title (--set title=...)"
+                "train it with glsim train --set title=..."
             )
     return TrainedNetworks(folder, runs, refused)
 

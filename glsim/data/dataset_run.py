@@ -67,8 +67,8 @@ class DatasetRun:
     def __post_init__(self) -> None:
         if self.store.is_remote and self.settings.output.format != "webdataset":
             raise ConfigError(
-                f"{self.store}: object storage takes shards: give --format webdataset "
-                "(output.format), or a folder"
+                f"{self.store}: object storage takes shards: set "
+                "output.format=webdataset, or give a folder"
             )
         plan = ChunkPlan(self.tasks, CHUNK_FRAMES[self.settings.output.format])
         object.__setattr__(self, "plan", plan)

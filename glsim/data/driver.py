@@ -85,7 +85,7 @@ def _simulation(
     ray: str | None = None,
 ) -> tuple[DatasetRun, ChunkRenderer]:
     """Return the run of a simulated data set, and the function that renders its chunks."""
-    # Imported here because reading a data set needs no OpenGL.
+    # Imported here because imports of recordings use this module and need no OpenGL.
     from glsim.data.arithmetic import machine_of_workers, this_machine
     from glsim.data.frame_maker import SameMachineSimulator
     from glsim.data.input_hashes import source_hashes, stage_hashes

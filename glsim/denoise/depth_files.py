@@ -102,7 +102,7 @@ def dataset_root(folder: Path) -> Path | None:
     header = split.parent / HEADER
     if not header.is_file():
         return None
-    from glsim.settings.schema import SPLIT_NAMES  # with all of the settings
+    from glsim.settings.schema import SPLIT_NAMES
 
     if split.name not in SPLIT_NAMES:
         return None

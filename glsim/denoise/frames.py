@@ -110,7 +110,7 @@ class MapReader:
         #: Data set -> depth of the nearest point of its maps, mm; None: as measured.
         self._nearest_mm: dict[Path, float | None] = {}
         for root in filter(None, {*self._roots.values()}):
-            from glsim.data.header import read_header  # with all of the settings
+            from glsim.data.header import read_header
 
             output = read_header(root)["settings"]["output"]
             self._nearest_mm[root] = output.get("nearest_to_mm")

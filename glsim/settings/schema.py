@@ -71,7 +71,7 @@ DEFAULT_FRAMES = 30
 DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
-"""The split by images instead of people, see glsim.simulation.plan.paper_split."""
+"""The split by images instead of people, see glsim.simulation.plan.split."""
 FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
 """Largest depth of 16-bit files in the coarsest step, mm."""
 POSE_LIMITS = {"motion": (0.0, 5.0)}

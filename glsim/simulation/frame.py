@@ -34,7 +34,7 @@ WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right", "color"
 
 
 def encode_depth(
-    depth_m: NDArray[np.floating], unit_mm: float = 1.0, option: str = "--depth-unit-mm"
+    depth_m: NDArray[np.floating], unit_mm: float = 1.0, option: str = "output.depth_unit_mm"
 ) -> NDArray[np.uint16]:
     """Round depth in metres to uint16 units; 0 stays 0, and positive depths become at least 1.
 

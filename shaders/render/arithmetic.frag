@@ -1,5 +1,5 @@
 #version 330 core
-// arithmetic: functions whose last bits differ between drivers, see glsim/gl/arithmetic.py.
+// arithmetic: functions whose last bits differ between drivers, see shader_arithmetic in glsim/gl/draw.py.
 out vec4 numbers;
 void main() {
     vec2 p = gl_FragCoord.xy;

@@ -176,6 +176,24 @@ def test_an_output_that_must_not_be_written(
         assert not listing(place / "READ")
 
 
+@pytest.mark.parametrize(
+    ("line", "assignment"),
+    [
+        ("generate --crop 128 -o new", "output.crop=128"),
+        ("generate -o new --split=0.8,0.1,0.1", "split=0.8,0.1,0.1"),
+        ("generate -o new --depth-unit-mm .1", "output.depth_unit_mm=.1"),
+        ("generate -o new --framing", "source.framing=VALUE"),
+        ("render face.obj --layers clean", "output.layers=clean"),
+        ("render face.obj --format webdataset", "output.format=webdataset"),
+    ],
+)
+def test_options_of_older_versions_are_answered_with_their_settings(
+    line: str, assignment: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(shlex.split(line)) == 2
+    assert f"is a setting: --set {assignment} (see --help)" in capsys.readouterr().err
+
+
 def test_mistakes_are_single_lines_in_an_ascii_terminal(folder: Path) -> None:
     """Everything in one process: starting one takes longer than the mistakes."""
     lines = [line for line in USAGE[::7] if line != "''"]

@@ -225,7 +225,7 @@ def test_without_pytorch_it_says_what_to_install(
         (("tiny.toml", "--data", "DATA", "--set", "trainin.batch=3"), 2, "'training'"),
         (("tiny.toml", "--data", "DATA", "--set", "model.backbone.depht=3"), 2, "depth"),
         (("tiny.toml", "--data", "DATA", "--set", "loss.beta=3"), 2, "beta_mm"),
-        (("tiny.toml", "--data", "DATA", "--set", "data.crop=64"), 1, "--crop 64"),
+        (("tiny.toml", "--data", "DATA", "--set", "data.crop=64"), 1, "--set output.crop=64"),
         (("tiny.toml", "--data", "DATA", "--set", "training.precision=16-mixed"), 2, "needs a GPU"),
     ],
 )

@@ -166,6 +166,9 @@ def test_two_cameras_are_said_and_chosen(tmp_path: Path, capfd: pytest.CaptureFi
     other = ["--topic", "/left/depth/image_raw"]
     assert main(["import", "kinect2", str(file), "-o", str(tmp_path / "left"), *other]) == 0
     record = json.loads((tmp_path / "left" / "manifest.jsonl").read_text())
+    capfd.readouterr()
+    assert main(["inspect", str(file), *other, "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["intrinsics"]["fx"] == 58.0
     assert "intrinsics_assumed" not in record["notes"]
     assert (record["intrinsics"]["fx"], sorted(record["files"])) == (58.0, ["infrared", "noisy"])
     (data / "dataset.json").unlink()

@@ -67,7 +67,7 @@ def test_depths_are_rounded_to_steps_and_nothing_else_becomes_nothing(
 def test_what_does_not_fit_sixteen_bits_is_an_error(unit_mm: float, largest_m: float) -> None:
     assert encode_depth(np.array([largest_m], np.float32), unit_mm)[0] == 65535
     beyond = np.array([largest_m + 0.001], np.float32)
-    with pytest.raises(ConfigError, match=r"does not fit 16 bits in units of .* --depth-unit-mm"):
+    with pytest.raises(ConfigError, match=r"not fit 16 bits in units of .* output\.depth_unit_mm"):
         encode_depth(beyond, unit_mm)
 
 

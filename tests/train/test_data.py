@@ -236,7 +236,7 @@ def test_a_subject_in_two_splits(copy: Path) -> None:
 
 def test_another_size_than_the_training_asks_for(dataset: Path) -> None:
     with pytest.raises(
-        DatasetError, match=r"32 x 24 pixels, the training asks for 16 x 16.*--crop"
+        DatasetError, match=r"32 x 24 pixels, the training asks for 16 x 16.*--set output\.crop=16"
     ):
         StoredPairs(dataset, "train", crop=16)
     with pytest.raises(DatasetError, match=r"asks for 28 x 28"):

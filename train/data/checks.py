@@ -67,7 +67,7 @@ def checked_split(
         have = ", ".join(f"{n} {dataset.header['frames'][n]}" for n in SPLIT_NAMES)
         raise DatasetError(
             f"{dataset}: has no frames in its split {name!r} (frames: {have}): generate one "
-            "with other shares (--split)"
+            "with other shares (--set split=TRAIN,VAL,TEST)"
         )
     for layer in layers:
         dataset.require(layer)
@@ -91,8 +91,8 @@ def checked_split(
             )
         if crop is not None and size != (crop, crop) and (min(size) < crop or cut == "no"):
             raise DatasetError(
-                f"{where}, the training asks for {crop} x {crop}: generate with --crop {crop}, or "
-                "change data.crop or data.cut of the recipe"
+                f"{where}, the training asks for {crop} x {crop}: generate with "
+                f"--set output.crop={crop}, or change data.crop or data.cut of the recipe"
             )
     return split
 

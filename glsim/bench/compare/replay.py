@@ -1,7 +1,7 @@
 """Replay of real frames: their own surfaces are rendered through a sensor, for equal scenes.
 
 Real and simulated frames of different scenes differ by the scenes. A replay takes the surfaces,
-silhouettes and reflectivity from each real frame (``surfaces``), renders them once through the
+silhouettes and reflectivity from each real frame (``find_surfaces``), renders them once through the
 sensor at the place of the real camera, and so leaves the camera as the only difference.
 Reflectivity is the real infrared over that of the same surfaces at an even reflectivity; without
 infrared it is that of skin everywhere.

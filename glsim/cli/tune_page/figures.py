@@ -27,7 +27,7 @@ _RECORDED = 16
 _FACE_MM = 250.0
 #: Width of the bins of distance and angle, and least pixels of a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
-#: Largest error on one surface, mm; larger ones count in ``beyond_px`` only.
+#: Largest error on one surface, mm; larger ones are left out of bias, sigma and histograms.
 _SUR_FACE_MM = 50.0
 _BINS, _LAGS = 40, 8
 
