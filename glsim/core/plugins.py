@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, lru_cache
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -183,9 +183,3 @@ def _package(entry: EntryPoint) -> str:
 
 def _place(entry: EntryPoint) -> str:
     return f"{_package(entry)}: entry point {entry.group}: {entry.name}"
-
-
-@lru_cache(maxsize=1000)  # one line a process, however often the code is loaded
-def announce_code(target: str) -> None:
-    """Log a warning, before user code of a file or module runs."""
-    log.warning("runs code of %s: name only files whose author you trust", target)

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib
 import itertools
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,13 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from glsim.core.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean
-from glsim.core.plugins import (
-    announce_code,
-    load_plugin,
-    module_names,
-    plugin_names,
-    shipped_module,
-)
+from glsim.core.plugins import load_plugin, module_names, plugin_names, shipped_module
+from glsim.core.user_code import load_object
 from glsim.denoise import shipped
 from glsim.denoise.denoiser import Denoiser
 from glsim.networks.composites import DEFAULT_COMPOSITE
@@ -136,9 +129,9 @@ def load_denoiser(
     """Load a denoiser as a function of a depth map: ``load_denoiser("face")(depth_mm)``.
 
     Args:
-        spec: ``name:key=value,...``, ``module:function:key=value,...`` or a network file: best.pt
-            and face.safetensors (need PyTorch), or face.onnx. ``label@spec`` sets the name in
-            tables.
+        spec: ``name:key=value,...``, ``module:function:key=value,...`` (also file.py:...), or a
+            network file: best.pt and face.safetensors (need PyTorch), or face.onnx.
+            ``label@spec`` sets the name in tables.
         device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are subtracted first.
         composite: see COMPOSITES; None returns networks' probability of depth.
         around: "face": denoise only around the nearest head, for live streams.
@@ -178,14 +171,14 @@ def _resolve(text: str, spec: str, label: str) -> tuple[Any, str, bool]:
         return *_from_file(shipped_file(name), label, options), False
     if name in _plugins():
         found = _filter(name)
-        given = _assignments(tail, spec)
-        return *_from_callable(found.__module__, found.__name__, given, label), True
+        return *_own_code(f"{found.__module__}:{found.__name__}", tail, spec, label), True
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
-        return *_from_callable(name, function, _assignments(parameters, spec), label), True
+        return *_own_code(f"{name}:{function}", parameters, spec, label), True
     raise ConfigError(
         f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
-        "or write module:function, or the path of a network (.onnx, .pt, .safetensors)"
+        "or write module:function, file.py:function, or the path of a network (.onnx, .pt, "
+        ".safetensors)"
     )
 
 
@@ -209,30 +202,21 @@ def _assignments(text: str, spec: str) -> dict[str, str]:
     return pairs
 
 
-def _from_callable(
-    module: str, name: str, parameters: dict[str, str], label: str
-) -> tuple[Any, str]:
-    """Load ``module:name``, also from the current folder, with keyword arguments."""
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    announce_code(module)
+def _own_code(target: str, parameters: str, spec: str, label: str) -> tuple[Any, str]:
+    """Load a user's class or function with keyword arguments, and the version of its code."""
+    keywords = {key: _number(value) for key, value in _assignments(parameters, spec).items()}
     try:
-        function: Any = getattr(importlib.import_module(module), name)
-    except AttributeError:
-        raise DenoiserError(f"{label}: module {module} has no {name!r}") from None
-    except Exception as error:
-        raise DenoiserError(f"{label}: cannot import {module}: {error}") from error
-    keywords = {key: _number(value) for key, value in parameters.items()}
+        function, file = load_object(target)
+    except ConfigError as error:
+        raise DenoiserError(f"{label}: {error}") from error
     try:
         if isinstance(function, type):
             function = function(**keywords)
         elif keywords:
             function = functools.partial(function, **keywords)
-    except Exception as error:
-        raise DenoiserError(f"{label}: cannot make {name}: {error}") from error
-    file = getattr(sys.modules[module], "__file__", None)
-    return function, "" if file is None else _version(Path(file))
+    except Exception as error:  # the user's code may raise anything
+        raise DenoiserError(f"{label}: cannot make {target}: {error}") from error
+    return function, "" if file is None else _version(file)
 
 
 def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, str]:

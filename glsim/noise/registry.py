@@ -7,8 +7,6 @@ only to make frames, and a warning names it then (``describe_stage`` and ``is_co
 from __future__ import annotations
 
 import ast
-import importlib
-import importlib.util
 from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -16,7 +14,8 @@ from typing import Any
 
 from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.core.files.regular import read_regular
-from glsim.core.plugins import announce_code, load_plugin, plugin_file, plugin_names
+from glsim.core.plugins import load_plugin, plugin_file, plugin_names
+from glsim.core.user_code import load_object
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import load_source, parse_source
 from glsim.noise import array_stages, realsense_filters, stereo_matching
@@ -133,30 +132,12 @@ def _plugin_spec(name: str) -> StageSpec:
 
 
 def _python_spec(use: str, beside: Path | None) -> StageSpec:
-    target, _, name = use.rpartition(":")
     try:
-        if target.endswith(".py"):
-            module = _load_file(target, beside)
-        else:
-            announce_code(target)
-            module = importlib.import_module(target)
-    except Exception as error:  # the user's code may raise anything
-        raise ConfigError(f"stage {use!r}: {target} cannot be imported: {error}") from error
-    function = getattr(module, name, None)
-    if function is None:
-        raise ConfigError(f"stage {use!r}: {target} has no {name!r}")
+        function, _ = load_object(use, beside)
+    except ConfigError as error:
+        raise ConfigError(f"stage {use!r}: {error}") from error
+    target, _, name = use.rpartition(":")
     return _array_spec(name, function, target)
-
-
-def _load_file(target: str, beside: Path | None) -> ModuleType:
-    path = (beside or Path()) / target
-    announce_code(str(path))
-    spec = importlib.util.spec_from_file_location(f"glsim_user_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise ImportError("not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 #: Largest file, bytes: a stage is a page of code.

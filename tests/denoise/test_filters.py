@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 from pathlib import Path
 
 import cv2
@@ -211,7 +212,7 @@ def test_wrong_specifications(spec: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("spec", "words"),
     [
-        ("no_such_module:function", "cannot import"),
+        ("no_such_module:function", "cannot be imported"),
         ("math:no_such_function", "has no 'no_such_function'"),
         ("math:pi", "no function"),
         ("run/none.pt", "no such file: give the best.pt"),
@@ -220,6 +221,19 @@ def test_wrong_specifications(spec: str, words: str) -> None:
 def test_what_cannot_be_loaded(spec: str, words: str) -> None:
     with pytest.raises(DenoiserError, match=words):
         load_denoiser(spec)
+
+
+def test_a_function_of_a_file_or_a_module_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here_code.py").write_text(
+        "def moved(noisy_mm, valid, by_mm=0):\n    return noisy_mm + by_mm, valid\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for code in ("here_code", "here_code.py", str(tmp_path / "here_code.py")):
+        denoiser = load_denoiser(f"{code}:moved:by_mm=3")
+        assert denoiser(np.full((4, 4), 900, np.uint16)).depth_mm.max() == 903
 
 
 def test_every_denoiser_is_described_and_every_grid_loads() -> None:

@@ -1,0 +1,65 @@
+"""Load an object of the user's own code by a text: "module:object" or "file.py:object"."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import sys
+from functools import lru_cache
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from glsim.core.errors import ConfigError
+
+log = logging.getLogger(__name__)
+
+
+def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | None]:
+    """Import an object of a module or a Python file; a warning names the code before it runs.
+
+    Args:
+        target: "module:object", also of a module in the working directory, or "file.py:object".
+        folder: the folder that paths of files start from; default: the working directory.
+
+    Returns:
+        The object, and the file of its code if it has one.
+
+    Raises:
+        ConfigError: the code cannot be imported, or has no such object.
+    """
+    code, _, name = target.rpartition(":")
+    try:
+        module = _import_file((folder or Path()) / code) if code.endswith(".py") else _import(code)
+    except Exception as error:  # the user's code may raise anything
+        raise ConfigError(f"{code} cannot be imported: {error}") from error
+    if not hasattr(module, name):
+        raise ConfigError(f"{code} has no {name!r}")
+    file = getattr(module, "__file__", None)
+    return getattr(module, name), None if file is None else Path(file)
+
+
+def _import(name: str) -> ModuleType:
+    """Import a module, also from the working directory."""
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    _announce(name)
+    return importlib.import_module(name)
+
+
+def _import_file(path: Path) -> ModuleType:
+    """Run a Python file as a module, anew each time: it may have changed."""
+    _announce(str(path))
+    spec = spec_from_file_location(f"glsim_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ImportError("not a Python file")
+    module = sys.modules[spec.name] = module_from_spec(spec)  # data classes look it up there
+    spec.loader.exec_module(module)
+    return module
+
+
+@lru_cache(maxsize=1000)  # one line a process, however often the code is loaded
+def _announce(target: str) -> None:
+    log.warning("runs code of %s: name only files whose author you trust", target)
