@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from glsim.core.files.png import encode_png
 from tests.support.imports import ROOT, all_modules, imported_modules, third_party
 
 #: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
 #: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise.
 ROOMS = (
     "glsim.core",
+    "glsim.measures",
+    "glsim.networks",
     "glsim.settings",
     "glsim.shaders",
     "glsim.gl",
@@ -23,9 +29,7 @@ ROOMS = (
     "glsim.looks",
     "glsim.simulation",
     "glsim.integrations",
-    "glsim.measures",
     "glsim.data",
-    "glsim.networks",
     "glsim.train.models",
     "glsim.denoise",
     "glsim.bench",
@@ -105,6 +109,9 @@ HOMES = {
     "train": (),
     "eval": (),
 }
+
+#: Most modules of glsim that reading a folder of PNG maps loads.
+MOST_LOADED = 70
 
 MODULES = all_modules()
 
@@ -204,6 +211,23 @@ def test_no_module_imports_itself_through_others() -> None:
 
     for module in sorted(graph):
         visit(module, ())
+
+
+def test_a_folder_of_png_maps_is_read_by_few_modules(tmp_path: Path) -> None:
+    """No sensor, noise stage or face is loaded before a file names one."""
+    for number in range(2):
+        image = encode_png(np.full((48, 64), 900 + number, np.uint16))
+        (tmp_path / f"{number}.png").write_bytes(image)
+    code = (
+        "import sys; from pathlib import Path; from glsim.denoise.depth_files import map_files; "
+        f"map_files(sorted(Path({str(tmp_path)!r}).glob('*.png')), None).depth(1); "
+        "print(*(name for name in sys.modules if name.partition('.')[0] == 'glsim'))"
+    )
+    run = [sys.executable, "-c", code]
+    loaded = subprocess.run(run, capture_output=True, text=True, check=True).stdout.split()
+    assert len(loaded) <= MOST_LOADED, sorted(loaded)
+    rooms = {room_of(name) for name in loaded}
+    assert rooms.isdisjoint({"glsim.gl", "glsim.noise", "glsim.sensors", "glsim.faces"})
 
 
 def test_the_folders_at_the_top_are_packages_of_glsim() -> None:

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from glsim.core.camera import DEFAULT_INTRINSICS
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import MEANING, DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
@@ -26,8 +27,6 @@ from glsim.data.reader import open_dataset
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
 from glsim.networks.interface import Depth
-from glsim.sensors.sensor import load_sensor
-from glsim.settings.schema import DEFAULT_SENSOR
 
 #: The layer that predictions are compared with.
 TruthLayer = Literal["clean", "expected"]
@@ -70,7 +69,6 @@ def _folder_frames(
             f"*_{truth}.png and *_noisy.png"
         )
     stems = sorted(found, key=lambda stem: (_key(stem), stem))
-    rig = load_sensor(DEFAULT_SENSOR).rig
     focal = None if focal_px is None else (focal_px, focal_px)
     protocol: DepthProtocol = "depth"
     with suppress(DatasetError):  # reported when the frame is scored
@@ -87,7 +85,7 @@ def _folder_frames(
         }
         frame = DepthFrame(
             _key(stems[number]),
-            rig.for_map((clean.shape[0], clean.shape[1]), focal).intrinsics,
+            DEFAULT_INTRINSICS.for_map((clean.shape[0], clean.shape[1]), focal),
             layers,
             name=str(place),
             offset_mm=0.0 if protocol == "depth" else float("nan"),

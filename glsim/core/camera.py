@@ -95,6 +95,38 @@ class Intrinsics:
         """Return the intrinsics of a window of the image."""
         return replace(self, width=width, height=height, cx=self.cx - left, cy=self.cy - top)
 
+    def for_map(
+        self,
+        shape: tuple[int, int],
+        focal_px: tuple[float, float] | None = None,
+        centre_px: tuple[float, float] | None = None,
+    ) -> Intrinsics:
+        """Return the intrinsics of an uncalibrated depth map that may be a crop of this image.
+
+        Args:
+            shape: (height, width) of the map.
+            focal_px: default: this camera's.
+            centre_px: principal point; default: this camera's if the sizes are equal, else the
+                map's centre.
+
+        Raises:
+            ConfigError: for a focal length that is not above 0.
+        """
+        height, width = shape
+        if centre_px is None:
+            whole = (width, height) == (self.width, self.height)
+            centre_px = (self.cx, self.cy) if whole else (width / 2, height / 2)
+        focal = focal_px or (self.fx, self.fy)
+        if not all(0 < length < np.inf for length in focal):
+            raise ConfigError(f"focal length {focal}: must be above 0 px")
+        return Intrinsics(width, height, *focal, *centre_px)
+
+
+#: The sensor of settings that name none, and its intrinsics, which depth maps have that state none:
+#: here as numbers, so that reading maps needs no sensor. A test compares them with its file.
+DEFAULT_SENSOR = "kinect-v2"
+DEFAULT_INTRINSICS = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
+
 
 @dataclass(frozen=True)
 class Distortion:
@@ -443,26 +475,13 @@ class SensorRig:
         focal_px: tuple[float, float] | None = None,
         centre_px: tuple[float, float] | None = None,
     ) -> SensorRig:
-        """Return the rig for an uncalibrated depth map of shape (height, width).
-
-        By default the map has the rig's focal length. Its principal point is the rig's if the sizes
-        are equal, otherwise (a crop) the map's centre. Raises ConfigError for a focal length that
-        is not above 0.
-        """
-        height, width = shape
-        own = self.intrinsics
-        if centre_px is None:
-            whole = (width, height) == (own.width, own.height)
-            centre_px = (own.cx, own.cy) if whole else (width / 2, height / 2)
+        """Return the rig for an uncalibrated depth map: see ``Intrinsics.for_map``."""
         if self.registered is not None:
             raise ConfigError(
                 "this sensor registers depth to colour, but a map's noise arises in the depth "
                 'camera: choose a sensor without deliver = "colour"'
             )
-        focal = focal_px or (own.fx, own.fy)
-        if not all(0 < length < np.inf for length in focal):
-            raise ConfigError(f"focal length {focal}: must be above 0 px")
-        return replace(self, intrinsics=Intrinsics(width, height, *focal, *centre_px))
+        return replace(self, intrinsics=self.intrinsics.for_map(shape, focal_px, centre_px))
 
     def pinhole(self) -> Intrinsics:
         """Return the pinhole camera to rasterise with; it covers all distorted rays."""

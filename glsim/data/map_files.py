@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError, MeshError
+from glsim.core.errors import DatasetError
 from glsim.core.files.exr import decode_exr, depth_channel, encode_exr, require_exr
 from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import (
@@ -25,7 +25,7 @@ from glsim.core.files.png import (
     read_image,
 )
 from glsim.core.files.regular import read_data
-from glsim.faces.scans.biwi_files import read_depth_bin
+from glsim.data.recordings.biwi import read_depth_bin
 from glsim.simulation.frame import encode_depth, to_mm
 
 #: Suffixes of the files that are read and written.
@@ -233,10 +233,7 @@ def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
 
 def _read_dump(path: Path) -> NDArray[Any]:
     if path.with_name(BIWI_CALIBRATION).is_file():
-        try:
-            return read_depth_bin(path)
-        except MeshError as error:
-            raise DatasetError(str(error)) from None
+        return read_depth_bin(path)
     data, (height, width) = read_data(path, MAX_IMAGE_BYTES), DUMP_SHAPE
     if len(data) != 4 * height * width:
         raise DatasetError(

@@ -23,10 +23,10 @@ from glsim.data.map_files import (
     format_of,
     read_stored,
 )
+from glsim.data.recordings.camera_file import agreed_unit_mm
 from glsim.data.recordings.files import FramePlace, MapFiles
 from glsim.data.recordings.folders import stated_camera
 from glsim.data.recordings.names import infrared_files, maps_in
-from glsim.data.recordings.recording import agreed_unit_mm
 
 #: Step of denoised maps where a reader can know it, mm: rounding to it adds 0.03 mm, and depth up
 #: to 6.5 m fits 16 bits. Whole millimetres cost a network 4 to 8 % of its error.

@@ -8,12 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.camera import Intrinsics
+from glsim.core.camera import DEFAULT_INTRINSICS, Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.measures.quadrics import Surfaces, fit_surfaces
 from glsim.measures.stacks import moments
-from glsim.sensors.sensor import load_sensor
-from glsim.settings.schema import DEFAULT_SENSOR
 
 Array = NDArray[np.float32]
 
@@ -80,7 +78,7 @@ def frames_of(
     """
     depths = [np.nan_to_num(np.asarray(depth, np.float32)) for depth in depth_mm]
     height, width = depths[0].shape
-    own = camera or load_sensor(DEFAULT_SENSOR).rig.for_map((height, width)).intrinsics
+    own = camera or DEFAULT_INTRINSICS.for_map((height, width))
     lights = (
         [{}] * len(depths)
         if infrared is None

@@ -47,6 +47,7 @@ from pydantic import (
     model_validator,
 )
 
+from glsim.core.camera import DEFAULT_SENSOR
 from glsim.core.errors import ConfigError
 from glsim.settings.distribution import Distribution, NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
@@ -68,7 +69,6 @@ DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
 DEFAULT_SUBJECTS = 10
 DEFAULT_FRAMES = 30
-DEFAULT_SENSOR = "kinect-v2"
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The split by images instead of people, see glsim.simulation.plan.split."""

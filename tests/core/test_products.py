@@ -80,7 +80,7 @@ _DECISIONS = {
     "faces/meshes/nose_template.py": 6,
     "faces/meshes/alignment.py": 3,
     "faces/meshes/gltf.py": 1,
-    "faces/scans/biwi_files.py": 2,
+    "faces/scans/head_pose.py": 2,
     "faces/sources/d3dfacs.py": 7,
     "noise/twins/any_camera.py": 2,
 }

@@ -10,8 +10,9 @@ import pytest
 from glsim.cli import main
 from glsim.core.errors import DatasetError
 from glsim.data.reader import open_dataset
+from glsim.data.recordings.biwi import read_depth_bin
 from glsim.data.recordings.recording import open_recording
-from glsim.faces.scans.biwi_files import read_depth_bin, read_pose
+from glsim.faces.scans.head_pose import read_pose
 from glsim.faces.sources.biwi import Biwi
 from tests.support.face_sets import OTHERS, needs_others, put, write_recording
 
@@ -62,8 +63,8 @@ def test_damaged_frames_are_skipped_with_a_reason(
     assert _import(root, out) == 0
     assert len(open_dataset(out)) == 1
     skipped = (out / "skipped.jsonl").read_text()
-    assert "00003_depth.bin: cannot be used" in skipped
-    assert "depth.bin: cannot be read" in skipped
+    assert "00003_depth.bin: is no depth file of Biwi" in skipped
+    assert "00004_depth.bin: No such file" in skipped
     assert "3 numbers, not 12" in skipped
     put(root / "01/depth.cal", b"")
     assert _import(root, tmp_path / "none") == 1
@@ -88,5 +89,5 @@ def test_the_frames_of_a_person_are_a_recording(tmp_path: Path) -> None:
     for frame, file in zip(frames, files, strict=True):
         np.testing.assert_array_equal(np.nan_to_num(frame.measured_mm), read_depth_bin(file))
     files[0].write_bytes(files[0].read_bytes()[:50])
-    with pytest.raises(DatasetError, match="cannot be used"):
+    with pytest.raises(DatasetError, match="is no depth file of Biwi"):
         recording.read()

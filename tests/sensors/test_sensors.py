@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
@@ -29,6 +30,10 @@ def test_all_of_them_are_known() -> None:
         load_sensor("kinect-v3")
     with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
         load_sensor("absent.toml")
+
+
+def test_maps_without_a_camera_have_the_intrinsics_of_the_default_sensor() -> None:
+    assert load_sensor(DEFAULT_SENSOR).rig.intrinsics == DEFAULT_INTRINSICS
 
 
 @pytest.mark.parametrize("name", SENSORS)

@@ -22,9 +22,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from glsim.core.camera import Distortion, Intrinsics
-from glsim.core.errors import DatasetError, did_you_mean
-from glsim.noise.rig_checks import MATCHER
-from glsim.sensors.sensor import load_sensor, shipped_sensors
+from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 from glsim.settings.toml_tables import TomlTable, parse_table, read_toml
 
 #: The file that describes the camera, beside the frames.
@@ -88,11 +86,6 @@ class _CameraTable(TomlTable, allow_inf_nan=False):
             raise ValueError(f"{' and '.join(missing)} missing: give width, height and focal_px")
         if missing and (self.centre_px is not None or self.distortion):
             raise ValueError("centre_px and distortion need width, height and focal_px")
-        if self.sensor and self.sensor not in shipped_sensors():  # others may run code
-            raise ValueError(
-                f"sensor: {self.sensor!r} is no sensor that glsim ships "
-                f"({did_you_mean(self.sensor, shipped_sensors())}); name your own in the command"
-            )
         return self
 
 
@@ -112,11 +105,22 @@ def read_camera_file(file: Path) -> StatedCamera:
         intrinsics, opencv_order(lens), table.unit_mm, table.baseline_m, table.name, table.sensor,
         table.channel,
     )  # fmt: skip
-    return own.over(sensor_camera(table.sensor)) if table.sensor else own
+    return own.over(sensor_camera(table.sensor, file)) if table.sensor else own
 
 
-def sensor_camera(name: str) -> StatedCamera:
-    """Return the camera of a shipped sensor: intrinsics, distortion, step, baseline, title."""
+def sensor_camera(name: str, where: Path) -> StatedCamera:
+    """Return the camera of a shipped sensor: intrinsics, distortion, step, baseline, title.
+
+    Raises ConfigError, which names the file ``where``, for other sensors.
+    """
+    from glsim.noise.rig_checks import MATCHER
+    from glsim.sensors.sensor import load_sensor, shipped_sensors
+
+    if name not in shipped_sensors():  # others may run code
+        raise ConfigError(
+            f"{where}: sensor: {name!r} is no sensor that glsim ships "
+            f"({did_you_mean(name, shipped_sensors())}); name your own in the command"
+        )
     sensor = load_sensor(name)
     rig = sensor.rig
     matcher: dict[str, Any] = next(
@@ -144,3 +148,18 @@ def check_size(camera: StatedCamera, shape: tuple[int, ...], where: Path | str) 
             f"{where}: says {own.width}x{own.height}, but the frames are {shape[1]}x{shape[0]}: "
             "correct width, height, focal_px and centre_px"
         )
+
+
+def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
+    """Return the depth of one step of whole numbers, mm, as given or as stated in files.
+
+    Raises ConfigError where these differ, and for 0 or less.
+    """
+    if given is not None and not given > 0:
+        raise ConfigError(f"--depth-unit-mm {given:g}: must be above 0")
+    if given is not None and stated is not None and given != stated:
+        raise ConfigError(
+            f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
+            "out, or correct the camera.toml"
+        )
+    return stated or given

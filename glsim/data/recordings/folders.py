@@ -10,17 +10,17 @@ from typing import Final
 import numpy as np
 
 from glsim.core.camera import Intrinsics
-from glsim.core.errors import DatasetError, MeshError, NoDepthError
+from glsim.core.errors import DatasetError, NoDepthError
 from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import entries
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
 from glsim.core.files.regular import MOST_HELD, read_data, read_regular
 from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, SUFFIXES
+from glsim.data.recordings.biwi import read_calibration
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
 from glsim.data.recordings.names import other_kind
 from glsim.data.recordings.opencv_yaml import read_matrices
 from glsim.data.recordings.streams import STREAMS, is_stream
-from glsim.faces.scans.biwi_files import read_calibration
 
 #: The calibration of iai_kinect2, in the folder of its frames.
 CALIBRATION = "calib_ir.yaml"
@@ -93,10 +93,7 @@ def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
         for folder in dict.fromkeys([*folders, *above]):
             open_yet = stated.intrinsics is None or stated.unit_mm is None
             if open_yet and (file := folder / name).exists():
-                try:
-                    found = read(file)
-                except MeshError as error:  # of a file of Biwi
-                    raise DatasetError(str(error)) from None
+                found = read(file)
                 first = first or (file if found != StatedCamera() else None)
                 stated = stated.over(found)
     return stated, first

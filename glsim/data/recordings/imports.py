@@ -22,12 +22,12 @@ from glsim.core.rect import Rect
 from glsim.data.driver import write_dataset
 from glsim.data.input_hashes import source_hashes
 from glsim.data.progress import GenerateProgress, GenerateSummary
+from glsim.data.recordings.biwi import read_calibration, read_depth_bin
 from glsim.data.recordings.recording import FrameReader, Recording, open_recording
 from glsim.data.recordings.streams import STREAMS, is_stream
 from glsim.data.run_identity import InputHashes
 from glsim.data.worker_processes import Workers
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
-from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import Biwi
 from glsim.gl.context import describe, open_context
 from glsim.gl.targets import Readback
@@ -111,7 +111,7 @@ def _biwi_frames(
                     cameras.clear()
                     cameras[image] = Renderer(context, SensorRig(image)), Readback(context)
                 yield _biwi_frame(settings, task, source, image, *cameras[image])
-            except MeshError as error:
+            except (DatasetError, MeshError) as error:
                 yield Skipped(task.key, source.name, str(error))
     finally:
         context.release()
@@ -128,7 +128,7 @@ def _biwi_frame(
     path = source.depth_path(task.key)
     noisy_m = read_depth_bin(path).astype(np.float32) / np.float32(1000)
     if noisy_m.shape != (image.height, image.width):
-        raise MeshError(
+        raise DatasetError(
             f"{path}: {noisy_m.shape[1]} x {noisy_m.shape[0]} pixels, its depth.cal says "
             f"{image.width} x {image.height}"
         )
@@ -139,7 +139,7 @@ def _biwi_frame(
     try:
         rgb = read_calibration(path.with_name("rgb.cal"))
         colour: object = {"focal_px": [rgb.fx, rgb.fy], "centre_px": [rgb.cx, rgb.cy]}
-    except MeshError as error:
+    except DatasetError as error:
         colour = str(error)
     pose = source.pose(task.key)
     return _frame(

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glsim.core.camera import Intrinsics
+from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR, Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.listing import MOST_FILES, natural
@@ -31,14 +31,17 @@ from glsim.core.files.png import stated_unit_mm
 from glsim.data.header import is_dataset
 from glsim.data.map_files import open_stack
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.camera_file import StatedCamera, check_size
+from glsim.data.recordings.camera_file import (
+    StatedCamera,
+    agreed_unit_mm,
+    check_size,
+    sensor_camera,
+)
 from glsim.data.recordings.files import FramePlace, MapFiles
 from glsim.data.recordings.folders import depth_files, stated_camera, whole_recording
 from glsim.data.recordings.names import infrared_files
 from glsim.data.recordings.streams import STREAMS, FrameStream
 from glsim.measures.static import view_change
-from glsim.sensors.sensor import load_sensor
-from glsim.settings.schema import DEFAULT_SENSOR
 
 #: What reads the frames of a recording.
 FrameReader = MapFiles | FrameStream
@@ -162,11 +165,15 @@ class Recording:
 
 @dataclass(frozen=True)
 class _Loader:
-    """Reads the frames of files: see ``open_recording`` for mirror."""
+    """Reads the frames of files: see ``open_recording`` for mirror.
+
+    assumed: intrinsics where none are stated.
+    """
 
     reader: FrameReader
     mirror: bool
     stated: StatedCamera
+    assumed: Intrinsics
 
     def __call__(self, number: int) -> DepthFrame:
         depth_mm, step_mm = self.reader.depth(number)
@@ -178,8 +185,7 @@ class _Loader:
         check_size(self.stated, depth_mm.shape, f"{self.reader.files(number)[0]}: {name}")
         camera = self.stated.intrinsics
         if camera is None:
-            rig = load_sensor(self.stated.sensor or DEFAULT_SENSOR).rig
-            camera = rig.for_map((depth_mm.shape[0], depth_mm.shape[1])).intrinsics
+            camera = self.assumed.for_map((depth_mm.shape[0], depth_mm.shape[1]))
         return DepthFrame(FrameKey("", name, number), camera, layers, step_mm=step_mm, name=name)
 
 
@@ -255,7 +261,11 @@ def _recording(
         check_size(stated, depth_mm.shape, stated_by)
     _check_least_size(depth_mm.shape, reader.files(0)[0])
     stated = _mirrored(stated, mirror)
-    frames = Frames(len(reader), _Loader(reader, mirror, stated))
+    assumed = None
+    if stated.intrinsics is None and stated.sensor:
+        assumed = sensor_camera(stated.sensor, path).intrinsics
+    loader = _Loader(reader, mirror, stated, assumed or DEFAULT_INTRINSICS)
+    frames = Frames(len(reader), loader)
     return Recording(path, kind, frames, reader, stated, stated_by, notes)
 
 
@@ -266,21 +276,6 @@ def _check_least_size(shape: tuple[int, ...], where: Path) -> None:
             f"{where}: has {shape[1]} x {shape[0]} pixels: a depth frame has at least {_LEAST_PX} "
             f"x {_LEAST_PX}"
         )
-
-
-def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
-    """Return the depth of one step of whole numbers, mm, as given or as stated in files.
-
-    Raises ConfigError where these differ, and for 0 or less.
-    """
-    if given is not None and not given > 0:
-        raise ConfigError(f"--depth-unit-mm {given:g}: must be above 0")
-    if given is not None and stated is not None and given != stated:
-        raise ConfigError(
-            f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
-            "out, or correct the camera.toml"
-        )
-    return stated or given
 
 
 def _stream_recording(

@@ -1,7 +1,7 @@
 """Reader of the Biwi Kinect Head Pose set: 24 recordings of 20 people who turn their heads.
 
     NN.obj                              template of the person in recording NN: mm, camera axes
-    NN/frame_FFFFF_pose.txt             head pose of a frame (see biwi_files)
+    NN/frame_FFFFF_pose.txt             head pose of a frame (see head_pose)
     NN/frame_FFFFF_depth.bin            depth measured by the Kinect (``glsim import biwi``)
     NN/depth.cal, NN/rgb.cal            calibrations
 
@@ -30,9 +30,9 @@ from glsim.core.products import product
 from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment
 from glsim.faces.meshes.load import check_head_size, find_alignment_in_format, read_mesh
-from glsim.faces.scans.biwi_files import HeadPose, read_pose
 from glsim.faces.scans.file_source import FileFaces, file_contents
 from glsim.faces.scans.file_tree import last_number
+from glsim.faces.scans.head_pose import HeadPose, read_pose
 
 AXES: Final = "+x-y-z"
 FRAMES_PER_SECOND: Final = 30.0

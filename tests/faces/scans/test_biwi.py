@@ -1,4 +1,4 @@
-"""Biwi: people, posed templates, depth, poses, calibrations, damaged files."""
+"""Biwi: people, posed templates, poses, damaged files."""
 
 from __future__ import annotations
 
@@ -7,21 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import settings as quick
-from hypothesis import strategies as st
 
-from glsim.core.camera import Intrinsics
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError
 from glsim.faces.face_source import BadFace, Face
-from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import PEOPLE, Biwi
 from tests.support.face_sets import (
-    CALIBRATION,
     FACE,
     OTHERS,
     all_keys,
-    depth_bytes,
     needs_others,
     pose_text,
     put,
@@ -84,52 +77,6 @@ def test_faces_that_look_away_or_are_damaged_are_skipped(tmp_path: Path) -> None
     assert "02.obj: cannot be read" in reasons[1]
 
 
-@quick(deadline=None, max_examples=60)
-@given(st.integers(1, 9), st.integers(1, 7), st.randoms(use_true_random=False))
-def test_depth_round_trip(
-    tmp_path_factory: pytest.TempPathFactory, width: int, height: int, random: object
-) -> None:
-    rng = np.random.default_rng(random.randrange(1000))  # type: ignore[attr-defined]
-    depth = rng.integers(1, 5000, (height, width)).astype(np.uint16)
-    depth[rng.random((height, width)) < 0.5] = 0
-    path = tmp_path_factory.mktemp("d") / "frame_depth.bin"
-    path.write_bytes(depth_bytes(depth))
-    np.testing.assert_array_equal(read_depth_bin(path), depth)
-
-
-def _words(*words: int) -> bytes:
-    return np.array(words, "<i4").tobytes()
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"123",
-        _words(2**31 - 1, 2**31 - 1),
-        _words(0, 5),
-        _words(2, 2, -1, 5),
-        _words(2, 2, 0, 0),
-        _words(2, 2, 3, 2),
-        _words(2, 2, 0, 4),
-        _words(2, 2, 2, 0),
-        _words(2, 2, 4, 0, 7),
-        _words(2, 2, 2, 2, -5),
-    ],
-)
-def test_damaged_depth_is_named(tmp_path: Path, data: bytes) -> None:
-    with pytest.raises(MeshError, match=r"frame_depth\.bin: cannot be used"):
-        read_depth_bin(put(tmp_path / "frame_depth.bin", data))
-
-
-def test_calibration(tmp_path: Path) -> None:
-    path = put(tmp_path / "depth.cal", CALIBRATION)
-    assert read_calibration(path) == Intrinsics(640, 480, 575.816, 575.816, 320.5, 240.5)
-    with pytest.raises(MeshError, match="26 numbers, not 27"):
-        read_calibration(put(path, CALIBRATION.replace(b"640 ", b"")))
-    with pytest.raises(MeshError, match="no plain pinhole"):
-        read_calibration(put(path, CALIBRATION.replace(b"0 0 0 0", b"1 0 0 0")))
-
-
 @needs_others
 def test_a_whole_tree() -> None:
     root = OTHERS / "hpdb"
@@ -137,7 +84,3 @@ def test_a_whole_tree() -> None:
     (face,) = source.load(all_keys(source))
     assert isinstance(face, Face)
     assert face.key.subject == "F01"
-    depth = read_depth_bin(source.depth_path(face.key))
-    assert depth.shape == (480, 640)
-    assert (depth > 0).any()
-    assert read_calibration(root / "01" / "rgb.cal").fx == 517.679

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as quick
 from hypothesis import strategies as st
 
-from glsim.core.errors import MeshError
 from glsim.faces.face_source import BadFace, Face, FaceSource
-from glsim.faces.scans.biwi_files import read_calibration, read_depth_bin
 from glsim.faces.sources.biwi import Biwi
 from glsim.faces.sources.facewarehouse import FaceWarehouse
 from tests.support.face_sets import all_keys, write_recording, write_tester
@@ -23,10 +20,6 @@ _SOURCES: dict[str, tuple[Callable[[Path], FaceSource], str]] = {
     "shape.bs": (FaceWarehouse, "Tester_1/Blendshape/shape.bs"),
     "pose.txt": (Biwi, "01/frame_00004_pose.txt"),
 }
-_READERS: dict[str, tuple[Callable[[Path], object], str]] = {
-    "depth.bin": (read_depth_bin, "01/frame_00003_depth.bin"),
-    "depth.cal": (read_calibration, "01/depth.cal"),
-}
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +27,12 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A set of each kind."""
     root = tmp_path_factory.mktemp("damage")
     write_tester(root / "shape.bs", 1, poses=0)
-    for name in ("pose.txt", *_READERS):
-        write_recording(root / name, 1, frames=2)
+    write_recording(root / "pose.txt", 1, frames=2)
     return root
 
 
 def read(root: Path, name: str) -> None:
-    """Read a file of a set by its source or reader; a MeshError or a BadFace is fine."""
-    if name in _READERS:
-        reader, path = _READERS[name]
-        with suppress(MeshError):
-            reader(root / name / path)
-        return
+    """Read a file of a set by its source; a BadFace is fine."""
     open_source, path = _SOURCES[name]
     source = open_source(root / name)
     keys = [key for key in all_keys(source) if key.path == path] or all_keys(source)
@@ -58,7 +45,7 @@ def read(root: Path, name: str) -> None:
             assert face.mesh.faces.max() < len(face.mesh.vertices_mm)
 
 
-@pytest.mark.parametrize("name", [*_SOURCES, *_READERS])
+@pytest.mark.parametrize("name", list(_SOURCES))
 @quick(
     deadline=None,
     max_examples=25,
@@ -70,7 +57,7 @@ def read(root: Path, name: str) -> None:
 def test_damage_anywhere_does_no_harm(
     tree: Path, name: str, at: float, length: int, new: bytes
 ) -> None:
-    path = tree / name / {**_SOURCES, **_READERS}[name][1]
+    path = tree / name / _SOURCES[name][1]
     whole = path.read_bytes()
     start = int(at * len(whole))
     path.write_bytes(whole[:start] + new + whole[start + length :] * (length < 40))
