@@ -19,6 +19,8 @@ import numpy as np
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import occluder_of
 from glsim.data.worker_processes import run_tasks
+from glsim.gl.context import borrowed_context, describe
+from glsim.gl.draw import shader_arithmetic
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,6 @@ class Machine:
 
 def fingerprint(context: Any) -> str:
     """Hash the results of fixed computations on this machine, in NumPy and in a GL context."""
-    from glsim.gl.draw import shader_arithmetic
-
     digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)
     digest.update(shader_arithmetic(context))
     return digest.hexdigest()
@@ -56,8 +56,6 @@ def fingerprint(context: Any) -> str:
 
 def this_machine(context: Any) -> Machine:
     """Return the Machine of this process."""
-    from glsim.gl.context import describe
-
     return Machine(socket.gethostname(), describe(context)["renderer"], fingerprint(context))
 
 
@@ -74,8 +72,6 @@ class _MachineReport:
     backend: str | None
 
     def run(self, tasks: Iterator[None]) -> Iterator[Machine]:
-        from glsim.gl.context import borrowed_context
-
         for _ in tasks:
             with borrowed_context(self.backend) as context:
                 yield this_machine(context)

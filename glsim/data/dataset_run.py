@@ -1,7 +1,8 @@
 """The steps of a run: find missing chunks, render them, and merge their records.
 
-``run_all`` takes all steps under the lock of the data set. Parts (``run_part``) take the first two,
-each under a lock of its own, and whoever finds all records merges.
+``write_dataset`` takes frames of any maker, ``glsim.data.driver`` simulated ones. ``run_all`` takes
+all steps under the lock of the data set. Parts (``run_part``) take the first two, each under a lock
+of its own, and whoever finds all records merges.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import parse_json
+from glsim.core.files.cloud import open_store
 from glsim.core.files.store import Store
 from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
 from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan, Part
@@ -26,7 +29,7 @@ from glsim.data.record_schema import MAX_HEADER_BYTES, MAX_LINE_BYTES, parse_hea
 from glsim.data.records import ChunkRecord, ChunkSummary
 from glsim.data.run_identity import InputHashes, make_identity
 from glsim.data.state_folder import RunState
-from glsim.data.worker_processes import run_tasks
+from glsim.data.worker_processes import Workers, available_workers, run_tasks
 from glsim.settings.schema import Settings
 from glsim.simulation.plan.tasks import Task
 
@@ -230,3 +233,38 @@ def finish(
         seconds=counts.seconds,
         cpu_seconds=counts.cpu_seconds,
     )
+
+
+def write_dataset(
+    settings: Settings,
+    tasks: Sequence[Task],
+    out: Path | str,
+    make_frames: FrameMaker,
+    *,
+    sensor: Mapping[str, Any],
+    renderer: str,
+    regions: Mapping[str, int] | None = None,
+    inputs: Callable[[], InputHashes] | None = None,
+    workers: Workers = "auto",
+    progress: Progress | None = None,
+) -> GenerateSummary:
+    """Write the data set of ``tasks`` to the folder ``out``, or the frames missing there.
+
+    Existing files are verified by size and CRC32; missing and damaged files are made again. The
+    bytes are the same for any number of workers and interruptions.
+
+    Raises ConfigError if the folder was begun with other settings or inputs; DatasetError if it is
+    in use, cannot be written, or holds other files, if worker processes die, or if an input changes
+    during the run; MeshError at the first bad mesh if the settings are strict; KeyboardInterrupt
+    after ending the workers. After any of these, the same call continues the run.
+
+    Args:
+        make_frames: see FrameMaker.
+        sensor, renderer: descriptions for the header; a resumed run must have the same ones.
+        regions: name -> number in the layer "regions".
+        inputs: hashes the files that the settings refer to; a resumed run must have the same.
+        workers: number of processes; 1 renders in this process.
+    """
+    store = open_store(out)
+    run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)
+    return run_all(run, in_processes(available_workers(workers)), progress)

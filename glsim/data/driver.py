@@ -11,19 +11,25 @@ Steps of a run, in the order of the calls:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from glsim.core.files.cloud import open_store
-from glsim.data.chunk_writer import FrameMaker
+from glsim.data.arithmetic import machine_of_workers, this_machine
 from glsim.data.chunks import Part
 from glsim.data.dataset_run import ChunkRenderer, DatasetRun, in_processes, run_all, run_part
+from glsim.data.frame_maker import SameMachineSimulator
+from glsim.data.input_hashes import source_hashes, stage_hashes
 from glsim.data.progress import GenerateSummary, PartSummary, Progress
 from glsim.data.run_identity import InputHashes
 from glsim.data.worker_processes import Workers, available_workers, portable_environment
+from glsim.faces.regions import region_numbers
+from glsim.gl.context import borrowed_context
+from glsim.looks.dress import worn_regions
+from glsim.looks.room.scenery import scene_regions
+from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings
-from glsim.simulation.plan.tasks import Task, make_tasks
+from glsim.simulation.pipeline import open_sources
+from glsim.simulation.plan.tasks import make_tasks
 
 
 def generate(
@@ -85,17 +91,6 @@ def _simulation(
     ray: str | None = None,
 ) -> tuple[DatasetRun, ChunkRenderer]:
     """Return the run of a simulated data set, and the function that renders its chunks."""
-    # Imported here because imports of recordings use this module and need no OpenGL.
-    from glsim.data.arithmetic import machine_of_workers, this_machine
-    from glsim.data.frame_maker import SameMachineSimulator
-    from glsim.data.input_hashes import source_hashes, stage_hashes
-    from glsim.faces.regions import region_numbers
-    from glsim.gl.context import borrowed_context
-    from glsim.looks.dress import worn_regions
-    from glsim.looks.room.scenery import scene_regions
-    from glsim.sensors.sensor import sensor_of
-    from glsim.simulation.pipeline import open_sources
-
     sensor = sensor_of(settings)
     sources = open_sources(settings)
     tasks = make_tasks(settings, sources)
@@ -125,38 +120,3 @@ def _simulation(
 
         return run, on_ray(ray, environment)
     return run, in_processes(available_workers(workers), environment)
-
-
-def write_dataset(
-    settings: Settings,
-    tasks: Sequence[Task],
-    out: Path | str,
-    make_frames: FrameMaker,
-    *,
-    sensor: Mapping[str, Any],
-    renderer: str,
-    regions: Mapping[str, int] | None = None,
-    inputs: Callable[[], InputHashes] | None = None,
-    workers: Workers = "auto",
-    progress: Progress | None = None,
-) -> GenerateSummary:
-    """Write the data set of ``tasks`` to the folder ``out``, or the frames missing there.
-
-    Existing files are verified by size and CRC32; missing and damaged files are made again. The
-    bytes are the same for any number of workers and interruptions.
-
-    Raises ConfigError if the folder was begun with other settings or inputs; DatasetError if it is
-    in use, cannot be written, or holds other files, if worker processes die, or if an input changes
-    during the run; MeshError at the first bad mesh if the settings are strict; KeyboardInterrupt
-    after ending the workers. After any of these, the same call continues the run.
-
-    Args:
-        make_frames: see FrameMaker.
-        sensor, renderer: descriptions for the header; a resumed run must have the same ones.
-        regions: name -> number in the layer "regions".
-        inputs: hashes the files that the settings refer to; a resumed run must have the same.
-        workers: number of processes; 1 renders in this process.
-    """
-    store = open_store(out)
-    run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)
-    return run_all(run, in_processes(available_workers(workers)), progress)

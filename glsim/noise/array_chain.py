@@ -28,6 +28,7 @@ from glsim.noise.layer_names import (
 from glsim.noise.registry import shipped_stage
 from glsim.noise.rig_checks import MATCHER
 from glsim.noise.stage import ENABLED, ArrayFunction, Stage, StageValues
+from glsim.noise.twins import find_twin, takes_tensors
 
 
 def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
@@ -85,16 +86,12 @@ def _twin_of(stage: Stage) -> ArrayFunction | None:
 
     A user's file may have the name of a shipped stage.
     """
-    from glsim.noise.twins import find_twin
-
     ours = shipped_stage(stage.spec.name) is stage.spec
     return find_twin(stage.spec.name) if ours else None
 
 
 def without_tensors(stages: Sequence[Stage]) -> Stage | None:
     """Return the first stage that may run and does not take tensors of PyTorch, else None."""
-    from glsim.noise.twins import takes_tensors
-
     for stage in stages:
         ours = shipped_stage(stage.spec.name) is stage.spec
         if stage.settings[ENABLED].bounds()[1] > 0 and not (

@@ -12,7 +12,7 @@ import pytest
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import encode_png
-from glsim.data.driver import write_dataset
+from glsim.data.dataset_run import write_dataset
 from glsim.data.reader import Dataset, open_dataset
 from glsim.data.verification import verify
 from tests.support.dataset_fakes import (

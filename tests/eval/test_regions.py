@@ -13,7 +13,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.depth_map import central_normals
-from glsim.data.driver import write_dataset
+from glsim.data.dataset_run import write_dataset
 from glsim.eval.metrics.frame_score import metrics_with_regions, score
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.scored_map import Truth, angles_deg, whole_windows

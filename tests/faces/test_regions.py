@@ -12,7 +12,7 @@ import pytest
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.mesh import Mesh
-from glsim.data.driver import write_dataset
+from glsim.data.dataset_run import write_dataset
 from glsim.data.reader import Dataset, open_dataset
 from glsim.data.verification import verify
 from glsim.faces.face_source import FaceSource, Topology

@@ -21,7 +21,7 @@ from glsim.core.files import atomic
 from glsim.core.files.atomic import checksum, file_checksum
 from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
-from glsim.data.driver import write_dataset
+from glsim.data.dataset_run import write_dataset
 from glsim.data.progress import GenerateSummary
 from glsim.faces.face_source import FaceKey
 from glsim.settings.distribution import DrawKeys

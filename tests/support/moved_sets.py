@@ -10,7 +10,7 @@ import numpy as np
 
 from glsim.core.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
 from glsim.core.rect import Rect
-from glsim.data.driver import write_dataset
+from glsim.data.dataset_run import write_dataset
 from glsim.settings.schema import Settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.plan.tasks import Task

@@ -19,7 +19,7 @@ from glsim.core.files.listing import entries
 from glsim.core.pose import pose_matrix
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.data.driver import write_dataset
+from glsim.data.dataset_run import write_dataset
 from glsim.data.input_hashes import source_hashes
 from glsim.data.progress import GenerateProgress, GenerateSummary
 from glsim.data.recordings.biwi import read_calibration, read_depth_bin
