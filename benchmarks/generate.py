@@ -174,9 +174,9 @@ def _run_peer(
     import cv2
 
     from benchmarks.lean_noise import LeanNoise
+    from glsim.core.units import to_steps
     from glsim.sensors.sensor import sensor_of
     from glsim.simulation.face_loader import FaceLoader
-    from glsim.simulation.frame import encode_depth
     from glsim.simulation.pipeline import open_sources
     from glsim.simulation.plan.tasks import make_tasks
     from glsim.simulation.scenes import FrameScenes
@@ -202,7 +202,7 @@ def _run_peer(
             first += len(mesh.vertices_mm)
         clean, lit = render(np.concatenate(points), np.concatenate(faces))
         for layer, depth in (("clean", clean), ("noisy", add_noise(clean, lit, number))):
-            cv2.imwrite(str(out / f"{number:06d}_{layer}.png"), encode_depth(depth))
+            cv2.imwrite(str(out / f"{number:06d}_{layer}.png"), to_steps(depth))
         yield time.process_time(), time.perf_counter()
 
 

@@ -17,6 +17,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.files.atomic import without_nan, write_atomic
 from glsim.core.files.png import write_picture
 from glsim.core.files.regular import read_csv
+from glsim.core.units import to_metres
 from glsim.data.contact_sheet import difference, shaded
 
 METRICS_FILE: Final = "metrics.csv"
@@ -82,8 +83,7 @@ def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -
     rows = []
     for frame in frames:
         noisy_m, denoised_m, clean_m = (
-            np.asarray(part[0].float().cpu().numpy() / np.float32(1000), np.float32)
-            for part in frame
+            np.asarray(to_metres(part[0].float().cpu().numpy()), np.float32) for part in frame
         )
         height, width = clean_m.shape
         camera = Intrinsics(width, height, _FOCAL_PX, _FOCAL_PX, width / 2, height / 2)

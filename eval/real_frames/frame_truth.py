@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.units import MM_PER_M
 from glsim.data.recordings.opencv_yaml import board_corners
 from glsim.eval.real_frames.halves import SplitRecording
 from glsim.measures.boards import find_board, plane_residual
@@ -29,7 +30,7 @@ BINS_M: Final = (0.5, 0.65, 0.9, 1.2, 1.5, 2.6, 4.4)
 _BINS: Final = len(BINS_M) - 1
 #: Width of the bins of the shift, mm, and their number from 0 m on.
 SHIFT_BIN_MM: Final = 100
-SHIFT_BINS: Final = int(1000 * BINS_M[-1] / SHIFT_BIN_MM)
+SHIFT_BINS: Final = int(MM_PER_M * BINS_M[-1] / SHIFT_BIN_MM)
 #: Largest movement of a pixel that is kept, mm.
 _LOST_MM: Final = STEP_MM / 2
 #: Side of the tiles in which planes are looked for, pixels; share of a tile that must lie on the
@@ -202,7 +203,7 @@ def _fitted(values: Array, place: tuple[NDArray[np.intp], ...], degree: Literal[
 
 def distance_bin(depth_mm: NDArray[np.floating] | float) -> NDArray[np.int64]:
     """Return the index of each depth's bin in BINS_M; -1 outside all bins and for NaN."""
-    place = np.digitize(np.nan_to_num(depth_mm), 1000.0 * np.array(BINS_M)) - 1
+    place = np.digitize(np.nan_to_num(depth_mm), MM_PER_M * np.array(BINS_M)) - 1
     return np.where(place < _BINS, place, -1)
 
 

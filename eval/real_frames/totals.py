@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from glsim.core.files.atomic import without_nan
+from glsim.core.units import MM_PER_M
 from glsim.eval.real_frames.frame_truth import (
     BINS_M,
     EDGE_SUMS,
@@ -173,7 +174,7 @@ def add_up(
 
 
 def _measures(total: Tally, raw: Tally) -> RealMeasures:
-    middles_m = SHIFT_BIN_MM * (np.arange(SHIFT_BINS) + 0.5) / 1000
+    middles_m = SHIFT_BIN_MM * (np.arange(SHIFT_BINS) + 0.5) / MM_PER_M
     shift = np.zeros((len(BINS_M) - 1, 2))
     np.add.at(shift, np.digitize(middles_m, BINS_M) - 1, total.shift)  # none below the first bin
     by_100mm = enumerate(_means(total.shift[None], _LEAST_PIXELS).tolist())

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.curves import bias_curves
-from glsim.eval.report.figures.panels import PANEL_ROWS, PanelFrame, method_panels
+from glsim.eval.report.figures.panels import PANEL_ROWS, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.score_tables import (
     ResultTable,
@@ -89,7 +90,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
         pictures.append(CaptionedPng("bias_by_distance", caption, to_png(over_distance)))
     example = example_frame(job)
     if example is not None:
-        frame, maps = example
+        frame, maps, title = example
         names = [name for name in maps if name in summary.methods]
         sheets = max(1, -(-len(names) // _COLUMNS))
         for sheet in range(sheets):
@@ -99,13 +100,13 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
                 name.replace(":", "\n", 1).replace(" [", "\n[", 1): maps[name]
                 for name in names[first:last]
             }
-            figure = method_panels(frame, part, PANEL_ROWS, frame.title)
+            figure = method_panels(frame, part, PANEL_ROWS, title)
             caption = "One frame denoised by every method, in the same scale."
             pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
     return pictures
 
 
-def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None:
+def example_frame(job: ScoringJob) -> tuple[DepthFrame, dict[str, Depth], str] | None:
     """Denoise the middle frame of the set by every method; the title names those that fail on it.
 
     Takes the next readable frame; returns None if there is none.
@@ -125,5 +126,5 @@ def example_frame(job: ScoringJob) -> tuple[PanelFrame, dict[str, Depth]] | None
                 maps |= denoise(method, stacks, number)[0]
             except Exception:  # whatever a denoiser raises; scoring has counted it
                 title += f"; {method.label} fails"
-        return PanelFrame(frame.clean_mm, frame.intrinsics, title, frame.offset_mm), maps
+        return frame, maps, title
     return None

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from glsim.core.depth_protocol import MEANING
+from glsim.core.units import MM_PER_M
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.regions import REGION_METRICS
@@ -174,7 +175,7 @@ def _bias_document(summary: ScoreSummary) -> Document | None:
         f"Columns: lower edge of the bin, m; bins of fewer than {ENOUGH_PIXELS} pixels are left "
         "out (bias_by_distance.csv has all, with intervals)."
     )
-    head = ["method", "largest ↓", *(f"{edge / 1000:.1f}" for edge in edges)]
+    head = ["method", "largest ↓", *(f"{edge / MM_PER_M:.1f}" for edge in edges)]
     return Document("Bias over distance [mm]", [note, TextTable(head, rows)])
 
 

@@ -103,10 +103,9 @@ def _corrupt_maps(
     centre: tuple[float, float] | None,
 ) -> int:
     """Write the noisy maps; return the number of files that could not be read."""
-    import numpy as np
-
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import stated_unit_mm
+    from glsim.core.units import to_metres
     from glsim.data.map_files import encode_map, format_of
     from glsim.simulation.corrupt import noise_name
     from glsim.simulation.depth_noise import DepthNoise
@@ -123,7 +122,7 @@ def _corrupt_maps(
                 console.print(f"skipped {error}", style="yellow", soft_wrap=True)
                 continue
             name = noise_name(depth_mm)
-            depth_m = depth_mm / np.float32(1000)
+            depth_m = to_metres(depth_mm)
             frame = noise.corrupt_depth(depth_m, frame=copies[name], sequence=name)
             copies[name] += 1
             stated = maps.step_mm != 1 or stated_unit_mm(source) is not None

@@ -136,6 +136,7 @@ def _denoise_maps(
 
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import encode_png
+    from glsim.core.units import to_metres
     from glsim.data.map_files import encode_map, format_of
     from glsim.denoise.frames import Stacks
 
@@ -156,7 +157,7 @@ def _denoise_maps(
         unchanged += bool(kept_clean) and np.array_equal(estimate.depth_mm, stack[now])
         depth_mm = estimate.composite(denoiser.composite or "measured")
         depth_mm = maps.as_stored(number, depth_mm, stacks.frame(number).offset_mm)
-        depth_m = depth_mm * np.float32(0.001)
+        depth_m = to_metres(depth_mm)
         try:
             data = encode_map(
                 depth_m, form or format_of(target), step_mm or 1.0, "--out-unit-mm", state_unit=True

@@ -41,7 +41,7 @@ def preview(
     """
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import write_picture
-    from glsim.data.contact_sheet import PreviewFrame, contact_sheet
+    from glsim.data.contact_sheet import contact_sheet
     from glsim.data.reader import open_dataset
     from glsim.measures.depth_errors import noise_table, recording_table
 
@@ -53,10 +53,7 @@ def preview(
         raise DatasetError(f"{dataset}: has no layer 'noisy' to draw")
     # Frames are spread evenly, each from the middle of its share, where expressions are strong.
     rows = min(frames, len(pairs))
-    shown = [
-        PreviewFrame.of_depth_frame(pairs[int((row + 0.5) * len(pairs) / rows)])
-        for row in range(rows)
-    ]
+    shown = [pairs[int((row + 0.5) * len(pairs) / rows)] for row in range(rows)]
     sensor = opened.sensor_title
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)

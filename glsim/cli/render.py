@@ -54,7 +54,7 @@ def render(
         axes: File axes that become x, y, z, such as +x+y+z; overrides detection.
     """
     from glsim.core.files.png import write_picture
-    from glsim.data.contact_sheet import PreviewFrame, contact_sheet
+    from glsim.data.contact_sheet import contact_sheet
     from glsim.data.layer_images import write_frame
     from glsim.faces.meshes.load import load_mesh
     from glsim.faces.one_mesh import OneMesh
@@ -75,7 +75,7 @@ def render(
         assert isinstance(frame, Frame), "a bad face raises, because strict is set"
         paths = write_frame(frame, out, face.stem, LAYERS)
         preview = out / f"{face.stem}_preview.png"
-        sheet = contact_sheet([PreviewFrame.of_frame(frame)], f"{face.name}, {settings.sensor}")
+        sheet = contact_sheet([frame.measured(rounded=False)], f"{face.name}, {settings.sensor}")
         write_picture(sheet, preview)
         print_written([*paths, preview])
         valid = int((frame.noisy_m > 0).sum())

@@ -12,6 +12,7 @@ from rich.table import Table
 from glsim.cli.common import JsonOption, print_json, print_table
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
+from glsim.core.units import MM_PER_M
 
 if TYPE_CHECKING:
     from glsim.sensors.sensor import Sensor
@@ -58,7 +59,7 @@ def sensors(
             name,
             f"{image.width}x{image.height}",
             f"{image.fx:g}",
-            f"{sensor.rig.baseline_m * 1000:g} mm" if sensor.rig.emitters else "none",
+            f"{sensor.rig.baseline_m * MM_PER_M:g} mm" if sensor.rig.emitters else "none",
             sensor.title,
         )
     print_table(table)
@@ -78,7 +79,7 @@ def _described(sensor: Sensor) -> dict[str, Any]:
         "height_px": image.height,
         "fx_px": image.fx,
         "fy_px": image.fy,
-        "baseline_mm": sensor.rig.baseline_m * 1000 if sensor.rig.emitters else None,
+        "baseline_mm": sensor.rig.baseline_m * MM_PER_M if sensor.rig.emitters else None,
         "stages": [{"name": s.name, "enabled": s.name not in off} for s in sensor.stages],
     }
 

@@ -14,6 +14,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.errors import MeshError
 from glsim.core.products import product
 from glsim.core.rect import Rect
+from glsim.core.units import MM_PER_M
 
 #: Margin of a window on each side, pixels, because stages can move and grow silhouettes. Shipped
 #: shaders reach 8 px at most (lateral jitter is cut there); array stages declare their reach.
@@ -161,8 +162,9 @@ def image_window(
     z = corners_m[:, 2]
     if z.max() <= near_m:
         raise MeshError(
-            f"the mesh lies behind the camera or nearer than {near_m * 1000:.0f} mm "
-            f"(z {z.min() * 1000:.0f} to {z.max() * 1000:.0f} mm): check units, axes and distance"
+            f"the mesh lies behind the camera or nearer than {near_m * MM_PER_M:.0f} mm "
+            f"(z {z.min() * MM_PER_M:.0f} to {z.max() * MM_PER_M:.0f} mm): "
+            "check units, axes and distance"
         )
     box = around or bounding_frustum(corners_m, (0.0, 0.0, 0.0), near_m)
     if box is None:
@@ -202,7 +204,7 @@ def emitter_frustum(
     if whole is None and not inside:
         raise MeshError(
             f"the mesh reaches behind the emitter at {origin_m} m or nearer than "
-            f"{near_m * 1000:.0f} mm: check units, axes and distance"
+            f"{near_m * MM_PER_M:.0f} mm: check units, axes and distance"
         )
     ends = (reached_m, max(high_m, 2 * reached_m)) if inside else (low_m, high_m)
     x, y = ((seen.min(), seen.max()) for seen in (field_of_view.columns, field_of_view.rows))

@@ -13,15 +13,18 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.camera import Intrinsics
+from glsim.core.camera import Distortion, Intrinsics, SensorRig
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError
+from glsim.core.units import to_metres
 
 DepthMap = NDArray[np.float32]
 Stack = NDArray[np.float64]
 
 #: A map, or a function that reads it.
 Layer = NDArray[Any] | Callable[[], NDArray[Any]]
+
+_NO_LENS = Distortion()
 
 
 class FrameKey(NamedTuple):
@@ -45,7 +48,7 @@ class DepthFrame(Mapping[str, Any]):
 
     Args:
         key: subject, sequence and number.
-        intrinsics: the pinhole camera of the maps.
+        intrinsics: the camera of the maps.
         layers: name -> (H, W) map, or a function that reads it; "noisy_mm" at least. Depth is
             float32 millimetres, 0 = none; "infrared" counts; "reason" and "regions" uint8 codes;
             "normals" (H, W, 3).
@@ -54,6 +57,7 @@ class DepthFrame(Mapping[str, Any]):
         step_mm: step of the stored depths, whose rounding adds step^2 / 12 to a variance; 0: none.
         record: what a data set says of the frame.
         name: unique in its set; default: the key.
+        lens: distortion that the maps keep; default: none, they are of a pinhole camera.
     """
 
     def __init__(
@@ -66,8 +70,9 @@ class DepthFrame(Mapping[str, Any]):
         step_mm: float = 1.0,
         record: Mapping[str, Any] | None = None,
         name: str = "",
+        lens: Distortion = _NO_LENS,
     ) -> None:
-        self.key, self.intrinsics = key, intrinsics
+        self.key, self.intrinsics, self.lens = key, intrinsics, lens
         self.offset_mm, self.step_mm = offset_mm, step_mm
         self.record: Mapping[str, Any] = record or {}
         self.name = name or str(key)
@@ -124,8 +129,17 @@ class DepthFrame(Mapping[str, Any]):
 
     @property
     def rays(self) -> DepthMap:
-        """(H, W, 2) float32 rays of the pixels, x/z and y/z."""
-        return _rays(self.intrinsics)
+        """(H, W, 2) float32 rays of the pixels, x/z and y/z, through the lens if there is one."""
+        return _rays(self.intrinsics, self.lens)
+
+    def in_metres(self, layer: str) -> DepthMap:
+        """Return a depth layer, such as "noisy_mm", as (H, W) float32 metres, 0 = none."""
+        return to_metres(self.layer(layer))
+
+    def points(self, layer: str) -> DepthMap:
+        """Return the points of a depth layer, (H, W, 3) float32 metres, camera frame, 0 = none."""
+        z = self.in_metres(layer)[..., None]
+        return np.concatenate([self.rays * z, z], axis=-1)
 
     @property
     def clean_mm(self) -> DepthMap:
@@ -173,7 +187,14 @@ class DepthFrame(Mapping[str, Any]):
             step_mm=self.step_mm,
             record=self.record,
             name=self.name,
+            lens=self.lens,
         )
+
+    def without(self, layers: Sequence[str]) -> DepthFrame:
+        """Return a copy of the frame that lacks some maps, by their names."""
+        copy = self.changed()
+        copy._layers = {name: value for name, value in copy._layers.items() if name not in layers}
+        return copy
 
 
 class Frames(Sequence[DepthFrame]):
@@ -312,8 +333,8 @@ class Frames(Sequence[DepthFrame]):
 
 
 @lru_cache(maxsize=2)
-def _rays(camera: Intrinsics) -> DepthMap:
-    return camera.rays()
+def _rays(camera: Intrinsics, lens: Distortion) -> DepthMap:
+    return SensorRig(camera, distortion=lens, deliver="raw").rays()
 
 
 # Functions of the module, because a set of frames is sent to other processes.

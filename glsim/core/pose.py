@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.products import product
+from glsim.core.units import MM_PER_M
 
 #: Canonical axes (y up, z out of the face) to camera axes (y down, z forward): a half turn about x.
 _FACING = np.diag([1.0, -1.0, -1.0])
@@ -24,8 +25,8 @@ def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
     """
     turn = rotation(*(pose.get(f"{angle}_deg", 0.0) for angle in ("yaw", "pitch", "roll")))
     matrix = np.eye(4)
-    matrix[:3, :3] = product(_FACING, turn) / 1000.0
-    matrix[:3, 3] = [pose.get(n, 0.0) / 1000.0 for n in ("x_mm", "y_mm", "distance_mm")]
+    matrix[:3, :3] = product(_FACING, turn) / MM_PER_M
+    matrix[:3, 3] = [pose.get(n, 0.0) / MM_PER_M for n in ("x_mm", "y_mm", "distance_mm")]
     return matrix.astype(np.float32)
 
 

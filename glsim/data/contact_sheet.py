@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,8 +13,8 @@ from glsim.core import depth_map
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.reason import Reason
+from glsim.core.units import to_metres, to_mm
 from glsim.simulation.assembly import reconcile_reasons
-from glsim.simulation.frame import Frame
 
 Picture = NDArray[np.uint8]
 
@@ -62,7 +62,7 @@ def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
 
 def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Picture:
     """Draw noisy minus clean depth in metres as colours (H, W, 3), blue nearer and red farther."""
-    share = np.clip((noisy_m - clean_m) * 1000.0 / DIFFERENCE_MM, -1, 1)[..., None]
+    share = np.clip(to_mm(noisy_m - clean_m) / DIFFERENCE_MM, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
     colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
     picture: Picture = colour.astype(np.uint8)
@@ -77,69 +77,38 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
     return picture
 
 
-@dataclass(frozen=True, eq=False)
-class PreviewFrame:
-    """A frame to draw: clean and noisy depth (H, W) in metres, reason codes, and a caption.
-
-    Attributes:
-        has_reasons: False if the codes are inferred: why a pixel is lost is then unknown.
-        has_clean: False for recorded frames, whose clean_m is 0.
-        infrared: (H, W) counts, or None; it is drawn where there is no clean map.
-    """
-
-    clean_m: NDArray[np.float32]
-    noisy_m: NDArray[np.float32]
-    reason: NDArray[np.uint8]
-    intrinsics: Intrinsics
-    caption: str = ""
-    has_clean: bool = True
-    has_reasons: bool = True
-    infrared: NDArray[np.uint16] | None = None
-
-    @classmethod
-    def of_frame(cls, frame: Frame, caption: str = "") -> PreviewFrame:
-        """Convert a simulated frame, cropped to its window."""
-        camera = frame.intrinsics.cropped(*frame.window)
-        return cls(frame.clean_m, frame.noisy_m, frame.reason_codes, camera, caption)
-
-    @classmethod
-    def of_depth_frame(cls, frame: DepthFrame) -> PreviewFrame:
-        """Convert a data set's frame; reasons are inferred if it has no reason layer."""
-        noisy_m = frame.noisy_mm / np.float32(1000)
-        has_clean, has_reasons = "clean_mm" in frame, "reason" in frame
-        clean_m = frame.clean_mm / np.float32(1000) if has_clean else np.zeros_like(noisy_m)
-        if has_reasons:
-            codes = np.asarray(frame.reason, dtype=np.uint8)
-        else:
-            inferred = reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m))
-            codes = inferred.astype(np.uint8)
-        infrared = np.asarray(frame.infrared, np.uint16) if "infrared" in frame else None
-        return cls(
-            clean_m, noisy_m, codes, frame.intrinsics, frame.name, has_clean, has_reasons, infrared
-        )
-
-
-def frame_row(frame: PreviewFrame, side: int = 320) -> Picture:
-    """Draw a row of four cells: shaded clean, shaded noisy, difference, and reasons.
+def frame_row(frame: DepthFrame, side: int = 320) -> Picture:
+    """Draw a row of four cells, with its name: shaded clean, shaded noisy, difference, reasons.
 
     Without a clean map two: shaded noisy, infrared.
 
     Args:
+        frame: in which a missing layer "reason" is inferred from its depths.
         side: width and height of a cell, pixels.
     """
-    noisy = shaded(frame.noisy_m, frame.intrinsics)
-    if frame.has_clean:
-        clean = shaded(frame.clean_m, frame.intrinsics)
-        cells = [clean, noisy, difference(frame.clean_m, frame.noisy_m), reasons(frame.reason)]
-        cells = [cell[_surface_slices(frame.clean_m)] for cell in cells]
+    noisy_m = frame.in_metres("noisy_mm")
+    noisy = shaded(noisy_m, frame.intrinsics)
+    if "clean_mm" in frame:
+        clean_m = frame.in_metres("clean_mm")
+        error = difference(clean_m, noisy_m)
+        cells = [shaded(clean_m, frame.intrinsics), noisy, error, reasons(_codes(frame))]
+        cells = [cell[_surface_slices(clean_m)] for cell in cells]
     else:
-        cells = [noisy, brightness(frame.infrared, frame.noisy_m.shape)]
+        cells = [noisy, brightness(frame.infrared, noisy_m.shape)]
     row = np.hstack([_fit(cell, side) for cell in cells])
-    _write(row, frame.caption, (10, 16), 0.4)
+    _write(row, frame.name, (10, 16), 0.4)
     return row
 
 
-def brightness(infrared: NDArray[np.uint16] | None, shape: tuple[int, ...]) -> Picture:
+def _codes(frame: DepthFrame) -> NDArray[np.uint8]:
+    """Return the frame's reason codes, inferred from its depths if it has no such layer."""
+    if "reason" in frame:
+        return frame.reason
+    unknown = np.zeros_like(frame.clean_mm)
+    return reconcile_reasons(frame.clean_mm, frame.noisy_mm, unknown).astype(np.uint8)
+
+
+def brightness(infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> Picture:
     """Draw infrared counts (None: empty) as grey, relative to their 99th percentile."""
     if infrared is None or not infrared.any():
         return np.full((*shape, 3), _BACKGROUND, np.uint8)
@@ -154,7 +123,7 @@ _SHEET_ROWS, _SHEET_COLUMNS = 4, 3
 _NARROW_PX = 200
 
 
-def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -> Picture:
+def contact_sheet(frames: Sequence[DepthFrame], title: str, side: int = 300) -> Picture:
     """Draw one ``frame_row`` per frame, with a title, headings, and a legend of the colours.
 
     More than four frames stand in up to three columns, with smaller cells. All frames have a clean
@@ -163,7 +132,8 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
     side = side if columns == 1 else min(side, _NARROW_PX)
     headings: tuple[str, ...] = ("noisy, shaded", "infrared")
-    if frames[0].has_clean:
+    with_clean = "clean_mm" in frames[0]
+    if with_clean:
         headings = ("clean, shaded", "noisy, shaded", "noisy - clean", "invalid or altered")
     width = columns * len(headings) * side
     head = np.full((66, width, 3), _BACKGROUND, np.uint8)
@@ -171,11 +141,11 @@ def contact_sheet(frames: Sequence[PreviewFrame], title: str, side: int = 300) -
     for column, text in enumerate(headings * columns):
         _write(head, text, (column * side + 10, 56), 0.5 if columns == 1 else 0.45)
     rows = _grid([frame_row(frame, side) for frame in frames], columns, down=True)
-    if not frames[0].has_clean:
+    if not with_clean:
         return np.vstack([head, rows])
-    used = sorted({Reason(int(code)) for frame in frames for code in np.unique(frame.reason)})
+    used = sorted({Reason(int(code)) for frame in frames for code in np.unique(_codes(frame))})
     texts = {code: f"{int(code)} {code.name.lower()}: {code.help}" for code in used}
-    if Reason.DROPPED in texts and not all(frame.has_reasons for frame in frames):
+    if Reason.DROPPED in texts and not all("reason" in frame for frame in frames):
         texts[Reason.DROPPED] = "lost, reason unknown: the data set has no layer reason"
     return np.vstack([head, rows, _legend(width, texts)])
 
@@ -188,16 +158,14 @@ def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
     return np.vstack([np.hstack(group) for group in groups])
 
 
-def gallery(
-    faces: Sequence[PreviewFrame], title: str, columns: int = 4, side: int = 240
-) -> Picture:
-    """Draw shaded clean maps in a grid, each with its caption."""
+def gallery(faces: Sequence[DepthFrame], title: str, columns: int = 4, side: int = 240) -> Picture:
+    """Draw shaded clean maps in a grid, each with its name."""
     columns = max(1, min(columns, len(faces)))
     cells = []
     for face in faces:
-        crop = _surface_slices(face.clean_m)
-        cell = _fit(shaded(face.clean_m, face.intrinsics)[crop], side)
-        _write(cell, face.caption, (8, 16), 0.4)
+        clean_m = face.in_metres("clean_mm")
+        cell = _fit(shaded(clean_m, face.intrinsics)[_surface_slices(clean_m)], side)
+        _write(cell, face.name, (8, 16), 0.4)
         cells.append(cell)
     head = np.full((40, columns * side, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.5)
@@ -207,7 +175,7 @@ def gallery(
 def _legend(width: int, texts: Mapping[Reason, str]) -> Picture:
     lines = 1 + len(texts)
     bar = np.full((24 * lines + 14, width, 3), _BACKGROUND, np.uint8)
-    ramp = np.linspace(-DIFFERENCE_MM, DIFFERENCE_MM, 240, dtype=np.float32)[None] / 1000.0
+    ramp = to_metres(np.linspace(-DIFFERENCE_MM, DIFFERENCE_MM, 240, dtype=np.float32)[None])
     bar[8:22, 10:250] = np.repeat(difference(np.ones_like(ramp), 1 + ramp), 14, axis=0)
     _write(bar, f"-{DIFFERENCE_MM:.0f} to +{DIFFERENCE_MM:.0f} mm", (260, 21), 0.45)
     for line, (code, text) in enumerate(texts.items(), start=1):

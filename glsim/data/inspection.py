@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import ConfigError, GlsimError
 from glsim.core.files.listing import entries
-from glsim.data.contact_sheet import PreviewFrame
 from glsim.data.disk_format import HEADER
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSource
@@ -120,7 +120,7 @@ def inspect(
 
 def preview_faces(
     source: FaceSource, keys: Sequence[FaceKey], backend: str | None = None
-) -> Iterator[PreviewFrame]:
+) -> Iterator[DepthFrame]:
     """Render frames with an ideal sensor at 0.9 m, leaving out frames that fail."""
     settings = load_settings(overrides={"sensor": "ideal"})
     tasks = [
@@ -131,7 +131,7 @@ def preview_faces(
         if isinstance(result, Frame):
             key = result.key
             caption = f"{key.subject} {key.sequence} {key.frame}"
-            yield PreviewFrame.of_frame(result, caption)
+            yield result.measured(caption, rounded=False)
 
 
 def _add_notes(report: FaceSetReport, face: Face) -> None:

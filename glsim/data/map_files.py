@@ -25,8 +25,8 @@ from glsim.core.files.png import (
     read_image,
 )
 from glsim.core.files.regular import read_data
+from glsim.core.units import from_steps, to_steps
 from glsim.data.recordings.biwi import read_depth_bin
-from glsim.simulation.frame import encode_depth, to_mm
 
 #: Suffixes of the files that are read and written.
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")
@@ -183,14 +183,14 @@ def depth_in_mm(
     Args:
         image: integers in steps of the unit, of which 65535 is no depth, or floats.
         unit_mm: step of integers, mm.
-        offset_mm: added to integers, see ``to_mm``.
+        offset_mm: added to integers, see ``from_steps``.
         in_metres: floats are metres, else millimetres.
     """
     with np.errstate(over="ignore"):
         if image.dtype.kind == "f":
             depth_mm = image.astype(np.float32) * np.float32(1000 if in_metres else 1)
         else:
-            depth_mm = to_mm(image, unit_mm, offset_mm)
+            depth_mm = from_steps(image, unit_mm, offset_mm)
             depth_mm[image == SATURATED] = 0
     depth_mm[~((depth_mm > 0) & (depth_mm < FAR_MM))] = 0
     return depth_mm
@@ -219,7 +219,7 @@ def encode_map(
     if form in FLOAT_FORMATS:
         encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)
         return encode(depth_m)
-    units = encode_depth(depth_m, unit_mm, option)
+    units = to_steps(depth_m, unit_mm, option)
     return (
         encode_png(units, unit_mm if state_unit else None) if form == "png" else _encode_tiff(units)
     )

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from glsim.core.camera import Distortion
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.depth_protocol import DepthProtocol, stored_protocol
 from glsim.core.errors import DatasetError, did_you_mean
@@ -144,7 +146,16 @@ class Dataset:
         for layer in self.header["settings"]["output"]["layers"]:
             if layer not in record["files"]:
                 raise self._manifest.damage(number, f"files: it lacks the layer {layer!r}")
-        return stored_frame(self._store, record, self.depth_unit_mm)
+        return stored_frame(self._store, record, self.depth_unit_mm, kept_lens(self.header))
+
+
+def kept_lens(header: Mapping[str, Any]) -> Distortion:
+    """Return the lens distortion in the images of a data set; none if they are undistorted."""
+    sensor = header.get("sensor", {})
+    if sensor.get("deliver") != "raw":
+        return Distortion()
+    given = sensor.get("distortion", {})
+    return Distortion(**{name: float(given.get(name, 0.0)) for name in vars(Distortion())})
 
 
 def open_dataset(path: Path | str) -> Dataset:

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.camera import Intrinsics
+from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import checksum, missing
 from glsim.core.files.png import MAX_IMAGE_BYTES
 from glsim.core.files.store import Store
 from glsim.core.reason import Reason
+from glsim.core.units import from_steps
 from glsim.data.header import REPAIR
 from glsim.data.layer_images import LayerImage, decode_layer
-from glsim.simulation.frame import decode_normals, to_mm
+from glsim.simulation.frame import decode_normals
 
 #: Bytes between two members of a shard: a header and the rest of the last block, 512 each.
 _TAR_BYTES = 1024
@@ -27,13 +28,18 @@ _TAR_BYTES = 1024
 _DEPTH_LAYERS = ("clean", "expected", "noisy")
 
 
-def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> DepthFrame:
+def stored_frame(
+    store: Store, record: Mapping[str, Any], step_mm: float, lens: Distortion
+) -> DepthFrame:
     """Return a frame of a data set, which reads and checks its images at their first use.
+
+    Its depths are as measured: the offset of its files is added to them.
 
     Args:
         store: of the data set.
         record: of the frame in the manifest, see ``glsim.data.records.frame_record``.
         step_mm: millimetres per step of stored depth.
+        lens: distortion that the images keep.
     """
     images = StoredImages(store, record, step_mm)
     layers: dict[str, Any] = {}
@@ -49,10 +55,10 @@ def stored_frame(store: Store, record: Mapping[str, Any], step_mm: float) -> Dep
         key,
         Intrinsics(**record["intrinsics"]),
         layers,
-        offset_mm=float(record["depth_offset_mm"]),
         step_mm=step_mm,
         record=record,
         name=f"{record['split']}/{key}",
+        lens=lens,
     )
 
 
@@ -98,7 +104,8 @@ class StoredImages:
 
     def depth_mm(self, layer: str) -> NDArray[np.float32]:
         """Read a depth layer as (H, W) float32 mm from the camera, 0 = no depth."""
-        return to_mm(self.read(layer), self._step_mm, float(self._record["depth_offset_mm"]))
+        steps = np.asarray(self.read(layer))
+        return from_steps(steps, self._step_mm, float(self._record["depth_offset_mm"]))
 
     def normals(self) -> NDArray[np.float32]:
         """Read the unit normals, (H, W, 3) float32."""

@@ -20,6 +20,8 @@ from glsim.sensors.wiggling import remove_wiggling
 
 #: Tolerance of a crop's place, px: principal points are float32 in files.
 _CROP_PX: Final = 0.02
+#: Largest difference of two focal lengths of one camera, relative: a tenth of a percent. Chosen.
+_SAME_FOCAL: Final = 1e-3
 
 
 class DeviceCalibration:
@@ -88,7 +90,7 @@ class DeviceCalibration:
             return 0, 0
         left, top = own.cx - crop.cx, own.cy - crop.cy
         column, row = round(left), round(top)
-        other_focal = max(abs(crop.fx - own.fx), abs(crop.fy - own.fy)) > 1e-3 * own.fx
+        other_focal = max(abs(crop.fx - own.fx), abs(crop.fy - own.fy)) > _SAME_FOCAL * own.fx
         inside = 0 <= column <= own.width - shape[1] and 0 <= row <= own.height - shape[0]
         if other_focal or max(abs(left - column), abs(top - row)) > _CROP_PX or not inside:
             raise ConfigError(

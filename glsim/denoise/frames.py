@@ -160,7 +160,7 @@ class MapReader:
 
     def _stored_offset_mm(self, number: int) -> float:
         pair = self._pairs.get(self._files[number].absolute())
-        return 0.0 if pair is None else pair.offset_mm
+        return 0.0 if pair is None else float(pair.record["depth_offset_mm"])
 
     def _dataset_pairs(self) -> dict[Path, DepthFrame]:
         """Find the frames of data sets to which the files belong: absolute path -> frame."""

@@ -22,6 +22,7 @@ from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import norm, product
 from glsim.core.seeds import rng_for
+from glsim.core.units import MM_PER_M
 
 #: Centre of rotation of head and neck, mm from the centre of the face: between the
 #: atlanto-occipital joint (near (0, -25, -85) on the embedded heads) and the last cervical vertebra
@@ -120,7 +121,7 @@ def bend_neck(
         return [*meshes]
     trunk_pose = still if neck.trunk_poses else trunk_angles(pose)
     head, trunk = (
-        1000.0 * pose_matrix({n: angles.get(n, 0.0) for n in NECK_DEG})[:3, :3].astype(np.float64)
+        MM_PER_M * pose_matrix({n: angles.get(n, 0.0) for n in NECK_DEG})[:3, :3].astype(np.float64)
         for angles in (pose, trunk_pose)
     )
     axis, angle = _axis_angle(product(head.T, trunk))
@@ -189,7 +190,7 @@ def move_pose(
     }
     pivot = np.append(pivot_mm(neck), 1.0)
     moved = (pose_matrix(pose) - pose_matrix(turned)).astype(np.float64)
-    drift_mm = product(1000.0 * moved, pivot)
+    drift_mm = product(MM_PER_M * moved, pivot)
     for name, drift in zip(("x_mm", "y_mm", "distance_mm"), drift_mm, strict=False):
         turned[name] += float(drift) + offsets.get(name, 0.0)
     return turned

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
 from glsim.measures.measured_frame import lit, radius_px, surface_mm, surfaces
 from glsim.measures.quadrics import fit_surfaces
@@ -55,7 +56,7 @@ def root_cells(samples: Sequence[Sample]) -> tuple[Cell, ...]:
     )
     cells = []
     for near, far in pairwise(DISTANCES_M):
-        row = (depth >= 1000 * near) & (depth < 1000 * far)
+        row = (depth >= MM_PER_M * near) & (depth < MM_PER_M * far)
         for inner, outer in pairwise(RADII_PX):
             here = value[row & (radius >= inner) & (radius < outer)]
             if here.size >= LEAST_PIXELS:
@@ -95,7 +96,7 @@ def without_outliers(noise: Array, surface_mm: NDArray[np.floating]) -> Array:
     size = np.abs(np.nan_to_num(noise)).astype(np.float32)
     around = _LOCAL_CLIP * 1.4826 * cv2.medianBlur(size, 5)
     for near, far in pairwise((0.0, *DISTANCES_M, 100.0)):
-        here = both & (surface_mm >= 1000 * near) & (surface_mm < 1000 * far)
+        here = both & (surface_mm >= MM_PER_M * near) & (surface_mm < MM_PER_M * far)
         if here.any():
             off = np.abs(noise[here] - np.median(noise[here]))
             spread = 1.4826 * float(np.median(off))

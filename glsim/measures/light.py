@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.units import MM_PER_M
 from glsim.measures.depth_noise import DISTANCES_M, pair_noise
 from glsim.measures.measured_frame import lit, radius_px, surfaces
 
@@ -27,6 +28,8 @@ _CLASSES = np.geomspace(100.0, 65_000.0, 34)
 RINGS_PX = (0.0, 40.0, 80.0, 120.0, 140.0, 160.0, 180.0, 200.0, 220.0, 240.0, 260.0, 300.0)
 #: Radius of the light over distance, px; the lens is even within it (measured).
 EVEN_PX = 140.0
+#: Counts by which the fit of the noise law is scaled, so that its two terms are of one size.
+_COUNTS = 1000.0
 _LEAST_PIXELS = 300
 _BRIGHTEST = 90.0
 #: Least cosine of a surface (60 degrees): the cosine of steeper surfaces is uncertain.
@@ -93,7 +96,7 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
         squares = np.where(flat, s.rough_mm.astype(np.float64) ** 2 - quantum, np.nan)
         over_space.append((ir[::3, ::3], squares[::3, ::3]))
         keep = np.isfinite(unit)[::2, ::2]
-        columns = (unit, frame.measured_mm / 1000.0, radius_px(frame))
+        columns = (unit, frame.measured_mm / MM_PER_M, radius_px(frame))
         bright.append(np.stack([c[::2, ::2][keep] for c in columns]).astype(np.float64))
         saturated.append(float((~lit(frame) & (frame.infrared > 0)).mean()))
     unit, depth, radius = np.concatenate(bright, axis=1)
@@ -124,7 +127,7 @@ def light_at_one_metre(frame: DepthFrame) -> Array:
         return np.full(frame.measured_mm.shape, np.nan)
     s = surfaces(frame)
     away = np.sqrt(1.0 + (frame.rays.astype(np.float64) ** 2).sum(axis=-1))
-    r_m = frame.measured_mm / 1000.0 * away
+    r_m = frame.measured_mm / MM_PER_M * away
     known = s.smooth & lit(frame) & (s.cosine > _LEAST_COSINE)
     return np.where(known, frame.infrared * r_m**2 / np.where(known, s.cosine, 1.0), np.nan)
 
@@ -165,9 +168,9 @@ def _fit_law(parts: Sequence[tuple[Array, Array]]) -> NoiseLaw:
     if len(rows) < 3:
         return NoiseLaw(float("nan"), float("nan"), tuple(rows))
     ir, sigma = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
-    design = np.column_stack([np.ones_like(ir), (1000.0 / ir) ** 2]) / sigma[:, None] ** 2
+    design = np.column_stack([np.ones_like(ir), (_COUNTS / ir) ** 2]) / sigma[:, None] ** 2
     floor2, slope2 = _not_negative(design, np.ones_like(ir))
-    return NoiseLaw(floor2**0.5, 1000.0 * slope2**0.5, tuple(rows))
+    return NoiseLaw(floor2**0.5, _COUNTS * slope2**0.5, tuple(rows))
 
 
 def _not_negative(design: Array, target: Array) -> tuple[float, float]:

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.units import MM_PER_M
+
 Array = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
@@ -45,7 +47,7 @@ class Surfaces:
 
 def step_limit_mm(depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute the largest depth difference of neighbours on one surface, mm, from depth, mm."""
-    return np.asarray(_STEP_MM + _STEP_MM_PER_M * depth_mm / 1000.0)
+    return np.asarray(_STEP_MM + _STEP_MM_PER_M * depth_mm / MM_PER_M)
 
 
 @lru_cache(maxsize=4)

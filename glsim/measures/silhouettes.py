@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.units import MM_PER_M
 from glsim.measures.measured_frame import radius_px
 from glsim.measures.pixel_runs import goes_on, successive_runs
 
@@ -142,7 +143,7 @@ def find_edges(frame: DepthFrame) -> Edges:
     z = frame.measured_mm
     known = np.isfinite(z)
     joined = known[:, 1:] & known[:, :-1]
-    limit = _SAME_MM + _SAME_MM_PER_M * np.nan_to_num(z[:, 1:]) / 1000.0
+    limit = _SAME_MM + _SAME_MM_PER_M * np.nan_to_num(z[:, 1:]) / MM_PER_M
     joined &= np.abs(np.diff(z, axis=1)) <= limit
     row, start, end, next_start, next_end = successive_runs(joined, _LEAST_RUN, _MOST_GAP)
     # Depth at an end: the median of the four pixels next to the outermost one.
@@ -171,7 +172,7 @@ def find_edges(frame: DepthFrame) -> Edges:
         (outside > back_mm[:, None] + _BEHIND_MM).mean(axis=1),
         front_mm,
         back_mm,
-        frame.intrinsics.fx * (1000.0 / front_mm - 1000.0 / back_mm),
+        frame.intrinsics.fx * (MM_PER_M / front_mm - MM_PER_M / back_mm),
         radius_px(frame)[row, column],
         np.zeros(row.size) if frame.infrared is None else frame.infrared[row, back].astype("f8"),
     )
@@ -199,7 +200,7 @@ def _side(
         float(column("band_invalid", used).mean()),
         float(column("band_behind", used).mean()),
         offset,
-        1000.0 * slope,
+        MM_PER_M * slope,
     )
 
 

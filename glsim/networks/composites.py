@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_map import around
 from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.units import M_PER_MM
 from glsim.networks.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.networks.record import UNLIKELY
 
@@ -130,7 +131,7 @@ def calibrated(probability: Probability, unlikely: float) -> Probability:
 
 def tolerance_mm(depth_mm: Depth) -> Depth:
     """Compute the depth difference, mm, up to which two pixels count as one surface."""
-    return np.asarray(SAME_SURFACE_MM + SAME_SURFACE_MM_PER_M * 0.001 * depth_mm, np.float32)
+    return np.asarray(SAME_SURFACE_MM + SAME_SURFACE_MM_PER_M * M_PER_MM * depth_mm, np.float32)
 
 
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from glsim.core.camera import FloatArray
+from glsim.core.units import M_PER_MM
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
 
 #: Periods per half wavelength of the harmonics that three taps alias.
@@ -85,7 +86,7 @@ def remove_wiggling(
     stretch = np.sqrt(x * x + y * y + 1.0)
     true_mm = z_mm
     for _ in range(_STEPS):
-        z = 0.001 * true_mm
+        z = M_PER_MM * true_mm
         back = [z * x - emitter_m[0], z * y - emitter_m[1], z - emitter_m[2]]
         way = np.sqrt(back[0] ** 2 + back[1] ** 2 + back[2] ** 2)
         per_depth = 0.5 * (stretch + (back[0] * x + back[1] * y + back[2]) / way)

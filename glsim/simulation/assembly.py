@@ -14,6 +14,7 @@ from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
+from glsim.core.units import MM_PER_M
 from glsim.noise.twins.arrays import of
 from glsim.noise.twins.layers import Image, has_depth, select
 from glsim.settings.schema import OutputSettings
@@ -54,13 +55,13 @@ def assemble_frame(
     reason = reconcile_reasons(clean, noisy, layers["reason"][inside]).astype(np.uint8)
     if output.clean_mask == "as-noisy":
         clean = np.where(noisy > 0, clean, none)
-    step_m, offset_mm = output.depth_unit_mm / 1000.0, 0.0
+    step_m, offset_mm = output.depth_unit_mm / MM_PER_M, 0.0
     expected = layers.get("expected")
     if expected is not None:  # where clean has depth, at least one step there
         expected = np.where(clean > 0, np.maximum(expected[inside], np.float32(step_m)), none)
     if output.nearest_to_mm is not None and (clean > 0).any():
-        offset_mm = 1000.0 * offset_to_nearest(clean, 0.0) - output.nearest_to_mm
-        move = partial(subtract_offset, offset=offset_mm / 1000.0, least=step_m)
+        offset_mm = MM_PER_M * offset_to_nearest(clean, 0.0) - output.nearest_to_mm
+        move = partial(subtract_offset, offset=offset_mm / MM_PER_M, least=step_m)
         clean, noisy = move(clean), move(noisy)
         expected = None if expected is None else move(expected)
     infrared, region = layers.get("infrared"), layers.get("region")
@@ -96,7 +97,7 @@ def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
     height, width = frame.clean_m.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     clean = frame.clean_m[row.clip(0, height - 1), column.clip(0, width - 1)]
-    depth = points_m[:, 2] - frame.depth_offset_mm / 1000.0
+    depth = points_m[:, 2] - frame.depth_offset_mm / MM_PER_M
     return Landmarks(points_m, pixels, inside & (clean > 0) & (np.abs(clean - depth) < 0.005))
 
 

@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, require_package
 from glsim.core.seeds import stable_seed
+from glsim.core.units import from_steps, to_metres
 from glsim.faces.face_source import FaceKey
 from glsim.noise.array_chain import without_tensors
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.corrupt import MapEngine, depth_batch, map_shape, surface_depth
-from glsim.simulation.frame import Frame, decode_depth, refuse_millimetres
+from glsim.simulation.frame import Frame, refuse_millimetres
 
 #: An array of NumPy or a tensor of PyTorch.
 _Depths = TypeVar("_Depths")
@@ -250,7 +251,7 @@ class DepthNoise:
             )
         engine = self._engine((clean.shape[0], clean.shape[1]), self._backend)
         seed = stable_seed("corrupt", self.settings.seed, name)
-        depth_m = decode_depth(clean, self.settings.output.depth_unit_mm)
+        depth_m = to_metres(from_steps(clean, self.settings.output.depth_unit_mm))
         key, seeds = FaceKey(name or "map", "main", 0), DrawKeys(seed, seed, seed)
         made: Frame = engine.frame(depth_m, key, seeds)
         return made

@@ -1,26 +1,26 @@
-"""The simulated frame, and the encoding of depth as 16-bit integers."""
+"""The simulated frame, and its conversion to a measured depth frame."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
-from glsim.core.errors import ConfigError, DepthRangeError, did_you_mean
+from glsim.core.depth_frame import DepthFrame, FrameKey, Layer
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
+from glsim.core.units import MM_PER_M, UINT16_MAX, from_steps, to_mm, to_steps
 
 if TYPE_CHECKING:
     from glsim.faces.face_source import FaceKey
 
 _T = TypeVar("_T", bound=np.generic)
-
-#: The largest value of a 16-bit file.
-_UINT16_MAX = 65535
 
 #: Code of a normal's component of 0, and steps from 0 to 1: -1 becomes 1, so that 0 is "none".
 _ZERO, _STEPS = 32768, 32767
@@ -31,37 +31,6 @@ LAYERS = ("clean", "noisy", "infrared", "reason")
 #: request only, and so are normals (uint16, three channels), color (uint8, three channels) and, of
 #: stereo cameras, the second infrared image (uint16).
 WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right", "color")
-
-
-def encode_depth(
-    depth_m: NDArray[np.floating], unit_mm: float = 1.0, option: str = "output.depth_unit_mm"
-) -> NDArray[np.uint16]:
-    """Round depth in metres to uint16 units; 0 stays 0, and positive depths become at least 1.
-
-    Raises DepthRangeError if a depth exceeds 65535 units; it names ``option``.
-    """
-    units = np.rint(depth_m * np.float32(1000.0 / unit_mm))
-    if units.max(initial=0.0) > _UINT16_MAX:
-        raise DepthRangeError(
-            f"a depth of {units.max() * unit_mm:.0f} mm does not fit 16 bits in units of "
-            f"{unit_mm} mm: choose a larger {option}"
-        )
-    np.maximum(units, 1.0, out=units, where=depth_m > 0)
-    encoded: NDArray[np.uint16] = units.astype(np.uint16)
-    return encoded
-
-
-def decode_depth(units: NDArray[np.uint16], unit_mm: float = 1.0) -> NDArray[np.float32]:
-    """Decode uint16 units to float32 metres, 0 = no return: the inverse of ``encode_depth``."""
-    return units.astype(np.float32) * np.float32(unit_mm / 1000.0)
-
-
-def to_mm(units: NDArray[Any], unit_mm: float, offset_mm: float) -> NDArray[np.float32]:
-    """Convert stored depth units to float32 millimetres plus ``offset_mm``; 0 stays 0."""
-    depth_mm: NDArray[np.float32] = units * np.float32(unit_mm)
-    if offset_mm:
-        np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=units > 0)
-    return depth_mm
 
 
 def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: float) -> None:
@@ -78,8 +47,8 @@ def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: f
     if not seen.size:
         return
     nearest, farthest = float(seen.min()), float(seen.max())
-    beyond = max(far_m, 1000.0 * near_m) <= nearest < farthest and nearest > far_m
-    if beyond and float(np.median(seen)) <= 1000.0 * far_m:
+    beyond = max(far_m, MM_PER_M * near_m) <= nearest < farthest and nearest > far_m
+    if beyond and float(np.median(seen)) <= MM_PER_M * far_m:
         raise ConfigError(
             f"depth is {nearest:g} to {farthest:g}: this is millimetres, and metres are wanted: "
             "give depth / 1000"
@@ -102,7 +71,7 @@ def decode_normals(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
 
 def _encode_counts(counts: NDArray[np.float32]) -> NDArray[np.uint16]:
     """Round infrared counts to uint16, clipped at 65535."""
-    encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, _UINT16_MAX).astype(np.uint16)
+    encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, UINT16_MAX).astype(np.uint16)
     return encoded
 
 
@@ -185,12 +154,12 @@ class Frame:
     @property
     def clean(self) -> NDArray[np.uint16]:
         """Clean depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no surface."""
-        return self._paste(encode_depth(self.clean_m, self.depth_unit_mm))
+        return self._paste(to_steps(self.clean_m, self.depth_unit_mm))
 
     @property
     def noisy(self) -> NDArray[np.uint16]:
         """Noisy depth, (H, W) uint16 in steps of depth_unit_mm, 0 = no return."""
-        return self._paste(encode_depth(self.noisy_m, self.depth_unit_mm))
+        return self._paste(to_steps(self.noisy_m, self.depth_unit_mm))
 
     @property
     def expected(self) -> NDArray[np.uint16]:
@@ -199,7 +168,7 @@ class Frame:
         Raises ConfigError if it was not requested.
         """
         depth_m = self._requested("expected", self.expected_m)
-        return self._paste(encode_depth(depth_m, self.depth_unit_mm))
+        return self._paste(to_steps(depth_m, self.depth_unit_mm))
 
     @property
     def infrared(self) -> NDArray[np.uint16]:
@@ -251,6 +220,48 @@ class Frame:
             raise ConfigError(f"no such layer {layer!r}: {did_you_mean(layer, WRITABLE)}")
         image: NDArray[np.uint16] | NDArray[np.uint8] = getattr(self, layer)
         return image
+
+    def measured(self, name: str = "", *, rounded: bool = True) -> DepthFrame:
+        """Convert to a depth frame of the whole delivered image, in millimetres from the camera.
+
+        Args:
+            name: of the depth frame; default: its key.
+            rounded: depths are whole steps and infrared whole counts, as in files; else both are
+                as they left the noise stages.
+
+        Returns:
+            A frame with noisy_mm, clean_mm, infrared, reason, and whatever else was requested;
+            each layer is computed when it is first used.
+        """
+        layers: dict[str, Layer] = {
+            "noisy_mm": partial(self._depth_mm, "noisy", rounded),
+            "clean_mm": partial(self._depth_mm, "clean", rounded),
+            "infrared": partial(self._paste, self.infrared_counts),
+            "reason": partial(getattr, self, "reason"),
+        }
+        if self.expected_m is not None:
+            layers["expected_mm"] = partial(self._depth_mm, "expected", rounded)
+        if self.region_codes is not None:
+            layers["regions"] = partial(getattr, self, "regions")
+        if self.normal is not None:
+            layers["normals"] = partial(self._paste, self.normal)
+        if rounded:
+            layers["infrared"] = partial(getattr, self, "infrared")
+        layers |= {layer: partial(self._paste, values) for layer, values in self.extra.items()}
+        return DepthFrame(
+            FrameKey(self.key.subject, self.key.sequence, self.key.frame),
+            self.intrinsics,
+            layers,
+            step_mm=self.depth_unit_mm,
+            name=name,
+        )
+
+    def _depth_mm(self, layer: str, rounded: bool) -> NDArray[np.float32]:
+        if rounded:
+            return from_steps(getattr(self, layer), self.depth_unit_mm, self.depth_offset_mm)
+        depth_mm = to_mm(self._paste(getattr(self, f"{layer}_m")))
+        seen = depth_mm > 0
+        return np.add(depth_mm, np.float32(self.depth_offset_mm), out=depth_mm, where=seen)
 
     def _requested(self, layer: str, values: NDArray[_T] | None) -> NDArray[_T]:
         if values is None:

@@ -12,6 +12,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
+from glsim.core.units import MM_PER_M
 from glsim.faces.face_source import Face, WornPart
 from glsim.faces.neck import bend_neck, head_motion, move_pose
 from glsim.faces.regions import RegionLabels, landmark_vertices, to_camera
@@ -169,7 +170,7 @@ class FrameScenes:
 
 def _as_seen(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh:
     """Return a mesh as a far camera sees it: with the triangles that cast its shadows."""
-    pixel_mm = 1000.0 * float(view[2, 3]) / rig.intrinsics.fx
+    pixel_mm = MM_PER_M * float(view[2, 3]) / rig.intrinsics.fx
     if mesh.occluder is None or pixel_mm < _FAR_PIXEL_MM:
         return mesh
     return replace(mesh, faces=mesh.occluder, occluder=None)
@@ -188,7 +189,7 @@ def crop_window(rig: SensorRig, pose: Mapping[str, float], side: int | None) -> 
     depth_mm = max(pose["distance_mm"], 1.0)
     place = np.array([[pose["x_mm"], pose["y_mm"], depth_mm]])
     if rig.registered is not None:
-        place = to_camera(place / 1000.0, rig.registered.from_depth())
+        place = to_camera(place / MM_PER_M, rig.registered.from_depth())
     centre = image.project(place)[0]
     left = int(np.clip(round(centre[0] - side / 2), 0, image.width - side))
     top = int(np.clip(round(centre[1] - side / 2), 0, image.height - side))

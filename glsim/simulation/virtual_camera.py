@@ -7,11 +7,11 @@ from typing import Any
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.core.camera import SensorRig
-from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
+from glsim.core.depth_frame import Frames
 from glsim.core.mesh import Mesh
+from glsim.core.units import MM_PER_M
 from glsim.faces.one_mesh import OneMesh
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.schema import load_settings
@@ -66,7 +66,7 @@ class VirtualCamera:
         frames: int | None = None,
         crop: int | None = 72,
         *,
-        at_mm: tuple[float, float, float] = (0.0, 0.0, 1000.0),
+        at_mm: tuple[float, float, float] = (0.0, 0.0, MM_PER_M),
         changes: Changes | None = None,
         scene: str = "scene",
         seed: int | None = None,
@@ -86,7 +86,7 @@ class VirtualCamera:
         """
         x, y, z = at_mm
         if x == 0 and y == 0:
-            z = 1000.0  # one window for all distances: they share a simulator
+            z = MM_PER_M  # one window for all distances: they share a simulator
         overrides = {
             "sensor": self.name,
             "seed": self.seed if seed is None else seed,
@@ -114,7 +114,7 @@ class VirtualCamera:
             del self._simulators[next(iter(self._simulators))]  # the one unused the longest
         tasks = make_tasks(settings, [kept])
         made = [f for f in simulator.frames(tasks) if isinstance(f, Frame)]
-        return Frames.of([_measured(f) for f in made], scene)
+        return Frames.of([f.measured(rounded=False) for f in made], scene)
 
 
 class _Scene(OneMesh):
@@ -122,23 +122,3 @@ class _Scene(OneMesh):
 
     def show(self, other: _Scene) -> None:
         self._mesh, self._subject = other._mesh, other._subject
-
-
-def _measured(frame: Frame) -> DepthFrame:
-    """Convert a simulated frame to a depth frame of the whole image, before rounding."""
-    shape = (frame.intrinsics.height, frame.intrinsics.width)
-
-    def pasted(layer: NDArray[np.float32]) -> NDArray[np.float32]:
-        out = np.zeros((*shape, *layer.shape[2:]), np.float32)
-        out[frame.window.slices] = layer
-        return out
-
-    layers = {
-        "noisy_mm": pasted(frame.noisy_m) * np.float32(1000),
-        "clean_mm": pasted(frame.clean_m) * np.float32(1000),
-        "infrared": pasted(frame.infrared_counts),
-        **{name: pasted(layer) for name, layer in frame.extra.items()},
-    }
-    return DepthFrame(
-        FrameKey(frame.key.subject, frame.key.sequence, frame.key.frame), frame.intrinsics, layers
-    )

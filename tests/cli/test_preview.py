@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.cli.tune_page.figures import frame_figures
+from glsim.cli.tune_page.figures import frame_figures, tuned_figures
 from glsim.cli.tune_page.preview import Preview, marked_lines, pack, shown_layers
 from glsim.cli.tune_page.tuning import StageCode, Tuning
 from glsim.core.errors import ConfigError, ShaderError
@@ -75,6 +75,23 @@ def test_figures_are_those_of_the_noise_that_was_added(settings: Settings, sourc
     assert row[0] == "out_of_range"
     assert row[2] == ((lost.clean > 0) & (lost.noisy == 0)).sum()
     json.dumps(figures, allow_nan=False)
+
+
+def test_figures_do_not_depend_on_the_step_of_the_files(
+    settings: Settings, source: OneMesh
+) -> None:
+    """Before a wall: steps of 0.1 mm are no depths ten times as large, with rims everywhere."""
+    found = {}
+    for step_mm in (1.0, 0.1):
+        stored = with_assignments(settings, {"output.depth_unit_mm": step_mm})
+        preview = Preview(stored, lambda _: [source])
+        frame = preview.draw(Tuning(settings.sensor, {"scene.wall_mm": 1500})).frame
+        found[step_mm] = frame_figures(frame)["silhouettes"], tuned_figures(frame)["rows"]
+    (rims, rows), (fine_rims, fine_rows) = found[1.0], found[0.1]
+    assert rims["right"]["edges"] == pytest.approx(fine_rims["right"]["edges"], rel=0.1)
+    for (name, _, value), (_, _, fine) in zip(rows, fine_rows, strict=True):
+        known = [fine, value] != [None, None]
+        assert not known or fine == pytest.approx(value, rel=0.1, abs=0.3), name
 
 
 def test_a_packet_holds_the_layers_of_the_window(settings: Settings, source: OneMesh) -> None:

@@ -46,8 +46,9 @@ def test_a_data_set_records_its_protocol_and_reads_as_measured(tmp_path: Path) -
     sets = {name: open_dataset(write_domes(tmp_path / name, name)) for name in ("depth", "paper")}
     assert [data.protocol for data in sets.values()] == ["depth", "paper"]
     for measured, moved in zip(sets["depth"], sets["paper"], strict=True):
-        assert moved.clean_mm[moved.clean_mm > 0].min() == pytest.approx(1 + moved.offset_mm)
-        assert moved.offset_mm == 899 + 10 * moved.record["index"]
+        offset_mm = moved.record["depth_offset_mm"]
+        assert offset_mm == 899 + 10 * moved.record["index"]
+        assert moved.clean_mm[moved.clean_mm > 0].min() == pytest.approx(1 + offset_mm)
         np.testing.assert_array_equal(moved.clean_mm, measured.clean_mm)
         np.testing.assert_array_equal(moved.noisy_mm, measured.noisy_mm)
 
@@ -62,6 +63,7 @@ def test_generate_takes_the_protocol(tmp_path: Path) -> None:
     data = open_dataset(tmp_path / "d")
     assert data.protocol == "paper"
     pair = next(iter(data))
-    assert pair.clean_mm[pair.clean_mm > 0].min() == pytest.approx(1 + pair.offset_mm)
-    assert 600 < pair.offset_mm < 900
+    offset_mm = pair.record["depth_offset_mm"]
+    assert pair.clean_mm[pair.clean_mm > 0].min() == pytest.approx(1 + offset_mm)
+    assert 600 < offset_mm < 900
     assert load_settings().output.nearest_to_mm is None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,35 +12,32 @@ import yaml
 
 from glsim.cli import main
 from glsim.core.camera import Distortion, Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.exr import decode_exr, encode_exr
+from glsim.core.units import to_mm
 from glsim.data.export import FORMATS, export_dataset
-from glsim.data.export.exported_frame import ExportFrame, export_frames, kept_lens
+from glsim.data.export.exported_frame import export_frames
 from glsim.data.export.formats.cameras import centre_at_zero, open3d_json, ros_yaml
 from glsim.data.export.formats.points import encode_ply, point_cloud
-from glsim.data.reader import open_dataset
+from glsim.data.reader import kept_lens, open_dataset
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 CAMERA = Intrinsics(64, 48, 60.0, 61.0, 31.2, 22.9)
 LAYERS = ("clean", "noisy", "infrared", "reason")
 
 
-def sphere_frame(lens: Distortion | None = None) -> ExportFrame:
+def sphere_frame(lens: Distortion | None = None) -> DepthFrame:
     """A sphere of 0.1 m at 0.9 m, seen by a camera whose principal point is off the middle."""
-    frame = ExportFrame("test/a/b_00000", CAMERA, lens or Distortion(), {})
+    key, record = FrameKey("a", "b", 0), {"regions": {"hair": 3}}
+    frame = DepthFrame(key, CAMERA, {}, record=record, lens=lens or Distortion())
     ray = np.concatenate([frame.rays, np.ones((48, 64, 1))], -1).astype(np.float64)
     a, b = (ray**2).sum(-1), ray @ [0.01, -0.02, 0.9]
     root = b**2 - a * (0.01**2 + 0.02**2 + 0.9**2 - 0.1**2)
     depth = np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, 0).astype(np.float32)
     regions = np.where(depth > 0, 3, 0).astype(np.uint8)
     infrared = (1000 * depth).astype(np.uint16)
-    return replace(
-        frame,
-        depth_m={"clean": depth},
-        regions=regions,
-        infrared=infrared,
-        region_names={3: "hair"},
-    )
+    return frame.changed({"clean_mm": to_mm(depth), "regions": regions, "infrared": infrared})
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +52,7 @@ def test_points_lie_on_the_surface_and_normals_stand_on_it(lens: Distortion | No
     frame = sphere_frame(lens)
     cloud = point_cloud(frame, "clean")
     at = np.stack([cloud[name] for name in "xyz"], -1) - np.array([0.01, -0.02, 0.9])
-    assert len(cloud) == (frame.depth_m["clean"] > 0).sum() > 100
+    assert len(cloud) == (frame.clean_mm > 0).sum() > 100
     np.testing.assert_allclose(np.linalg.norm(at, axis=1), 0.1, atol=1e-6)
     normal = np.stack([cloud[f"n{name}"] for name in "xyz"], -1)
     np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1, atol=1e-5)
@@ -85,15 +81,15 @@ def test_open3d_projects_our_camera_file_to_our_points(tmp_path: Path) -> None:
     """With our principal point unchanged its points would be off by half a pixel: 7 mm here."""
     o3d = pytest.importorskip("open3d")
     frame = sphere_frame()
-    (tmp_path / "camera.json").write_bytes(open3d_json(frame.camera))
+    (tmp_path / "camera.json").write_bytes(open3d_json(frame.intrinsics))
     camera = o3d.io.read_pinhole_camera_parameters(str(tmp_path / "camera.json"))
     k = camera.intrinsic.intrinsic_matrix
     np.testing.assert_allclose(k, np.array([[60, 0, 30.7], [0, 61, 22.4], [0, 0, 1]]))
-    image = o3d.geometry.Image(frame.depth_m["clean"])
+    image = o3d.geometry.Image(frame.in_metres("clean_mm"))
     theirs = o3d.geometry.PointCloud.create_from_depth_image(
         image, camera.intrinsic, camera.extrinsic, depth_scale=1.0, depth_trunc=10.0
     )
-    ours = frame.points("clean")[frame.depth_m["clean"] > 0]
+    ours = frame.points("clean_mm")[frame.clean_mm > 0]
     np.testing.assert_allclose(np.asarray(theirs.points), ours, atol=1e-6)
 
 
@@ -103,12 +99,12 @@ def test_opencv_projects_points_to_their_pixels() -> None:
 
     lens = Distortion(0.09, -0.27, 0.1, 0.001, -0.002)
     frame = sphere_frame(lens)
-    info = yaml.safe_load(ros_yaml(frame.camera, lens, "glsim"))
+    info = yaml.safe_load(ros_yaml(frame.intrinsics, lens, "glsim"))
     k = np.array(info["camera_matrix"]["data"]).reshape(3, 3)
-    np.testing.assert_array_equal(k, centre_at_zero(frame.camera))
-    seen = frame.depth_m["clean"] > 0
+    np.testing.assert_array_equal(k, centre_at_zero(frame.intrinsics))
+    seen = frame.clean_mm > 0
     pixels, _ = cv2.projectPoints(
-        frame.points("clean")[seen].astype(np.float64),
+        frame.points("clean_mm")[seen].astype(np.float64),
         np.zeros(3),
         np.zeros(3),
         k,

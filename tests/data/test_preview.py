@@ -14,6 +14,7 @@ import pytest
 from glsim import open_dataset
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey
 from glsim.core.reason import Reason
 from glsim.data import contact_sheet as preview
 from tests.support.imports import ROOT
@@ -55,10 +56,10 @@ def test_more_than_four_frames_stand_in_columns(
     frames: int, rows: int, columns: int, side: int
 ) -> None:
     """Down, then to the right; the numbers of the captions tell the order."""
-    depth_m = np.full((20, 20), 0.9, np.float32)
+    depth_mm = np.full((20, 20), 900, np.float32)
     camera = Intrinsics(20, 20, 30.0, 30.0, 10.0, 10.0)
-    codes = np.zeros((20, 20), np.uint8)
-    shown = [preview.PreviewFrame(depth_m, depth_m, codes, camera, f"{n}") for n in range(frames)]
+    layers = {"clean_mm": depth_mm, "noisy_mm": depth_mm}
+    shown = [DepthFrame(FrameKey("", "a", n), camera, layers) for n in range(frames)]
     sheet = preview.contact_sheet(shown, "title")
     assert sheet.shape[1] == columns * 4 * side
     assert sheet.shape[0] > 66 + rows * side

@@ -84,7 +84,7 @@ def test_depth_unit_and_offset_are_honoured(tmp_path: Path) -> None:
         units = fake_frame(task, 0.25).noisy
         expected = np.where(units > 0, units * 0.25 + 100.0 * task.index, 0)
         np.testing.assert_array_equal(pair.noisy_mm, expected.astype(np.float32))
-        assert pair.offset_mm == 100.0 * task.index
+        assert pair.offset_mm == 0  # its depths are as measured
 
 
 def test_a_data_set_of_skipped_frames_only(tmp_path: Path) -> None:

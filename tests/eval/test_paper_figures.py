@@ -14,7 +14,12 @@ from glsim.cli import main
 from glsim.data.reader import Dataset, open_dataset
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.figures import draw_figures as write
-from glsim.eval.paper.figures.solids import choose_frame, frustum_figure, surfaces_figure
+from glsim.eval.paper.figures.solids import (
+    choose_frame,
+    frustum_figure,
+    rig_of,
+    surfaces_figure,
+)
 from glsim.eval.report.figures.panels import method_panels
 from glsim.eval.report.figures.style import to_png
 from tests.support import checkpoint_stand_in
@@ -52,8 +57,8 @@ def test_a_note_says_whose_heads_are_shown(data: Dataset) -> None:
 
 
 def test_figure_3_shows_the_set_that_is_asked_for(data: Dataset) -> None:
-    assert choose_frame(data, "d3dfacs").pair.record["source"] == "d3dfacs"
-    assert choose_frame(data, "facewarehouse").pair.record["source"] == "procedural"
+    assert choose_frame(data, "d3dfacs").record["source"] == "d3dfacs"
+    assert choose_frame(data, "facewarehouse").record["source"] == "procedural"
     frame = choose_frame(data, "d3dfacs")
     figure: Any = surfaces_figure(frame, "note")
     assert [axis.get_title() for axis in figure.axes] == ["clean", "noisy"]
@@ -61,7 +66,7 @@ def test_figure_3_shows_the_set_that_is_asked_for(data: Dataset) -> None:
 
 
 def test_figure_1_shows_the_frustum_and_the_shadow(data: Dataset) -> None:
-    figure = frustum_figure(choose_frame(data, "procedural"), "note")
+    figure = frustum_figure(choose_frame(data, "procedural"), rig_of(data), "note")
     whole, near = figure.axes
     assert whole.get_title() == "viewing frustum"
     colours = np.unique(np.round(near.collections[0].get_facecolor()[:, :3], 2), axis=0)
@@ -93,7 +98,9 @@ def test_networks_of_a_folder_and_what_is_missing(
 
     monkeypatch.setattr(write, "method_panels", small)
     monkeypatch.setattr(write, "to_png", lambda figure: to_png(figure, dpi=20))
-    monkeypatch.setattr(write, "frustum_figure", surfaces_figure)
+    monkeypatch.setattr(
+        write, "frustum_figure", lambda frame, _, note: surfaces_figure(frame, note)
+    )
     paths = write.write_paper_figures(tmp_path)
     assert {path.name for path in paths} == {
         *(f"figure_{n}.png" for n in (1, 2, 3, 5, 6)), "captions.md", "paper_figures.html",

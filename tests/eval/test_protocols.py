@@ -13,6 +13,7 @@ from glsim.cli import main
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError
 from glsim.data.reader import open_dataset
+from glsim.eval.report.figures.panels import in_space
 from glsim.eval.report.results import example_frame
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import Evaluation, evaluate
@@ -75,13 +76,15 @@ def test_surfaces_are_compared_at_their_distance_from_the_camera(
 ) -> None:
     """Normals of a face that is squeezed into the camera would be others."""
     angles = [
-        run(sets["depth"], tmp_path / name, name).summary.mean("noisy", "normal_mean_deg")  # type: ignore[arg-type]
+        run(data, tmp_path / f"{stored} {name}", name).summary.mean("noisy", "normal_mean_deg")  # type: ignore[arg-type]
+        for stored, data in sets.items()
         for name in ("depth", "paper")
     ]
-    assert angles[1] == pytest.approx(angles[0], rel=1e-3)
+    assert angles == pytest.approx([angles[0]] * 4, rel=1e-3)
     assert angles[0] > 10
-    bins = run(sets["depth"], tmp_path / "b", "paper").summary.bias_by_distance("noisy")
-    assert {900 <= each.from_mm <= 1000 for each in bins} == {True}
+    for stored, data in sets.items():
+        bins = run(data, tmp_path / f"{stored} bins", "paper").summary.bias_by_distance("noisy")
+        assert {900 <= each.from_mm <= 1000 for each in bins} == {True}
 
 
 def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
@@ -94,7 +97,7 @@ def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
     assert np.isnan(found.summary.mean("noisy", "normal_good_pct"))
     example = example_frame(ScoringJob(folder, "test", ("noisy",)))
     assert example is not None
-    assert example[0].in_space(example[0].clean).max() > 900
+    assert in_space(example[0], example[0].clean_mm).max() > 900
     with pytest.raises(ConfigError, match=r"--protocol depth: the maps in .* have the nearest"):
         run(folder, tmp_path / "p", "depth")
 

@@ -146,7 +146,7 @@ def test_a_denoiser_that_fails_costs_its_own_rows(
     (tmp_path / "idle.py").write_text("def idle(noisy, valid):\n    raise RuntimeError\n")
     example = example_frame(ScoringJob(pairs, "test", ("noisy", "idle:idle")))
     assert example is not None
-    assert example[0].title.endswith("; idle:idle fails")
+    assert example[2].endswith("; idle:idle fails")
     assert [*example[1]] == ["noisy"]
 
 

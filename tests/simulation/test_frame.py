@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from glsim.core.errors import ConfigError, DatasetError
@@ -17,7 +17,7 @@ from glsim.data.layer_images import decode_layer
 from glsim.faces.face_source import FaceKey
 from glsim.settings.schema import OutputSettings
 from glsim.simulation.assembly import assemble_frame, reconcile_reasons
-from glsim.simulation.frame import Frame, decode_depth, decode_normals, encode_depth, encode_normals
+from glsim.simulation.frame import Frame, decode_normals, encode_normals
 from tests.support.scenes import V2
 
 WITH_DEPTH = [Reason.VALID, Reason.MOVED, Reason.GROWN]
@@ -44,31 +44,6 @@ def made(
         source="test",
         seed=1,
     )
-
-
-@settings(deadline=None)
-@given(st.floats(0, 65, width=32), st.sampled_from([1.0, 2.5, 10.0]))
-def test_depths_are_rounded_to_steps_and_nothing_else_becomes_nothing(
-    depth_m: float, unit_mm: float
-) -> None:
-    units = encode_depth(np.array([depth_m, 0], np.float32), unit_mm)
-    assert units.dtype == np.uint16
-    assert units[1] == 0
-    assert (units[0] == 0) == (depth_m == 0)
-    back = decode_depth(units, unit_mm)
-    assert back.dtype == np.float32
-    least = unit_mm / 1000 if 0 < depth_m < unit_mm / 2000 else depth_m
-    # Half a step, and the rounding of float32 on the way there and back.
-    assert abs(float(back[0]) - least) <= 0.5 * unit_mm / 1000 + 1.5e-7 * depth_m + 1e-9
-    np.testing.assert_array_equal(encode_depth(back, unit_mm), units)
-
-
-@pytest.mark.parametrize(("unit_mm", "largest_m"), [(1.0, 65.535), (0.1, 6.5535)])
-def test_what_does_not_fit_sixteen_bits_is_an_error(unit_mm: float, largest_m: float) -> None:
-    assert encode_depth(np.array([largest_m], np.float32), unit_mm)[0] == 65535
-    beyond = np.array([largest_m + 0.001], np.float32)
-    with pytest.raises(ConfigError, match=r"not fit 16 bits in units of .* output\.depth_unit_mm"):
-        encode_depth(beyond, unit_mm)
 
 
 def test_a_frame_pastes_its_window_into_the_image() -> None:

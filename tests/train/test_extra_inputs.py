@@ -11,13 +11,14 @@ import torch
 from torch import Tensor
 from torch.utils.data import Subset
 
+from glsim.core.depth_frame import FrameKey
 from glsim.core.errors import ConfigError
 from glsim.data.reader import open_dataset
 from glsim.networks import checkpoint
 from glsim.networks.inputs import NetworkInputs, stack_inputs
 from glsim.settings.schema import load_settings
 from glsim.train import Augmentation, SimulatedPairs, StoredPairs, fit
-from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
+from glsim.train.data.extra_inputs import Neighbours, vary_inputs
 from glsim.train.models.base import DepthModel
 from glsim.train.models.extra_features import mean_over_time, neighbour_features
 from glsim.train.models.registry import build_model, inputs_of
@@ -103,8 +104,8 @@ def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_
 def test_neighbours_are_of_the_same_sequence_and_not_too_far_in_time() -> None:
     words = [("a", "s")] * 4 + [("a", "t")] * 2 + [("b", "t")]
     numbers = [0, 1, 2, 6, 7, 8, 9]
-    moments = [Moment(w, n) for w, n in zip(words, numbers, strict=True)]
-    neighbours = Neighbours(moments, NetworkInputs(before=3, after=1))
+    keys = [FrameKey(*w, n) for w, n in zip(words, numbers, strict=True)]
+    neighbours = Neighbours(keys, NetworkInputs(before=3, after=1))
     assert neighbours.of(0) == ([], [1])
     assert neighbours.of(2) == ([1, 0], [])
     assert neighbours.of(3) == ([], [])  # four frames were lost

@@ -81,10 +81,9 @@ def test_pairs_are_those_of_a_data_set(tmp_path: Path) -> None:
     stored = StoredPairs(tmp_path / "d", "train")
     frames = [frame for frame in simulate(settings) if not isinstance(frame, Skipped)]
     assert len(open_dataset(tmp_path / "d")) == len(frames) == 4
-    from glsim.train.data.stream import _pair_mm
-
     for number, frame in enumerate(frames):
-        given = _pair_mm(frame, ("noisy", "clean"))
+        measured = frame.measured()
+        given = np.stack([measured.noisy_mm, measured.clean_mm])
         np.testing.assert_array_equal(torch.cat(stored[number]).numpy(), given)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_frame import FrameKey
 from glsim.networks.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
 
 #: Infrared is multiplied by a factor within 1/4 and 4, log-uniform: light per distance and albedo
@@ -19,13 +20,6 @@ _WITHOUT_INFRARED: Final = 0.1
 _WITH_GAPS: Final = 0.25
 
 
-class Moment(NamedTuple):
-    """Position of a frame in time: the words that name its sequence, and its frame number."""
-
-    sequence: tuple[str, ...]
-    frame: int
-
-
 class Neighbours:
     """Table of the neighbours in time of each frame, as positions in a list of frames.
 
@@ -33,13 +27,13 @@ class Neighbours:
     ``inputs.after`` later by its number: frames may be missing.
     """
 
-    def __init__(self, moments: Sequence[Moment], inputs: NetworkInputs) -> None:
-        """Index the moments of all frames; frames of a sequence must be adjacent, in time order."""
+    def __init__(self, keys: Sequence[FrameKey], inputs: NetworkInputs) -> None:
+        """Index the keys of all frames; frames of a sequence must be adjacent, in time order."""
         self._inputs = inputs
-        words = dict.fromkeys(moment.sequence for moment in moments)
+        words = dict.fromkeys(key[:2] for key in keys)
         numbers = {sequence: number for number, sequence in enumerate(words)}
-        self._sequence = np.array([numbers[moment.sequence] for moment in moments], np.int64)
-        self._frame = np.array([moment.frame for moment in moments], np.int64)
+        self._sequence = np.array([numbers[key[:2]] for key in keys], np.int64)
+        self._frame = np.array([key.frame for key in keys], np.int64)
 
     def of(self, number: int) -> tuple[list[int], list[int]]:
         """Return the positions of the earlier and of the later neighbours, nearest first."""

@@ -19,11 +19,11 @@ from torch.utils.data import ConcatDataset, Dataset, get_worker_info
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.seeds import pcg_rng
+from glsim.core.units import from_steps
 from glsim.data.reader import open_dataset
 from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
-from glsim.simulation.frame import to_mm
 from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
-from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
+from glsim.train.data.extra_inputs import Neighbours, vary_inputs
 
 #: (noisy_mm, clean_mm), float32 millimetres, 0 = no return; see `PairDataset` for their shapes.
 Batch = tuple[Tensor, Tensor]
@@ -151,8 +151,7 @@ class StoredPairs(PairDataset):
         self._neighbours: Neighbours | None = None
         if inputs.temporal:
             keys = [self.split.key(number) for number in range(len(self.split))]
-            moments = [Moment(key[:2], key.frame) for key in keys]
-            self._neighbours = Neighbours(moments, inputs)
+            self._neighbours = Neighbours(keys, inputs)
         self._crop, self._cut, self._seed = crop, cut, seed
         self._augmentation = augmentation or Augmentation()
         camera = self.split[0].intrinsics
@@ -251,18 +250,18 @@ class StoredPairs(PairDataset):
             frame = self.split[number]
             layers = self._layers[: count if cache is None else None]
             units = np.stack([self._units(frame, layer) for layer in layers])
-            offset_mm = frame.offset_mm
+            offset_mm = float(frame.record["depth_offset_mm"])
             if cache is not None:
                 cache[number] = units, offset_mm
-        pair_mm = to_mm(units[:2], self.dataset.depth_unit_mm, offset_mm)
+        pair_mm = from_steps(units[:2], self.dataset.depth_unit_mm, offset_mm)
         return [*pair_mm, *units[2:].astype(np.float32)]
 
     def _units(self, frame: DepthFrame, layer: str) -> NDArray[np.uint16]:
         """Convert a layer to the uint16 units of its file, (H, W), to halve the cache's memory."""
         if layer == INFRARED:
             return frame.layer("infrared").astype(np.uint16)
-        depth_mm = frame.layer(f"{layer}_mm")
-        steps = np.rint((depth_mm - np.float32(frame.offset_mm)) / np.float32(frame.step_mm))
+        depth_mm, offset_mm = frame.layer(f"{layer}_mm"), frame.record["depth_offset_mm"]
+        steps = np.rint((depth_mm - np.float32(offset_mm)) / np.float32(frame.step_mm))
         return np.where(depth_mm > 0, steps, 0).astype(np.uint16)
 
 

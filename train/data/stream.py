@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_frame import FrameKey
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.core.seeds import device_key, pcg_rng, stable_seed
@@ -24,11 +25,11 @@ from glsim.faces.face_source import FaceSource
 from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
 from glsim.settings.distribution import DrawKeys
 from glsim.settings.schema import SPLIT_NAMES, Settings
-from glsim.simulation.frame import Frame, Skipped, to_mm
+from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.split import split_subjects
 from glsim.simulation.plan.tasks import Task
 from glsim.train.data.checks import Target, moved_pair, pair_layers
-from glsim.train.data.extra_inputs import Moment, Neighbours, vary_inputs
+from glsim.train.data.extra_inputs import Neighbours, vary_inputs
 
 log = logging.getLogger(__name__)
 
@@ -164,9 +165,12 @@ class BatchStream:
         Raises MeshError if no frame could be rendered.
         """
         frames = replace_skipped(results)
-        pairs = [_pair_mm(frame, pair_layers(self.target)) for frame in frames]
-        moments = [Moment((f.source, f.key.subject, f.key.sequence), f.key.frame) for f in frames]
-        neighbours = Neighbours(moments, self.inputs)
+        depths = [f"{layer}_mm" for layer in pair_layers(self.target)]
+        pairs = [[measured.layer(n) for n in depths] for measured in map(Frame.measured, frames)]
+        keys = [
+            FrameKey(f"{f.source}/{f.key.subject}", f.key.sequence, f.key.frame) for f in frames
+        ]
+        neighbours = Neighbours(keys, self.inputs)
         rng = pcg_rng("inputs", self.seed, lane, block)
         images = []
         for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
@@ -196,12 +200,6 @@ def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
         assert isinstance(frame, Frame)
         frames.append(frame)
     return frames
-
-
-def _pair_mm(frame: Frame, layers: Sequence[str]) -> NDArray[np.float32]:
-    """Return noisy depth and target of a frame, (2, H, W) mm, rounded as in files."""
-    both = np.stack([frame.image(layer) for layer in layers])
-    return to_mm(both, frame.depth_unit_mm, frame.depth_offset_mm)
 
 
 def split_people(

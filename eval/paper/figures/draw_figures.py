@@ -9,21 +9,22 @@ from typing import Any, Final
 
 import numpy as np
 
+from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.paper.data_note import data_note, source_name
 from glsim.eval.paper.figures.solids import (
-    FigureFrame,
     choose_frame,
     frustum_figure,
+    rig_of,
     surfaces_figure,
 )
 from glsim.eval.paper.paper_tables import with_twins
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.report.document import CaptionedPng, Document, html_page
-from glsim.eval.report.figures.panels import PanelFrame, PanelRow, method_panels
+from glsim.eval.report.figures.panels import PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.scoring.trained_networks import SeedGroup, find_trained_runs, group_by_network
 
@@ -101,7 +102,7 @@ def _figures(
         "figure_1": (
             "The viewing frustum of the sensor with the head in it, camera and projector; right, "
             "what the camera sees of the head, and where the projector's light does not reach.",
-            lambda: frustum_figure(example, note),
+            lambda: frustum_figure(example, rig_of(dataset), note),
         ),
         "figure_2": (
             "The paper's filters beside the truth: depth, error, and the surface seen from 30 "
@@ -114,8 +115,7 @@ def _figures(
             ),
         ),
         "figure_3": (
-            "A depth map in 3D, left clean, right noisy: "
-            f"{source_name(scan.pair.record['source'])}.",
+            f"A depth map in 3D, left clean, right noisy: {source_name(scan.record['source'])}.",
             lambda: surfaces_figure(scan, note),
         ),
     }
@@ -150,10 +150,10 @@ def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Colum
     return columns
 
 
-def _panels(frame: FigureFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
+def _panels(frame: DepthFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
     """Draw the frame as denoised by each method; networks use the default composite."""
     maps = {
-        title: load_denoiser(spec)(frame.noisy).depth_mm.astype(np.float32)
+        title: load_denoiser(spec)(frame.noisy_mm).depth_mm.astype(np.float32)
         for title, spec in (_NOISY | columns).items()
     }
-    return method_panels(PanelFrame(frame.clean, frame.window.intrinsics), maps, rows, note)
+    return method_panels(frame, maps, rows, note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import lit_by_marching, normals, surface
 from glsim.core.errors import DatasetError
+from glsim.core.units import MM_PER_M, to_metres
 from glsim.data.reader import Dataset
 from glsim.eval.report.figures.side_view import STEEPEST_DEG
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
@@ -35,24 +36,7 @@ _RAYS: Final = 9
 _MARGIN_MM: Final = 15.0
 
 
-class FigureFrame(NamedTuple):
-    """A frame of a data set with the maps and rigs that the figures need.
-
-    Attributes:
-        pair: the frame.
-        clean, noisy: its maps, (H, W) mm, 0 = no depth.
-        rig: the sensor's.
-        window: the same with the camera of the delivered frame.
-    """
-
-    pair: DepthFrame
-    clean: Depth
-    noisy: Depth
-    rig: SensorRig
-    window: SensorRig
-
-
-def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
+def choose_frame(dataset: Dataset, kind: str | None = None) -> DepthFrame:
     """Return the middle frame of the test split, from the given kind of face source if possible.
 
     Raises DatasetError for a data set without test frames or clean maps.
@@ -62,51 +46,53 @@ def choose_frame(dataset: Dataset, kind: str | None = None) -> FigureFrame:
         raise DatasetError(f"{dataset.path}: has no test frames to draw")
     numbers = [n for n, pair in enumerate(split) if pair.record["source"] == kind]
     chosen = numbers or range(len(split))
-    pair = split[chosen[len(chosen) // 2]]
-    rig = sensor_of(Settings.model_validate(dataset.header["settings"])).rig
-    window = replace(rig, intrinsics=pair.intrinsics)
-    return FigureFrame(pair, pair.clean_mm, pair.noisy_mm, rig, window)
+    return split[chosen[len(chosen) // 2]]
 
 
-def frustum_figure(frame: FigureFrame, note: str) -> Any:
+def rig_of(dataset: Dataset) -> SensorRig:
+    """Return the imagers and emitters of a data set's sensor."""
+    return sensor_of(Settings.model_validate(dataset.header["settings"])).rig
+
+
+def frustum_figure(frame: DepthFrame, rig: SensorRig, note: str) -> Any:
     """Draw figure 1: the viewing frustum (left), the head with the projector's shadow (right)."""
     figure = new_figure(8.6, 4.6)
-    lit = lit_by_marching(frame.clean / np.float32(1000), frame.window)
-    far = float(frame.clean.max()) + 150.0
-    x, y, _ = _image_corners(frame.rig.intrinsics, far).T
+    lit = lit_by_marching(frame.in_metres("clean_mm"), replace(rig, intrinsics=frame.intrinsics))
+    far = float(frame.clean_mm.max()) + 150.0
+    x, y, _ = _image_corners(rig.intrinsics, far).T
     emitters = to_figure_axes(
-        1000.0 * np.array([e.position_m for e in frame.rig.emitters[:1]]).reshape(-1, 3)
+        MM_PER_M * np.array([e.position_m for e in rig.emitters[:1]]).reshape(-1, 3)
     )
     whole = np.array([x.min(), -60.0, -y.max()]), np.array([x.max(), far, -y.min()])
     boxes = {"viewing frustum": whole, "the head, and the projector's shadow on it": _bounds(frame)}
     for place, (title, (start, end)) in enumerate(boxes.items()):
         axis = _axes_3d(figure, place, start, end, 18.0, -140.0)
         axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.02)
-        _draw_surface(axis, frame.clean, frame, (start, end), lit)
+        _draw_surface(axis, frame.clean_mm, frame, (start, end), lit)
         if place == 0:
-            _draw_frustum(axis, frame.rig.intrinsics, far, _FRUSTUM)
-            _draw_frustum(axis, frame.window.intrinsics, far, _WINDOW)
+            _draw_frustum(axis, rig.intrinsics, far, _FRUSTUM)
+            _draw_frustum(axis, frame.intrinsics, far, _WINDOW)
             axis.plot([0], [0], [0], marker="s", color=_CAMERA, markersize=5, linestyle="")
             axis.plot(*emitters.T, marker="D", color=_PROJECTOR, markersize=5, linestyle="")
         else:
             _draw_rays(axis, frame, lit, emitters, start)
     figure.legend(
-        handles=_legend(frame), loc="outside upper center", ncols=3, fontsize=_TEXT_SIZE - 1,
+        handles=_legend(frame, rig), loc="outside upper center", ncols=3, fontsize=_TEXT_SIZE - 1,
         frameon=False,
     )  # fmt: skip
     add_note(figure, note)
     return figure
 
 
-def surfaces_figure(frame: FigureFrame, note: str) -> Any:
+def surfaces_figure(frame: DepthFrame, note: str) -> Any:
     """Draw figure 3: the surfaces of a frame's clean and noisy depth maps."""
     figure = new_figure(7.6, 4.3)
     bounds = _bounds(frame)
-    for place, (title, depth) in enumerate({"clean": frame.clean, "noisy": frame.noisy}.items()):
+    for place, title in enumerate(("clean", "noisy")):
         # From a little above the head, and from the side where no shadow falls.
         axis = _axes_3d(figure, place, *bounds, 12.0, -62.0)
         axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.0, pad=-4)
-        _draw_surface(axis, depth, frame, bounds)
+        _draw_surface(axis, frame.layer(f"{title}_mm"), frame, bounds)
     add_note(figure, note)
     return figure
 
@@ -117,10 +103,10 @@ def to_figure_axes(points_mm: Points) -> NDArray[np.float64]:
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def _bounds(frame: FigureFrame) -> tuple[Points, Points]:
+def _bounds(frame: DepthFrame) -> tuple[Points, Points]:
     """Compute two opposite corners of a box around the clean surface, figure axes, mm."""
-    points = frame.window.intrinsics.unproject(frame.clean)
-    seen = to_figure_axes(points)[frame.clean > 0]
+    points = frame.intrinsics.unproject(frame.clean_mm)
+    seen = to_figure_axes(points)[frame.clean_mm > 0]
     return seen.min(axis=0) - _MARGIN_MM, seen.max(axis=0) + _MARGIN_MM
 
 
@@ -146,7 +132,7 @@ def _axes_3d(
 def _draw_surface(
     axis: Any,
     depth_mm: Depth,
-    frame: FigureFrame,
+    frame: DepthFrame,
     bounds: tuple[Points, Points],
     lit: NDArray[np.floating] | None = None,
 ) -> None:
@@ -155,15 +141,15 @@ def _draw_surface(
     Args:
         lit: (H, W) 0 where the projector's light does not reach; None: one colour for all.
     """
-    mesh = surface(depth_mm / np.float32(1000), frame.window, STEEPEST_DEG)
+    mesh = surface(to_metres(depth_mm), SensorRig(frame.intrinsics), STEEPEST_DEG)
     if mesh is None:
         return
     points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # to the axes of the camera
     corners = to_figure_axes(points)[mesh.faces]
     inside = ((corners >= bounds[0]) & (corners <= bounds[1])).all(axis=(1, 2))
     # Normals of the map are those of its pixels: triangles alone show each millimetre as a step.
-    towards = to_figure_axes(normals(depth_mm / np.float32(1000), frame.window.rays()))
-    column, row = np.floor(frame.window.intrinsics.project(points)).astype(np.int64).T
+    towards = to_figure_axes(normals(to_metres(depth_mm), frame.rays))
+    column, row = np.floor(frame.intrinsics.project(points)).astype(np.int64).T
     row, column = row.clip(0, depth_mm.shape[0] - 1), column.clip(0, depth_mm.shape[1] - 1)
     smooth = towards[row, column][mesh.faces].mean(axis=1)
     rgb = matplotlib("colors").to_rgb
@@ -195,13 +181,13 @@ def _draw_frustum(axis: Any, camera: Intrinsics, far_mm: float, colour: str) -> 
 
 
 def _draw_rays(
-    axis: Any, frame: FigureFrame, lit: NDArray[np.floating], emitters: Points, low: Points
+    axis: Any, frame: DepthFrame, lit: NDArray[np.floating], emitters: Points, low: Points
 ) -> None:
     """Draw rays from the projector to points in its shadow, within the box of the axes."""
-    rows, columns = np.nonzero((frame.clean > 0) & (lit == 0))
+    rows, columns = np.nonzero((frame.clean_mm > 0) & (lit == 0))
     if not len(rows) or not len(emitters):
         return
-    points = to_figure_axes(frame.window.intrinsics.unproject(frame.clean))[rows, columns]
+    points = to_figure_axes(frame.intrinsics.unproject(frame.clean_mm))[rows, columns]
     order = np.argsort(points[:, 2])
     for point in points[order[np.linspace(0, len(order) - 1, _RAYS).astype(int)]]:
         share = (low[1] - emitters[0, 1]) / (point[1] - emitters[0, 1])  # where it enters the box
@@ -209,16 +195,16 @@ def _draw_rays(
         axis.plot(*np.stack([start, point]).T, color=_PROJECTOR, linewidth=0.6, linestyle=":")
 
 
-def _legend(frame: FigureFrame) -> list[Any]:
+def _legend(frame: DepthFrame, rig: SensorRig) -> list[Any]:
     patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
     handles = [
         line([], [], color=colour, linewidth=1, label=f"{name}, {c.width}x{c.height} px")
-        for colour, name, c in ((_FRUSTUM, "frustum", frame.rig.intrinsics),
-                                (_WINDOW, "crop", frame.window.intrinsics))
+        for colour, name, c in ((_FRUSTUM, "frustum", rig.intrinsics),
+                                (_WINDOW, "crop", frame.intrinsics))
     ]  # fmt: skip
     handles.append(line([], [], color=_CAMERA, marker="s", linestyle="", label="camera"))
-    if frame.rig.emitters:
-        text = f"projector, {1000 * frame.rig.baseline_m:.0f} mm beside; its blocked rays"
+    if rig.emitters:
+        text = f"projector, {MM_PER_M * rig.baseline_m:.0f} mm beside; its blocked rays"
         handles.append(line([], [], color=_PROJECTOR, marker="D", linestyle=":", label=text))
     handles.append(patch(facecolor=_LIT, label="seen and lit"))
     return [*handles, patch(facecolor=_SHADOW, label="seen, in the projector's shadow")]

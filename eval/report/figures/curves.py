@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from glsim.core.units import MM_PER_M
 from glsim.eval.report.figures.style import add_note, method_style, new_figure
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM
@@ -27,7 +28,7 @@ def bias_curves(summary: ScoreSummary) -> Any | None:
         bins = [b for b in summary.bias_by_distance(method) if b.is_enough]
         if not bins:
             continue
-        middle_m = [(b.from_mm + BIAS_BIN_MM / 2) / 1000 for b in bins]
+        middle_m = [(b.from_mm + BIAS_BIN_MM / 2) / MM_PER_M for b in bins]
         style = method_style(number)
         means = [b.mean_mm for b in bins]
         axis.plot(middle_m, means, linewidth=1.2, marker=".", markersize=4, label=method, **style)

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
 
-from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import normals
 from glsim.core.depth_protocol import add_offset
+from glsim.core.units import to_metres
 from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm, side_view
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 from glsim.networks.interface import Depth
@@ -44,45 +44,24 @@ _MARGIN_MM: Final = 25.0
 _ASSUMED_MM: Final = 900.0
 
 
-@dataclass(frozen=True, eq=False)
-class PanelFrame:
-    """The frame of a figure, whose surfaces are drawn at their distance from the camera.
-
-    Attributes:
-        clean: (H, W) millimetres, 0 = no depth.
-        intrinsics: its camera.
-        title: names the frame.
-        offset_mm: subtracted from all maps; NaN if unknown, then the face is drawn at 0.9 m.
-    """
-
-    clean: Depth
-    intrinsics: Intrinsics
-    title: str = ""
-    offset_mm: float = 0.0
-
-    def in_space(self, depth: Depth) -> Depth:
-        """Add the frame's offset to a depth map: distance from the camera, mm."""
-        return add_offset(depth, self.offset_mm if math.isfinite(self.offset_mm) else _ASSUMED_MM)
-
-
 def method_panels(
-    frame: PanelFrame, methods: Mapping[str, Depth], rows: Sequence[PanelRow], note: str
+    frame: DepthFrame, methods: Mapping[str, Depth], rows: Sequence[PanelRow], note: str
 ) -> Any:
     """Draw a column of panels for the truth and a column for each method; return the figure.
 
     Args:
-        frame: the frame.
+        frame: with the layer "clean_mm"; its surfaces are drawn at their distance from the camera.
         methods: title -> (H, W) millimetres, 0 = no depth; lines after the first are small.
         rows: kinds of panels.
         note: a line below the panels.
     """
-    columns = {"clean": frame.clean, **methods}
+    columns = {"clean": frame.clean_mm, **methods}
     figure = new_figure(_PANEL_IN * len(columns) + _SIDES_IN, _PANEL_IN * len(rows) + _ENDS_IN)
     axes = figure.subplots(
         len(rows), len(columns) + 1, squeeze=False, width_ratios=[1.0] * len(columns) + [0.06]
     )
     mappings = {
-        "depth": _colours(*_depth_range(frame.clean), "viridis_r"),
+        "depth": _colours(*_depth_range(frame.clean_mm), "viridis_r"),
         "error": _colours(-_ERROR_RANGE_MM, _ERROR_RANGE_MM, "RdBu_r"),
     }
     for column, (title, depth) in enumerate(columns.items()):
@@ -109,22 +88,23 @@ def method_panels(
 
 
 def _draw(
-    axis: Any, kind: PanelRow, depth: Depth, frame: PanelFrame, mappings: Mapping[str, Any]
+    axis: Any, kind: PanelRow, depth: Depth, frame: DepthFrame, mappings: Mapping[str, Any]
 ) -> None:
-    seen = frame.clean > 0
+    clean = frame.clean_mm
+    seen = clean > 0
     if kind == "side":
         half = half_width_mm()
-        surface = side_view(frame.in_space(depth), frame.in_space(frame.clean), frame.intrinsics)
+        surface = side_view(in_space(frame, depth), in_space(frame, clean), frame.intrinsics)
         axis.imshow(surface, extent=(-half, half, -half, half))
         return
     rows, columns = (
         slice(max(0, first - _MARGIN_PX), last + 1 + _MARGIN_PX)
         for first, last in (_ends(seen.any(axis=1)), _ends(seen.any(axis=0)))
     )
-    nose = int(np.argmin(np.where(seen, frame.clean, np.inf).min(axis=1)))  # the nearest row
+    nose = int(np.argmin(np.where(seen, clean, np.inf).min(axis=1)))  # the nearest row
     if kind == "scan":
-        low, high = _depth_range(frame.clean)
-        for map_, colour, width in ((frame.clean, "#888888", 1.5), (depth, "#0072b2", 0.6)):
+        low, high = _depth_range(frame.clean_mm)
+        for map_, colour, width in ((clean, "#888888", 1.5), (depth, "#0072b2", 0.6)):
             line = np.where(map_[nose] > 0, map_[nose], np.nan)
             axis.plot(line, color=colour, linewidth=width)
         axis.set_xlim(columns.start, columns.stop)
@@ -136,14 +116,14 @@ def _draw(
         picture = mappings["depth"].to_rgba(depth)[..., :3]
         axis.axhline(nose, color="black", linewidth=0.4, linestyle=":")
     elif kind == "error":
-        picture = mappings["error"].to_rgba(depth - frame.clean)[..., :3]
+        picture = mappings["error"].to_rgba(depth - clean)[..., :3]
         marks = [
             ((depth <= 0) & ~seen, _NOTHING),
             ((depth > 0) & ~seen, _FALSE_VALID),
             ((depth <= 0) & seen, _FALSE_INVALID),
         ]
     else:  # x is red, y (up) green, towards the camera blue
-        normal = normals(frame.in_space(depth) / np.float32(1000), frame.intrinsics.rays())
+        normal = normals(to_metres(in_space(frame, depth)), frame.rays)
         picture = 0.5 + 0.5 * normal.astype(np.float64) * (1, -1, -1)
     for pixels, colour in marks:
         picture[pixels] = matplotlib("colors").to_rgb(colour)
@@ -152,6 +132,11 @@ def _draw(
     axis.imshow(picture[rows, columns], interpolation="nearest", extent=edges)
     axis.set_xlim(edges[:2])
     axis.set_ylim(edges[2:])
+
+
+def in_space(frame: DepthFrame, depth: Depth) -> Depth:
+    """Add the frame's offset to a depth map, and 0.9 m if it is unknown: from the camera, mm."""
+    return add_offset(depth, frame.offset_mm if math.isfinite(frame.offset_mm) else _ASSUMED_MM)
 
 
 def _ends(used: Any) -> tuple[int, int]:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from glsim.core.units import MM_PER_M
 from glsim.eval.real_frames.frame_truth import BINS_M, SHIFT_BIN_MM
 from glsim.eval.real_frames.totals import RealScores
 from glsim.eval.report.figures.style import method_style, new_figure
@@ -29,7 +30,7 @@ def measures_figure(scores: RealScores) -> Any:
             axis.plot(range(len(values)), values, marker="o", markersize=3, linewidth=1, **style)
         if m.shift_by_100mm:
             at, shift = np.array(m.shift_by_100mm).T
-            shifts.plot((at + SHIFT_BIN_MM / 2) / 1000, shift, linewidth=1, label=name, **style)
+            shifts.plot((at + SHIFT_BIN_MM / 2) / MM_PER_M, shift, linewidth=1, label=name, **style)
         edges.bar(
             np.arange(len(kinds)) + 0.85 * ((number + 0.5) / len(names) - 0.5),
             [100 * m.edges[kind] for kind in kinds],

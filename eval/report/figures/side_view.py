@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_map import surface
 from glsim.core.pose import pose_matrix
+from glsim.core.units import to_metres
 from glsim.data.contact_sheet import shaded
 from glsim.eval.metrics.scored_map import FLYING_MM
 from glsim.eval.report.figures.style import matplotlib
@@ -45,13 +46,13 @@ def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArra
         (S, S, 3) RGB.
     """
     picture = np.full((_SIDE, _SIDE, 3), 255, np.uint8)
-    mesh = surface(prediction / np.float32(1000), SensorRig(intrinsics), STEEPEST_DEG)
+    mesh = surface(to_metres(prediction), SensorRig(intrinsics), STEEPEST_DEG)
     if mesh is None or not (clean > 0).any():
         return picture
     seen = intrinsics.unproject(clean)[clean > 0] * _TO_VIEW
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     column, row = np.floor(intrinsics.project(mesh.vertices_mm * _TO_VIEW)).astype(np.int64).T
-    colour = shaded(prediction / np.float32(1000), intrinsics)[row, column, ::-1]
+    colour = shaded(to_metres(prediction), intrinsics)[row, column, ::-1]
     corners, z_mm = _project(mesh.vertices_mm - middle)
     order = np.argsort(-z_mm[mesh.faces].mean(axis=1))
     for face in mesh.faces[order]:  # the farthest first

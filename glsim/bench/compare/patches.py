@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import LAGS, lagged_sums
 from glsim.measures.measured_frame import lit, surfaces
 from glsim.measures.quadrics import quadric_basis
@@ -96,7 +97,7 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
         residual = flat - flat @ quadric @ quadric.T
         rms = np.sqrt((residual**2).sum(axis=1) / (SIDE_PX**2 - 6))
         share = 1.0 - (residual**2).sum(axis=1) / np.maximum((by_plane**2).sum(axis=1), 1e-9)
-        good = (rms < _ROUGHEST_MM + _ROUGHEST_MM_PER_M * distance / 1000.0) & (rms > 0.05)
+        good = (rms < _ROUGHEST_MM + _ROUGHEST_MM_PER_M * distance / MM_PER_M) & (rms > 0.05)
         for kind, chosen in (("planes", share < _CURVED), ("curved", share >= _CURVED)):
             kept = _thinned(np.flatnonzero(good & chosen))
             features = _surface_features(residual[kept].reshape(-1, SIDE_PX, SIDE_PX))

@@ -25,6 +25,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.core.units import MM_PER_M
 from glsim.gl.context import borrowed_context
 from glsim.measures.correlation import lagged_sums
 from glsim.measures.disparity import (
@@ -130,11 +131,11 @@ def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
         for stage in sensor.stages
         if stage.spec.name == "range_gate"
     ]
-    reach = 1000 * sensor.rig.near_m, 1000 * sensor.rig.far_m
+    reach = MM_PER_M * sensor.rig.near_m, MM_PER_M * sensor.rig.far_m
     searched = [
         s.settings["largest_px"].typical for s in sensor.stages if "largest_px" in s.settings
     ]
-    matched = [1000 * real.intrinsics.fx * sensor.rig.baseline_m / px for px in searched]
+    matched = [MM_PER_M * real.intrinsics.fx * sensor.rig.baseline_m / px for px in searched]
     least = max([reach[0], *(_BEYOND_GATE * gate[1] for gate in gates), *matched])
     most = min([reach[1], *(gate[2] for gate in gates)])
     if low < _NEAREST * least or not least <= middle <= 1.2 * most:

@@ -20,6 +20,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import grid_triangles
 from glsim.core.mesh import Mesh
+from glsim.core.units import MM_PER_M
 from glsim.measures.quadrics import local_planes, step_limit_mm
 
 Array = NDArray[np.float64]
@@ -217,13 +218,13 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
         part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         inside = mask[part]
-        d = np.where(inside, 1000.0 / np.where(inside, depth_mm[part], 1.0), 0.0)
+        d = np.where(inside, MM_PER_M / np.where(inside, depth_mm[part], 1.0), 0.0)
         fitted, near = local_planes(d, inside, gaussian)
         dense = share[part] * (near > _LEAST_NEIGHBOURS)
         total[part] += dense * fitted
         weight[part] += dense
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(weight > 0.5, 1000.0 * weight / total, np.nan)
+        return np.where(weight > 0.5, MM_PER_M * weight / total, np.nan)
 
 
 # --- relief -------------------------------------------------------------------------------------

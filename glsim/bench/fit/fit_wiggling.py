@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from glsim.bench.fit.recording_statistics import RecordingStatistics
 from glsim.core.camera import Intrinsics
+from glsim.core.units import MM_PER_M
 from glsim.sensors.kinect_v2 import FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 from glsim.sensors.wiggling import CYCLES, Wave
 
@@ -110,7 +111,7 @@ def fit_wiggling(
     points = depth[:, None] * np.column_stack([x, y, np.ones_like(x)])
     back = np.linalg.norm(points, axis=1)
     # Half the way of the light, from the emitter and back: the error is periodic in its phase.
-    distance = 0.5 * (back + np.linalg.norm(points - 1000.0 * np.asarray(emitter_m), axis=1))
+    distance = 0.5 * (back + np.linalg.norm(points - MM_PER_M * np.asarray(emitter_m), axis=1))
     span = _covered_mm([distance[inside] for inside in planes])
     if span < _LEAST_SPAN_MM:
         return None
@@ -122,7 +123,7 @@ def fit_wiggling(
             depth[inside],
             distance[inside],
             # An error along the ray moves inverse depth, 1 / m, by minus the error over this.
-            depth[inside] * back[inside] / 1000.0,
+            depth[inside] * back[inside] / MM_PER_M,
             tile[inside],
         )
         for inside in planes
@@ -161,7 +162,7 @@ def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array
     for design, depth_mm, distance_mm, weight, tile in planes:
         angle = 2 * np.pi * distance_mm[:, None] * cycles / _HALF_WAVE_MM_MHZ
         waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-        target = weight * 1000.0 / depth_mm
+        target = weight * MM_PER_M / depth_mm
         basis = np.linalg.qr(weight[:, None] * design)[0]
         waves = waves - basis @ (basis.T @ waves)
         target = target - basis @ (basis.T @ target)
@@ -217,7 +218,7 @@ def _largest_plane(design: Array, depth_mm: Array) -> NDArray[np.bool_]:
     for _ in range(_TRIALS):
         chosen = rng.choice(some, 3, replace=False)
         try:
-            plane = np.linalg.solve(design[chosen], 1000.0 / depth_mm[chosen])
+            plane = np.linalg.solve(design[chosen], MM_PER_M / depth_mm[chosen])
         except np.linalg.LinAlgError:
             continue
         count = int(_near_plane(design[some], depth_mm[some], plane).sum())
@@ -228,10 +229,11 @@ def _largest_plane(design: Array, depth_mm: Array) -> NDArray[np.bool_]:
         if inside.sum() < 3:
             return inside
         weight = depth_mm[inside] ** 2
-        columns, target = weight[:, None] * design[inside], weight * 1000.0 / depth_mm[inside]
+        columns, target = weight[:, None] * design[inside], weight * MM_PER_M / depth_mm[inside]
         best = np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], np.float64)
     return _near_plane(design, depth_mm, best)
 
 
 def _near_plane(design: Array, depth_mm: Array, plane: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.abs(design @ plane * depth_mm - 1000.0) * depth_mm < 1000.0 * _INLIER_MM)
+    beside_mm = np.abs(design @ plane * depth_mm / MM_PER_M - 1) * depth_mm
+    return np.asarray(beside_mm < _INLIER_MM)

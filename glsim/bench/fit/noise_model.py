@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glsim.bench.fit.recording_statistics import RecordingStatistics
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
+from glsim.core.units import MM_PER_M
 from glsim.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
 from glsim.measures.measured_frame import lit, mean_frame, radius_px
 from glsim.sensors.kinect_v2 import (
@@ -262,7 +263,7 @@ def facing_light(
     NaN where neighbours are missing, and on slanted surfaces, where noise has other causes too.
     """
     rays = _rays(image)
-    points = rays * mean_mm[..., None] / 1000.0
+    points = rays * mean_mm[..., None] / MM_PER_M
     along, down = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
     along[:, _LAG_PX:-_LAG_PX] = points[:, 2 * _LAG_PX :] - points[:, : -2 * _LAG_PX]
     down[_LAG_PX:-_LAG_PX] = points[2 * _LAG_PX :] - points[: -2 * _LAG_PX]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
+from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
 from glsim.measures.depth_noise import Cell, root_cells
 from glsim.measures.measured_frame import mean_frame, radius_px
@@ -63,10 +64,10 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     """
     if not used.any():
         return np.full(used.shape, np.nan, np.float32)
-    inverse = np.where(used, 1000.0 / np.where(used, mean_mm, 1.0), 0.0)  # linear on a plane
+    inverse = np.where(used, MM_PER_M / np.where(used, mean_mm, 1.0), 0.0)  # linear on a plane
     plane, share = local_planes(inverse, used, np.ones(MAP_WINDOW_PX))
     enough = used & (share >= _LEAST_WINDOW)
-    residual = (plane - inverse) * mean_mm**2 / 1000.0
+    residual = (plane - inverse) * mean_mm**2 / MM_PER_M
     enough &= np.abs(residual) <= LARGEST_MM
     return np.where(enough, residual, np.nan).astype(np.float32)
 

@@ -28,6 +28,7 @@ from glsim.bench.fit.time_of_flight import BASES
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.core.units import MM_PER_M
 from glsim.data.recordings.recording import Recording
 from glsim.gl.context import borrowed_context
 from glsim.measures.disparity import (
@@ -198,9 +199,9 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
     sensor = load_sensor(base)
     rig, steps = sensor.rig, _matcher_value(sensor, "subpixel_steps")
     frames = recording.read_static(FRAMES)
-    product = 1000.0 * rig.intrinsics.fx * rig.baseline_m
+    product = MM_PER_M * rig.intrinsics.fx * rig.baseline_m
     statistics = measure_stereo(frames, find_lattice(frames), steps, product)
-    other_px = statistics.focal_baseline_px_mm / rig.baseline_m / 1000.0
+    other_px = statistics.focal_baseline_px_mm / rig.baseline_m / MM_PER_M
     image = recording_camera(statistics.size, recording.camera, rig.intrinsics, focal_px, other_px)
     named = str(Path(base).resolve()) if base.endswith(".toml") else base
     with TemporaryDirectory() as folder, borrowed_context(None) as context:
@@ -237,7 +238,7 @@ class _Fit:
         context: moderngl.Context,
     ) -> None:
         self.statistics, self.base, self.sensor, self.image = statistics, base, sensor, image
-        self.baseline_m = statistics.focal_baseline_px_mm / image.fx / 1000.0
+        self.baseline_m = statistics.focal_baseline_px_mm / image.fx / MM_PER_M
         self.values = {f"{MATCHER}.depth_unit_mm": statistics.unit_mm}
         self.notes: list[str] = []
         self.own_support = int(_matcher_value(sensor, "support_px")) | 1
@@ -280,7 +281,7 @@ class _Fit:
         file.write_text(self.text(values, ("a trial",)))
         camera = VirtualCamera(str(file), self._context)
         focal = camera.rig.intrinsics.fx
-        product = 1000.0 * focal * camera.rig.baseline_m
+        product = MM_PER_M * focal * camera.rig.baseline_m
         disparity: list[Array] = []
         pairs: list[tuple[int, int]] = []
         planes = zip(self.statistics.distances_mm, self.statistics.slopes, strict=True)
@@ -350,7 +351,7 @@ def _result_lines(
     by = "the base sensor's: the depths are on no lattice that says it"
     if lattice is not None:
         by = f"depths are round({lattice.constant:,.0f} / n) units"
-    places = ", ".join(f"{z / 1000:.2f}" for z in statistics.distances_mm)
+    places = ", ".join(f"{z / MM_PER_M:.2f}" for z in statistics.distances_mm)
 
     def pair(name: str) -> str:
         return f"{getattr(real, name):.3f} px (fitted sensor: {getattr(own, name):.3f})"
@@ -364,7 +365,7 @@ def _result_lines(
 
     return {
         "focal length times baseline": f"{statistics.focal_baseline_px_mm:,.0f} px mm ({by}); "
-        f"baseline {1000 * baseline_m:.2f} mm at {image.fx:.1f} px",
+        f"baseline {MM_PER_M * baseline_m:.2f} mm at {image.fx:.1f} px",
         "planes compared at": f"{places} m",
         "noise from frame to frame": pair("frame"),
         "share that stays": pair("static"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from glsim.bench import scenes
 from glsim.core.depth_frame import Frames
+from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 from glsim.settings.toml_tables import read_toml
 from glsim.simulation.virtual_camera import Changes, VirtualCamera
@@ -54,7 +55,7 @@ class Captures:
     @property
     def focal_baseline_px_mm(self) -> float:
         """Focal length times baseline, px mm."""
-        return 1000.0 * self.camera.rig.intrinsics.fx * self.camera.rig.baseline_m
+        return MM_PER_M * self.camera.rig.intrinsics.fx * self.camera.rig.baseline_m
 
     def wall(self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None) -> Frames:
         """Capture the central 64 x 64 px of a frontal wall."""

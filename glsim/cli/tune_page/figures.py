@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
 from glsim.core.reason import Reason
+from glsim.core.units import to_mm
 from glsim.data.recordings.recording import open_recording
 from glsim.measures.correlation import correlation_of, lagged_sums
 from glsim.measures.depth_noise import measure_spatial
-from glsim.measures.measured_frame import frames_of
 from glsim.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.measures.validity import measure_invalid
 from glsim.simulation.frame import Frame
@@ -28,7 +28,7 @@ _FACE_MM = 250.0
 #: Width of the bins of distance and angle, and least pixels of a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
 #: Largest error on one surface, mm; larger ones are left out of bias, sigma and histograms.
-_SUR_FACE_MM = 50.0
+_SURFACE_MM = 50.0
 _BINS, _LAGS = 40, 8
 
 
@@ -41,10 +41,10 @@ def frame_figures(frame: Frame) -> dict[str, Any]:
     Args:
         frame: with the layer ``normal``, (h, w, 4) in the camera's axes.
     """
-    clean, noisy = frame.clean_m * np.float32(1000), frame.noisy_m * np.float32(1000)
+    clean, noisy = to_mm(frame.clean_m), to_mm(frame.noisy_m)
     both = (clean > 0) & (noisy > 0)
     error = np.where(both, noisy - clean, np.float32(0))
-    same = both & (np.abs(error) <= _SUR_FACE_MM)
+    same = both & (np.abs(error) <= _SURFACE_MM)
     nearest = float(clean[clean > 0].min()) if (clean > 0).any() else 0.0
     face = same & (clean < nearest + _FACE_MM)
     angle = np.degrees(np.arccos(np.clip(-frame.extra["normal"][..., 2], 0.0, 1.0)))
@@ -65,7 +65,7 @@ def frame_figures(frame: Frame) -> dict[str, Any]:
 
 def _silhouettes(frame: Frame) -> dict[str, Any]:
     """Measure the gaps beside silhouettes as in ``glsim compare``, px."""
-    edges = find_edges(frames_of("frame", [frame.noisy], camera=frame.intrinsics)[0])
+    edges = find_edges(frame.measured())
     sides = {}
     for number, side in enumerate(("left", "right")):
         own = edges.side == number
@@ -81,9 +81,7 @@ def recording_figures(folder: Path) -> dict[str, Any]:
 
 def tuned_figures(frame: Frame) -> dict[str, Any]:
     """Measure a tuned frame in the same way as ``recording_figures``."""
-    noisy_mm = frame.noisy * frame.depth_unit_mm
-    camera, unit_mm = frame.intrinsics, frame.depth_unit_mm
-    return _compared(frames_of("tuned", [noisy_mm], [frame.infrared], camera, unit_mm))
+    return _compared(Frames.of([frame.measured()], "tuned"))
 
 
 def _compared(frames: Frames) -> dict[str, Any]:

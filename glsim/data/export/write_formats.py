@@ -94,7 +94,7 @@ def export_dataset(
     for done, frame in enumerate(export_frames(dataset, layers, split, count), start=1):
         for export in exports:
             for end, data in export.encode(frame):
-                write_atomic(data, out / f"{frame.stem}{end}", sync=False)
+                write_atomic(data, out / f"{frame.name}{end}", sync=False)
         if progress is not None:
             progress(done)
     if not done:

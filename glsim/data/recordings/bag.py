@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular
+from glsim.core.units import MM_PER_M
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.ros_images import TYPES, encoding_of, read_pixels
 from glsim.data.recordings.streams import FrameStream
@@ -214,8 +215,8 @@ class BagStream(FrameStream):
         stated = StatedCamera(
             camera,
             lens,
-            None if unit is None else round(1000 * unit, 6),
-            None if baseline is None else round(abs(baseline) / 1000, 7),
+            None if unit is None else round(MM_PER_M * unit, 6),
+            None if baseline is None else round(abs(baseline) / MM_PER_M, 7),
             self._device_name(f"{device}/info"),
         )
         return stated, tuple(f"{self.path}: {remark}" for remark in remarks)

@@ -107,7 +107,7 @@ class MapFiles:
 
         Args:
             number: of the frame.
-            offset_mm: added to whole numbers, see ``to_mm``.
+            offset_mm: added to whole numbers, see ``from_steps``.
             inside: a folder that no link may lead out of.
 
         Raises:

@@ -19,6 +19,7 @@ from glsim.core.files.listing import entries
 from glsim.core.pose import pose_matrix
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
+from glsim.core.units import to_metres
 from glsim.data.dataset_run import write_dataset
 from glsim.data.input_hashes import source_hashes
 from glsim.data.progress import GenerateProgress, GenerateSummary
@@ -126,7 +127,7 @@ def _biwi_frame(
     readback: Readback,
 ) -> Frame:
     path = source.depth_path(task.key)
-    noisy_m = read_depth_bin(path).astype(np.float32) / np.float32(1000)
+    noisy_m = to_metres(read_depth_bin(path))
     if noisy_m.shape != (image.height, image.width):
         raise DatasetError(
             f"{path}: {noisy_m.shape[1]} x {noisy_m.shape[0]} pixels, its depth.cal says "
@@ -337,7 +338,7 @@ def _recorded_frames(
 def _recorded_frame(settings: Settings, task: Task, source: RecordingSource) -> Frame:
     recording = source.recordings[task.key.subject]
     recorded = recording.frames[task.key.frame]
-    noisy_m, infrared = recorded.noisy_mm / np.float32(1000), recorded.infrared
+    noisy_m, infrared = recorded.in_metres("noisy_mm"), recorded.infrared
     if infrared is not None and infrared.shape != noisy_m.shape:
         raise DatasetError(
             f"{recording.path}: {recorded.name}: the infrared image is {infrared.shape[1]}x"

@@ -45,6 +45,8 @@ LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
 
 #: Readers of polygons.
 _READERS: Final = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
+#: Largest spread of brightness that counts as one colour, relative to its middle. Chosen.
+_ONE_COLOUR: Final = 1e-3
 
 _LOG = logging.getLogger(__name__)
 
@@ -326,7 +328,7 @@ def _albedo_from_colours(parts: list[_Part]) -> NDArray[np.float32] | None:
     luma = product(np.concatenate(colours), np.array(LUMA))
     coloured = ~np.isnan(luma)
     middle = float(np.median(luma[coloured])) if coloured.any() else 0.0
-    if np.isinf(luma).any() or middle <= 0 or np.ptp(luma[coloured]) < 1e-3 * middle:
+    if np.isinf(luma).any() or middle <= 0 or np.ptp(luma[coloured]) < _ONE_COLOUR * middle:
         return None
     albedo = np.clip(SKIN_ALBEDO * np.where(coloured, luma / middle, 1.0), *ALBEDO_RANGE)
     return np.asarray(albedo, dtype=np.float32)

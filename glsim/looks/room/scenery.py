@@ -18,6 +18,7 @@ from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import product
+from glsim.core.units import MM_PER_M
 from glsim.faces.face_source import Face
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.shapes import Shape
@@ -162,7 +163,7 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.floa
     wall_mm = scenery.drawn.get("scene.wall_mm")
     if wall_mm is None:
         return
-    depths = [1000.0 * (product(mesh.vertices_mm, view[2, :3]) + view[2, 3]) for mesh in meshes]
+    depths = [MM_PER_M * (product(mesh.vertices_mm, view[2, :3]) + view[2, 3]) for mesh in meshes]
     low, high = min(float(d.min()) for d in depths), max(float(d.max()) for d in depths)
     if wall_mm <= high:
         where = "in front of" if wall_mm <= low else "inside"

@@ -13,6 +13,7 @@ from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.products import product
 from glsim.core.rect import Rect
+from glsim.core.units import MM_PER_M, to_mm
 from glsim.looks.room.shapes import Shape, without_slivers
 
 Points = NDArray[np.float64]
@@ -68,14 +69,14 @@ def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
 def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
     """Return the matrix (4, 4) from room mm to camera m."""
     matrix = np.eye(4)
-    matrix[:3, :3] = _rotation(tilt_deg) / 1000.0
+    matrix[:3, :3] = _rotation(tilt_deg) / MM_PER_M
     matrix[:3, 3] = -product(matrix[:3, :3], camera_mm)
     return matrix
 
 
 def _rotation(tilt_deg: float) -> Points:
     """Return the rotation (3, 3) from room axes (y up) to camera axes (y down, z forward)."""
-    facing = tilted(pose_matrix({}) * np.float32(1000.0), tilt_deg)
+    facing = tilted(to_mm(pose_matrix({})), tilt_deg)
     return np.asarray(np.round(facing[:3, :3].astype(np.float64), 7))
 
 

@@ -15,6 +15,7 @@ from glsim.bench import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import Frames
+from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import LAGS, correlation_of, lagged_sums
 from glsim.measures.depth_noise import measure_spatial
 from glsim.measures.pixel_runs import successive_runs
@@ -168,7 +169,7 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
         inner = z[row, last + step * away[:, None]]
         slope, at_end = np.polyfit(away, inner, 1)
         residual = inner - (at_end + slope * away[:, None])
-        smooth &= np.sqrt((residual**2).mean(axis=0)) <= _ROUGH_MM_PER_M * at_end / 1000.0
+        smooth &= np.sqrt((residual**2).mean(axis=0)) <= _ROUGH_MM_PER_M * at_end / MM_PER_M
         at_rim.append(at_end)
         bends.append(z[row, last + step * outer] - (at_end + slope * outer))
     front, back = np.sort(at_rim, axis=0)
@@ -211,8 +212,8 @@ def limits(captures: Captures) -> dict[str, Measurement]:
         scenes.albedo_ramp(_RAMP_MM, 500.0, 0.0, 0.1), 8, None, scene="dim ramp"
     )
     near = [z for z in range(140, 200, 5) if captures.valid_percent(z, 0.1) > 50]
-    share = {f"{z} m": abs(captures.mean_error_mm(1000.0 * z)) - z for z in (0.5, 1, 2, 3)}
-    noise = {f"{z} m": captures.temporal_sigma_mm(1000.0 * z) for z in (1, 2, 3)}
+    share = {f"{z} m": abs(captures.mean_error_mm(MM_PER_M * z)) - z for z in (0.5, 1, 2, 3)}
+    noise = {f"{z} m": captures.temporal_sigma_mm(MM_PER_M * z) for z in (1, 2, 3)}
     return {
         "9": Measurement({"counts m^2": float(wall.stack("infrared").mean()) * 1.5**2}),
         "10": Measurement(

@@ -10,6 +10,7 @@ from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.depth_frame import DepthFrame, Frames
+from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.stacks import Array
@@ -168,7 +169,7 @@ def shadows(captures: Captures) -> dict[str, Measurement]:
     others: list[float] = []
     for far in (1100, 1500, 2000):
         across = shadow_profile(captures, far)
-        widths[f"{far / 1000:g} m"] = _shadow_width(*across[:2], -1)
+        widths[f"{far / MM_PER_M:g} m"] = _shadow_width(*across[:2], -1)
         others.append(_shadow_width(*across[:2], 1))
         down = shadow_profile(captures, far, horizontal=False)
         others += [_shadow_width(*down[:2], side) for side in (-1, 1)]
@@ -205,7 +206,7 @@ def bars(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 31 to 34 on bars before a wall."""
     shots: list[DepthFrame] = []
     for shift in _BAR_SHIFTS:
-        near_mm = 1000 / (shift / captures.camera.rig.intrinsics.fx + 1000 / _BAR_WALL_MM)
+        near_mm = MM_PER_M / (shift / captures.camera.rig.intrinsics.fx + MM_PER_M / _BAR_WALL_MM)
         for albedo in _BAR_ALBEDOS:
             mesh, name = scenes.bars(near_mm, _BAR_WALL_MM, albedo), f"bars {shift} {albedo}"
             shots += captures.camera.capture(mesh, 1, None, scene=name)

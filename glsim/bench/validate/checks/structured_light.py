@@ -14,6 +14,7 @@ from glsim.bench import scenes
 from glsim.bench.validate.captures import OFF, Captures
 from glsim.bench.validate.checks.depth_edges import HALF_PX, NEAR_MM, capture_edge
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 from glsim.measures.stacks import Array
 from glsim.simulation.virtual_camera import Changes
@@ -34,7 +35,7 @@ def v1_noise(captures: Captures) -> dict[str, Measurement]:
     jitter = measure.edge_jitter(measure.edge_positions(edge.whole_mm, NEAR_MM, 1500))
     return {
         "1": Measurement(
-            {f"{z / 1000:g} m": s for z, s in sigma.items()}, "includes rounding to 1/8 px"
+            {f"{z / MM_PER_M:g} m": s for z, s in sigma.items()}, "includes rounding to 1/8 px"
         ),
         "2": Measurement({"ratio": measure.ratio(sigma[4000], sigma[2000])}),
         "3": Measurement({"std": jitter}),
@@ -52,7 +53,7 @@ def v1_steps(captures: Captures) -> dict[str, Measurement]:
         # Half a mm of rounding, in eighths of a pixel.
         tolerance = 0.51 * eighths / depth
         on_grid.append(np.abs(eighths - np.rint(eighths)) <= tolerance)
-        steps[f"{z / 1000:g} m"] = _mean_level_step(captures, z)
+        steps[f"{z / MM_PER_M:g} m"] = _mean_level_step(captures, z)
     return {
         "4": Measurement({"share": 100.0 * float(np.concatenate(on_grid).mean())}),
         "5": Measurement(steps),
@@ -151,7 +152,7 @@ def paper_geometry(captures: Captures) -> dict[str, Measurement]:
     return {
         "8": _measure_shadow(captures, {"perlin": OFF, "dot_spread": OFF}),
         "9": _measure_range(captures, (300, 470, 8000), (530, 2000, 5000)),
-        "10": Measurement({"baseline": 1000.0 * captures.camera.rig.baseline_m}),
+        "10": Measurement({"baseline": MM_PER_M * captures.camera.rig.baseline_m}),
     }
 
 
@@ -170,7 +171,11 @@ def _measure_shadow(captures: Captures, changes: Changes) -> Measurement:
     others: list[float] = []
     for far in SHADOW_M:
         capture = captures.camera.capture(
-            scenes.occluder(NEAR_MM, 1000 * far, half), 8, 144, changes=changes, scene=f"hole {far}"
+            scenes.occluder(NEAR_MM, MM_PER_M * far, half),
+            8,
+            144,
+            changes=changes,
+            scene=f"hole {far}",
         )
         hole = np.isnan(capture.whole_mm).mean(axis=0)
         middle = slice(72 - 10, 72 + 10)

@@ -15,6 +15,7 @@ from glsim.bench import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.mesh import Mesh
+from glsim.core.units import MM_PER_M
 from glsim.measures.disparity import (
     Array,
     find_tiles,
@@ -66,7 +67,7 @@ def _noise_rows(
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
     found = []
     for distance in distances_m:
-        disparity = _plane(captures, 1000 * distance)[1]
+        disparity = _plane(captures, MM_PER_M * distance)[1]
         noise = measure_disparity_noise(list(disparity), [(k, k + 1) for k in range(_FRAMES - 1)])
         found.append(noise)
         for name, row in rows.items():
@@ -153,7 +154,7 @@ def _wave_px(captures: Captures) -> float:
 @validation_check("truedepth")
 def truedepth(captures: Captures) -> dict[str, Measurement]:
     """Measure planes and a depth step with a TrueDepth camera."""
-    rows = _noise_rows(captures, (0.2, 0.35, 1.2), 1000 / captures.focal_baseline_px_mm)
+    rows = _noise_rows(captures, (0.2, 0.35, 1.2), MM_PER_M / captures.focal_baseline_px_mm)
     step = _step_rows(captures, 300, 600, 60, upright=True)
     board = _validity_rows(captures, scenes.wall(200, _ALBEDO), "board")
     return {

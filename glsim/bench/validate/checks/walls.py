@@ -7,6 +7,7 @@ import numpy as np
 from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 
 #: Frames of the wall for the fixed pattern.
@@ -31,7 +32,7 @@ def noise_level(captures: Captures) -> dict[str, Measurement]:
         "2": Measurement(
             {"sigma_T": temporal, "sigma_T/sigma_S": measure.ratio(temporal, spatial[900])}
         ),
-        "3": Measurement({f"{z / 1000:g} m": spatial[z] for z in (1500, 2000, 3000, 4000)}),
+        "3": Measurement({f"{z / MM_PER_M:g} m": spatial[z] for z in (1500, 2000, 3000, 4000)}),
         "4": Measurement(
             growth, "" if white is not None else "its white part cannot be measured alone"
         ),
@@ -65,7 +66,7 @@ def albedo(captures: Captures) -> dict[str, Measurement]:
     if white is None:
         return {"7": Measurement(why_not=INTERNAL)}
     ratios = {
-        f"{z / 1000:g} m": measure.ratio(
+        f"{z / MM_PER_M:g} m": measure.ratio(
             captures.temporal_sigma_mm(z, 0.1, white), captures.temporal_sigma_mm(z, 1.0, white)
         )
         for z in (900, 2000)

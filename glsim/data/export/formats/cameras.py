@@ -76,11 +76,11 @@ CAMERAS = (
     Export(
         "open3d",
         "camera, JSON of Open3D",
-        lambda frame: [("_camera.json", open3d_json(frame.camera))],
+        lambda frame: [("_camera.json", open3d_json(frame.intrinsics))],
     ),
     Export(
         "ros",
         "camera, camera_info YAML of ROS",
-        lambda frame: [("_camera_info.yaml", ros_yaml(frame.camera, frame.lens, "glsim"))],
+        lambda frame: [("_camera_info.yaml", ros_yaml(frame.intrinsics, frame.lens, "glsim"))],
     ),
 )

@@ -8,41 +8,43 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.data.export.exported_frame import Export, ExportFrame
+from glsim.core.depth_frame import DepthFrame
+from glsim.data.export.exported_frame import Export, depth_layers, surface_normals
 
 #: NumPy's kind and size of a field -> its name in PLY. Open3D reads "uint16" and leaves out what is
 #: called "ushort", PLY's older name of the same type.
 _PLY = {"f4": "float", "u1": "uchar", "u2": "uint16"}
 
 
-def point_cloud(frame: ExportFrame, layer: str) -> NDArray[np.void]:
+def point_cloud(frame: DepthFrame, layer: str) -> NDArray[np.void]:
     """Return a record array (N,) of the pixels with depth, row by row.
 
     Fields: x, y, z float32 metres in the camera frame (x right, y down, z forward); nx, ny, nz
     float32 unit normal towards the camera; region uint8 and infrared uint16 counts if there are.
     """
-    seen = frame.depth_m[layer] > 0
+    seen = frame.layer(f"{layer}_mm") > 0
     fields = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
-    if frame.regions is not None:
+    if "regions" in frame:
         fields.append(("region", "u1"))
     if frame.infrared is not None:
         fields.append(("infrared", "<u2"))
     cloud = np.zeros(int(seen.sum()), dtype=fields)
+    points, normals = frame.points(f"{layer}_mm")[seen], surface_normals(frame, layer)[seen]
     for number, name in enumerate("xyz"):
-        cloud[name] = frame.points(layer)[seen, number]
-        cloud[f"n{name}"] = frame.normals(layer)[seen, number]
-    if frame.regions is not None:
+        cloud[name], cloud[f"n{name}"] = points[:, number], normals[:, number]
+    if "regions" in frame:
         cloud["region"] = frame.regions[seen]
     if frame.infrared is not None:
         cloud["infrared"] = frame.infrared[seen]
     return cloud
 
 
-def encode_ply(cloud: NDArray[np.void], frame: ExportFrame) -> bytes:
+def encode_ply(cloud: NDArray[np.void], frame: DepthFrame) -> bytes:
     """Encode a point cloud as binary PLY; comments state unit, axes and region names."""
     kinds = {name: cloud.dtype[name].str.lstrip("<|") for name in cloud.dtype.names or ()}
     regions = np.unique(cloud["region"]).tolist() if "region" in kinds else []
-    named = [(n, frame.region_names[n]) for n in regions if n in frame.region_names]
+    names = {number: name for name, number in frame.record.get("regions", {}).items()}
+    named = [(number, names[number]) for number in regions if number in names]
     header = [
         "ply",
         "format binary_little_endian 1.0",
@@ -58,5 +60,8 @@ def encode_ply(cloud: NDArray[np.void], frame: ExportFrame) -> bytes:
 POINT_CLOUDS = Export(
     "ply",
     "point clouds: metres, normals, region, infrared",
-    lambda f: ((f"_{name}.ply", encode_ply(point_cloud(f, name), f)) for name in f.depth_m),
+    lambda frame: (
+        (f"_{layer}.ply", encode_ply(point_cloud(frame, layer), frame))
+        for layer in depth_layers(frame)
+    ),
 )

@@ -1,0 +1,77 @@
+"""Units of depth: metres in geometry, millimetres in measurements, whole steps in files.
+
+A depth of 0 is "no depth" in all three. Every other module converts by these names: a literal 1000
+beside a depth is refused by ``tests/core/test_units.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.errors import DepthRangeError
+
+MM_PER_M: Final = 1000.0
+M_PER_MM: Final = 1 / MM_PER_M
+#: The largest value of a 16-bit file.
+UINT16_MAX: Final = 65535
+
+
+def to_metres(depth_mm: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """Convert millimetres to float32 metres."""
+    return np.asarray(depth_mm / np.float32(MM_PER_M), np.float32)
+
+
+def to_mm(depth_m: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """Convert metres to float32 millimetres."""
+    return np.asarray(depth_m * np.float32(MM_PER_M), np.float32)
+
+
+def to_steps(
+    depth_m: NDArray[np.floating[Any]],
+    step_mm: float = 1.0,
+    option: str = "output.depth_unit_mm",
+) -> NDArray[np.uint16]:
+    """Round depth to the whole steps of a 16-bit file; every positive depth is at least 1 step.
+
+    Args:
+        depth_m: depth, metres, 0 = none; any shape.
+        step_mm: millimetres per step.
+        option: the setting that the error message tells to change.
+
+    Returns:
+        uint16 steps of the same shape, 0 = none.
+
+    Raises:
+        DepthRangeError: a depth exceeds 65535 steps.
+    """
+    steps = np.rint(depth_m * np.float32(MM_PER_M / step_mm))
+    if steps.max(initial=0.0) > UINT16_MAX:
+        raise DepthRangeError(
+            f"a depth of {steps.max() * step_mm:.0f} mm does not fit 16 bits in steps of "
+            f"{step_mm} mm: choose a larger {option}"
+        )
+    np.maximum(steps, 1.0, out=steps, where=depth_m > 0)
+    whole: NDArray[np.uint16] = steps.astype(np.uint16)
+    return whole
+
+
+def from_steps(
+    steps: NDArray[np.unsignedinteger[Any]], step_mm: float = 1.0, offset_mm: float = 0.0
+) -> NDArray[np.float32]:
+    """Convert the whole steps of a file to depth: the inverse of ``to_steps``, in millimetres.
+
+    Args:
+        steps: whole steps, 0 = none; any shape.
+        step_mm: millimetres per step.
+        offset_mm: millimetres that were subtracted before rounding; they are added again.
+
+    Returns:
+        float32 millimetres of the same shape, 0 = none.
+    """
+    depth_mm: NDArray[np.float32] = steps * np.float32(step_mm)
+    if offset_mm:
+        np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=steps > 0)
+    return depth_mm
