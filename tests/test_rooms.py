@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -11,7 +9,13 @@ import numpy as np
 import pytest
 
 from glsim.core.files.png import encode_png
-from tests.support.imports import ROOT, all_modules, imported_modules, third_party
+from tests.support.imports import (
+    ROOT,
+    all_modules,
+    imported_modules,
+    loaded_after,
+    third_party,
+)
 
 #: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
 #: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise.
@@ -219,15 +223,29 @@ def test_a_folder_of_png_maps_is_read_by_few_modules(tmp_path: Path) -> None:
         image = encode_png(np.full((48, 64), 900 + number, np.uint16))
         (tmp_path / f"{number}.png").write_bytes(image)
     code = (
-        "import sys; from pathlib import Path; from glsim.denoise.depth_files import map_files; "
-        f"map_files(sorted(Path({str(tmp_path)!r}).glob('*.png')), None).depth(1); "
-        "print(*(name for name in sys.modules if name.partition('.')[0] == 'glsim'))"
+        "from pathlib import Path; from glsim.denoise.depth_files import map_files; "
+        f"map_files(sorted(Path({str(tmp_path)!r}).glob('*.png')), None).depth(1)"
     )
-    run = [sys.executable, "-c", code]
-    loaded = subprocess.run(run, capture_output=True, text=True, check=True).stdout.split()
+    loaded = {name for name in loaded_after(code) if within(name, "glsim")}
     assert len(loaded) <= MOST_LOADED, sorted(loaded)
     rooms = {room_of(name) for name in loaded}
     assert rooms.isdisjoint({"glsim.gl", "glsim.noise", "glsim.sensors", "glsim.faces"})
+
+
+@pytest.mark.parametrize(
+    ("code", "not_loaded"),
+    [
+        ("import glsim", {"torch", "cv2", "moderngl", "trimesh", "typer", "rich", "numpy"}),
+        ("import glsim; glsim.load_settings()", {"torch", "cv2", "trimesh"}),
+        ("import glsim.cli; glsim.cli.main(['--help'])", {"torch", "cv2", "moderngl", "numpy"}),
+        ("import glsim.cli, glsim.train.recipe", {"torch", "cv2", "moderngl", "matplotlib"}),
+        ("import glsim.eval.scoring.evaluate", {"torch", "matplotlib"}),
+        ("import glsim.train, glsim.train.data", {"torch", "lightning_fabric", "cv2", "numpy"}),
+        ("from glsim.train import load_recipe, recipe_names", {"torch"}),
+    ],
+)
+def test_nothing_heavy_is_loaded_early(code: str, not_loaded: set[str]) -> None:
+    assert not loaded_after(code) & not_loaded
 
 
 def test_the_folders_at_the_top_are_packages_of_glsim() -> None:

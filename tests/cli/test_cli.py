@@ -13,7 +13,7 @@ from glsim.data.verification import verify
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.simulation.frame import LAYERS
 from tests.support.people import needs_anny
-from tests.support.scenes import face_mesh
+from tests.support.scenes import face_mesh, write_obj
 
 
 @pytest.fixture
@@ -24,10 +24,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def face_file(here: Path) -> Path:
-    mesh = face_mesh()
-    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in mesh.vertices_mm]
-    lines += [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
-    (here / "face.obj").write_text("\n".join(lines) + "\n")
+    write_obj(here / "face.obj", face_mesh())
     return here / "face.obj"
 
 

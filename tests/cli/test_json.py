@@ -14,7 +14,7 @@ from glsim.cli import main
 from glsim.noise.registry import stage_names
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.recordings import scene, write_static_pair
-from tests.support.scenes import face_mesh
+from tests.support.scenes import face_mesh, write_obj
 
 
 def printed(capsys: pytest.CaptureFixture[str], *command: str) -> Any:
@@ -77,9 +77,7 @@ def test_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_face_sets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mesh = face_mesh()
-    lines = ["v {} {} {}".format(*vertex) for vertex in mesh.vertices_mm]
-    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
-    (tmp_path / "face.obj").write_text("\n".join(lines))
+    write_obj(tmp_path / "face.obj", mesh)
     found = printed(capsys, "inspect", str(tmp_path / "face.obj"), "--shown", "0")
     assert found["frames_read"] == 1
     assert found["vertices"] == [len(mesh.vertices_mm)] * 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -163,3 +164,9 @@ def test_a_context_of_another_thread_is_told_as_such() -> None:
         corrupt(np.ones((8, 8)))
     assert len(failed) == 1
     assert "belongs to the thread that opened it" in str(failed[0])
+
+
+def test_the_renderer_is_the_expected_one(context: moderngl.Context) -> None:
+    """CI says which with GLSIM_EXPECT_RENDERER, so that a changed image is noticed."""
+    expected = os.environ.get("GLSIM_EXPECT_RENDERER", "")
+    assert expected.lower() in str(context.info["GL_RENDERER"]).lower()

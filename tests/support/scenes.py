@@ -126,6 +126,13 @@ def face_mesh(cells: int = 150) -> Mesh:
     return Mesh(vertices, grid_faces(cells + 1, cells + 1))
 
 
+def write_obj(path: Path, mesh: Mesh) -> None:
+    """Write a mesh's vertices, mm, and triangles as an OBJ file."""
+    lines = ["v {:.4f} {:.4f} {:.4f}".format(*vertex) for vertex in mesh.vertices_mm]
+    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
+    path.write_text("\n".join(lines) + "\n")
+
+
 def rig(
     *emitters_m: tuple[float, float, float], image: Intrinsics = V2, **changes: Any
 ) -> SensorRig:
