@@ -42,7 +42,11 @@ def test_the_version_is_the_same_everywhere() -> None:
     version = PYPROJECT["project"]["version"]
     assert glsim.__version__ == importlib.metadata.version("glsim")
     assert f"\nversion: {version}\n" in text("CITATION.cff")
-    assert yaml.safe_load(text("conda/recipe.yaml"))["context"]["version"] == version
+    recipe = yaml.safe_load(text("conda/recipe.yaml"))
+    assert recipe["context"]["version"] == version
+    needed = [*PYPROJECT["project"]["dependencies"], PYPROJECT["project"]["requires-python"]]
+    run = (entry.partition(" ")[2] for entry in recipe["requirements"]["run"] if " " in entry)
+    assert sorted(run) == sorted(re.sub(r"^[\w-]*", "", entry) for entry in needed)
 
 
 def test_public_names_exist() -> None:
