@@ -25,7 +25,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = [
-    "_build", "tutorials", "gallery", "generated/tutorials/*.py", "generated/gallery/*.py",
+    "_build", "tutorials/*.rst", "gallery", "generated/tutorials/*.py", "generated/gallery/*.py",
     "**/sg_execution_times.rst",
 ]  # fmt: skip
 nitpicky = False

@@ -1,4 +1,4 @@
-"""Make the table of docs/model_card.md: python -m scripts.model_card FOLDER.
+"""Make the table of docs/results/model_card.md: python -m scripts.model_card FOLDER.
 
 Generates still views of people that no training saw, before each kind of camera (glsim generate
 --preset still-views), and scores networks and filters on them (glsim eval). It resumes; about an

@@ -3,7 +3,7 @@
 # Usage: scripts/train_shipped.sh FACEXMODEL [FOLDER]
 #   FACEXMODEL: ICT-FaceKit's folder. FOLDER: for 10 GB of data and the runs, default build/shipped.
 # About seven hours on two cores with bfloat16, one of them for the data; then three trainings that take a GPU seven minutes
-# each and two cores a day. The results are in docs/model_card.md.
+# each and two cores a day. The results are in docs/results/model_card.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 model=${1:?say where ICT-FaceKit\'s FaceXModel is}
@@ -69,7 +69,7 @@ stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
 "$glsim" train face "${more[@]}" --set data.target=expected --from "$out/face-first/best.pt" --set optimiser.lr=1.2e-3 \
     --steps 7100 --resume -o "$out/face"
 # Form: relief and averaged frames, on heads of which a third is seen from behind, with hair. The mean of the weights before and
-# after keeps what both can: bare heads and rooms of the one, hair and ribs of the other (docs/model_card.md).
+# after keeps what both can: bare heads and rooms of the one, hair and ribs of the other (docs/results/model_card.md).
 forms=()
 for camera in randomised any_camera_320 any_camera any_camera_640 any_camera_1024; do
     choose $camera

@@ -62,10 +62,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def test_the_reference_is_that_of_the_code() -> None:
     """If it is not: ``python -m scripts.reference``."""
-    pages = committed_pages()
-    there = {file for file in (DOCS / "reference").rglob("*.md") if file.name != "index.md"}
-    assert there == set(pages)
-    for file, text in pages.items():
+    for file, text in committed_pages().items():
         assert file.read_text(encoding="utf-8") == text.rstrip("\n") + "\n", file
 
 

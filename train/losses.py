@@ -84,7 +84,7 @@ _SWITCH_MM: Final = 25.0
 #: surface was not measured nearby (a wall out of range), and their errors would dominate.
 _KNOWABLE_MM: Final = 50.0
 #: With ``relative``, errors are scaled to this noise, mm; and bounds of a frame's noise, mm: what
-#: depth cameras add to a face at 0.9 m (docs/any_camera.md).
+#: depth cameras add to a face at 0.9 m (docs/howto/any_camera.md).
 _NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
 
 

@@ -30,4 +30,4 @@ figure.colorbar(error, ax=axes[1], label="noisy - clean [mm]")
 plt.show()
 
 # %%
-# How phases become millimetres, and where each constant comes from: :doc:`/time_of_flight`.
+# How phases become millimetres, and each constant's source: :doc:`/explanation/time_of_flight`.

@@ -42,4 +42,4 @@ plt.show()
 
 # %%
 # A command draws them alike: ``glsim generate -o data --set devices=8``. What differs in a Kinect
-# V2: :doc:`/time_of_flight`, "Bias".
+# V2: :doc:`/explanation/time_of_flight`, "Bias".

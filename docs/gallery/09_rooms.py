@@ -32,4 +32,4 @@ figure.colorbar(image, ax=axes[0], label="noisy depth [mm]")
 plt.show()
 
 # %%
-# All numbers of a room: :doc:`/scenes`; of hair, glasses and cloth: :doc:`/face_data`.
+# All numbers of a room: :doc:`/howto/scenes`; of hair, glasses and cloth: :doc:`/howto/face_data`.

@@ -41,4 +41,4 @@ for axis, file in zip(axes, files, strict=True):
 plt.show()
 
 # %%
-# OpenEXR, HDF5, ROS bags, Open3D cameras: :doc:`/export`.
+# NumPy, OpenEXR, cameras of Open3D and ROS: :doc:`/howto/export`.

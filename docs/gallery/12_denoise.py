@@ -32,4 +32,4 @@ figure.colorbar(image, ax=axes, label="error [mm]")
 plt.show()
 
 # %%
-# On real frames, and in training: :doc:`/denoise`, :doc:`/training`.
+# On real frames, and in training: :doc:`/howto/denoise`, :doc:`/howto/training`.

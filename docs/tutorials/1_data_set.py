@@ -34,7 +34,7 @@ summary = generate(settings, folder, workers=1)
 print(f"{sum(summary.frames.values())} frames: {summary.frames}")
 
 # %%
-# On disk these are 16-bit PNG files and JSON lines; see :doc:`/data_sets`. The first of them:
+# On disk these are 16-bit PNG files and JSON lines; see :doc:`/howto/data_sets`. The first of them:
 files = [file.relative_to(folder) for file in folder.rglob("*.*") if file.is_file()]
 for file in sorted(file for file in files if file.parts[0] != ".glsim")[:14]:
     print(file)

@@ -11,7 +11,7 @@ the result.
 # Data
 # ----
 # Crops of 96 pixels, a few people. For a real training take 400 people and draw sensor and pose
-# at random: :doc:`/training`. Depth in steps of 0.1 mm keeps the surface smooth.
+# at random: :doc:`/howto/training`. Depth in steps of 0.1 mm keeps the surface smooth.
 import tempfile
 from pathlib import Path
 
@@ -96,5 +96,5 @@ plt.show()
 #   with ``--resume``.
 # - Score it properly, with intervals and metrics that separate the surface from silhouettes: the
 #   next tutorial.
-# - What a denoiser keeps and removes: :doc:`/denoise`. How networks hold on sensors that they
-#   never saw: :doc:`/transfer`.
+# - What a denoiser keeps and removes: :doc:`/howto/denoise`. How networks hold on sensors that they
+#   never saw: :doc:`/results/transfer`.

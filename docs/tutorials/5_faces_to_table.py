@@ -78,4 +78,4 @@ plt.show()
 #
 #    glsim eval data -d noisy -d median -d quadric:sigma_px=2 -d face -o scores
 #
-# :doc:`/paper_studies` has this comparison under four noise models, with tuned filters.
+# :doc:`/results/paper_studies` has this comparison under four noise models, with tuned filters.

@@ -18,7 +18,7 @@ from glsim.core.errors import MeshError
 #: Default albedo of a mesh without one: diffuse reflectivity of skin at 860 nm relative to a white
 #: wall, 0.5-0.6 (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
 SKIN_ALBEDO = 0.6
-#: Share of the triangles that is kept; chosen by the error in docs/speed.md.
+#: Share of the triangles that is kept; chosen by the error in docs/results/speed.md.
 KEPT_SHARE = 0.44
 
 #: How fast the library raises its error bound, 1 to 7 (its default): 5 is the slowest that reaches

@@ -32,7 +32,7 @@ _SEARCHED_STEPS: Final = 12_000
 #: Maps that are read for it. Chosen: more maps of one view add few depths.
 _MAPS: Final = 4
 #: Largest error of a network of one camera before other cameras, over that of the best filter
-#: there (docs/model_card.md).
+#: there (docs/results/model_card.md).
 _ELSEWHERE: Final = {"face-kinect-v2": 1.24, "face-azure-kinect": 2.3, "face-stereo": 2.2}
 
 

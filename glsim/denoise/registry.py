@@ -47,7 +47,7 @@ _NETWORK_OF: Final = {
     "realsense": "face-stereo",
     "truedepth": "face-stereo",
 }
-#: Folder of the shipped networks, one file each; docs/model_card.md describes them.
+#: Folder of the shipped networks, one file each; docs/results/model_card.md describes them.
 _SHIPPED_FOLDER = Path(shipped.__file__).parent
 
 #: The columns of the paper's table 1, in its order.

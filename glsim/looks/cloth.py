@@ -26,7 +26,7 @@ from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 #: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
 _EDGE_MM: Final = {"head": 16.0, "body": 25.0}
 #: Share of a garment's triangles that is drawn. Chosen: without the others, depth of a head's crop
-#: moves by 0.05 mm on average (docs/speed.md).
+#: moves by 0.05 mm on average (docs/results/speed.md).
 _DRAWN_SHARE = 0.35
 #: The same of whole people, whose grid is coarser: with less, facets show. Chosen on pictures.
 _DRAWN_OF_PEOPLE = 0.6

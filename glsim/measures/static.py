@@ -16,7 +16,7 @@ from glsim.measures.stacks import ratio
 #: _MOST_SHARE of the depth. Noise is uncorrelated at that distance, however large it is: cameras
 #: that match windows have the widest, 0.44 at 8 px and 0.08 at 16 px on a wall before a D435 (two
 #: frames at rest of another: 0.41 and 0.12). Where the camera moved it is 0.29 (the slowest pair of
-#: a D435 on a robot) to 0.84, of a Kinect V2 0.47 to 0.84 (docs/real_frames.md).
+#: a D435 on a robot) to 0.84, of a Kinect V2 0.47 to 0.84 (docs/results/real_frames.md).
 _MOST_MEDIAN_MM, _MOST_ALIKE, _MOST_SHARE = 3.0, 0.2, 0.05
 _APART_PX = 16
 #: A part of the view moved if more than _MOST_MOVED of the blocks of _BLOCK x _BLOCK compared

@@ -2,7 +2,7 @@
 
 The default, "measured", keeps the sensor's mask without flying pixels, unlikely rims and small
 holes. Thresholding the probability ("hard") erodes silhouettes and fills shadows in real frames:
-docs/denoise.md.
+docs/howto/denoise.md.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
 #: Radius of the neighbourhood, px, and width of the widest hole that is closed.
 REACH_PX: Final = 2
 #: A doubtful pixel lies on a surface with this number of sure pixels on it among the 24 around, or
-#: with this share of any pixels on it. Chosen by experiment: docs/denoise.md.
+#: with this share of any pixels on it. Chosen by experiment: docs/howto/denoise.md.
 LEAST_SURE, LEAST_PATCH = 3, 0.5
 #: Least number of measured neighbours of a filled pixel: 3 in a gap 2 px wide.
 LEAST_TOUCHING: Final = 3

@@ -13,7 +13,7 @@ from glsim.core.depth_protocol import DepthProtocol
 AROUND_PX: Final = 48
 #: Pixels beside holes whose probability of depth is at most this are dropped. Chosen: the network
 #: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
-#: (docs/denoise.md). Networks with another bound calibrate their probability: see
+#: (docs/howto/denoise.md). Networks with another bound calibrate their probability: see
 #: ``glsim.networks.composites.calibrated``.
 UNLIKELY: Final = 0.17
 

@@ -26,7 +26,7 @@ from glsim.simulation.face_loader import FaceLoader, alike
 from glsim.simulation.plan.tasks import Task
 
 #: Pixels of this size, mm, see no difference between a mesh and its occluder beside their noise,
-#: which is 3 mm there (Kinect V2, 1.5 m); the error is in docs/speed.md. Chosen.
+#: which is 3 mm there (Kinect V2, 1.5 m); the error is in docs/results/speed.md. Chosen.
 _FAR_PIXEL_MM = 4.0
 
 

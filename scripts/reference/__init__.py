@@ -41,11 +41,8 @@ def committed_pages() -> dict[Path, str]:
 
 
 def write_pages() -> list[Path]:
-    """Write all pages and remove committed pages of what is gone; return the files."""
+    """Write all pages; return the files."""
     written = committed_pages()
-    for old in (DOCS / "reference").rglob("*.md"):
-        if old not in written and old.name != "index.md":
-            old.unlink()
     for name, text in python_names.pages().items():
         written[DOCS / "generated" / "reference" / f"{name}.md"] = text
     for file, text in written.items():

@@ -17,9 +17,9 @@ from scripts.reference.markdown import block, code, plain, table
 _INTRODUCTION = f"""\
 # Format of a data set
 
-Version {disk_format.FORMAT_VERSION}. [A data set on disk](../data_sets.md) explains it; this page
-is read from the code that checks each record. Keys that are not listed are kept as they are: a
-later version may add some.
+Version {disk_format.FORMAT_VERSION}. [A data set on disk](../howto/data_sets.md) explains it.
+This page is read from the code that checks each record. Keys that are not listed are kept as they
+are: a later version may add some.
 
 """
 #: Record -> (the file, its title).

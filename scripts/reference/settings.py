@@ -54,7 +54,7 @@ def pages() -> dict[str, str]:
         parts.append(f"### `{name}`\n\n{plain(preset_title(name))}\n\n" + block(text, "toml"))
     recipe = [
         "# Training recipes\n\nA recipe is a TOML file with these tables. [Training a denoiser]"
-        "(../training.md) shows how they are used, and lists the shipped recipes.\n\n",
+        "(../howto/training.md) shows how they are used, and lists the shipped recipes.\n\n",
         *_tables(Recipe, ""),
     ]
     return {"settings": "".join(parts), "recipes": "".join(recipe)}

@@ -1,6 +1,6 @@
 #version 330 core
 // any_camera_edges: measures silhouettes, shadows and light as some unknown depth camera would.
-// Domain randomisation (docs/any_camera.md): the parameters choose between the rules that real
+// Domain randomisation (docs/howto/any_camera.md): the parameters choose between the rules that real
 // cameras follow at depth steps. First stage of its chain: it measures the clean surface anew.
 #include "lib/lattice_noise.glsl"
 #include "lib/skin_signal.glsl"

@@ -1,6 +1,6 @@
 #version 330 core
 // any_camera_losses: removes pixels as some unknown depth camera would, and rounds disparities.
-// Domain randomisation (docs/any_camera.md): pixels lost one by one and in clusters, too little and
+// Domain randomisation (docs/howto/any_camera.md): pixels lost one by one and in clusters, too little and
 // too much light, and grazing surfaces.
 //@ sparse
 #include "lib/lattice_noise.glsl"

@@ -1,6 +1,6 @@
 #version 330 core
 // any_camera_noise: adds the noise and the systematic error of some unknown depth camera.
-// Domain randomisation (docs/any_camera.md). The size of the noise is a law of distance, light and
+// Domain randomisation (docs/howto/any_camera.md). The size of the noise is a law of distance, light and
 // angle, its distribution may have heavy tails, and neighbours may be alike. A part of it is noise of
 // 1/depth, which is what stereo and structured light measure; a part may stay in all frames of a
 // device. The systematic error is the device's: an offset, a scale, a tilt and a wave along the

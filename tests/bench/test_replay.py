@@ -174,7 +174,7 @@ def test_the_command_replays_and_refuses_what_it_cannot(
 @pytest.mark.long
 @needs_real_cameras
 def test_replays_of_real_frames() -> None:
-    """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/comparison.md."""
+    """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/results/comparison.md."""
     kinect = open_recording(REAL_KINECT_V2).read(16)
     verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
     assert verdicts["planes"].auc < 0.72

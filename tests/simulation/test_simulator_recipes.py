@@ -1,4 +1,4 @@
-"""The recipes of docs/other_simulators.md with stand-ins for the simulators: what they give."""
+"""The recipes of docs/howto/other_simulators.md, with stand-ins for the simulators."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ _SURFACE_MM: Final = 50.0
 #: Samples to each side, and the distance between them, px.
 _TAPS, _TAP_STEP = 2, 3
 #: Epsilon of the guided filters, mm: the best on real Kinect V2 frames
-#: (docs/real_frames.md).
+#: (docs/results/real_frames.md).
 _GUIDED_MM: Final = 15.0
 #: Radius of `_curved`'s Gaussians, standard deviations: at most 10 px, so that none crosses a step.
 _CURVED_REACH: Final = 2.0

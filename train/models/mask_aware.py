@@ -89,7 +89,7 @@ class MaskAware(DepthModel):
     with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
     see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
     of surfaces, which the rule for frames without noise cannot tell apart. ``unlikely`` is chosen
-    by the wrong pixels that stay beside simulated heads (docs/denoise.md).
+    by the wrong pixels that stay beside simulated heads (docs/howto/denoise.md).
     """
 
     sigma_scale: Tensor

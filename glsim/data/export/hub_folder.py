@@ -18,7 +18,7 @@ from glsim.settings.schema import SPLIT_NAMES
 
 #: Names of splits on the Hub.
 _HUB_SPLITS: Final = {"train": "train", "val": "validation", "test": "test"}
-#: Source of faces -> licence of frames of them, as the Hub names it (docs/licence.md). Nobody
+#: Source of faces -> licence of its frames, as the Hub names it (docs/reference/licence.md). Nobody
 #: claims rights in what glsim computes by itself, nor in results of MakeHuman's body model (CC0);
 #: of other faces the owners decide. A frame of several sources is under the last licence.
 _LICENCES: Final = {"procedural": "cc0-1.0", "people": "cc0-1.0", "ict-facekit": "mit"}

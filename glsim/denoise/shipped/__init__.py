@@ -1,1 +1,1 @@
-"""The network shipped with glsim, ``face.onnx``: see docs/model_card.md."""
+"""The network shipped with glsim, ``face.onnx``: see docs/results/model_card.md."""

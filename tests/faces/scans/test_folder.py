@@ -206,7 +206,7 @@ def test_one_scan_gives_as_many_pairs_as_are_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_page_leads_from_a_vertex_to_its_pixel(tmp_path: Path) -> None:
-    page = (ROOT / "docs/data_sets.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/howto/data_sets.md").read_text(encoding="utf-8")
     defined: dict[str, Any] = {}
     exec(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0], defined)
     mesh = face_mesh(120)

@@ -1,7 +1,7 @@
 """Checks of the Azure Kinect, against its only real frame and Microsoft's published values.
 
-The frame is pyk4a's test recording, NFOV unbinned (docs/time_of_flight.md). tests/bench holds
-the bands against that frame with the same code.
+The frame is pyk4a's test recording, NFOV unbinned (docs/explanation/time_of_flight.md).
+tests/bench holds the bands against that frame with the same code.
 """
 
 from __future__ import annotations
