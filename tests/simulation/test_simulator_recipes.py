@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.support.imports import ROOT
 
 WIDTH, HEIGHT = 64, 48
-PAGE = (ROOT / "docs" / "other_simulators.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/howto/other_simulators.md").read_text(encoding="utf-8")
 
 
 def recipe(title: str) -> dict[str, Any]:
