@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
-from glsim.core.depth_protocol import MEANING, DepthProtocol, check_protocol
-from glsim.core.errors import ConfigError, DenoiserError, GlsimError
+from glsim.core.depth_protocol import MEANING, DepthProtocol
+from glsim.core.errors import ConfigError, DenoiserError
+from glsim.denoise.user_function import UserFunction
 from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
 from glsim.networks.interface import (
     MIN_MEASURED_MM,
@@ -72,10 +74,9 @@ class Denoiser:
     def __init__(
         self,
         label: str,
-        function: DepthFunction,
+        function: DepthFunction | Callable[..., Any],
         version: str = "",
         *,
-        own_code: bool = False,
         device: Path | str | None = None,
         composite: str | None = DEFAULT_COMPOSITE,
         around: str | None = None,
@@ -84,9 +85,8 @@ class Denoiser:
 
         Args:
             label: its name.
-            function: see ``DepthFunction``.
+            function: a filter, a network, or a function of the user: see ``UserFunction``.
             version: of the function's file.
-            own_code: the function is the user's, so that its errors are those of a denoiser.
             device: sensor file whose fixed pattern and wiggling are subtracted first.
             composite: see the class.
             around: "face": only around the nearest head, see ``tiles.head_box``.
@@ -95,27 +95,23 @@ class Denoiser:
             DenoiserError: for something that cannot be called.
             ConfigError: for an unknown composite or place, or an unusable device.
         """
-        if not callable(function):
-            raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
         if composite is not None:
             check_composite(composite, "composite")
         if around not in (None, "face"):
             raise ConfigError(f"--around {around}: the only one is face")
+        if not isinstance(function, DepthFunction):
+            function = UserFunction(function, label)
         self.label, self.function, self.version = label, function, version
-        self.before, self.after = (int(getattr(function, n, 0)) for n in ("before", "after"))
-        self._sequences = hasattr(function, "before") or hasattr(function, "after")
-        self.infrared = bool(getattr(function, "infrared", False))
-        self.uncertain = bool(getattr(function, "uncertain", False)) and around is None
-        self.protocol: DepthProtocol | None = check_protocol(
-            getattr(function, "protocol", None), f"{label}: protocol"
-        )
+        self.before, self.after = function.before, function.after
+        self.infrared, self.protocol = function.infrared, function.protocol
+        self.uncertain = function.uncertain and around is None
         self.device: DeviceCalibration | None = None
         if device is not None:
             from glsim.denoise.calibration import DeviceCalibration  # with all of the sensors
 
             self.device = DeviceCalibration(device)
         self.composite = composite
-        self._own_code, self._around_head = own_code, around is not None
+        self._around_head = around is not None
         self._held: deque[Depth] = deque(maxlen=1 + self.before)
 
     def __call__(
@@ -241,27 +237,15 @@ class Denoiser:
     def _estimate(self, noisy_mm: Depth, now: int, infrared: NDArray[Any] | None) -> Estimate:
         """Call the denoising function, and check the arrays that it returns."""
         stack = noisy_mm.astype(np.float32)
-        valid = stack > 0
-        arguments = (stack, valid, now) if self._sequences else (stack[now], valid[now])
-        images = {}
-        if self.infrared:
+        counts = None
+        if self.infrared and infrared is not None:
             self._check_infrared(infrared, stack.shape[1:])
-            images["infrared"] = None if infrared is None else infrared.astype(np.float32)
-        try:
-            result = self.function(*arguments, **images)
-        except GlsimError:
-            raise
-        except Exception as error:  # the user's code may raise anything
-            if not self._own_code:
-                raise
-            text = " ".join(str(error).split())
-            raise DenoiserError(f"{self.label}: {type(error).__name__}: {text}") from error
+            counts = infrared.astype(np.float32)
+        result = self.function(stack, stack > 0, now, counts)
         return Estimate(noisy_mm[now], *self._checked(result, stack.shape[1:]))
 
     def _checked(self, result: Any, shape: tuple[int, ...]) -> list[NDArray[Any]]:
-        names = ("depth_mm", "valid", "sigma_mm")[
-            : 2 + bool(getattr(self.function, "uncertain", 0))
-        ]
+        names = ("depth_mm", "valid", "sigma_mm")[: 2 + self.function.uncertain]
         if not isinstance(result, tuple) or len(result) != len(names):
             raise DenoiserError(f"{self.label}: must return ({', '.join(names)})")
         images = [np.asarray(part) for part in result]

@@ -19,9 +19,10 @@ from glsim.core.plugins import load_plugin, module_names, plugin_names, shipped_
 from glsim.core.user_code import load_object
 from glsim.denoise import shipped
 from glsim.denoise.denoiser import Denoiser
+from glsim.denoise.parameters import build, parameter
 from glsim.networks.composites import DEFAULT_COMPOSITE
 from glsim.networks.inputs import MAX_NEIGHBOURS
-from glsim.networks.interface import build, parameter
+from glsim.networks.interface import DepthFunction
 
 _FOLDER: Final = "denoise/filters"
 _MODULES: Final = [shipped_module(_FOLDER, name) for name in module_names(_FOLDER)]
@@ -148,33 +149,30 @@ def load_denoiser(
     text = rest if at else spec
     if not text or (at and not label):
         raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
-    function, version, own_code = _resolve(text, spec, label)
-    return Denoiser(
-        label, function, version, own_code=own_code, device=device, composite=composite,
-        around=around,
-    )  # fmt: skip
+    function, version = _resolve(text, spec, label)
+    return Denoiser(label, function, version, device=device, composite=composite, around=around)
 
 
-def _resolve(text: str, spec: str, label: str) -> tuple[Any, str, bool]:
-    """Return the function of a denoiser, its version, and whether it is the user's own code."""
+def _resolve(text: str, spec: str, label: str) -> tuple[Any, str]:
+    """Return the function of a denoiser and its version."""
     path, _, assignments = text.rpartition(":")
     if text.endswith(_SUFFIXES):
         path, assignments = text, ""
     if path.endswith(_SUFFIXES):
         options = build(NetworkOptions, _assignments(assignments, spec), spec)
-        return *_from_file(Path(path), label, options), False
+        return _from_file(Path(path), label, options)
     name, _, tail = text.partition(":")
     if name in _FILTERS:
-        return build(_FILTERS[name], _assignments(tail, spec), spec), "", False
+        return build(_FILTERS[name], _assignments(tail, spec), spec), ""
     if name in NETWORKS:
         options = build(NetworkOptions, _assignments(tail, spec), spec)
-        return *_from_file(shipped_file(name), label, options), False
+        return _from_file(shipped_file(name), label, options)
     if name in _plugins():
         found = _filter(name)
-        return *_own_code(f"{found.__module__}:{found.__name__}", tail, spec, label), True
+        return _own_code(f"{found.__module__}:{found.__name__}", tail, spec, label)
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
-        return *_own_code(f"{name}:{function}", parameters, spec, label), True
+        return _own_code(f"{name}:{function}", parameters, spec, label)
     raise ConfigError(
         f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
         "or write module:function, file.py:function, or the path of a network (.onnx, .pt, "
@@ -219,14 +217,13 @@ def _own_code(target: str, parameters: str, spec: str, label: str) -> tuple[Any,
     return function, "" if file is None else _version(file)
 
 
-def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, str]:
+def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[DepthFunction, str]:
     """Load a network from an ONNX file, or, if PyTorch is installed, from a checkpoint."""
     if not path.exists():
         raise DenoiserError(
             f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
             "glsim export"
         )
-    network: Any
     if path.suffix == ONNX_SUFFIX:
         from glsim.networks.onnx_file import load_onnx
 
@@ -240,10 +237,8 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[Any, st
                 f"export it where PyTorch is (glsim export {path} -o network.onnx) ({error})"
             ) from None
         network = load_network(path, options.min_probability)
-    network.earlier = min(network.earlier, options.before)
-    network.average = options.average
-    if options.keep_clean is not None:
-        network.keep_clean = bool(options.keep_clean)
+    keep_clean = None if options.keep_clean is None else bool(options.keep_clean)
+    network.configure(options.before, options.average, keep_clean)
     return network, f"{_version(path)} {options}"
 
 

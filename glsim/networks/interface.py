@@ -1,14 +1,14 @@
-"""The interface of denoising functions: arrays, results and command-line parameters."""
+"""The interface of denoising functions: their arrays, arguments and results."""
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any, Final, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.depth_protocol import DepthProtocol
 
 #: A smaller depth, mm, is none from a camera: no depth camera measures nearer.
 MIN_MEASURED_MM: Final = 50.0
@@ -35,61 +35,37 @@ class Denoised(NamedTuple):
     valid: Mask | Probability
 
 
-class DepthFunction(Protocol):
-    """The interface of a denoising function: a filter, a network, or the user's own function.
+class DepthFunction(ABC):
+    """A denoising function: a filter, a network, or the user's own function.
 
-    It takes (H, W) float32 millimetres, 0 = no return, and the (H, W) bool mask of returns. One
-    with the attribute ``before`` or ``after`` (numbers of frames) takes a sequence, (T, H, W) each,
-    and the index of the frame to denoise; the ends of a sequence have fewer neighbours. One whose
-    attribute ``infrared`` is true also gets the keyword argument ``infrared``: (H, W) float32
-    counts of that frame, or None.
+    Attributes:
+        before, after: numbers of earlier and of later frames that it uses.
+        infrared: whether it uses infrared.
+        uncertain: whether it returns a standard deviation.
+        protocol: where the depths of its training are counted from; None for both.
+        keep_clean: whether it returns frames without noise unchanged.
     """
 
+    before: int = 0
+    after: int = 0
+    infrared: bool = False
+    uncertain: bool = False
+    protocol: DepthProtocol | None = None
+    keep_clean: bool = False
+
+    @abstractmethod
     def __call__(
-        self, noisy_mm: Depth, valid: Mask, /, *now: int, **images: Any
+        self, noisy_mm: Depth, valid: Mask, now: int, infrared: Depth | None = None
     ) -> tuple[Any, ...]:
-        """Return depth, mm, and its validity, a bool mask or a probability in [0, 1].
+        """Denoise frame ``now`` of a sequence; the ends of a sequence have fewer neighbours.
 
-        One whose attribute ``uncertain`` is true also returns the standard deviation, mm.
+        Args:
+            noisy_mm: (T, H, W) float32 millimetres, 0 = no return.
+            valid: (T, H, W) bool mask of returns.
+            now: index of the frame.
+            infrared: (H, W) float32 counts of the frame.
+
+        Returns:
+            (H, W) depth, mm, and its validity, a bool mask or a probability in [0, 1]; if
+            ``uncertain``, also the standard deviation, mm.
         """
-        ...
-
-
-def parameter(default: float | None, low: float, high: float, help: str) -> Any:
-    """Declare a dataclass field as a command-line parameter in the range [low, high].
-
-    Its type, int or float, is that of the field. None is a default that a value replaces.
-    """
-    return dataclasses.field(default=default, metadata={"range": (low, high), "help": help})
-
-
-def build(kind: type, text: dict[str, str], where: str) -> Any:
-    """Make a dataclass whose fields are ``parameter`` from texts of the command line.
-
-    Args:
-        kind: the dataclass.
-        text: parameter name -> value as text.
-        where: the denoiser as it was given, for messages.
-
-    Raises:
-        ConfigError: for an unknown name, or a value that is no number in range.
-    """
-    fields = {field.name: field for field in dataclasses.fields(kind)}
-    values: dict[str, float] = {}
-    for name, written in text.items():
-        field = fields.get(name)
-        if field is None:
-            raise ConfigError(
-                f"--denoiser {where}: no such parameter {name!r} ({did_you_mean(name, fields)})"
-            )
-        whole = str(field.type).startswith("int")
-        try:
-            value = int(written) if whole else float(written)
-        except ValueError:
-            number = "a whole number" if whole else "a number"
-            raise ConfigError(f"--denoiser {where}: {name} must be {number}") from None
-        low, high = field.metadata["range"]
-        if not low <= value <= high:
-            raise ConfigError(f"--denoiser {where}: {name} must lie in [{low:g}, {high:g}]")
-        values[name] = value
-    return kind(**values)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from glsim.core.errors import DenoiserError
 from glsim.networks.composites import calibrated
 from glsim.networks.inputs import NetworkInputs, stack_inputs
-from glsim.networks.interface import MIN_DEPTH_MM, Depth, Mask, Probability
+from glsim.networks.interface import MIN_DEPTH_MM, Depth, DepthFunction, Mask, Probability
 from glsim.networks.past_mean import past_mean
 from glsim.networks.record import UNLIKELY, NetworkRecord
 from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask
@@ -44,14 +44,12 @@ class Runner(Protocol):
         ...
 
 
-class NetworkFunction:
-    """A ``DepthFunction`` that denoises frames of any size by a network.
+class NetworkFunction(DepthFunction):
+    """The denoising of frames of any size by a network.
 
     Attributes:
-        earlier, after: neighbours in time that the network sees; missing ones are allowed.
+        earlier: frames that the network sees; missing ones are allowed, and so is no infrared.
         average: it sees the mean of this many frames, up to the denoised one, where nothing moves.
-        infrared: whether it uses the infrared image; without one it denoises by depth alone.
-        uncertain: whether it predicts its uncertainty.
         protocol, keep_clean, margin_px, unlikely: of its ``NetworkRecord``.
     """
 
@@ -66,14 +64,22 @@ class NetworkFunction:
         """
         self._network, self._name, self._min_probability = network, name, min_probability
         self.infrared, self.earlier, self.after = network.inputs
-        self.average = 1
+        self.before, self.average = self.earlier, 1
         self.uncertain = "sigma_mm" in network.outputs
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
 
-    @property
-    def before(self) -> int:
-        """The number of earlier frames that a call takes."""
-        return max(self.earlier, self.average - 1)
+    def configure(self, earlier: int, average: int, keep_clean: bool | None) -> None:
+        """Choose how the network is used.
+
+        Args:
+            earlier: use at most so many earlier frames.
+            average: denoise the mean of so many frames, where nothing moves.
+            keep_clean: whether frames without noise stay unchanged; None: as it was trained.
+        """
+        self.earlier, self.average = min(self.earlier, earlier), average
+        self.before = max(self.earlier, average - 1)
+        if keep_clean is not None:
+            self.keep_clean = keep_clean
 
     def __call__(
         self, noisy_mm: Depth, valid: Mask, now: int, infrared: Depth | None = None

@@ -15,23 +15,25 @@ from typing import Any
 import numpy as np
 
 from glsim.core.errors import DenoiserError
+from glsim.networks.interface import DepthFunction
 
 
 @dataclass
-class Network:
+class Network(DepthFunction):
     gain: float
     soft: bool = False
     sigma_mm: float | None = None
     blind: bool = False
 
-    earlier: int = 0
-    before: int = 0
+    def __post_init__(self) -> None:
+        self.uncertain = self.sigma_mm is not None
 
-    @property
-    def uncertain(self) -> bool:
-        return self.sigma_mm is not None
+    def configure(self, *options: object) -> None:
+        pass
 
-    def __call__(self, frames_mm: Any, measured: Any, now: int) -> tuple[Any, ...]:
+    def __call__(
+        self, frames_mm: Any, measured: Any, now: int, infrared: Any = None
+    ) -> tuple[Any, ...]:
         noisy_mm, valid = frames_mm[now], measured[now] & (not self.blind)
         depth = np.where(valid, noisy_mm + self.gain * (900 - noisy_mm), 0).astype(np.float32)
         kept = np.where(valid, 0.75, 0.25).astype(np.float32) if self.soft else valid

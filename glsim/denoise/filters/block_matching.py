@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from glsim.core.errors import require_package
 from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import fill
-from glsim.networks.interface import Depth, Mask, parameter
+from glsim.denoise.parameters import parameter
+from glsim.networks.interface import Depth, Mask
 from glsim.networks.safeguards import estimate_noise_mm, noise_share
 
 #: Noise of frames without enough surface to estimate it, mm, and the least one. Chosen.

@@ -7,6 +7,7 @@ mask clean-up; without it the output keeps the input's validity.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_map import around
+from glsim.denoise.filters.frame_filter import FrameFilter
 from glsim.denoise.filters.windows import clean_up, fill
-from glsim.networks.interface import Denoised, Depth, Mask, parameter
+from glsim.denoise.parameters import parameter
+from glsim.networks.interface import Denoised, Depth, Mask
 
 #: Radius of the window in standard deviations.
 _REACH = 2.5
@@ -26,14 +29,14 @@ _RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
-class Masked:
+class Masked(FrameFilter):
     """The base class of filters that estimate wanted pixels from valid pixels only."""
 
     cleanup: int = parameter(
         0, 0, 31, "side of the window of the mask clean-up, px, odd; 0 keeps the input's mask"
     )
 
-    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+    def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter an (H, W) depth map, mm; pixels without a valid neighbour get no depth."""
         support, wanted = valid, valid
         if self.cleanup:
@@ -45,9 +48,9 @@ class Masked:
         kept = wanted & (depth > 0)
         return Denoised(np.where(kept, depth, np.float32(0)), kept)
 
+    @abstractmethod
     def estimate(self, noisy_mm: Depth, support: Mask, wanted: Mask) -> Depth:
         """Estimate the depths, (N,) mm, of the N wanted pixels; 0 without a valid neighbour."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

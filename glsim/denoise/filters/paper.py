@@ -11,7 +11,9 @@ import cv2
 import numpy as np
 
 from glsim.core.errors import ConfigError
-from glsim.networks.interface import Denoised, Depth, Mask, parameter
+from glsim.denoise.filters.frame_filter import FrameFilter
+from glsim.denoise.parameters import parameter
+from glsim.networks.interface import Denoised, Depth, Mask
 
 
 def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
@@ -20,16 +22,16 @@ def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:
 
 
 @dataclass(frozen=True)
-class Unchanged:
+class Unchanged(FrameFilter):
     """The noisy input itself, the paper's baseline."""
 
-    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+    def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Return the input unchanged."""
         return Denoised(noisy_mm, valid)
 
 
 @dataclass(frozen=True)
-class Median:
+class Median(FrameFilter):
     """Median over a square; holes count as depth 0 (the paper: size=5)."""
 
     size: int = parameter(5, 3, 5, "side of the window, px: 3 or 5")
@@ -38,13 +40,13 @@ class Median:
         if self.size not in (3, 5):
             raise ConfigError("--denoiser median: OpenCV's 16-bit median has size 3 or 5")
 
-    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+    def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter in float32, which on whole millimetres equals the 16-bit median."""
         return _with_depth(cv2.medianBlur(noisy_mm, self.size))
 
 
 @dataclass(frozen=True)
-class Bilateral:
+class Bilateral(FrameFilter):
     """Bilateral filter in float32; holes count as depth 0 (the paper: 9, 75, 75)."""
 
     diameter: int = parameter(9, 3, 31, "diameter of the neighbourhood, px")
@@ -55,7 +57,7 @@ class Bilateral:
         75.0, 0.1, 500, "sigmaSpace: standard deviation of the distance weight"
     )
 
-    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+    def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter in float32, because OpenCV's filter takes no 16-bit images."""
         return _with_depth(
             cv2.bilateralFilter(noisy_mm, self.diameter, self.sigma_mm, self.sigma_px)
@@ -63,14 +65,14 @@ class Bilateral:
 
 
 @dataclass(frozen=True)
-class NonLocalMeans:
+class NonLocalMeans(FrameFilter):
     """Non-local means on 16 bits (L1 norm); holes count as depth 0 (the paper: 30, 7, 21)."""
 
     strength: float = parameter(30.0, 0.1, 1000, "h, mm")
     template: int = parameter(7, 3, 21, "side of the compared patches, px, odd")
     search: int = parameter(21, 3, 61, "side of the search window, px, odd")
 
-    def __call__(self, noisy_mm: Depth, valid: Mask) -> Denoised:
+    def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter whole mm in uint16, since OpenCV's filter takes no float depth."""
         whole = np.rint(np.clip(noisy_mm, 0, 65535)).astype(np.uint16)
         cleaned = cv2.fastNlMeansDenoising(

@@ -6,27 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glsim.networks.interface import Denoised, Depth, Mask, parameter
+from glsim.denoise.parameters import parameter
+from glsim.networks.interface import Denoised, Depth, DepthFunction, Mask
 from glsim.networks.past_mean import past_mean
 
 
-@dataclass(frozen=True)
-class TemporalMedian:
+@dataclass
+class TemporalMedian(DepthFunction):
     """Median over neighbouring frames of a sequence; valid where most of the frames are valid."""
 
     frames: int = parameter(3, 3, 15, "number of frames, centred on the filtered one")
 
-    @property
-    def before(self) -> int:
-        """The number of earlier frames that the filter reads."""
-        return self.frames // 2
+    def __post_init__(self) -> None:
+        self.before = self.after = self.frames // 2
 
-    @property
-    def after(self) -> int:
-        """The number of later frames that the filter reads."""
-        return self.frames // 2
-
-    def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
+    def __call__(
+        self, noisy_mm: Depth, valid: Mask, now: int, infrared: Depth | None = None
+    ) -> Denoised:
         """Compute medians of valid depths; of an even number, the mean of the middle two."""
         count = valid.sum(axis=0)
         ordered = np.sort(np.where(valid, noisy_mm, np.inf), axis=0)
@@ -39,8 +35,8 @@ class TemporalMedian:
         return Denoised(middle.astype(np.float32), kept)
 
 
-@dataclass(frozen=True)
-class Adaptive:
+@dataclass
+class Adaptive(DepthFunction):
     """Temporal mean with a threshold, after Essmaeel et al. 2012; a single frame stays unchanged.
 
     The paper ran its "adaptive threshold 15" on single frames, as frames=1 does: its row equals its
@@ -52,14 +48,12 @@ class Adaptive:
     threshold_mm: float = parameter(15.0, 0.1, 1000, "a larger change of depth counts as motion")
     frames: int = parameter(1, 1, 30, "number of frames, with the filtered one")
 
-    @property
-    def before(self) -> int:
-        """The number of earlier frames that the filter reads."""
-        return self.frames - 1
+    def __post_init__(self) -> None:
+        self.before = self.frames - 1
 
-    after = 0
-
-    def __call__(self, noisy_mm: Depth, valid: Mask, now: int) -> Denoised:
+    def __call__(
+        self, noisy_mm: Depth, valid: Mask, now: int, infrared: Depth | None = None
+    ) -> Denoised:
         """Compute means over past frames; pixels are valid where the input is."""
         return Denoised(past_mean(noisy_mm[: now + 1], self.threshold_mm), valid[now])
 

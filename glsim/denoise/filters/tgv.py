@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import FLYING_MM, fill
-from glsim.networks.interface import Depth, Mask, parameter
+from glsim.denoise.parameters import parameter
+from glsim.networks.interface import Depth, Mask
 from glsim.networks.safeguards import estimate_noise_mm, local_noise_mm
 
 _Array = NDArray[np.float32]

@@ -1,0 +1,44 @@
+"""A user's denoising function, by the interface of glsim's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from glsim.core.depth_protocol import check_protocol
+from glsim.core.errors import DenoiserError, GlsimError
+from glsim.networks.interface import Depth, DepthFunction, Mask
+
+
+class UserFunction(DepthFunction):
+    """A function of single frames, or of sequences if it has an attribute ``before`` or ``after``.
+
+    It may have the other attributes of ``DepthFunction``, too. Its errors become DenoiserErrors.
+    """
+
+    def __init__(self, function: Callable[..., Any], label: str) -> None:
+        """Read the attributes of a function; ``label`` names it in messages."""
+        if not callable(function):
+            raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
+        self._function, self._label = function, label
+        self._takes_sequences = hasattr(function, "before") or hasattr(function, "after")
+        self.before = int(getattr(function, "before", 0))
+        self.after = int(getattr(function, "after", 0))
+        self.infrared = bool(getattr(function, "infrared", False))
+        self.uncertain = bool(getattr(function, "uncertain", False))
+        self.keep_clean = bool(getattr(function, "keep_clean", False))
+        self.protocol = check_protocol(getattr(function, "protocol", None), f"{label}: protocol")
+
+    def __call__(
+        self, noisy_mm: Depth, valid: Mask, now: int, infrared: Depth | None = None
+    ) -> Any:
+        """Call the function with the arguments that it takes."""
+        frame = (noisy_mm, valid, now) if self._takes_sequences else (noisy_mm[now], valid[now])
+        images = {"infrared": infrared} if self.infrared else {}
+        try:
+            return self._function(*frame, **images)
+        except GlsimError:
+            raise
+        except Exception as error:  # the user's code may raise anything
+            text = " ".join(str(error).split())
+            raise DenoiserError(f"{self._label}: {type(error).__name__}: {text}") from error
