@@ -49,6 +49,7 @@ def test_the_version_is_the_same_everywhere() -> None:
     assert sorted(run) == sorted(re.sub(r"^[\w-]*", "", entry) for entry in needed)
 
 
-def test_public_names_exist() -> None:
+def test_public_names_exist_and_are_listed() -> None:
+    assert set(dir(glsim)) == {*glsim.__all__, "__version__"}
     for name in glsim.__all__:
         assert getattr(glsim, name) is not None

@@ -13,7 +13,7 @@ from glsim.core.mesh import Mesh
 from glsim.faces.face_source import Face
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.looks.dress import Dresser
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import AppearanceSettings
 from glsim.settings.toml_tables import read_toml
 
@@ -132,7 +132,7 @@ def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) 
     meshes = []
     for number, face in enumerate(source.load(keys)):
         assert isinstance(face, Face)
-        worn = dresser.dress(face, DrawKeys(number, number, number))
+        worn = dresser.dress(face, ScopeSeeds(number, number, number))
         own = [worn.mesh, *(part.mesh for part in worn.parts)]
         whole = merge_meshes(*own) if len(own) > 1 else worn.mesh
         vertices = whole.vertices_mm * np.array([1, -1, -1], np.float32)

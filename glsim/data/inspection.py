@@ -21,7 +21,7 @@ from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSo
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.scans.file_tree import check_root
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import generates, source_kinds, source_table
 from glsim.simulation.frame import Frame
@@ -124,7 +124,7 @@ def preview_faces(
     """Render frames with an ideal sensor at 0.9 m, leaving out frames that fail."""
     settings = load_settings(overrides={"sensor": "ideal"})
     tasks = [
-        Task(number, "train", key.subject, 0, key, DrawKeys(0, 0, 0), 0)
+        Task(number, "train", key.subject, 0, key, ScopeSeeds(0, 0, 0), 0)
         for number, key in enumerate(keys)
     ]
     for result in simulate(settings, tasks, sources=[source], backend=backend):

@@ -18,7 +18,7 @@ from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
 from glsim.faces.face_source import Face
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import VariationSettings
 
 #: Wavelengths, mm, from a head's width to an ear's. Amplitudes are proportional to wavelengths, so
@@ -31,25 +31,25 @@ _WAVES: Final = 6
 _MIN_ALBEDO, _MAX_ALBEDO = np.float32(0.02), np.float32(0.95)
 
 
-def draw_variation(settings: VariationSettings, seeds: DrawKeys) -> dict[str, float]:
+def sample_variation(settings: VariationSettings, seeds: ScopeSeeds) -> dict[str, float]:
     """Draw a face's "variation.shape_mm" and "variation.albedo"; return {} if both are 0."""
-    drawn = {
-        "variation.shape_mm": settings.shape_mm.draw(seeds, "variation.shape_mm"),
-        "variation.albedo": settings.albedo.draw(seeds, "variation.albedo"),
+    sampled = {
+        "variation.shape_mm": settings.shape_mm.sample(seeds, "variation.shape_mm"),
+        "variation.albedo": settings.albedo.sample(seeds, "variation.albedo"),
     }
-    return drawn if any(drawn.values()) else {}
+    return sampled if any(sampled.values()) else {}
 
 
-def vary(face: Face, settings: VariationSettings, seeds: DrawKeys) -> Face:
+def vary(face: Face, settings: VariationSettings, seeds: ScopeSeeds) -> Face:
     """Return a face with varied shape and reflectivity; a pure function of the arguments."""
-    drawn = draw_variation(settings, seeds)
-    if not drawn:
+    sampled = sample_variation(settings, seeds)
+    if not sampled:
         return face
     mesh = face.mesh
     fields = _fields(mesh.vertices_mm, getattr(seeds, settings.per))
-    warp_mm = np.float32(drawn["variation.shape_mm"]) * fields[:, :3]
+    warp_mm = np.float32(sampled["variation.shape_mm"]) * fields[:, :3]
     albedo = np.float32(SKIN_ALBEDO) if mesh.albedo is None else mesh.albedo
-    albedo = albedo * np.exp(np.float32(drawn["variation.albedo"]) * fields[:, 3])
+    albedo = albedo * np.exp(np.float32(sampled["variation.albedo"]) * fields[:, 3])
     varied = replace(
         mesh,
         vertices_mm=mesh.vertices_mm + warp_mm,

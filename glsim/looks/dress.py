@@ -22,8 +22,8 @@ from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.glasses import make_glasses
 from glsim.looks.hair import make_hair, make_scalp
 from glsim.looks.noise import Pattern, pattern_factors
-from glsim.looks.outfit import Outfit, draw_outfit
-from glsim.settings.distribution import DrawKeys
+from glsim.looks.outfit import Outfit, sample_outfit
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import AppearanceSettings
 
 _Grid = TypeVar("_Grid")
@@ -110,7 +110,7 @@ class Dresser:
         self._wardrobes: OrderedDict[tuple[str, int], _Wardrobe] = OrderedDict()
         self._grids: dict[object, object] = {}
 
-    def dress(self, face: Face, seeds: DrawKeys) -> Face:
+    def dress(self, face: Face, seeds: ScopeSeeds) -> Face:
         """Return the face with all worn parts of its subject; a pure function of face and seeds."""
         if not self.is_on:
             return face
@@ -127,8 +127,8 @@ class Dresser:
             parts=(*face.parts, *parts),
         )
 
-    def drawn(self, face: Face, seeds: DrawKeys) -> dict[str, float]:
-        """Return the drawn values of an outfit for the manifest: "appearance.name" -> value."""
+    def sampled(self, face: Face, seeds: ScopeSeeds) -> dict[str, float]:
+        """Return the sampled values of an outfit for the manifest: "appearance.name" -> value."""
         if not self.is_on:
             return {}
         return dict(self._wardrobe(face, seeds).outfit.numbers)
@@ -160,10 +160,10 @@ class Dresser:
             self._grids[make] = make(self._reference)
         return cast("_Grid", self._grids[make])
 
-    def _wardrobe(self, face: Face, seeds: DrawKeys) -> _Wardrobe:
+    def _wardrobe(self, face: Face, seeds: ScopeSeeds) -> _Wardrobe:
         key = face.key.subject, seeds.subject
         if key not in self._wardrobes:
-            outfit = draw_outfit(self._settings, seeds, face.notes)
+            outfit = sample_outfit(self._settings, seeds, face.notes)
             self._wardrobes[key] = self._make(face, outfit)
             while len(self._wardrobes) > _CACHED_SUBJECTS:
                 self._wardrobes.popitem(last=False)

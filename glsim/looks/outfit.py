@@ -15,7 +15,7 @@ from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
 from glsim.looks.glasses import GLASSES, GlassesStyle
 from glsim.looks.noise import Pattern
 from glsim.looks.styles import STYLE_TABLE, STYLES, HairStyle
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import AppearanceSettings
 
 _Choice = TypeVar("_Choice")
@@ -53,8 +53,8 @@ class Outfit:
     numbers: Mapping[str, float] = field(default_factory=dict)
 
 
-def draw_outfit(
-    settings: AppearanceSettings, seeds: DrawKeys, notes: Mapping[str, object] | None = None
+def sample_outfit(
+    settings: AppearanceSettings, seeds: ScopeSeeds, notes: Mapping[str, object] | None = None
 ) -> Outfit:
     """Draw the outfit of a subject; a pure function of the arguments.
 

@@ -1,4 +1,4 @@
-"""Noise stages: their declaration, their settings, and the values drawn for a frame.
+"""Noise stages: their declaration, their settings, and the values sampled for a frame.
 
 A stage is a GLSL file, or a Python function "file.py:function" or "package.module:function" that
 runs on arrays, after the shaders:
@@ -27,7 +27,7 @@ from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.declarations import Parameter, slider_of
 from glsim.gl.shader_source import ShaderSource
 from glsim.noise.frame_context import FrameContext, Layers
-from glsim.settings.distribution import Distribution, DrawKeys, constant
+from glsim.settings.distribution import Distribution, ScopeSeeds, constant
 
 #: A stage on arrays: takes the view of the frame, its layers and the parameters' values; returns
 #: the layers that it writes.
@@ -163,20 +163,20 @@ def make_stage(
     return Stage(name, spec, {ENABLED: constant(1.0), **defaults, **settings})
 
 
-def draw_values(
-    stages: Sequence[Stage], seeds: DrawKeys
+def sample_values(
+    stages: Sequence[Stage], seeds: ScopeSeeds
 ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """Draw the parameter values of all stages for one frame. Raises ConfigError.
+    """Sample the parameter values of all stages for one frame. Raises ConfigError.
 
     Returns the values that are not constant, "stage.parameter" -> value, and all values,
     stage -> parameter -> value.
     """
-    drawn: dict[str, float] = {}
+    sampled: dict[str, float] = {}
     values: dict[str, dict[str, float]] = {stage.name: {} for stage in stages}
     for stage in stages:
         for name, setting in stage.settings.items():
             key = f"{stage.name}.{name}"
-            value = setting.draw(seeds, key)
+            value = setting.sample(seeds, key)
             parameter = stage.spec.parameters.get(name, _ENABLED)
             if parameter.type != "float":
                 value = float(round(value))
@@ -184,5 +184,5 @@ def draw_values(
                 raise ConfigError(f"{key}: {problem}")
             values[stage.name][name] = value
             if not setting.is_constant:
-                drawn[key] = value
-    return drawn, values
+                sampled[key] = value
+    return sampled, values

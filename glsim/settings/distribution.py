@@ -1,15 +1,15 @@
-"""A number in the settings that is constant or drawn from a distribution.
+"""A number in the settings that is constant or sampled from a distribution.
 
     base_sigma_mm = 1.5                              always 1.5
-    base_sigma_mm = { uniform = [1, 3] }             one draw per frame
-    yaw_deg = { normal = [0, 15], per = "sequence" } one draw per sequence
+    base_sigma_mm = { uniform = [1, 3] }             one sample per frame
+    yaw_deg = { normal = [0, 15], per = "sequence" } one sample per sequence
     octaves = { choice = [1, 2, 4] }
     sigma_px = { loguniform = [0.1, 1] }
     sigma_mm = { uniform = [1.0, 1.3], per = "device" }
 
-The first device of a plan is the typical one: it has the middle of what is drawn per device.
+The first device of a plan is the typical one: it has the middle of what is sampled per device.
 
-A draw is a function of its key and name only: adding a distribution changes no other draw.
+A sample is a function of its key and name only: adding a distribution changes no other one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
 
 
 class Distribution(TomlTable):
-    """A uniform, loguniform, normal, choice or constant distribution; drawn once per ``per``."""
+    """A uniform, loguniform, normal, choice or constant distribution; sampled once per ``per``."""
 
     constant: float | None = None
     uniform: tuple[float, float] | None = None
@@ -67,11 +67,11 @@ class Distribution(TomlTable):
 
     @property
     def is_constant(self) -> bool:
-        """Whether all draws give the same number."""
+        """Whether all samples are the same number."""
         return self.constant is not None
 
     def bounds(self) -> tuple[float, float]:
-        """Return the smallest and largest draw; a normal draw is cut at 3 standard deviations."""
+        """Return the smallest and largest sample; a normal one is cut at 3 standard deviations."""
         if self.normal is not None:
             mean, sigma = self.normal
             return mean - 3 * sigma, mean + 3 * sigma
@@ -86,8 +86,8 @@ class Distribution(TomlTable):
             return math.sqrt(self.loguniform[0] * self.loguniform[1])
         return self._numbers()[0]
 
-    def draw(self, keys: DrawKeys, name: str) -> float:
-        """Draw the number of the setting ``name`` with the seeds of a frame."""
+    def sample(self, keys: ScopeSeeds, name: str) -> float:
+        """Sample the number of the setting ``name`` with the seeds of a frame."""
         if self.constant is not None:
             return self.constant
         key = getattr(keys, self.per)
@@ -104,7 +104,7 @@ class Distribution(TomlTable):
         return float(rng.choice(self._numbers()))
 
 
-class DrawKeys(NamedTuple):
+class ScopeSeeds(NamedTuple):
     """The 64-bit seeds of a frame, of its sequence, its subject and its virtual device.
 
     device: None for the first device of a plan, which is the typical one.
@@ -115,8 +115,8 @@ class DrawKeys(NamedTuple):
     subject: int
     device: int | None = None
 
-    def held_in_sequence(self) -> DrawKeys:
-        """Return keys that give all frames of a sequence the same draws."""
+    def held_in_sequence(self) -> ScopeSeeds:
+        """Return keys that give all frames of a sequence the same samples."""
         return self._replace(frame=self.sequence)
 
 

@@ -16,7 +16,7 @@ from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.products import norm, product
 from glsim.core.seeds import rng_for
 from glsim.noise.frame_context import Layers
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 
 _Color = tuple[float, float, float]
 #: Linear reflectance of the darkest and the palest skin and hair; people lie between. Chosen.
@@ -39,7 +39,7 @@ _HAIRY: Final = ("hair", "beard", "brow", "scalp")
 _AMBIENT, _MEAN = 0.45, 0.22
 
 
-def color_image(layers: Layers, numbers: Mapping[str, int], seeds: DrawKeys) -> NDArray[np.uint8]:
+def color_image(layers: Layers, numbers: Mapping[str, int], seeds: ScopeSeeds) -> NDArray[np.uint8]:
     """Return an (h, w, 3) uint8 sRGB image, red first, 0 where there is no surface.
 
     Args:
@@ -67,7 +67,7 @@ def color_image(layers: Layers, numbers: Mapping[str, int], seeds: DrawKeys) -> 
     return encoded
 
 
-def _palette(numbers: Mapping[str, int], seeds: DrawKeys) -> dict[int, NDArray[np.float64]]:
+def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, NDArray[np.float64]]:
     """Return number -> linear colour of each region; 0 is skin."""
     person = rng_for(seeds.subject, "colours")
     skin = _between(_SKIN, person.uniform())

@@ -22,11 +22,11 @@ from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_array_stages
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.stage import draw_values
+from glsim.noise.stage import sample_values
 from glsim.render.renderer import Renderer
 from glsim.sensors.images import check_shape
 from glsim.sensors.sensor import sensor_of
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import OutputSettings, Settings
 from glsim.simulation.assembly import assemble_frame
 from glsim.simulation.frame import Frame
@@ -88,9 +88,9 @@ class MapEngine:
             self._opened.context.release()
         self._opened = None
 
-    def frame(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: DrawKeys) -> Frame:
+    def frame(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: ScopeSeeds) -> Frame:
         """Simulate the frame of a map of ``surface_depth``. Raises ConfigError."""
-        drawn, values = draw_values(self.sensor.stages, seeds)
+        sampled, values = sample_values(self.sensor.stages, seeds)
         whole = self.rig.intrinsics
         delivered = self.rig.on_canvas(Rect(0, 0, whole.width, whole.height))
         image = self.canvas.intrinsics
@@ -126,11 +126,11 @@ class MapEngine:
             key=key,
             source="depth map",
             seed=seeds.frame,
-            parameters=drawn,
+            parameters=sampled,
         )
 
     def _context(
-        self, window: Rect, seeds: DrawKeys, depth_m: NDArray[np.float32], nearest_m: float
+        self, window: Rect, seeds: ScopeSeeds, depth_m: NDArray[np.float32], nearest_m: float
     ) -> FrameContext:
         # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with
         # the square of the distance.

@@ -29,7 +29,7 @@ from glsim.core.units import from_steps, to_metres
 from glsim.faces.face_source import FaceKey
 from glsim.noise.array_chain import without_tensors
 from glsim.sensors.sensor import sensor_of
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.corrupt import MapEngine, depth_batch, map_shape, surface_depth
 from glsim.simulation.frame import Frame, refuse_millimetres
@@ -252,7 +252,7 @@ class DepthNoise:
         engine = self._engine((clean.shape[0], clean.shape[1]), self._backend)
         seed = stable_seed("corrupt", self.settings.seed, name)
         depth_m = to_metres(from_steps(clean, self.settings.output.depth_unit_mm))
-        key, seeds = FaceKey(name or "map", "main", 0), DrawKeys(seed, seed, seed)
+        key, seeds = FaceKey(name or "map", "main", 0), ScopeSeeds(seed, seed, seed)
         made: Frame = engine.frame(depth_m, key, seeds)
         return made
 
@@ -319,9 +319,9 @@ class DepthNoise:
         self._engines.move_to_end(key)
         return self._engines[key]
 
-    def _keys(self, frame: int, sequence: str) -> DrawKeys:
+    def _keys(self, frame: int, sequence: str) -> ScopeSeeds:
         held = stable_seed("corrupt sequence", self.settings.seed, sequence)
-        return DrawKeys(
+        return ScopeSeeds(
             stable_seed("corrupt frame", self.settings.seed, sequence, frame), held, held
         )
 

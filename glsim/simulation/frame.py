@@ -122,7 +122,7 @@ class Frame:
     depth_offset_mm: millimetres subtracted from every depth (0 unless normalised).
     pose: distance_mm, yaw_deg, ... as drawn, plus the motion of generated heads.
     expression: action unit or blend shape -> intensity in [0, 1].
-    parameters: "stage.parameter" -> drawn value; constants are left out.
+    parameters: "stage.parameter" -> sampled value; constants are left out.
     notes: further JSON values about the face, from its source.
     """
 

@@ -3,7 +3,7 @@
 simulate(settings)       opens the sources and the context; per task of the plan, a Simulator runs
     FaceLoader.load      -> faces (meshes in canonical axes, mm), varied and dressed, in batches
     FrameScenes.build    -> the scene: face, pose, room, other people, and the delivered crop
-    draw_values          -> stage parameters, drawn from the task's seeds
+    sample_values        -> stage parameters, sampled with the task's seeds
     MovingFrames.draw    -> instead of the next two lines, if the scene moves in the exposure
     Renderer.render      -> clean, normal, albedo, lit (region on request): GPU targets
     ShaderChain.run      -> depth (noisy), reason, infrared: GPU targets, readback queued
@@ -39,7 +39,7 @@ from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import INFRARED_RIGHT
 from glsim.noise.registry import find_stage, shader_stage
-from glsim.noise.stage import ENABLED, draw_values
+from glsim.noise.stage import ENABLED, sample_values
 from glsim.render.region_pass import REGION
 from glsim.render.renderer import NORMAL, Rendered, Renderer
 from glsim.sensors.sensor import Sensor, StageChange, sensor_of
@@ -71,7 +71,7 @@ class _InFlight:
     scene: FrameScene
     frame: FrameContext
     values: dict[str, dict[str, float]]
-    drawn: dict[str, float]
+    sampled: dict[str, float]
     true: dict[str, NDArray[np.float32]]
     rolled: bool = False
 
@@ -309,7 +309,7 @@ class Simulator:
         rig, stages = self._canvas, self.sensor.stages
         make_current(self._context)  # the caller may have used another since the last frame
         scene = self._scenes.build(task, face)
-        drawn, values = draw_values(stages, self._scenes.loader.held(task).seeds)
+        sampled, values = sample_values(stages, self._scenes.loader.held(task).seeds)
         reach_px = array_reach_px(stages, values)
         crop = self.sensor.rig.on_canvas(scene.crop)
 
@@ -329,16 +329,16 @@ class Simulator:
         if self._moving is not None:
             times_s = [0.001 * part.time_ms for part in self._moving.parts]
             if moved := self._scenes.moved(task, face, times_s):
-                drawn |= self._scenes.speeds(task)
+                sampled |= self._scenes.speeds(task)
                 still, *parts = (replace(each, crop=crop) for each in (scene, *moved))
                 frame = self._moving.draw(still, parts, reach_px, frame_of, values, readback)
                 true = self._seen_in_colour(scene)
                 rolls = self._moving.rolls
-                return _InFlight(readback, task, scene, frame, values, drawn, true, rolls)
+                return _InFlight(readback, task, scene, frame, values, sampled, true, rolls)
         rendered, owner = self._cache.rendered(self._renderer, scene, crop, reach_px)
         frame = frame_of(rendered)
         self._chain.run(rendered, frame, values, readback, owner)
-        return _InFlight(readback, task, scene, frame, values, drawn, self._seen_in_colour(scene))
+        return _InFlight(readback, task, scene, frame, values, sampled, self._seen_in_colour(scene))
 
     def _seen_in_colour(self, scene: FrameScene) -> dict[str, NDArray[np.float32]]:
         """Draw the crop of a scene in the colour camera's view; {} if no such view is delivered."""
@@ -394,7 +394,7 @@ class Simulator:
             seed=task.seeds.frame,
             pose=scene.pose,
             expression=scene.face.expression,
-            parameters={**item.drawn, **scene.drawn},
+            parameters={**item.sampled, **scene.sampled},
             notes=scene.face.notes,
             region_numbers=self._scenes.region_numbers,
             head_to_camera=head_to_camera,

@@ -16,7 +16,7 @@ from glsim.core.units import MM_PER_M
 from glsim.faces.face_source import Face, WornPart
 from glsim.faces.neck import bend_neck, head_motion, move_pose
 from glsim.faces.regions import RegionLabels, landmark_vertices, to_camera
-from glsim.faces.variation import draw_variation
+from glsim.faces.variation import sample_variation
 from glsim.looks.dress import worn_regions
 from glsim.looks.room.scenery import Prop, body_of, build_scenery, check_behind, scene_regions
 from glsim.looks.room.view import tilted
@@ -32,14 +32,14 @@ _FAR_PIXEL_MM = 4.0
 
 @dataclass(frozen=True, eq=False)
 class FrameScene:
-    """All meshes of a frame in camera coordinates, with their labels and drawn values.
+    """All meshes of a frame in camera coordinates, with their labels and sampled values.
 
     Attributes:
         meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
         labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
         crop: the delivered part of the image.
         pose: its values, with motion.
-        drawn: values that were drawn for the face, what it wears and the room, by their names.
+        sampled: values that were sampled for the face, what it wears and the room, by their names.
         head_to_camera_m: (4, 4), both in metres.
         landmarks_m: (68, 3) camera-frame metres, or None.
     """
@@ -49,7 +49,7 @@ class FrameScene:
     labels: Sequence[NDArray[np.float32] | None]
     crop: Rect
     pose: Mapping[str, float]
-    drawn: Mapping[str, float]
+    sampled: Mapping[str, float]
     head_to_camera_m: NDArray[np.float64]
     landmarks_m: NDArray[np.float64] | None
 
@@ -105,7 +105,7 @@ class FrameScenes:
     def speeds(self, task: Task) -> dict[str, float]:
         """Draw the speeds in [motion]: "motion.NAME" -> mm or degrees per second."""
         seeds, motion = self.loader.held(task).seeds, self.loader.settings.motion
-        return {f"motion.{n}": getattr(motion, n).draw(seeds, f"motion.{n}") for n in SPEEDS}
+        return {f"motion.{n}": getattr(motion, n).sample(seeds, f"motion.{n}") for n in SPEEDS}
 
     def _build(
         self,
@@ -117,7 +117,7 @@ class FrameScenes:
         loader, settings, rig = self.loader, self.loader.settings, self.loader.rig
         source, seeds = loader.sources[task.source], loader.held(task).seeds
         pose = {
-            name: getattr(settings.pose, name).draw(seeds, f"pose.{name}")
+            name: getattr(settings.pose, name).sample(seeds, f"pose.{name}")
             for name in type(settings.pose).model_fields
         }
         still, motion = pose, pose.pop("motion")
@@ -127,11 +127,11 @@ class FrameScenes:
             pose = move_pose(pose, offsets, face.neck)
         if speeds is not None and any(speeds.values()):
             pose = move_pose(pose, {n: after_s * v for n, v in speeds.items()}, face.neck)
-        drawn = draw_variation(settings.variation, seeds)
-        drawn |= loader.dressers[task.source].drawn(face, seeds)
+        sampled = sample_variation(settings.variation, seeds)
+        sampled |= loader.dressers[task.source].sampled(face, seeds)
         body = body_of(face) if settings.scene.room != "none" else None
         scenery = build_scenery(settings.scene, settings.pose, seeds, rig, body)
-        drawn |= scenery.drawn
+        sampled |= scenery.sampled
         meshes = [face.mesh, *(part.mesh for part in face.parts)]
         person = bend_neck(meshes, face.neck, pose, still)
         view = tilted(pose_matrix(pose), scenery.tilt_deg)
@@ -162,7 +162,7 @@ class FrameScenes:
             labels=labels,
             crop=crop_window(rig, still, settings.output.crop),
             pose=pose,
-            drawn=drawn,
+            sampled=sampled,
             head_to_camera_m=head_to_camera,
             landmarks_m=landmarks_m,
         )

@@ -16,21 +16,21 @@ from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
 from glsim.noise.array_chain import without_tensors
 from glsim.noise.layer_names import EXPECTED_LAYER
-from glsim.noise.stage import ENABLED, Stage, draw_values
+from glsim.noise.stage import ENABLED, Stage, sample_values
 from glsim.noise.twins import find_twin
 from glsim.noise.twins.arrays import of
 from glsim.noise.twins.batch import (
     WordContext,
     beside_camera,
-    draw,
     lit_share,
     map_words,
+    sample,
     seed_word,
     surface_normals,
 )
 from glsim.noise.twins.layers import pcg_word, uniform01
 from glsim.sensors.sensor import Sensor
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.simulation.assembly import reconcile_reasons
 from glsim.simulation.frame import refuse_millimetres
 
@@ -112,7 +112,7 @@ class TensorEngine:
         self,
         depth_m: Any,
         device: Any,
-        keys: Sequence[DrawKeys] | None,
+        keys: Sequence[ScopeSeeds] | None,
         seed: int,
         p: float,
         *,
@@ -160,14 +160,14 @@ class TensorEngine:
         return (noisy.cpu().numpy() if array else noisy), layers
 
     def _named(
-        self, seed: int, inputs: Mapping[str, Any], keys: Sequence[DrawKeys]
+        self, seed: int, inputs: Mapping[str, Any], keys: Sequence[ScopeSeeds]
     ) -> dict[str, Any]:
         """Return the layers of a batch whose maps have seeds of 64 bits, as frames of OpenGL."""
         maps = inputs["maps"]
-        drawn = [draw_values(self._stages, key)[1] for key in keys]
+        samples = [sample_values(self._stages, key)[1] for key in keys]
         values = self._values(
             lambda stage, name: maps.new_tensor(
-                np.array([v[stage.name][name] for v in drawn], np.float32)
+                np.array([v[stage.name][name] for v in samples], np.float32)
             )
         )
         word = of(maps).word
@@ -186,9 +186,9 @@ class TensorEngine:
         words = {"frame": frame, "held": held}
 
         def number(stage: Stage, name: str) -> Any:
-            drawn = draw(stage.settings[name], f"{stage.name}.{name}", words)
+            number = sample(stage.settings[name], f"{stage.name}.{name}", words)
             parameter = stage.spec.parameters.get(name)
-            return drawn if parameter is not None and parameter.type == "float" else drawn.round()
+            return number if parameter is not None and parameter.type == "float" else number.round()
 
         layers = self._answer(inputs, (frame, held, held), self._values(number))
         if p < 1:
@@ -196,13 +196,13 @@ class TensorEngine:
             layers["depth"] = of(frame).where(changed, layers["depth"], layers["clean"])
         return layers
 
-    def _values(self, drawn: Callable[[Stage, str], Any]) -> Values:
-        """Return all parameters of all stages; ``drawn`` gives (B,) numbers of those that vary."""
+    def _values(self, sampled: Callable[[Stage, str], Any]) -> Values:
+        """Return all parameters of all stages; ``sampled`` gives (B,) numbers of varying ones."""
         return {
             stage.name: {
                 name: float(np.float32(setting.constant))
                 if setting.constant is not None
-                else drawn(stage, name)[:, None, None]
+                else sampled(stage, name)[:, None, None]
                 for name, setting in stage.settings.items()
             }
             for stage in self._stages

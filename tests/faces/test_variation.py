@@ -9,14 +9,14 @@ import pytest
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.variation import vary
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings, VariationSettings, load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.plan.tasks import make_tasks
 from tests.support.scenes import TwoSequences, face_mesh, settings_for
 
-KEYS = DrawKeys(frame=1, sequence=2, subject=3)
+KEYS = ScopeSeeds(frame=1, sequence=2, subject=3)
 
 
 def variation(**values: object) -> VariationSettings:

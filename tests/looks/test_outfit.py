@@ -9,7 +9,7 @@ import pytest
 
 from glsim.core.errors import ConfigError
 from glsim.core.seeds import stable_seed
-from glsim.looks.outfit import HAIR_COLOURS, draw_outfit
+from glsim.looks.outfit import HAIR_COLOURS, sample_outfit
 from glsim.looks.styles import STYLES
 from tests.support.wardrobe import appearance, keys
 
@@ -18,7 +18,7 @@ PEOPLE = 200
 
 def outfits(**values: object) -> list:
     settings = appearance(**values)
-    return [draw_outfit(settings, keys(stable_seed("someone", n))) for n in range(PEOPLE)]
+    return [sample_outfit(settings, keys(stable_seed("someone", n))) for n in range(PEOPLE)]
 
 
 @pytest.mark.parametrize("name", ["hair", "beard", "brows", "glasses", "cloth"])
@@ -50,9 +50,9 @@ def test_a_switch_changes_nothing_else() -> None:
 
 def test_the_subject_alone_decides() -> None:
     settings = appearance()
-    first = draw_outfit(settings, keys(7))
-    assert first == draw_outfit(settings, keys(7)._replace(frame=9, sequence=8))
-    assert first != draw_outfit(settings, keys(8))
+    first = sample_outfit(settings, keys(7))
+    assert first == sample_outfit(settings, keys(7)._replace(frame=9, sequence=8))
+    assert first != sample_outfit(settings, keys(8))
 
 
 def test_many_styles_and_colours_are_met() -> None:
@@ -72,10 +72,10 @@ def test_reflectivity_in_the_infrared_is_in_the_range_of_its_colour() -> None:
 def test_age_and_sex_decide_where_they_are_known() -> None:
     settings = appearance(beard=0.5)
     seeds = [keys(stable_seed("known", n)) for n in range(PEOPLE)]
-    men = [draw_outfit(settings, s, {"age_years": 40.0, "woman": False}) for s in seeds]
-    women = [draw_outfit(settings, s, {"age_years": 40.0, "woman": True}) for s in seeds]
-    boys = [draw_outfit(settings, s, {"age_years": 9.0, "woman": False}) for s in seeds]
-    old = [draw_outfit(settings, s, {"age_years": 75.0, "woman": True}) for s in seeds]
+    men = [sample_outfit(settings, s, {"age_years": 40.0, "woman": False}) for s in seeds]
+    women = [sample_outfit(settings, s, {"age_years": 40.0, "woman": True}) for s in seeds]
+    boys = [sample_outfit(settings, s, {"age_years": 9.0, "woman": False}) for s in seeds]
+    old = [sample_outfit(settings, s, {"age_years": 75.0, "woman": True}) for s in seeds]
     assert all(o.beard is not None for o in men)  # half of all is all of the men
     assert not any(o.beard for o in [*women, *boys])
     assert not any(o.hair.bald or o.hair.recede for o in boys if o.hair)

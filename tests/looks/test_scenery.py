@@ -16,7 +16,7 @@ from glsim.faces.face_source import Face, FaceKey, FaceSource
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.scenery import body_of, build_scenery
 from glsim.looks.room.view import camera_place, room_view, visible_mesh
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.pipeline import simulate
@@ -27,7 +27,7 @@ from tests.support.scenes import V2, face_mesh, frames_of, layers_of, settings_f
 OFFICE = {"room": "office", "clutter": 1.0, "camera_mm": 1000}
 
 
-def scenery_of(seeds: DrawKeys, pose: dict[str, Any] | None = None, **scene: Any) -> Any:
+def scenery_of(seeds: ScopeSeeds, pose: dict[str, Any] | None = None, **scene: Any) -> Any:
     settings = load_settings(overrides={"scene": OFFICE | scene, "pose": pose or {}})
     return build_scenery(settings.scene, settings.pose, seeds, SensorRig(V2))
 
@@ -44,22 +44,22 @@ def figures(context: moderngl.Context, sensor: str = "ideal", **tables: Any) -> 
 
 
 def test_a_room_is_kept_for_its_subject_and_another_one_has_another() -> None:
-    first = scenery_of(DrawKeys(1, 2, 3))
-    again = scenery_of(DrawKeys(8, 9, 3))
-    other = scenery_of(DrawKeys(1, 2, 4))
+    first = scenery_of(ScopeSeeds(1, 2, 3))
+    again = scenery_of(ScopeSeeds(8, 9, 3))
+    other = scenery_of(ScopeSeeds(1, 2, 4))
     assert all(a.mesh is b.mesh for a, b in zip(first.props, again.props, strict=True))
-    assert first.drawn == again.drawn
-    assert other.drawn["scene.behind_mm"] != first.drawn["scene.behind_mm"]
-    per_frame = [scenery_of(DrawKeys(n, 2, 3), per="frame") for n in (1, 2)]
-    assert per_frame[0].drawn != per_frame[1].drawn
+    assert first.sampled == again.sampled
+    assert other.sampled["scene.behind_mm"] != first.sampled["scene.behind_mm"]
+    per_frame = [scenery_of(ScopeSeeds(n, 2, 3), per="frame") for n in (1, 2)]
+    assert per_frame[0].sampled != per_frame[1].sampled
 
 
 def test_drawn_numbers_are_in_their_ranges_and_faces_are_numbers_of_one_topology() -> None:
-    scenery = scenery_of(DrawKeys(1, 2, 3), behind_mm={"uniform": [1500, 1600]}, clutter=0.4)
-    assert 1500 <= scenery.drawn["scene.behind_mm"] <= 1600
-    assert scenery.drawn["scene.clutter"] == 0.4
-    assert scenery.drawn["scene.camera_mm"] == pytest.approx(1000, abs=0.1)
-    assert scenery.drawn["scene.tilt_deg"] > 5
+    scenery = scenery_of(ScopeSeeds(1, 2, 3), behind_mm={"uniform": [1500, 1600]}, clutter=0.4)
+    assert 1500 <= scenery.sampled["scene.behind_mm"] <= 1600
+    assert scenery.sampled["scene.clutter"] == 0.4
+    assert scenery.sampled["scene.camera_mm"] == pytest.approx(1000, abs=0.1)
+    assert scenery.sampled["scene.tilt_deg"] > 5
     assert sum(len(p.mesh.faces) for p in scenery.props) < 30_000
     for prop in scenery.props:
         assert prop.mesh.albedo is not None

@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glsim.core.errors import ConfigError
-from glsim.settings.distribution import Distribution, DrawKeys
+from glsim.settings.distribution import Distribution, ScopeSeeds
 from glsim.settings.schema import load_settings
 from tests.support.stage_harness import Z_MAX, z_mean, z_rate, z_sd
 
 U64 = st.integers(0, 2**64 - 1)
-KEYS = [DrawKeys(frame, frame // 10, frame // 100) for frame in range(4000)]
+KEYS = [ScopeSeeds(frame, frame // 10, frame // 100) for frame in range(4000)]
 
 
 def draws(distribution: Distribution, name: str = "x") -> np.ndarray:
-    return np.array([distribution.draw(keys, name) for keys in KEYS])
+    return np.array([distribution.sample(keys, name) for keys in KEYS])
 
 
 @pytest.mark.parametrize(
@@ -48,25 +48,25 @@ def test_a_draw_depends_on_its_key_and_name_alone(
     frame: int, sequence: int, subject: int, name: str
 ) -> None:
     for per, keys in (
-        ("frame", DrawKeys(frame, 1, 2)),
-        ("sequence", DrawKeys(1, sequence, 2)),
-        ("subject", DrawKeys(1, 2, subject)),
+        ("frame", ScopeSeeds(frame, 1, 2)),
+        ("sequence", ScopeSeeds(1, sequence, 2)),
+        ("subject", ScopeSeeds(1, 2, subject)),
     ):
         distribution = Distribution(uniform=(-1, 1), per=per)
-        first = distribution.draw(DrawKeys(frame, sequence, subject), name)
+        first = distribution.sample(ScopeSeeds(frame, sequence, subject), name)
         np.random.default_rng(5).random(100)
-        assert distribution.draw(keys, name) == first
+        assert distribution.sample(keys, name) == first
         assert -1 <= first <= 1
 
 
 def test_draws_are_pinned() -> None:
     """A later version must generate the same data set."""
-    keys = DrawKeys(1, 2, 3)
+    keys = ScopeSeeds(1, 2, 3)
     made = [
-        Distribution(uniform=(0, 1)).draw(keys, "pose.yaw_deg"),
-        Distribution(normal=(0, 1), per="sequence").draw(keys, "axial.base_sigma_mm"),
-        Distribution(loguniform=(1, 10), per="subject").draw(keys, "x"),
-        Distribution(choice=(1, 2, 3, 4)).draw(keys, "x"),
+        Distribution(uniform=(0, 1)).sample(keys, "pose.yaw_deg"),
+        Distribution(normal=(0, 1), per="sequence").sample(keys, "axial.base_sigma_mm"),
+        Distribution(loguniform=(1, 10), per="subject").sample(keys, "x"),
+        Distribution(choice=(1, 2, 3, 4)).sample(keys, "x"),
     ]
     assert made == pytest.approx(
         [0.7501487766190287, 1.1114258607910077, 2.8413984275320874, 3.0], rel=1e-12
@@ -119,10 +119,10 @@ def test_numbers_of_a_device_are_the_middle_for_the_first_and_drawn_for_others()
     }
     for kind, (numbers, middle) in spreads.items():
         given = Distribution.model_validate({kind: numbers, "per": "device"})
-        assert given.draw(DrawKeys(1, 2, 3), "x") == pytest.approx(middle)
-        assert given.draw(DrawKeys(9, 8, 7), "x") == pytest.approx(middle)
+        assert given.sample(ScopeSeeds(1, 2, 3), "x") == pytest.approx(middle)
+        assert given.sample(ScopeSeeds(9, 8, 7), "x") == pytest.approx(middle)
     given = Distribution(uniform=(1.0, 1.3), per="device")
-    drawn = [given.draw(DrawKeys(1, 2, 3, device), "x") for device in range(200)]
+    drawn = [given.sample(ScopeSeeds(1, 2, 3, device), "x") for device in range(200)]
     assert len(set(drawn)) == 200
     assert np.mean(drawn) == pytest.approx(1.15, abs=0.03)
-    assert given.draw(DrawKeys(5, 6, 7, 11), "x") == drawn[11], "of the device alone"
+    assert given.sample(ScopeSeeds(5, 6, 7, 11), "x") == drawn[11], "of the device alone"

@@ -24,7 +24,7 @@ from glsim.core.seeds import stable_seed
 from glsim.data.dataset_run import write_dataset
 from glsim.data.progress import GenerateSummary
 from glsim.faces.face_source import FaceKey
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.tasks import Task
@@ -56,7 +56,7 @@ def make_tasks(subjects: int = 8, frames: int = 20) -> list[Task]:
     for s in range(subjects):
         for f in range(frames):
             key = FaceKey(f"s{s:03d}", "smile.1", f, f / 30)
-            seeds = DrawKeys(stable_seed(s, f), stable_seed(s), 2**64 - 1 - s)
+            seeds = ScopeSeeds(stable_seed(s, f), stable_seed(s), 2**64 - 1 - s)
             tasks.append(Task(len(tasks), splits[s % 4], f"s{s:03d}", 0, key, seeds, s % 2))
     return tasks
 

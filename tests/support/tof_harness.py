@@ -17,10 +17,10 @@ from glsim.gl.targets import Readback
 from glsim.noise.array_chain import run_array_stages
 from glsim.noise.chain import ShaderChain
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.stage import draw_values
+from glsim.noise.stage import sample_values
 from glsim.render.renderer import Rendered, Renderer
 from glsim.sensors.sensor import Sensor, load_sensor
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import load_settings
 from glsim.simulation.pipeline import open_sources
 from glsim.simulation.plan.tasks import make_tasks
@@ -86,7 +86,7 @@ class Camera:
         )
 
     def values(self, changes: Changes) -> dict[str, dict[str, float]]:
-        _, values = draw_values(self.sensor.stages, DrawKeys(0, 0, 0))
+        _, values = sample_values(self.sensor.stages, ScopeSeeds(0, 0, 0))
         for stage, given in changes.items():
             assert set(given) <= set(values[stage]), (stage, given)
             values[stage] |= given

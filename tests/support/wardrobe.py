@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from glsim.faces.face_source import Face, WornPart
 from glsim.faces.sources.procedural import ProceduralFaces
 from glsim.looks.dress import Dresser
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import AppearanceSettings, load_settings
 
 #: Everything on everybody.
@@ -39,9 +39,9 @@ def frames(subject: str, count: int) -> list[Face]:
     return [face for face in loaded if isinstance(face, Face)]
 
 
-def keys(subject: int) -> DrawKeys:
+def keys(subject: int) -> ScopeSeeds:
     """Return the seeds of a subject."""
-    return DrawKeys(frame=1, sequence=2, subject=subject)
+    return ScopeSeeds(frame=1, sequence=2, subject=subject)
 
 
 def part(face: Face, region: str) -> WornPart:

@@ -19,7 +19,7 @@ from glsim.data.reader import open_dataset
 from glsim.networks.inputs import NetworkInputs
 from glsim.train import Augmentation, StoredPairs, stored_batches
 from glsim.train.data.checks import fingerprint
-from glsim.train.data.stored import draw_texture
+from glsim.train.data.stored import sample_texture
 from tests.support.dataset_fakes import make, make_settings, make_tasks, sign
 from tests.support.train_fakes import crop_places, recipe
 
@@ -149,7 +149,7 @@ def test_bumps_and_slopes_lie_on_both_maps_alike_and_fill_no_hole(
 
 def test_textures_have_their_size_and_averaged_frames_less_noise(dataset: Path) -> None:
     rng = np.random.default_rng(0)
-    drawn = [draw_texture((96, 96), rng) for _ in range(40)]
+    drawn = [sample_texture((96, 96), rng) for _ in range(40)]
     inside = [texture[texture != 0].std() for texture in drawn]
     assert min(inside) > 0.1
     assert max(inside) < 5

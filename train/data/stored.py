@@ -199,12 +199,12 @@ class StoredPairs(PairDataset):
         augmentation = self._augmentation
         added_mm = np.zeros(target.shape, np.float32)
         if augmentation.relief_mm:
-            added_mm += draw_surface_bumps(target.shape, augmentation.relief_mm, rng)
+            added_mm += sample_surface_bumps(target.shape, augmentation.relief_mm, rng)
         if augmentation.texture and rng.random() < augmentation.texture:
-            added_mm += draw_texture(target.shape, rng)
+            added_mm += sample_texture(target.shape, rng)
         if augmentation.slope_mm_per_px and (target > 0).any():
             nearest_mm = float(target[target > 0].min())
-            added_mm += draw_slope(target.shape, augmentation.slope_mm_per_px, nearest_mm, rng)
+            added_mm += sample_slope(target.shape, augmentation.slope_mm_per_px, nearest_mm, rng)
         return added_mm
 
     def _cropped(
@@ -289,7 +289,7 @@ _AVERAGED_MM: Final = 50.0
 _LEVEL, _NEARER = 0.5, 0.5
 
 
-def draw_surface_bumps(
+def sample_surface_bumps(
     shape: tuple[int, int], height_mm: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres of bumps and creases to add to depth.
@@ -313,7 +313,7 @@ def draw_surface_bumps(
     return total_mm
 
 
-def draw_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
+def sample_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres of ribs or grain, in patches, to add to depth.
 
     Noise has no ribs, and is not coarser in one place than in others like it: a network that has
@@ -343,7 +343,7 @@ def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
     return averaged
 
 
-def draw_slope(
+def sample_slope(
     shape: tuple[int, int], largest_mm_per_px: float, nearest_mm: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres to add to depth: a random plane, 0 at the image centre.

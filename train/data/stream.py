@@ -23,7 +23,7 @@ from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.core.seeds import device_key, pcg_rng, stable_seed
 from glsim.faces.face_source import FaceSource
 from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.split import split_subjects
@@ -143,7 +143,7 @@ class BatchStream:
             key = keys[number]
             draw = int(rng.integers(2**63))
             device = int(rng.integers(settings.devices)) if of_visit is None else of_visit
-            seeds = DrawKeys(
+            seeds = ScopeSeeds(
                 frame=stable_seed("simulated", self.seed, lane, block, draw),
                 sequence=stable_seed("sequence", *identity, key.sequence),
                 subject=stable_seed("subject", *identity),

@@ -132,18 +132,18 @@ def sample_identity(seed: int, subject: str) -> BodyIdentity:
         values[name] = float(np.clip(rng.normal(mean, spread), least, most))
     origins = rng.dirichlet([_CONCENTRATION] * len(ORIGINS))
     values |= dict(zip(ORIGINS, (float(share) for share in origins), strict=True))
-    weights = phenotype_weights(values) | _draw_details(rng)
+    weights = phenotype_weights(values) | _sample_details(rng)
     return BodyIdentity(weights, years, woman)
 
 
-def _draw_details(rng: np.random.Generator) -> dict[str, float]:
+def _sample_details(rng: np.random.Generator) -> dict[str, float]:
     """Draw the weights of local shape changes: target -> weight."""
-    drawn: dict[str, float] = {}
+    sampled: dict[str, float] = {}
     value = 0.0
     for negative, positive, spread, follows in _PAIRS:
         own = float(rng.normal(0.0, spread))
         value = value + float(rng.normal(0.0, _SIDE_SPREAD)) if follows else own
-        drawn[positive if value > 0 else negative] = min(abs(value), _LIMIT)
+        sampled[positive if value > 0 else negative] = min(abs(value), _LIMIT)
     shape = _HEAD_SHAPES[int(rng.integers(len(_HEAD_SHAPES)))]
-    drawn[shape] = float(rng.uniform(0.0, _SHAPE_MAX))
-    return drawn
+    sampled[shape] = float(rng.uniform(0.0, _SHAPE_MAX))
+    return sampled

@@ -66,7 +66,7 @@ class Posture:
     arms: tuple[str, str]
 
 
-def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:
+def sample_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:
     """Draw the posture of a sequence; a pure function of its arguments."""
     rng = rng_for(seed, "posture", subject, sequence)
     sitting = bool(rng.random() < _TABLE["sitting_share"])
@@ -87,11 +87,11 @@ def draw_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Pos
 
 
 def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]:
-    drawn = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _TABLE["look_deg"]]
+    sampled = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _TABLE["look_deg"]]
     if gentle:  # the chin stays above the hand
-        drawn = [0.3 * value for value in drawn]
+        sampled = [0.3 * value for value in sampled]
     turns = {
-        bone: rotation(*(share * angle for angle in drawn))
+        bone: rotation(*(share * angle for angle in sampled))
         for bone, share in _TABLE["neck"].items()
     }
     lean = float(np.clip(rng.normal(*_TABLE["lean_deg"]), -4.0, 14.0))

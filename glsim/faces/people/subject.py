@@ -18,7 +18,7 @@ from glsim.faces.action_units import shape_weights
 from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.people.identity import BodyIdentity, sample_identity
 from glsim.faces.people.model import REGIONS, BodyModel
-from glsim.faces.people.posture import BodyShape, Posture, draw_posture, movement
+from glsim.faces.people.posture import BodyShape, Posture, movement, sample_posture
 from glsim.faces.procedural.subject import (
     FIXED_ALBEDO,
     HAIR_ALBEDO,
@@ -46,7 +46,7 @@ class BodySubject:
         self._model, self._seed, self.name = model, seed, name
         self.identity: BodyIdentity = sample_identity(seed, name)
         self.rest_mm, self._joints = model.body(self.identity.weights)
-        self.albedo = draw_albedo(seed, name, model.regions)
+        self.albedo = sample_albedo(seed, name, model.regions)
         self._shape = _body_shape(model, self.rest_mm, self._joints)
         self.stance = lru_cache(maxsize=8)(self._stance)
 
@@ -80,7 +80,7 @@ class BodySubject:
 
     def _stance(self, sequence: str, framing: str) -> tuple[Posture, NDArray[np.float64]]:
         """Return the posture, and the point of the posed body that becomes the origin, (3,) mm."""
-        posture = draw_posture(self._seed, self.name, sequence, self._shape)
+        posture = sample_posture(self._seed, self.name, sequence, self._shape)
         bones = self._model.bones
         moved = self._model.transforms(self._joints, posture.turns)
         place = np.einsum("bij,bj->bi", moved[:, :, :3], self._joints) + moved[:, :, 3]
@@ -92,7 +92,7 @@ class BodySubject:
         return posture, np.array([root[0], middle[1], root[2]])
 
 
-def draw_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:
+def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:
     """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments."""
     rng = rng_for(seed, "people", "albedo", subject)
 

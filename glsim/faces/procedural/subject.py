@@ -70,7 +70,7 @@ class HeadSubject:
 
 def make_subject(identity: Mapping[str, float], seed: int, name: str) -> HeadSubject:
     """Make a subject of an identity; ``seed`` and ``name`` decide asymmetry and reflectivity."""
-    albedo = draw_albedo(seed, name, identity["hair_volume"])
+    albedo = sample_albedo(seed, name, identity["hair_volume"])
     return subject_of(neutral_head(identity) + asymmetry_field(seed, name), albedo)
 
 
@@ -138,7 +138,7 @@ def clipped_normal(
     return float(np.clip(rng.normal(mean, sd), low, high))
 
 
-def draw_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
+def sample_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
     """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments.
 
     Args:

@@ -48,7 +48,7 @@ def catalogue() -> Mapping[str, Any]:
     return tomllib.loads(files("glsim.looks.room").joinpath("furniture.toml").read_text("utf-8"))
 
 
-def draw_albedo(rng: Rng, material: str) -> float:
+def sample_albedo(rng: Rng, material: str) -> float:
     """Draw the albedo of a material at 860 nm, relative to a white wall."""
     return float(rng.uniform(*catalogue()["albedos"][material]))
 
@@ -111,7 +111,7 @@ def _parts(
             material = part.get("of", "black plastic")
             if material not in albedos:
                 kind = str(rng.choice(material.split(":")[0].split("/")))
-                albedos[material] = draw_albedo(rng, kind)
+                albedos[material] = sample_albedo(rng, kind)
             region = _REGIONS.get(material, "furniture")
             shapes.append(Shape(solid.vertices_mm * scale, solid.faces, albedos[material], region))
             continue
@@ -180,7 +180,7 @@ def _books(rng: Rng, width: float, height: float, depth: float) -> list[Shape]:
             if x + thick > right:
                 break
             z = depth / 2 - rng.uniform(15, 60) - deep / 2
-            albedo = draw_albedo(rng, "paper")
+            albedo = sample_albedo(rng, "paper")
             shapes.append(box((thick, high, deep), (x + thick / 2, 0, z), albedo))
             x += thick + 0.5
         x += rng.uniform(20, 160)
@@ -232,7 +232,7 @@ def curtain(rng: Rng, width_mm: float, top_mm: float, bottom_mm: float) -> list[
     down = top_mm + (bottom_mm - top_mm) * drop
     away = 90 + depth * np.sin(swing) + 8 * np.sin(0.37 * swing + second)
     points = np.stack(np.broadcast_arrays(across, down, away), axis=2)
-    return [replace(sheet(points), albedo=draw_albedo(rng, "cloth"))]
+    return [replace(sheet(points), albedo=sample_albedo(rng, "cloth"))]
 
 
 def coat(rng: Rng) -> list[Shape]:
@@ -245,7 +245,7 @@ def coat(rng: Rng) -> list[Shape]:
     folds = 14 * np.minimum(1, 2 * v) * np.sin(9 * u + phase + 1.5 * v)
     away = 4 + ends * (130 * np.minimum(1, 2.5 * v + 0.25) + folds)
     cloth = sheet(np.stack(np.broadcast_arrays(across, down, away), axis=2))
-    return [replace(cloth, albedo=draw_albedo(rng, "cloth")), rod((0, -8, 0), (0, 8, 60), 7, 0.5)]
+    return [replace(cloth, albedo=sample_albedo(rng, "cloth")), rod((0, -8, 0), (0, 8, 60), 7, 0.5)]
 
 
 def make_seat(rng: Rng, kind: str, seat: Sequence[float]) -> list[Shape]:

@@ -18,8 +18,8 @@ from glsim.looks.room.furniture import (
     choose,
     coat,
     curtain,
-    draw_albedo,
     make_thing,
+    sample_albedo,
 )
 from glsim.looks.room.shapes import Shape, bounds_mm, box, moved, plate, rod
 
@@ -64,7 +64,7 @@ class Wall(NamedTuple):
         return moved(shapes, self.start[0], 0.0, self.start[1], turn_deg=self.turn_deg)
 
 
-def draw_openings(
+def sample_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
     """Draw doors and windows that fit into a wall without overlap.
@@ -99,7 +99,7 @@ def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]
         if not any(o.left < x < o.right and o.low < y < o.high for o in wall.openings):
             corners = [(a, c, 0), (b, c, 0), (b, d, 0), (a, d, 0)]
             shapes.append(plate(corners, paint, region="wall"))
-    trim = draw_albedo(rng, "painted wood")
+    trim = sample_albedo(rng, "painted wood")
     for o in wall.openings:
         if o.kind == "door":
             name = "panelled door" if rng.random() < 0.6 else "door"

@@ -16,7 +16,7 @@ from glsim.faces.variation import vary
 from glsim.looks.dress import Dresser
 from glsim.looks.room.scenery import Prop, Scenery, body_of
 from glsim.looks.room.view import visible_part
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings
 
 #: Other people of a source; rooms draw from them. A room of a thousand shows each in 30.
@@ -46,7 +46,7 @@ class OtherPeople:
         self._faces: dict[tuple[int, int], tuple[Face, float] | None] = {}
         self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
-    def load(self, source: int, seeds: DrawKeys) -> None:
+    def load(self, source: int, seeds: ScopeSeeds) -> None:
         """Load the background people of a frame's room; call it only where the source may be used.
 
         Args:
@@ -59,7 +59,7 @@ class OtherPeople:
             if (source, number) not in self._faces:
                 self._faces[source, number] = self._standing(source, number)
 
-    def props(self, source: int, seeds: DrawKeys, scenery: Scenery) -> list[Prop]:
+    def props(self, source: int, seeds: ScopeSeeds, scenery: Scenery) -> list[Prop]:
         """Return the meshes of people at a scenery's places, the same arrays in each frame."""
         found: list[Prop] = []
         numbers = self._numbers(seeds, len(scenery.places))
@@ -73,7 +73,7 @@ class OtherPeople:
             found += self._props[key]
         return found
 
-    def _numbers(self, seeds: DrawKeys, count: int) -> list[int]:
+    def _numbers(self, seeds: ScopeSeeds, count: int) -> list[int]:
         """Draw ``count`` different numbers of background people for a room."""
         rng = pcg_rng("other people", getattr(seeds, self._settings.scene.per))
         order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
@@ -97,7 +97,7 @@ class OtherPeople:
                 return None
             if not face.notes.get("sitting"):
                 words = "other people", self._settings.seed, source, name
-                seeds = DrawKeys(*(stable_seed(*words, scope) for scope in DrawKeys._fields))
+                seeds = ScopeSeeds(*(stable_seed(*words, scope) for scope in ScopeSeeds._fields))
                 varied = vary(face, self._settings.variation, seeds)
                 return self._dressers[source].dress(varied, seeds), body.floor_mm
         return None

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from glsim.core.seeds import pcg_rng
-from glsim.looks.room.furniture import draw_albedo, make_seat
+from glsim.looks.room.furniture import make_seat, sample_albedo
 from glsim.looks.room.layout import (
     FloorPlan,
     Wall,
     build_wall,
-    draw_openings,
     furnish_wall,
+    sample_openings,
     stand_free,
 )
 from glsim.looks.room.shapes import Shape, moved, plate, turned
@@ -71,7 +71,7 @@ def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, fl
     back = min(-n.behind_mm, *(z - r for _, z, r in way))
     front = max(z + r for _, z, r in way) + 600.0
     walls = _walls(n, left, back, right, front)
-    paint = draw_albedo(_rng(n, "paint"), "wall paint")
+    paint = sample_albedo(_rng(n, "paint"), "wall paint")
     shapes: list[Shape] = []
     for wall in walls:
         shapes += build_wall(_rng(n, "shell", wall.name), wall, n.height_mm, paint)
@@ -79,9 +79,9 @@ def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, fl
     rng = _rng(n, "levels")
     ground = "carpet" if rng.random() < 0.3 else "floor"
     floor = [(x, 0.0, z) for x, z in corners]  # counter-clockwise from above
-    shapes.append(plate(floor, draw_albedo(rng, ground), region="floor"))
+    shapes.append(plate(floor, sample_albedo(rng, ground), region="floor"))
     ceiling = [(x, n.height_mm, z) for x, z in corners[::-1]]
-    shapes.append(plate(ceiling, draw_albedo(rng, "ceiling paint"), region="ceiling"))
+    shapes.append(plate(ceiling, sample_albedo(rng, "ceiling paint"), region="ceiling"))
     plan = FloorPlan((left, back, right, front), [*way])
     people = _places(n, plan)
     for wall in walls:
@@ -123,7 +123,7 @@ def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float)
         doors, windows = int(rng.random() < 0.45), int(rng.choice([0, 1, 1, 2]))
         if n.kind == "empty":
             doors, windows = int(name == "left"), int(name == "right")
-        openings = draw_openings(rng, length, n.height_mm, doors, windows)
+        openings = sample_openings(rng, length, n.height_mm, doors, windows)
         walls.append(Wall(name, start, turn, length, tuple(openings)))
     return walls
 

@@ -1,6 +1,6 @@
 """Build the scenery of a frame from the settings [scene]: nothing, a plain wall, or a room.
 
-A room is drawn once per subject (or sequence, or frame: ``scene.per``), cut to what the camera
+A room is sampled once per subject (or sequence, or frame: ``scene.per``), cut to what the camera
 sees, and kept: its arrays are the same objects in every frame, so the GPU gets them once.
 """
 
@@ -23,7 +23,7 @@ from glsim.faces.face_source import Face
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.shapes import Shape
 from glsim.looks.room.view import camera_place, camera_tilt_deg, room_view, visible_mesh
-from glsim.settings.distribution import Distribution, DrawKeys
+from glsim.settings.distribution import Distribution, ScopeSeeds
 from glsim.settings.schema import PoseSettings, SceneSettings
 
 #: Half the side of the square wall, mm; it fills any view up to 12 m.
@@ -65,14 +65,14 @@ class Scenery(NamedTuple):
     """All meshes around the person of a frame, with the camera's tilt.
 
     Args:
-        drawn: "scene.name" -> number, for the manifest.
+        sampled: "scene.name" -> number, for the manifest.
         tilt_deg: how far the camera looks up.
         places: (4, 4) matrices, mm to camera m, of points on the floor where other people may
             stand, in canonical axes: +z is where they look.
     """
 
     props: tuple[Prop, ...] = ()
-    drawn: Mapping[str, float] = {}
+    sampled: Mapping[str, float] = {}
     tilt_deg: float = 0.0
     places: tuple[NDArray[np.float32], ...] = ()
 
@@ -132,7 +132,7 @@ def scene_regions(settings: SceneSettings) -> tuple[str, ...]:
 def build_scenery(
     settings: SceneSettings,
     pose: PoseSettings,
-    seeds: DrawKeys,
+    seeds: ScopeSeeds,
     rig: SensorRig,
     body: Body | None = None,
 ) -> Scenery:
@@ -146,7 +146,7 @@ def build_scenery(
         return _room_scenery(settings, pose, seeds, rig, body)
     if settings.wall_mm is None:
         return Scenery()
-    wall_mm = settings.wall_mm.draw(seeds, "scene.wall_mm")
+    wall_mm = settings.wall_mm.sample(seeds, "scene.wall_mm")
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * _WALL_MM
     albedo = np.full(4, settings.wall_albedo, np.float32)
     mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), albedo)
@@ -160,7 +160,7 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.floa
     Args:
         meshes, view: the face and what it wears, and their (4, 4) matrix, canonical mm to camera m.
     """
-    wall_mm = scenery.drawn.get("scene.wall_mm")
+    wall_mm = scenery.sampled.get("scene.wall_mm")
     if wall_mm is None:
         return
     depths = [MM_PER_M * (product(mesh.vertices_mm, view[2, :3]) + view[2, 3]) for mesh in meshes]
@@ -176,56 +176,56 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.floa
 def _room_scenery(
     settings: SceneSettings,
     pose: PoseSettings,
-    seeds: DrawKeys,
+    seeds: ScopeSeeds,
     rig: SensorRig,
     body: Body | None,
 ) -> Scenery:
     """Draw the numbers of a room, and return its visible part from the camera's place in it."""
     key = getattr(seeds, settings.per)
-    keys = DrawKeys(key, key, key)
+    keys = ScopeSeeds(key, key, key)
 
-    def draw(name: str) -> float:
+    def sample(name: str) -> float:
         number: Distribution = getattr(settings, name)
-        return number.draw(keys, f"scene.{name}")
+        return number.sample(keys, f"scene.{name}")
 
     face, reach = [], []  # the face's place, and how far it moves while a room stays
     for name in ("x_mm", "y_mm", "distance_mm"):
         setting: Distribution = getattr(pose, name)
         stays = _SCOPES.index(setting.per) >= _SCOPES.index(settings.per)
-        value = setting.draw(seeds if stays else keys, f"pose.{name}")
+        value = setting.sample(seeds if stays else keys, f"pose.{name}")
         face.append(value)
         reach.append([0.0 if stays else end - value for end in setting.bounds()])
     if body is None:
-        eye_mm = draw("eye_mm")
+        eye_mm = sample("eye_mm")
         seat_mm = _SEAT_MM if eye_mm < _SITTING_MM and settings.room != "empty" else None
     else:
         eye_mm, seat_mm = -body.floor_mm, None
         if body.seat_mm is not None:
             seat_mm = body.seat_mm[0] - body.floor_mm, body.seat_mm[1]
-    wanted = eye_mm if settings.camera_mm is None else draw("camera_mm")
+    wanted = eye_mm if settings.camera_mm is None else sample("camera_mm")
     tilt = camera_tilt_deg(face, eye_mm - wanted)
     camera = camera_place(face, eye_mm, tilt)
     numbers = RoomNumbers(
         kind=settings.room,
         seed=key,
-        behind_mm=draw("behind_mm"),
-        width_mm=draw("width_mm"),
-        height_mm=max(draw("height_mm"), float(camera[1]) + 200.0, eye_mm + 250.0),
-        turn_deg=draw("turn_deg"),
-        clutter=draw("clutter"),
-        people=round(draw("people")),
+        behind_mm=sample("behind_mm"),
+        width_mm=sample("width_mm"),
+        height_mm=max(sample("height_mm"), float(camera[1]) + 200.0, eye_mm + 250.0),
+        turn_deg=sample("turn_deg"),
+        clutter=sample("clutter"),
+        people=round(sample("people")),
         seat_mm=seat_mm,
         camera_mm=(float(camera[0]), float(camera[2])),
         reach_mm=(reach[0][0], reach[0][1], max(0.0, reach[2][1])),
     )
-    props, places = _visible_room(numbers, tuple(camera), tilt, rig, draw("albedo"))
-    drawn = {
+    props, places = _visible_room(numbers, tuple(camera), tilt, rig, sample("albedo"))
+    sampled = {
         f"scene.{name}": float(getattr(numbers, name))
         for name in ("behind_mm", "width_mm", "height_mm", "turn_deg", "clutter")
     }
-    drawn |= {"scene.eye_mm": eye_mm, "scene.camera_mm": float(camera[1]), "scene.tilt_deg": tilt}
-    drawn["scene.people"] = float(len(places)) if body is not None else 0.0
-    return Scenery(props, drawn, tilt, places)
+    sampled |= {"scene.eye_mm": eye_mm, "scene.camera_mm": float(camera[1]), "scene.tilt_deg": tilt}
+    sampled["scene.people"] = float(len(places)) if body is not None else 0.0
+    return Scenery(props, sampled, tilt, places)
 
 
 @lru_cache(maxsize=_KEPT_ROOMS)

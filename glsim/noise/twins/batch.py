@@ -1,4 +1,4 @@
-"""Batches of depth maps: their seeds as words, what is drawn per map, normals and shadows."""
+"""Batches of depth maps: their seeds as words, what is sampled per map, normals and shadows."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def map_words(seed: int, seeds: Any, frames: Any) -> tuple[Words, Words]:
     return pcg_word(held ^ pcg_word(xp.words(frames))), held
 
 
-def draw(setting: Distribution, name: str, words: Mapping[str, Words]) -> Image:
-    """Draw a number per map, (B,), from a distribution that is not constant.
+def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Image:
+    """Sample a number per map, (B,), from a distribution that is not constant.
 
     Args:
         name: of the parameter, "stage.parameter".

@@ -41,7 +41,7 @@ def pattern_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
 
 def stereo_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Simulate two infrared images, counts, from the light that reaches the imagers."""
-    noise, gain = _draws(view)
+    noise, gain = _noise_and_gain(view)
     left, right = (_blurred(view, layers[n], p) for n in ("light_left", "light_right"))
     return {
         "infrared": _counts(view, left, noise[0], gain[0], p),
@@ -51,7 +51,7 @@ def stereo_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[s
 
 def pattern_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
     """Simulate one infrared image, counts, and the equally blurred image of the pattern."""
-    noise, gain = _draws(view)
+    noise, gain = _noise_and_gain(view)
     left = _blurred(view, layers["light_left"], p)
     level = p["reference_counts"] * _blurred(view, layers["light_right"], p)
     return {
@@ -154,7 +154,7 @@ def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
     return total
 
 
-def _draws(view: FrameContext) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
+def _noise_and_gain(view: FrameContext) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
     """Draw standard normal noise and gain, (h, w) each, for the first and the second image."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     noise = normal_pair(first, second)

@@ -19,7 +19,7 @@ import numpy as np
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.seeds import device_key, stable_seed
 from glsim.faces.face_source import ComputedKeys, FaceKey, FaceSource
-from glsim.settings.distribution import DrawKeys
+from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.settings.source_settings import SourceSettings
 from glsim.simulation.plan.split import split_as_paper, split_subjects
@@ -47,7 +47,7 @@ class Task:
     subject: str
     source: int
     key: FaceKey
-    seeds: DrawKeys
+    seeds: ScopeSeeds
     device: int
     repeat: int = 0
 
@@ -192,7 +192,7 @@ class Plan(Sequence[Task]):
         sequence = _sequence(key, repeat)
         words = (self._settings.seed, self._sources[number].name, subject)
         device = person % self._settings.devices
-        seeds = DrawKeys(
+        seeds = ScopeSeeds(
             frame=stable_seed("frame", *words, sequence, key.frame),
             sequence=stable_seed("sequence", *words, sequence),
             subject=stable_seed("subject", *words),
