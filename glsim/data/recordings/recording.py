@@ -294,7 +294,7 @@ def _stream_recording(
 
         stream = BagStream(path, topic)
     if infrared is not None:
-        raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
+        raise ConfigError(f"{path}: holds the infrared images itself: leave {infrared} out")
     if len(stream) > MOST_FILES:
         raise DatasetError(f"{path}: the recording has more than {MOST_FILES} frames")
     given, file = stated_camera(path.parent, path if path.is_dir() else path.parent)
