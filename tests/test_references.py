@@ -54,8 +54,8 @@ def python_texts(source: str) -> Iterator[str]:
             inside |= {id(part) for part in node.values}
             parts = [p.value if isinstance(p, ast.Constant) else "{}" for p in node.values]
             yield "".join(map(str, parts))
-        elif isinstance(getattr(node, "value", None), str) and id(node) not in inside:
-            yield node.value
+        elif isinstance(node, ast.Constant) and id(node) not in inside:
+            yield node.value if isinstance(node.value, str) else ""
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             yield token.string
@@ -192,8 +192,8 @@ def unknown_places(text: str) -> list[str]:
         while module and module not in MODULES:
             module = module.rpartition(".")[0]
         if not module:
-            path = ROOT / name.replace(".", "/")
-            known = path.is_dir() or path.with_suffix(".py").is_file()
+            place = ROOT / name.replace(".", "/")
+            known = place.is_dir() or place.with_suffix(".py").is_file()
         else:  # a name of that module
             word = name[len(module) + 1 :].partition(".")[0]
             known = not word or word in names_in(module) | OTHER_NAMES or word.startswith("__")

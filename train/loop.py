@@ -15,13 +15,14 @@ from lightning_fabric import Fabric
 from torch import Tensor
 from torch.utils.data import DataLoader
 
+from glsim.core.depth_map import interior, jumps
 from glsim.core.errors import ConfigError, TrainError
 from glsim.networks import checkpoint
 from glsim.networks.interface import MIN_DEPTH_MM
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
 from glsim.train.data.stored import Batch
 from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
-from glsim.train.losses import Loss, interior_mask, to_float32
+from glsim.train.losses import Loss, to_float32
 from glsim.train.models.base import Prediction
 from glsim.train.models.mask_aware import MaskAware, calibrate
 from glsim.train.models.registry import parameter_count
@@ -409,7 +410,7 @@ def validation_figures(
     """
 
     def surface(depth_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        inside = interior_mask(clean_mm) & (depth_mm > 0)
+        inside = interior(clean_mm > 0, jumps(clean_mm)) & (depth_mm > 0)
         square_mm2 = (depth_mm - clean_mm).double().square()[inside].sum()
         flips = ((depth_mm > 0) != (clean_mm > 0)).sum().double()
         return square_mm2, inside.sum().double(), flips

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor
 from torch.nn import functional
 
-from glsim.core.depth_map import BAND_PX, JUMP_MM
+from glsim.core.depth_map import FLYING_MM, dilated, interior, jumps
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.networks.safeguards import REACH_PX
 from glsim.settings.toml_tables import parse_table
@@ -50,39 +50,9 @@ def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
     return (values * weights).sum() / weights.sum().clamp_min(1)
 
 
-def interior_mask(clean_mm: Tensor) -> Tensor:
-    """Mark pixels with depth more than BAND_PX from holes and from jumps: (B, 1, H, W) bool.
-
-    Equals the interior of ``eval/metrics/scored_map.py``, which training may not import; a test
-    compares the two.
-    """
-    valid = clean_mm > 0
-    jump = torch.zeros_like(valid)
-    for axis in (-2, -1):
-        size = clean_mm.shape[axis] - 1
-        first, second = clean_mm.narrow(axis, 0, size), clean_mm.narrow(axis, 1, size)
-        edge = ((second - first).abs() > JUMP_MM) & (first > 0) & (second > 0)
-        jump.narrow(axis, 0, size).logical_or_(edge)
-        jump.narrow(axis, 1, size).logical_or_(edge)
-    near_hole = dilated(~valid, BAND_PX)
-    near_jump = dilated(jump & valid, BAND_PX - 1)
-    return valid & ~near_hole & ~near_jump
-
-
-def dilated(mask: Tensor, radius_px: int) -> Tensor:
-    """Dilate a (B, 1, H, W) mask by a square of half side ``radius_px``; bool."""
-    side = 2 * radius_px + 1
-    # A pass per axis reads ``side`` pixels, a single pass would read side^2.
-    rows = functional.max_pool2d(mask.float(), (1, side), 1, (0, radius_px))
-    return functional.max_pool2d(rows, (side, 1), 1, (radius_px, 0)) > 0
-
-
 #: Advantage, mm, by which another candidate than the first becomes the target. Chosen: several
 #: times the noise, half of a flying pixel's least error.
 _SWITCH_MM: Final = 25.0
-#: Pixels whose best candidate is farther from the truth than this, mm, have no depth target: their
-#: surface was not measured nearby (a wall out of range), and their errors would dominate.
-_KNOWABLE_MM: Final = 50.0
 #: With ``relative``, errors are scaled to this noise, mm; and bounds of a frame's noise, mm: what
 #: depth cameras add to a face at 0.9 m (docs/howto/any_camera.md).
 _NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
@@ -155,9 +125,11 @@ class Masked(Loss):
             target = target_surface(errors_mm.detach())
             error_mm = errors_mm.gather(1, target)
             choice = -prediction.choice_logits.log_softmax(dim=1).gather(1, target)
-            has_depth = has_depth * (error_mm.detach().abs() < _KNOWABLE_MM)
+            # Farther candidates are of other surfaces: that of the pixel was not measured nearby (a
+            # wall out of range), and its error would dominate.
+            has_depth = has_depth * (error_mm.detach().abs() < FLYING_MM)
         counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
-        inside = counted * interior_mask(clean_mm)
+        inside = counted * interior(clean_mm > 0, jumps(clean_mm))
         weight = self.edge_weight * counted + (1 - self.edge_weight) * inside
         if self.relative:
             error_mm = error_mm * (_NOISE_MM / _noise_mm(noisy_mm, clean_mm, inside))

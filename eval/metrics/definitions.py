@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from glsim.core.depth_map import BAND_PX
+from glsim.core.depth_map import BAND_PX, FLYING_MM
 from glsim.eval.metrics.form import relief_kept_pct
 from glsim.eval.metrics.metric import Direction, Metric
-from glsim.eval.metrics.scored_map import FLYING_MM, PSNR_MAX_MM, ScoredMap, psnr_db
+from glsim.eval.metrics.scored_map import PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
 
 #: A normal with a smaller error, degrees, counts as good.

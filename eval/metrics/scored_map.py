@@ -9,18 +9,16 @@ import math
 from functools import cached_property
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.depth_map import BAND_PX, JUMP_MM, central_normals
+from glsim.core.depth_map import central_normals, interior, jumps
 from glsim.core.errors import DenoiserError
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
+from glsim.measures.stacks import eroded
 from glsim.networks.interface import Depth, Mask
 
-#: A depth with a larger error, mm, is a flying pixel.
-FLYING_MM: Final = 50.0
 #: The MAX of the paper's PSNR, mm.
 PSNR_MAX_MM: Final = 8000.0
 
@@ -52,42 +50,10 @@ class Truth:
         self.valid: Mask = self.clean > 0
         self.input_valid: Mask = self.noisy > 0
         self.moments = Moments.of(self.clean)
-        jumps = jump_edges(self.clean)
-        self.edge = edge_band(self.valid, jumps)
-        self.parts = {"all": self.valid, "interior": self.valid & ~self.edge, "edge": self.edge}
-        self.smooth = whole_windows(self.valid & ~jumps)
-
-
-def jump_edges(clean: NDArray[np.floating]) -> Mask:
-    """Mark pixels whose row or column neighbour is over JUMP_MM nearer or farther: (H, W) bool."""
-    edges = np.zeros(clean.shape, np.bool_)
-    for axis in (0, 1):
-        first, second = (
-            tuple(part if a == axis else slice(None) for a in (0, 1))
-            for part in (slice(None, -1), slice(1, None))
-        )
-        jump = np.abs(clean[second] - clean[first]) > JUMP_MM
-        jump &= (clean[first] > 0) & (clean[second] > 0)
-        edges[first] |= jump
-        edges[second] |= jump
-    return edges
-
-
-def edge_band(valid: Mask, jumps: Mask) -> Mask:
-    """Mark valid pixels within BAND_PX rows and columns of an invalid pixel or a jump: (H, W) bool.
-
-    The image border makes no edge: depth beyond it is unknown.
-    """
-    inside = valid & ~jumps
-    # The pixels of a jump belong to the band, an invalid pixel does not: hence BAND_PX - 1.
-    near_hole = cv2.erode(valid.astype(np.uint8), _square(BAND_PX)) == 0
-    near_jump = cv2.erode(inside.astype(np.uint8) | ~valid, _square(BAND_PX - 1)) == 0
-    band: Mask = valid & (near_hole | near_jump)
-    return band
-
-
-def _square(radius: int) -> NDArray[np.uint8]:
-    return np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
+        jumping = jumps(self.clean)
+        inside = interior(self.valid, jumping)
+        self.parts = {"all": self.valid, "interior": inside, "edge": self.valid & ~inside}
+        self.smooth = eroded(self.valid & ~jumping, 1)
 
 
 class ScoredMap:
@@ -176,7 +142,7 @@ class ScoredMap:
     def angles(self) -> tuple[NDArray[np.float64], Mask]:
         """(N,) angles between predicted and clean normals, degrees, and their (H, W) mask."""
         truth = self.truth
-        at = truth.smooth & whole_windows(self.valid) & math.isfinite(truth.offset_mm)
+        at = truth.smooth & eroded(self.valid, 1) & math.isfinite(truth.offset_mm)
         first, second = (
             central_normals(depth + truth.offset_mm, truth.rays, at)
             for depth in (self.depth, truth.clean)
@@ -202,15 +168,6 @@ def error_statistics(error: NDArray[np.float64]) -> dict[str, float]:
 def psnr_db(mse_mm2: float) -> float:
     """Compute the PSNR, dB, for a maximum of PSNR_MAX_MM; NaN (undefined) for an MSE of 0."""
     return 10.0 * math.log10(PSNR_MAX_MM**2 / mse_mm2) if mse_mm2 > 0 else math.nan
-
-
-def whole_windows(mask: Mask) -> Mask:
-    """Mark pixels whose complete 3x3 window lies in the image and in the mask: (H, W) bool."""
-    inside = np.zeros_like(mask)
-    if min(mask.shape) >= 3:
-        eroded = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
-        inside[1:-1, 1:-1] = eroded[1:-1, 1:-1] > 0
-    return inside
 
 
 def angles_deg(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:

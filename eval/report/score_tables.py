@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import MEANING
 from glsim.core.units import MM_PER_M
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.regions import REGION_METRICS
-from glsim.eval.metrics.scored_map import FLYING_MM
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.scoring.aggregate import MetricMean, ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias

@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.eval.metrics.scored_map import FLYING_MM, Truth
+from glsim.core.depth_map import FLYING_MM
+from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 from glsim.networks.interface import Depth
 

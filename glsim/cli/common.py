@@ -224,9 +224,9 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
 
 def _former_option(error: typer.TyperException, arguments: list[str]) -> str | None:
     """Return the advice for an unknown option that is now a setting; None for other errors."""
-    context = getattr(error, "ctx", None)
+    command = getattr(getattr(error, "ctx", None), "info_name", "")
     option = getattr(error, "option_name", "")
-    if option not in FORMER_OPTIONS or context.info_name not in ("generate", "render"):
+    if option not in FORMER_OPTIONS or command not in ("generate", "render"):
         return None
     words = [*" ".join(arguments).partition(option)[2].replace("=", " ", 1).split(), "VALUE"]
     return f"{option} is a setting: --set {FORMER_OPTIONS[option]}={words[0]}"

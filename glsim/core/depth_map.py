@@ -1,4 +1,6 @@
-"""Geometry of a depth map: its normals, its surface as a mesh, its shadows.
+"""Surfaces in a depth map: which pixels lie on one, its interior, normals, mesh and shadows.
+
+Functions of ``Maps`` take and return arrays of NumPy or tensors of PyTorch, (..., H, W).
 
 The module defines two kinds of normals. ``normals`` gives one for every pixel, from differences
 within one surface, one-sided at its edges. ``central_normals`` uses the plain central differences
@@ -8,51 +10,147 @@ of the metrics, for pixels that the caller has found to lie within one surface.
 from __future__ import annotations
 
 import math
-from typing import TypeVar
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.arrays import of
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
 
 _T = TypeVar("_T", bound=np.generic)
+#: An array of NumPy or a tensor of PyTorch.
+Maps = Any
 
-#: In evaluation and training an edge of a clean map is an invalid pixel, or a jump of more than
-#: JUMP_MM between two neighbours: one surface would have to be seen at 85 degrees, at 0.9 m and the
-#: Kinect V2's 2.5 mm per pixel. The edge band reaches BAND_PX rows and columns from an edge; the
-#: other valid pixels are the interior.
-JUMP_MM, BAND_PX = 30.0, 3
 
-#: Depth difference between neighbouring pixels that separates surfaces, relative to the depth: a
-#: surface seen at 85 degrees changes by 3 % per pixel at the Kinect V2's 0.16 degrees per pixel.
-_EDGE_SHARE = 0.03
+class SurfaceStep(NamedTuple):
+    """The largest depth difference of neighbouring pixels on one surface: mm + share * depth."""
+
+    mm: float
+    share: float
+
+    def limit_mm(self, depth_mm: Maps) -> Maps:
+        """Compute the difference, mm, that is allowed at each depth, mm."""
+        return self.mm + self.share * depth_mm
+
+
+# Limits between surfaces. They differ, since noisier maps need wider ones, and since scores and
+# trained networks keep theirs.
+#
+# limit          compares                                    source
+# -------------  ------------------------------------------  ------------------------------------
+# EDGE_SHARE     neighbours without noise: normals, meshes,  derived: a slope of 85 degrees at a
+#                relative to the depth                       Kinect V2's 0.16 degrees a pixel
+# JUMP_MM        neighbours of clean maps: scores, training; derived: the same at 0.9 m, 2.5 mm a
+#                of noisy ones: filters, noise estimates     pixel; above every sensor's noise
+# FITTED_STEP    neighbours of real frames: quadrics,        derived: 75 degrees at 2.7 mm a pixel
+#                replays                                     and 1 m, and 4 sigma of two pixels'
+#                                                            difference at a noise of 1.5 mm
+# MEASURED_STEP  neighbours of measured maps: silhouettes,   derived: the last pixel of a head's
+#                the composite "measured"                    rim at 0.9 m is 21 mm behind
+# FLYING_MM      a depth and the truth, or the surface that  chosen: above any noise, less than
+#                a network sees; pixels 4 px apart (heads)   from a head to a wall
+EDGE_SHARE = 0.03
+JUMP_MM = 30.0
+FITTED_STEP = SurfaceStep(8.0, 0.01)
+MEASURED_STEP = SurfaceStep(15.0, 0.015)
+FLYING_MM = 50.0
+
+#: The edge band of scores and training reaches BAND_PX rows and columns from an invalid pixel or a
+#: jump; the other valid pixels are the interior.
+BAND_PX = 3
+
+#: Along each of the axes -2 and -1: all pixels but the last, and the pixels after them.
+NEIGHBOURS = ((np.s_[..., :-1, :], np.s_[..., 1:, :]), (np.s_[..., :-1], np.s_[..., 1:]))
 
 #: A pixel hides a point from the emitter if it is nearer than the line of light by more than this,
 #: metres. The shader's bias, with its slope term, is of the same size.
 _SHADOW_BIAS_M = 0.003
 
 
-def normals(depth_m: NDArray[np.float32], rays: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Compute (H, W, 3) float32 unit normals towards the camera; (0, 0, -1) where depth is 0.
+def jumps(depth_mm: Maps) -> Maps:
+    """Mark pixels with a row or column neighbour that is over JUMP_MM nearer or farther."""
+    marked = depth_mm < 0
+    for near, far in NEIGHBOURS:
+        first, second = depth_mm[near], depth_mm[far]
+        jump = (abs(second - first) > JUMP_MM) & (first > 0) & (second > 0)
+        marked[near] |= jump
+        marked[far] |= jump
+    return marked
+
+
+def interior(valid: Maps, jumping: Maps) -> Maps:
+    """Mark valid pixels more than BAND_PX from holes and jumps; the image border is no edge.
+
+    Args:
+        valid: mask of the pixels with depth.
+        jumping: mask of ``jumps``, which belong to the edge band themselves: hence BAND_PX - 1.
+    """
+    return valid & ~dilated(~valid, BAND_PX) & ~dilated(jumping, BAND_PX - 1)
+
+
+def dilated(mask: Maps, radius_px: int) -> Maps:
+    """Dilate a mask by a square of half side ``radius_px``."""
+    for axis in (-2, -1):
+        reached = 0
+        while reached < radius_px:
+            step = min(reached + 1, radius_px - reached)  # what lies between is marked already
+            wider = (mask | mask).swapaxes(axis, -1)  # a copy
+            narrow = mask.swapaxes(axis, -1)
+            wider[..., :-step] |= narrow[..., step:]
+            wider[..., step:] |= narrow[..., :-step]
+            mask, reached = wider.swapaxes(axis, -1), reached + step
+    return mask
+
+
+def normals(depth_m: Maps, rays: Maps) -> Maps:
+    """Compute (..., H, W, 3) unit normals towards the camera; (0, 0, -1) where depth is 0.
 
     Differences are taken to neighbours on the same surface only: central if both neighbours are,
     one-sided if one is.
 
     Args:
-        depth_m: (H, W) metres, 0 = no depth.
-        rays: (H, W, 2) x/z, y/z.
+        depth_m: (..., H, W) float32 metres, 0 = no depth.
+        rays: (..., H, W, 2) float32 x/z, y/z.
     """
-    points = np.concatenate([rays * depth_m[..., None], depth_m[..., None]], axis=-1)
-    along_x = _difference(points, depth_m, axis=1)
-    along_y = _difference(points, depth_m, axis=0)
-    normal = np.cross(along_y, along_x)
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    flat = np.array([0.0, 0.0, -1.0], dtype=np.float32)
-    unit = np.where(length > 0, normal / np.where(length > 0, length, 1), flat)
-    unit *= np.where((unit * points).sum(axis=-1, keepdims=True) > 0, -1, 1)
-    unit[depth_m <= 0] = flat
-    return unit.astype(np.float32)
+    xp = of(depth_m)
+    points = [rays[..., 0] * depth_m, rays[..., 1] * depth_m, depth_m]
+    (ax, ay, az), (bx, by, bz) = (_surface_steps(points, axis) for axis in (-1, -2))
+    normal = [by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax]
+    length = xp.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    outwards = sum(n * point for n, point in zip(normal, points, strict=True))
+    known = (depth_m > 0) & (length > 0)
+    length = xp.where(outwards > 0, -1.0, 1.0) * xp.where(known, length, 1.0)
+    flat = (0.0, 0.0, -1.0)
+    return xp.stack([xp.where(known, n / length, f) for n, f in zip(normal, flat, strict=True)], -1)
+
+
+def _surface_steps(points: Sequence[Maps], axis: int) -> list[Maps]:
+    """Compute the mean step to neighbours on the same surface; without one, the unit vector.
+
+    Args:
+        points: x, y, z of each pixel, (..., H, W) each.
+        axis: -1 along rows of the image, -2 along columns.
+
+    Returns:
+        x, y, z of the steps, (..., H, W) each.
+    """
+    z = points[2]
+    xp, last = of(z), z.shape[axis] - 1
+    place = xp.range(0, last + 1, z)
+    place = place if axis == -1 else place[:, None]
+    ahead = [xp.roll(part, -1, axis) for part in points]
+    least = xp.minimum(z, ahead[2])
+    same = (least > 0) & (abs(ahead[2] - z) <= EDGE_SHARE * least) & (place < last)
+    steps = [xp.where(same, b - a, 0.0) for a, b in zip(points, ahead, strict=True)]
+    count = xp.floats(same) + xp.floats(xp.roll(same, 1, axis))
+    alone = (1.0, 0.0, 0.0) if axis == -1 else (0.0, 1.0, 0.0)
+    return [
+        xp.where(count > 0, (step + xp.roll(step, 1, axis)) / xp.maximum(count, 1.0), axle)
+        for step, axle in zip(steps, alone, strict=True)
+    ]
 
 
 def central_normals(
@@ -77,28 +175,6 @@ def central_normals(
     ax, ay, az = (b - a for a, b in zip(point(0, -1), point(0, 1), strict=True))
     bx, by, bz = (b - a for a, b in zip(point(-1, 0), point(1, 0), strict=True))
     return np.stack([by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax], axis=-1)
-
-
-def _difference(
-    points: NDArray[np.float32], depth_m: NDArray[np.float32], axis: int
-) -> NDArray[np.float32]:
-    """Compute the (H, W, 3) mean step to neighbours on the same surface, or else a unit axis."""
-    n = depth_m.shape[axis]
-    first, last = (np.take(points, range(a, b), axis) for a, b in ((0, n - 1), (1, n)))
-    z0, z1 = (np.take(depth_m, range(a, b), axis) for a, b in ((0, n - 1), (1, n)))
-    same = (np.minimum(z0, z1) > 0) & (np.abs(z1 - z0) <= _EDGE_SHARE * np.minimum(z0, z1))
-    step = np.where(same[..., None], last - first, np.float32(0))
-    front: list[tuple[int, int]] = [(0, 0)] * 3
-    back: list[tuple[int, int]] = [(0, 0)] * 3
-    front[axis], back[axis] = (1, 0), (0, 1)
-    total = np.pad(step, front) + np.pad(step, back)
-    count = np.pad(same, front[:2]).astype(np.float32) + np.pad(same, back[:2])
-    alone = np.zeros(3, dtype=np.float32)
-    alone[1 - axis] = 1.0
-    mean: NDArray[np.float32] = np.where(
-        count[..., None] > 0, total / np.maximum(count, 1)[..., None], alone
-    )
-    return mean
 
 
 def grid_triangles(shape: tuple[int, ...]) -> NDArray[np.int32]:
@@ -130,7 +206,7 @@ def surface(
         steepest_deg: cut what the camera would see at a larger angle of incidence.
     """
     if steepest_deg is None:
-        largest_share = 3 * _EDGE_SHARE
+        largest_share = 3 * EDGE_SHARE
     else:  # the step in depth from a pixel to the next, over the depth
         largest_share = math.tan(math.radians(steepest_deg)) / rig.intrinsics.fx
     triangles = grid_triangles(depth_m.shape)
@@ -175,6 +251,42 @@ def lit_by_marching(depth_m: NDArray[np.float32], rig: SensorRig) -> NDArray[np.
             hidden |= (depth_there > 0) & (depth_there < at[..., 2] - _SHADOW_BIAS_M)
         lit += np.float32(weight) * (valid & ~hidden)
     return lit
+
+
+def lit_share(
+    depth_m: Maps,
+    focal_px: Any,
+    lights: Sequence[tuple[int, int, Any, float]],
+    bias_m: Any = _SHADOW_BIAS_M,
+) -> Maps:
+    """Compute the (B, H, W) share of light that reaches each pixel from lights beside the camera.
+
+    The line from a surface point to such a light follows a row or a column of the image, and
+    1 / depth grows by the same step per pixel on it. A pixel is in shadow if a pixel ahead reaches
+    above its line: objects count as thick.
+
+    Args:
+        focal_px: along the row or column, a number or (B, 1, 1).
+        lights: of each light the first two of ``beside_camera``, its distance from the camera, m, a
+            number or (B, 1, 1), and its share.
+        bias_m: how far a surface lies before the lines that it blocks, at least.
+    """
+    xp = of(depth_m)
+    seen = depth_m > 0
+    inverse = 1.0 / xp.where(seen, depth_m, 1.0)
+    lit = xp.zeros_like(depth_m)
+    for axis, way, baseline_m, share in lights:
+        last = depth_m.shape[axis] - 1
+        place = xp.floats(xp.range(0, last + 1, depth_m))
+        place = place if axis == -1 else place[:, None]
+        height = inverse - way * place / xp.maximum(focal_px * baseline_m, 1e-3)
+        reaching = xp.where(seen, height, -1e6)
+        reaching = reaching.flip(axis) if way > 0 else reaching
+        highest = xp.roll(reaching.cummax(axis).values, 1, axis)
+        highest = highest.flip(axis) if way > 0 else highest
+        hidden = (highest - height > bias_m * inverse * inverse) & (place != max(last * way, 0))
+        lit = lit + share * xp.floats(~hidden)
+    return xp.where(seen, lit, 0.0)
 
 
 def _march_shares(

@@ -9,16 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.units import MM_PER_M
+from glsim.core.depth_map import FITTED_STEP
 
 Array = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-#: Largest difference of neighbours on one surface, mm per m of distance and mm. Derived: the slope
-#: at 75 degrees from the normal (tan 75 = 3.7 times 2.7 mm a pixel at 1 m), and four standard
-#: deviations of the difference of two pixels with white noise of 1.5 mm.
-_STEP_MM_PER_M = 10.0
-_STEP_MM = 8.0
 #: A surface seen at more than 70 degrees from its normal is not used.
 _LEAST_COSINE = float(np.cos(np.radians(70.0)))
 
@@ -45,11 +40,6 @@ class Surfaces:
         return np.isfinite(self.rough_mm) & (self.cosine > _LEAST_COSINE)
 
 
-def step_limit_mm(depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the largest depth difference of neighbours on one surface, mm, from depth, mm."""
-    return np.asarray(_STEP_MM + _STEP_MM_PER_M * depth_mm / MM_PER_M)
-
-
 @lru_cache(maxsize=4)
 def quadric_basis(size: int) -> NDArray[np.float64]:
     """Compute orthonormal images of 1, x, y, x^2, xy, y^2 in size x size px, (size^2, 6)."""
@@ -69,7 +59,7 @@ def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
     """
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)
-    limit = step_limit_mm(z)
+    limit = FITTED_STEP.limit_mm(z)
     torn = ~known
     torn[:, 1:] |= np.abs(np.diff(z, axis=1)) > limit[:, 1:]
     torn[1:] |= np.abs(np.diff(z, axis=0)) > limit[1:]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import MEASURED_STEP
 from glsim.core.units import MM_PER_M
 from glsim.measures.measured_frame import radius_px
 from glsim.measures.pixel_runs import goes_on, successive_runs
@@ -23,8 +24,6 @@ Array = NDArray[np.float64]
 
 #: Least step in depth between the two runs of a silhouette, mm.
 STEP_MM = 100.0
-#: Largest difference of neighbours in a run, mm and mm per m of distance.
-_SAME_MM, _SAME_MM_PER_M = 15.0, 15.0
 #: Least pixels of a run; flying pixels make shorter runs.
 _LEAST_RUN = 5
 #: Least width of foreground and background, px; chosen to leave out thin chair legs.
@@ -143,7 +142,7 @@ def find_edges(frame: DepthFrame) -> Edges:
     z = frame.measured_mm
     known = np.isfinite(z)
     joined = known[:, 1:] & known[:, :-1]
-    limit = _SAME_MM + _SAME_MM_PER_M * np.nan_to_num(z[:, 1:]) / MM_PER_M
+    limit = MEASURED_STEP.limit_mm(np.nan_to_num(z[:, 1:]))
     joined &= np.abs(np.diff(z, axis=1)) <= limit
     row, start, end, next_start, next_end = successive_runs(joined, _LEAST_RUN, _MOST_GAP)
     # Depth at an end: the median of the four pixels next to the outermost one.

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.depth_map import around
+from glsim.core.depth_map import MEASURED_STEP, around
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.core.units import M_PER_MM
 from glsim.networks.interface import MIN_DEPTH_MM, Depth, Mask, Probability
 from glsim.networks.record import UNLIKELY
 
@@ -32,10 +31,6 @@ DEFAULT_COMPOSITE: Final = "measured"
 
 #: A pixel is doubtful if its probability of depth is at most this.
 DOUBT: Final = 0.5
-#: Largest difference between neighbours on one surface, mm and mm per m of distance; as in
-#: ``glsim.measures.silhouettes``. Derived: the last pixel of a head's rim at 0.9 m is 21 mm
-#: behind.
-SAME_SURFACE_MM, SAME_SURFACE_MM_PER_M = 15.0, 15.0
 #: Radius of the neighbourhood, px, and width of the widest hole that is closed.
 REACH_PX: Final = 2
 #: A doubtful pixel lies on a surface with this number of sure pixels on it among the 24 around, or
@@ -97,7 +92,7 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
     sure = probability > DOUBT
     kept = measured & (sure | _on_surface(noisy_mm, measured & ~sure, measured & sure))
     kept &= ~_unlikely(probability, noisy_mm)
-    same = np.abs(depth_mm - noisy_mm) <= tolerance_mm(noisy_mm)
+    same = np.abs(depth_mm - noisy_mm) <= MEASURED_STEP.limit_mm(noisy_mm)
     surface = np.where(sure | same, depth_mm, noisy_mm.astype(depth_mm.dtype))
     filled = _closed_holes(noisy_mm, np.where(sure, depth_mm, 0), kept)
     return np.where(filled, depth_mm, np.where(kept, surface, depth_mm.dtype.type(0)))
@@ -129,17 +124,12 @@ def calibrated(probability: Probability, unlikely: float) -> Probability:
     return moved.astype(np.float32)
 
 
-def tolerance_mm(depth_mm: Depth) -> Depth:
-    """Compute the depth difference, mm, up to which two pixels count as one surface."""
-    return np.asarray(SAME_SURFACE_MM + SAME_SURFACE_MM_PER_M * M_PER_MM * depth_mm, np.float32)
-
-
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
     """Select the pixels of ``asked`` whose neighbours in ``sure`` lie on the same surface."""
     own = noisy_mm[asked][:, None]
     depth = around(noisy_mm, REACH_PX, asked, 0)
     known, inside = (around(mask, REACH_PX, asked, 0) for mask in (sure, np.ones_like(asked)))
-    alike = (depth > 0) & (np.abs(depth - own) <= tolerance_mm(own))
+    alike = (depth > 0) & (np.abs(depth - own) <= MEASURED_STEP.limit_mm(own))
     surely, pixels, places = (np.sum(part, axis=1) for part in (alike & known, alike, inside))
     found = np.zeros_like(asked)
     # A pixel is on its own surface: it does not count.
@@ -152,7 +142,7 @@ def _closed_holes(noisy_mm: Depth, sure_mm: Depth, kept: Mask) -> Mask:
     closed = _narrow_holes(noisy_mm == 0) & (sure_mm > 0)
     own = sure_mm[closed][:, None]
     depth = around(noisy_mm, REACH_PX, closed, 0)
-    one = ((depth == 0) | (np.abs(depth - own) <= tolerance_mm(own))).all(axis=1)
+    one = ((depth == 0) | (np.abs(depth - own) <= MEASURED_STEP.limit_mm(own))).all(axis=1)
     closed[closed] = one & (around(kept, 1, closed, 0).sum(axis=1) >= LEAST_TOUCHING)
     return closed
 

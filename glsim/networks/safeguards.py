@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_map import JUMP_MM
 from glsim.networks.interface import Depth, Mask
 
 #: Frames in whole millimetres whose estimated noise is below both bounds, mm, between adjacent
@@ -57,9 +58,8 @@ GAIN: Final = 6.0
 #: Mean of the square root of |x| for a standard normal x, 2^(1/4) Gamma(3/4) / sqrt(pi). Averaging
 #: roots limits the influence of the large values at facial features.
 MEAN_ROOT: Final = 2**0.25 * math.gamma(0.75) / math.sqrt(math.pi)
-#: Windows whose depths span more than this, mm per pixel of step, contain an edge; least number of
-#: windows without an edge.
-EDGE_MM, LEAST_WINDOWS = 30.0, 50
+#: Least number of windows without an edge.
+LEAST_WINDOWS: Final = 50
 #: Least local noise, mm: rounding makes windows without any difference; size of the windows, px.
 _LEAST_MM: Final = 0.01
 _LOCAL_PX: Final = (15, 15)
@@ -160,12 +160,15 @@ def local_noise_mm(depth_mm: Depth, otherwise_mm: float) -> Depth:
 
 
 def _second_differences(depth_mm: Depth, step_px: int) -> tuple[Depth, Mask]:
-    """Compute second differences, (H, W) mm, and the mask of windows without an edge."""
+    """Compute second differences, (H, W) mm, and the mask of windows without an edge.
+
+    The depths of such a window span less than JUMP_MM per pixel of step.
+    """
     side = 2 * step_px + 1
     square = np.ones((side, side), np.uint8)
     # Holes are 0 and so make edges.
     span = cv2.dilate(depth_mm, square) - cv2.erode(depth_mm, square)
-    inner = (depth_mm > 0) & (span < EDGE_MM * step_px)
+    inner = (depth_mm > 0) & (span < JUMP_MM * step_px)
     inner[:step_px] = inner[-step_px:] = False
     inner[:, :step_px] = inner[:, -step_px:] = False
     kernel = np.zeros((side, side), np.float32)

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_map import FLYING_MM, NEIGHBOURS
 from glsim.networks.interface import Depth, Mask
 from glsim.networks.record import AROUND_PX
 
@@ -36,9 +37,6 @@ FOCAL_SHARE: Final = 0.7
 _LEAST_SHARE, _LEAST_PX = 0.15, 20
 #: Frames are divided by this for the search, px.
 _COARSE_PX: Final = 4
-#: Neighbours of one piece differ by at most this, mm: more than any slope of a face at 3 mm per
-#: pixel, less than the step to a wall.
-_STEP_MM = 50.0
 #: Surface around the head that is denoised too, px. Chosen: with it, cutting the frame there moves
 #: no depth of the head by more than 0.1 mm.
 _HEAD_MARGIN_PX: Final = 32
@@ -91,15 +89,15 @@ def head_box(depth_mm: Depth) -> Box | None:
 
 
 def _pieces(depth_mm: Depth, valid: Mask) -> NDArray[np.int32]:
-    """Label the 4-connected surfaces of an (H, W) map, with steps up to 50 mm; 0 = no depth."""
+    """Label the 4-connected surfaces of an (H, W) map, with steps up to FLYING_MM; 0 = no depth."""
     # Connected components know a mask only, so steps become gaps between pixels at twice the size.
     height, width = valid.shape
     grid = np.zeros((2 * height - 1, 2 * width - 1), np.uint8)
     grid[::2, ::2] = valid
     for axis, target in ((0, grid[1::2, ::2]), (1, grid[::2, 1::2])):
-        step = np.abs(np.diff(depth_mm, axis=axis)) <= _STEP_MM
-        both = np.delete(valid, 0, axis) & np.delete(valid, -1, axis)
-        target[...] = step & both
+        near, far = NEIGHBOURS[axis]
+        step = np.abs(depth_mm[far] - depth_mm[near]) <= FLYING_MM
+        target[...] = step & valid[near] & valid[far]
     _, labels = cv2.connectedComponents(grid, connectivity=4)
     return np.where(valid, labels[::2, ::2], 0).astype(np.int32)
 

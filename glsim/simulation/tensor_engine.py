@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from glsim.core.arrays import of
 from glsim.core.camera import SensorRig
+from glsim.core.depth_map import lit_share, normals
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.rect import Rect
@@ -18,15 +20,12 @@ from glsim.noise.array_chain import without_tensors
 from glsim.noise.layer_names import EXPECTED_LAYER
 from glsim.noise.stage import ENABLED, Stage, sample_values
 from glsim.noise.twins import find_twin
-from glsim.noise.twins.arrays import of
 from glsim.noise.twins.batch import (
     WordContext,
     beside_camera,
-    lit_share,
     map_words,
     sample,
     seed_word,
-    surface_normals,
 )
 from glsim.noise.twins.layers import pcg_word, uniform01
 from glsim.sensors.sensor import Sensor
@@ -235,7 +234,7 @@ class TensorEngine:
         albedo = torch.where(seen, inputs.get("albedo", SKIN_ALBEDO), 0.0)
         normal = inputs.get("normal")
         if normal is None:
-            normal = surface_normals(clean, rays)
+            normal = normals(clean, rays)
         planes = [*(normal[..., k] for k in range(3)), albedo]
         lit = torch.ones_like(clean)
         if self.rig.shadow_map and self._lights:

@@ -16,11 +16,12 @@ from glsim.core.depth_map import central_normals
 from glsim.data.dataset_run import write_dataset
 from glsim.eval.metrics.frame_score import metrics_with_regions, score
 from glsim.eval.metrics.regions import Regions
-from glsim.eval.metrics.scored_map import Truth, angles_deg, whole_windows
+from glsim.eval.metrics.scored_map import Truth, angles_deg
 from glsim.eval.report.document import Heading, TextTable
 from glsim.eval.report.score_tables import _region_document
 from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.faces.regions import region_numbers
+from glsim.measures.stacks import eroded
 from glsim.settings.schema import load_settings
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.plan.tasks import make_tasks
@@ -46,7 +47,7 @@ def test_parts_are_scored_as_numpy_does(name: str) -> None:
     for key, value in plain.items():
         np.testing.assert_equal(found[key], value)
     taken = np.where(prediction > 0, prediction, seen).astype(np.float64)
-    at = truth.smooth & whole_windows(prediction > 0)
+    at = truth.smooth & eroded(prediction > 0, 1)
     for region, number in NUMBERS.items():
         here = halves() == number
         pixels = here & (seen > 0) & truth.parts["interior"]

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim import DepthNoise, Reason, load_settings
-from glsim.core.depth_map import lit_by_marching, normals
+from glsim.core.depth_map import lit_by_marching, lit_share, normals
 from glsim.core.errors import ConfigError
 from tests.support.stage_harness import Z_MAX, z_mean
 
@@ -133,12 +133,12 @@ def test_cameras_normals_and_albedo_of_the_simulator_are_used() -> None:
 
 
 def test_normals_and_shadows_of_batches_are_those_of_maps() -> None:
-    from glsim.noise.twins.batch import beside_camera, lit_share, surface_normals
+    from glsim.noise.twins.batch import beside_camera
 
     clean = heads(2)
     rig = DepthNoise("kinect-v2").rig(clean.shape[1:])
     rays = torch.from_numpy(rig.rays().copy())[None]
-    found = surface_normals(torch.from_numpy(clean), rays).numpy()
+    found = normals(torch.from_numpy(clean), rays).numpy()
     emitter = rig.emitters[0]
     lights = [(*beside_camera([*point]), share) for point, share in emitter.shared_points_m()]
     lit = lit_share(torch.from_numpy(clean), rig.intrinsics.fx, lights).numpy()

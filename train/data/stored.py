@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.utils.data import ConcatDataset, Dataset, get_worker_info
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.seeds import pcg_rng
 from glsim.core.units import from_steps
@@ -283,8 +284,6 @@ _PERIOD_PX: Final = (3.0, 12.0)
 _TEXTURE_MM: Final = (0.4, 4.0)
 #: Numbers of averaged frames whose noise is imitated.
 _FRAMES_AVERAGED: Final = (2, 4, 9)
-#: Larger errors, mm, are of another surface and do not average out.
-_AVERAGED_MM: Final = 50.0
 #: Share of frames without a slope, and the most of the nearest depth that a slope may take away.
 _LEVEL, _NEARER = 0.5, 0.5
 
@@ -337,7 +336,7 @@ def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
     """Divide a frame's noise by the root of a number of frames; ``images`` as in StoredPairs."""
     noisy, target = images[0], images[-1]
     error = noisy - target
-    same = (noisy > 0) & (target > 0) & (np.abs(error) < _AVERAGED_MM)
+    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # others do not average out
     averaged = images.copy()
     averaged[0] = np.where(same, target + error / np.float32(math.sqrt(frames)), noisy)
     return averaged

@@ -8,13 +8,12 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
+from glsim.core.depth_map import FLYING_MM
 from glsim.networks.inputs import NetworkInputs
 from glsim.train.models.backbone import pad_to_multiple
 from glsim.train.models.features import noise_around, tukey
 from glsim.train.models.gaussian import blurred, shrunk_mean, weighted_mean
 
-#: Neighbours farther away than this, mm, show another surface; as in `features`.
-_SURFACE_MM: Final = 50.0
 #: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
 #: Limits of the motion-compensated difference of a neighbour, of a patch's mean and of the pixel,
@@ -117,7 +116,7 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
     """
     difference, near = _differences(neighbours_mm, fill_mm)
     still = (difference - mean.motion_mm) * near
-    closeness = tukey(difference / _SURFACE_MM) * near
+    closeness = tukey(difference / FLYING_MM) * near
     channels = [
         torch.asinh(still / _DIFFERENCE_MM),
         closeness,
@@ -130,7 +129,7 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
 def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tensor]:
     """Subtract a frame from its neighbours, mm; also return a mask (0 or 1) of equal surfaces."""
     difference = neighbours_mm - depth_mm
-    is_near = (neighbours_mm > 0) & (depth_mm > 0) & (difference.abs() < _SURFACE_MM)
+    is_near = (neighbours_mm > 0) & (depth_mm > 0) & (difference.abs() < FLYING_MM)
     return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)
 
 

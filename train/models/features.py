@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
+from glsim.core.depth_map import FLYING_MM
 from glsim.train.models.gaussian import TINY, blurred, shrunk_mean, weighted_mean
 
 #: Edge-preserving filters of `depth_features`, by increasing strength: guided filters of radius 1,
@@ -29,8 +30,6 @@ OTHER_CHANNELS: Final = 5
 _FILL_ROUNDS, _FILL_RADIUS, _FILL_SIGMA = 3, 4, 1.5
 #: Radius and sigma of the surrounding mean, px. Chosen: wider than a nose at 0.9 m (14 px).
 _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
-#: Depths farther apart than this, mm, belong to two surfaces; as in the evaluation.
-_SURFACE_MM: Final = 50.0
 #: Samples to each side, and the distance between them, px.
 _TAPS, _TAP_STEP = 2, 3
 #: Epsilon of the guided filters, mm: the best on real Kinect V2 frames
@@ -117,7 +116,7 @@ def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) ->
     # In the order of the functions, so that a shipped network is exported byte for byte again.
     by_name = {name: smooth() for name, smooth in filter_functions.items() if name in filters}
     smoothed = torch.cat([by_name[name] for name in filters], dim=1)
-    filtered_mm = (smoothed - fill_mm).clamp(-_SURFACE_MM, _SURFACE_MM)
+    filtered_mm = (smoothed - fill_mm).clamp(-FLYING_MM, FLYING_MM)
     bands_mm = torch.cat([filtered_mm[:, :1], filtered_mm[:, 1:] - filtered_mm[:, :-1]], dim=1)
     channels = [
         torch.asinh(bands_mm / _BAND_MM),
@@ -144,7 +143,7 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     farthest_mm = _extreme(torch.maximum, torch.where(measured, noisy_mm, 0.0), 0.0)
     surfaces = []
     for extreme in (nearest_mm, farthest_mm):
-        same_surface = (samples - extreme).abs() < _SURFACE_MM  # false for inf, and inf - inf
+        same_surface = (samples - extreme).abs() < FLYING_MM  # false for inf, and inf - inf
         total = _summed(torch.where(same_surface, samples, 0.0))
         count = _summed(same_surface.to(fill_mm.dtype))
         surfaces.append(torch.where(count > 0, total / count.clamp_min(1), fill_mm))
@@ -157,7 +156,7 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
     The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
     """
     depths = _taps(torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf), torch.inf)
-    weight = tukey(((depths - fill_mm) / _SURFACE_MM).clamp(-1, 1))
+    weight = tukey(((depths - fill_mm) / FLYING_MM).clamp(-1, 1))
     total = _summed(weight * _taps(values, 0.0))
     return total / _summed(weight).clamp_min(TINY)
 
@@ -219,7 +218,7 @@ def noise_around(depth_mm: Tensor, valid: Tensor, step_px: int) -> tuple[Tensor,
     for down, right in ((0, 1), (2, 1), (1, 0), (1, 2)):
         top, left = down * step_px, right * step_px
         offset = around[..., top : top + height, left : left + width] - depth_mm
-        near = offset.abs() < _SURFACE_MM
+        near = offset.abs() < FLYING_MM
         total = total + torch.where(near, offset, 0.0)
         known = known * near
     return weighted_mean((total / 4.0).abs(), known, _NOISE_RADIUS, _NOISE_SIGMA)
@@ -233,16 +232,16 @@ def local_mean(values: Tensor, known: Tensor) -> Tensor:
 def _robust_mean(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     """Average 5x5 measured depths with Tukey's weights around ``near_mm`` (a mean-shift step)."""
     samples = _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, 1)
-    ratio = ((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)
+    ratio = ((samples - near_mm) / FLYING_MM).clamp(-1, 1)
     weight = tukey(ratio)
-    offset_mm = _SURFACE_MM * _summed(weight * ratio)
+    offset_mm = FLYING_MM * _summed(weight * ratio)
     return near_mm + offset_mm / _summed(weight).clamp_min(TINY)
 
 
 def _support(near_mm: Tensor, depth_mm: Tensor, valid: Tensor) -> Tensor:
     """Compute the share (0 to 1) of 3x3 samples, 6 px apart, on the surface of ``near_mm``."""
     samples = _taps(torch.where(valid > 0, depth_mm, torch.inf), torch.inf, _SUPPORT_STEP, 1)
-    return tukey(((samples - near_mm) / _SURFACE_MM).clamp(-1, 1)).mean(1, keepdim=True)
+    return tukey(((samples - near_mm) / FLYING_MM).clamp(-1, 1)).mean(1, keepdim=True)
 
 
 def tukey(ratio: Tensor) -> Tensor:

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics, SensorRig
-from glsim.core.depth_map import surface
+from glsim.core.depth_map import FLYING_MM, surface
 from glsim.core.pose import pose_matrix
 from glsim.core.units import to_metres
 from glsim.data.contact_sheet import shaded
-from glsim.eval.metrics.scored_map import FLYING_MM
 from glsim.eval.report.figures.style import matplotlib
 from glsim.networks.interface import Depth
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
-from glsim.core.depth_map import grid_triangles
+from glsim.core.depth_map import FITTED_STEP, grid_triangles
 from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
-from glsim.measures.quadrics import local_planes, step_limit_mm
+from glsim.measures.quadrics import local_planes
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
@@ -139,7 +139,7 @@ def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.i
     z = depth.ravel()[corners]
     low, high = z.min(axis=1), z.max(axis=1)
     with np.errstate(invalid="ignore"):
-        joined = high - low <= step_limit_mm(low)
+        joined = high - low <= FITTED_STEP.limit_mm(low)
     if label is not None:
         of = label.ravel()[corners]
         joined |= (of[:, 0] == of[:, 1]) & (of[:, 1] == of[:, 2])
@@ -192,7 +192,7 @@ def _limit_mm(depth_mm: Array, differences: Array, at: Array) -> Array:
         if chosen.size >= 100:
             medians[k] = np.median(chosen)
     known = np.isfinite(medians)
-    rule = step_limit_mm(depth_mm)
+    rule: Array = FITTED_STEP.limit_mm(depth_mm)
     if not known.any():
         return rule
     centres = np.concatenate([_BINS_MM[:1], np.sqrt(_BINS_MM[1:] * _BINS_MM[:-1]), _BINS_MM[-1:]])
@@ -349,7 +349,7 @@ def _fill_gap(
     else:
         near_left = z[a] < z[b]
         near, far = (a, b) if near_left else (b, a)
-        if z[far] - z[near] <= _APART * step_limit_mm(z[near]):
+        if z[far] - z[near] <= _APART * FITTED_STEP.limit_mm(z[near]):
             if b - a - 1 <= widest_hole_px:
                 share = (np.arange(a + 1, b) - a) / (b - a)
                 z[a + 1 : b] = 1.0 / ((1 - share) / z[a] + share / z[b])
@@ -369,7 +369,7 @@ def _behind_rows(front: Array, index: Labels) -> tuple[Array, Labels]:
     width = front.shape[1]
     with np.errstate(invalid="ignore"):
         change = np.diff(front, axis=1)
-        limit = _APART * step_limit_mm(np.minimum(front[:, 1:], front[:, :-1]))
+        limit = _APART * FITTED_STEP.limit_mm(np.minimum(front[:, 1:], front[:, :-1]))
         rows, columns = np.nonzero(np.abs(change) > limit)
     for row, column in zip(rows, columns, strict=True):
         z = front[row]

@@ -15,14 +15,15 @@ Differences are taken between pixels of one surface only: holes and silhouettes 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.depth_map import JUMP_MM, NEIGHBOURS
 from glsim.denoise.filters.masked import Masked
-from glsim.denoise.filters.windows import FLYING_MM, fill
+from glsim.denoise.filters.windows import fill
 from glsim.denoise.parameters import parameter
 from glsim.networks.interface import Depth, Mask
 from glsim.networks.safeguards import estimate_noise_mm, local_noise_mm
@@ -74,12 +75,12 @@ class SurfaceGradients:
     """
 
     def __init__(self, depth_mm: Depth, domain: Mask) -> None:
-        """Link neighbouring pixels of ``domain`` whose depths differ by at most FLYING_MM."""
+        """Link neighbouring pixels of ``domain`` whose depths differ by at most JUMP_MM."""
         self.across = np.zeros(depth_mm.shape, np.float32)
         self.down = np.zeros(depth_mm.shape, np.float32)
         for links, axis in ((self.across, 1), (self.down, 0)):
-            near, far = _pairs(axis)
-            same = np.abs(np.diff(depth_mm, axis=axis)) <= FLYING_MM
+            near, far = NEIGHBOURS[axis]
+            same = np.abs(np.diff(depth_mm, axis=axis)) <= JUMP_MM
             links[near] = domain[near] & domain[far] & same
         # A slope is compared with its neighbour where both links exist.
         self._across_across = _both(self.across, 1)
@@ -164,42 +165,37 @@ def _project(radius: np.float32, *parts: _Array) -> None:
         part /= over
 
 
-def _pairs(axis: int) -> tuple[Any, Any]:
-    """Return the places of all pixels but the last, and of those after them, along an axis."""
-    return (np.s_[:, :-1], np.s_[:, 1:]) if axis else (np.s_[:-1], np.s_[1:])
-
-
 def _forward(image: _Array, axis: int) -> _Array:
     """Compute the differences to the next pixel along an axis; 0 at the last pixel."""
-    result, (near, far) = np.zeros_like(image), _pairs(axis)
+    result, (near, far) = np.zeros_like(image), NEIGHBOURS[axis]
     np.subtract(image[far], image[near], out=result[near])
     return result
 
 
 def _forward_adjoint(image: _Array, axis: int) -> _Array:
     """Apply the adjoint of ``_forward`` to an image that is 0 at its last pixels."""
-    result, (near, far) = -image, _pairs(axis)
+    result, (near, far) = -image, NEIGHBOURS[axis]
     result[far] += image[near]
     return result
 
 
 def _backward(image: _Array, axis: int) -> _Array:
     """Compute the differences to the pixel before along an axis; 0 at the first pixel."""
-    result, (near, far) = np.zeros_like(image), _pairs(axis)
+    result, (near, far) = np.zeros_like(image), NEIGHBOURS[axis]
     np.subtract(image[far], image[near], out=result[far])
     return result
 
 
 def _backward_adjoint(image: _Array, axis: int) -> _Array:
     """Apply the adjoint of ``_backward`` to an image that is 0 at its first pixels."""
-    result, (near, far) = image.copy(), _pairs(axis)
+    result, (near, far) = image.copy(), NEIGHBOURS[axis]
     result[near] -= image[far]
     return result
 
 
 def _both(links: _Array, axis: int) -> _Array:
     """Return 1 where a pixel and the pixel before it along an axis both have a link, else 0."""
-    result, (near, far) = np.zeros_like(links), _pairs(axis)
+    result, (near, far) = np.zeros_like(links), NEIGHBOURS[axis]
     result[far] = links[far] * links[near]
     return result
 

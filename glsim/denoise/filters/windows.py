@@ -5,11 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from glsim.core.depth_map import JUMP_MM
 from glsim.networks.interface import Depth, Mask
-
-#: A pixel farther than this from the local median, mm, belongs to no surface there: more than the
-#: noise of any shipped sensor, less than the step from a nose to a cheek.
-FLYING_MM = 30.0
 
 
 def fill(depth_mm: Depth, support: Mask) -> Depth:
@@ -28,11 +25,11 @@ def fill(depth_mm: Depth, support: Mask) -> Depth:
 def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:
     """Clean a mask; return the trusted pixels and the pixels that shall have depth, (H, W) bool.
 
-    Trusted pixels are valid and within FLYING_MM of their 5x5 median. Pixels get depth where more
+    Trusted pixels are valid and within JUMP_MM of their 5x5 median. Pixels get depth where more
     than half of a square of ``size`` px is trusted: this closes single holes, removes single
     islands and straightens ragged silhouettes.
     """
     filled = fill(depth_mm, valid)
-    trusted = valid & (np.abs(filled - cv2.medianBlur(filled, 5)) <= FLYING_MM)
+    trusted = valid & (np.abs(filled - cv2.medianBlur(filled, 5)) <= JUMP_MM)
     share = cv2.blur(trusted.astype(np.float32), (size, size), borderType=cv2.BORDER_REPLICATE)
     return trusted, share > 0.5

@@ -7,11 +7,11 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins.arrays import of
 from glsim.noise.twins.layers import (
     Image,
     Layers,

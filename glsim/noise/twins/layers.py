@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
+from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins.arrays import of
 
 #: Float32 numbers of pixels: (h, w) or (h, w, components) of NumPy, (B, h, w) or (B, h, w,
 #: components) of PyTorch.
 Image = Any
-#: 32-bit words, see ``glsim.noise.twins.arrays``.
+#: 32-bit words, see ``glsim.core.arrays``.
 Words = Any
 #: Layers by name, and parameter values by their GLSL names: numbers, or (B, 1, 1) one per map.
 Layers = Mapping[str, Image]

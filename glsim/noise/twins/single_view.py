@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import cos, floor, pi, sin
 
+from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.twins.any_camera import incidence, lattice_noise
-from glsim.noise.twins.arrays import of
 from glsim.noise.twins.batch import beside_camera
 from glsim.noise.twins.layers import (
     Image,

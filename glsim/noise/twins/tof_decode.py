@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins.arrays import of
 from glsim.noise.twins.layers import (
     KERNEL,
     KERNEL_UNIT,

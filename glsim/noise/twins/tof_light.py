@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.arrays import of
+from glsim.core.depth_map import lit_share
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
-from glsim.noise.twins.arrays import of
-from glsim.noise.twins.batch import beside_camera, lit_share
+from glsim.noise.twins.batch import beside_camera
 from glsim.noise.twins.layers import (
     Image,
     Layers,

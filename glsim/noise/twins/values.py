@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins.arrays import of
 from glsim.noise.twins.layers import (
     Image,
     Layers,

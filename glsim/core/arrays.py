@@ -1,4 +1,4 @@
-"""The functions that twins take from NumPy or PyTorch, under NumPy's names.
+"""The functions of NumPy or of PyTorch, under NumPy's names, for code that runs on either.
 
 Random words are uint32 in NumPy and int32 in PyTorch, whose uint32 has no arithmetic: sums and
 products wrap around alike, so that their bits are the same. Numbers that meet a tensor are Python's
