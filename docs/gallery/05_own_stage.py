@@ -2,8 +2,8 @@
 A GLSL stage of one's own, without a file of a sensor
 =====================================================
 
-``with_stage`` puts code into a simulator's chain. Here a stage of ten lines behind the Kinect V2's
-chain stands for a smeared front glass: depth is lost in a spot, and pulled nearer around it.
+``with_stage`` puts code into a simulator's chain. Here a stage of twelve lines behind the Kinect
+V2's chain stands for a smeared front glass: depth is lost in a spot, and pulled nearer around it.
 """
 
 import matplotlib.pyplot as plt

@@ -37,4 +37,4 @@ plt.show()
 
 # %%
 # Clean depth is that of the middle of the exposure. Which cameras have which exposure:
-# :doc:`/explanation/time_of_flight`, "Motion".
+# :doc:`/howto/scenes`, "Motion".

@@ -112,4 +112,4 @@ print(f"all pixels: recording {np.nanmedian(spread):.2f} mm, "
 
 # %%
 # For a real camera, record walls and furniture at many distances, 30 frames or more; nothing may
-# move. What the fit measures and what it cannot: :ref:`Your own camera <fit-a-camera>`.
+# move. What the fit measures and what it cannot: :ref:`Fit one to your camera <fit-a-camera>`.

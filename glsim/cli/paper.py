@@ -117,7 +117,7 @@ def tables(
     figures: FiguresOption = True,
     workers: WorkersOption = "auto",
 ) -> None:
-    """Write the paper's tables with our values added, and all files of ``glsim eval``.
+    """Write the paper's tables with our values added, and all files of glsim eval.
 
     Nothing is trained: tables 2 and 3 contain the networks in --runs and list the rows that are
     missing there.

@@ -11,8 +11,9 @@ _MARKUP = str.maketrans({c: f"\\{c}" for c in "|*_<>[]`^$~#"})
 
 
 def plain(text: str) -> str:
-    """Return text of the code as Markdown that shows the same characters, on one line."""
-    return " ".join(text.split()).translate(_MARKUP)
+    """Return text of the code as Markdown, on one line; what stands in `` becomes inline code."""
+    parts = " ".join(text.split()).split("``")
+    return "".join(f"`{p}`" if n % 2 else p.translate(_MARKUP) for n, p in enumerate(parts))
 
 
 def code(text: object) -> str:

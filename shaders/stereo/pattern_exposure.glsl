@@ -1,6 +1,6 @@
 #version 330 core
-// pattern_exposure: exposes the infrared image of a structured-light camera, and blurs the pattern
-// that it is matched with like the image.
+// pattern_exposure: exposes the infrared image of a structured-light camera, and its pattern.
+// The pattern, which the image is matched with, is blurred like the image.
 #include "lib/imager_exposure.glsl"
 
 uniform float reference_counts = 120.0;  //@ [1, 65535; 1, 250] counts of a dot's centre in the pattern that images are matched with; chosen: matching sees differences of neighbours

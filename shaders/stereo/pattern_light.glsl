@@ -1,6 +1,7 @@
 #version 330 core
-// pattern_light: draws the light that the imager of a structured-light camera gets, and the pattern
-// that it is matched with: the dots as an imager at the projector would see them, at any distance.
+// pattern_light: draws the light that the imager of a structured-light camera gets, and its pattern.
+// The image is matched with the pattern: the dots as an imager at the projector would see them, at any
+// distance.
 #include "lib/projected_dots.glsl"
 
 uniform sampler2D u_left_clean;
