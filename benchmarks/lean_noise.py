@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.camera import SensorRig
-
-Image = NDArray[np.float32]
 
 _CELLS_X, _CELLS_Y = 4 / 1.5, 2 / 1.5
 _AMPLITUDE_PX, _STEP_PX, _WINDOW_PX, _LEAST_SHARE = 0.4, 0.125, 9, 2 / 3
@@ -35,7 +33,7 @@ class LeanNoise:
             t * t * t * (t * (t * 6 - 15) + 10) for t in (self._x, self._y)
         )
 
-    def __call__(self, clean_m: Image, lit: Image, seed: int) -> Image:
+    def __call__(self, clean_m: Floats, lit: Floats, seed: int) -> Floats:
         """Draw the noise of one frame."""
         with np.errstate(divide="ignore"):
             disparity = self._focal_baseline / clean_m  # inf where there is no surface
@@ -48,22 +46,22 @@ class LeanNoise:
         seen &= (noisy_m > _NEAR_M) & (noisy_m < _FAR_M)
         return np.where(seen, noisy_m, np.float32(0))
 
-    def _perlin(self, rng: np.random.Generator) -> Image:
+    def _perlin(self, rng: np.random.Generator) -> Floats:
         """One octave of gradient noise, (H, W), about -0.7 to 0.7."""
         rows, columns = int(self._row[-1]) + 2, int(self._column[-1]) + 2
         angle = rng.uniform(0, 2 * np.pi, (rows, columns)).astype(np.float32)
         along_x, along_y = np.cos(angle), np.sin(angle)
 
-        def corner(down: int, right: int) -> Image:
+        def corner(down: int, right: int) -> Floats:
             place = np.ix_(self._row + down, self._column + right)
-            product: Image = along_x[place] * (self._x - right) + along_y[place] * (self._y - down)
+            product: Floats = along_x[place] * (self._x - right) + along_y[place] * (self._y - down)
             return product
 
-        def edge(down: int) -> Image:
+        def edge(down: int) -> Floats:
             left = corner(down, 0)
-            between: Image = left + self._fade_x * (corner(down, 1) - left)
+            between: Floats = left + self._fade_x * (corner(down, 1) - left)
             return between
 
         top = edge(0)
-        noise: Image = top + self._fade_y * (edge(1) - top)
+        noise: Floats = top + self._fade_y * (edge(1) - top)
         return noise

@@ -15,9 +15,9 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim import DepthNoise, load_settings
+from glsim.core.array_types import Depth
 from glsim.core.files.atomic import write_atomic
 from glsim.data.contact_sheet import Picture, shaded
 from glsim.data.recordings.files import read_map_mm
@@ -27,7 +27,6 @@ from glsim.noise.realsense_filters import fill_holes
 _DETAIL_PX, _LARGER = 160, 3
 #: Sigma of the smoothing across a surface, px, and the share of the depth that is another one.
 _SMOOTH_PX, _STEP = 6.0, 0.04
-Depth = NDArray[np.float32]
 _TITLE: Final = (cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 160, 255), 2, cv2.LINE_AA)
 
 

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask
 from glsim.eval.metrics.scored_map import ScoredMap
-from glsim.networks.interface import Depth, Mask
 
 #: Standard deviations of two Gaussians, px, whose difference passes relief of 4 to 8 px: of waves
 #: of 4, 6 and 8 px it passes 0.29, 0.51 and 0.51, of 16 px 0.24.

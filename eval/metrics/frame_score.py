@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth
 from glsim.core.plugins import each_usable, load_plugin, plugin_names
 from glsim.eval.metrics.definitions import SHIPPED_METRICS
 from glsim.eval.metrics.form import systematic_mm2
 from glsim.eval.metrics.metric import Metric
 from glsim.eval.metrics.regions import REGION_METRICS
 from glsim.eval.metrics.scored_map import ScoredMap, Truth
-from glsim.networks.interface import Depth
 
 
 def _all_metrics() -> dict[str, Metric]:

@@ -8,14 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
+
 #: Region column without its "@nose" -> the whole-frame metric in ``METRICS`` that it refines.
 REGION_METRICS: Final = {
     "rmse_mm": "input_interior_rmse_mm",
     "bias_mm": "input_interior_bias_mm",
     "normal_mean_deg": "normal_mean_deg",
 }
-
-_Array = NDArray[np.float64]
 
 
 class Regions:
@@ -24,7 +24,7 @@ class Regions:
     def __init__(self, labels: NDArray[np.uint8], numbers: Mapping[str, int]) -> None:
         self.labels, self.numbers = labels, numbers
 
-    def errors(self, error: _Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
+    def errors(self, error: Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
         """Return RMSE and bias of each region by column name; NaN for a region without pixels.
 
         Args:
@@ -39,13 +39,13 @@ class Regions:
             for name, value in (("rmse_mm", np.sqrt(square[number])), ("bias_mm", mean[number]))
         }
 
-    def angles(self, angle: _Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
+    def angles(self, angle: Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
         """Average (N,) angles, degrees, over each region, by column name; NaN without pixels."""
         mean = _means(angle, self.labels[pixels])
         return {f"normal_mean_deg@{r}": float(mean[number]) for r, number in self.numbers.items()}
 
 
-def _means(values: _Array, labels: NDArray[np.uint8]) -> _Array:
+def _means(values: Array, labels: NDArray[np.uint8]) -> Array:
     """Average the (N,) values of each label: (256,) means; NaN for an absent label."""
     sums, counts = np.bincount(labels, values, 256), np.bincount(labels, minlength=256)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)

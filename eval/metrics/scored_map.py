@@ -12,12 +12,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_map import central_normals, interior, jumps
 from glsim.core.errors import DenoiserError
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
 from glsim.measures.stacks import eroded
-from glsim.networks.interface import Depth, Mask
 
 #: The MAX of the paper's PSNR, mm.
 PSNR_MAX_MM: Final = 8000.0

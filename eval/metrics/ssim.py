@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_Array = NDArray[np.float64]
+from glsim.core.array_types import Array
 
 #: Side of the uniform window, px; scikit-image's default.
 WINDOW: Final = 7
@@ -52,9 +52,9 @@ PRESETS: Final[dict[str, Preset]] = {
 class Moments:
     """An image, its local means and the local means of its square: (H, W) float64 each."""
 
-    image: _Array
-    mean: _Array
-    mean_square: _Array
+    image: Array
+    mean: Array
+    mean_square: Array
 
     @classmethod
     def of(cls, image: NDArray[np.floating]) -> Moments:
@@ -84,5 +84,5 @@ def ssim(first: Moments, second: Moments) -> dict[str, float]:
     return result
 
 
-def _window_mean(image: _Array) -> _Array:
+def _window_mean(image: Array) -> Array:
     return np.asarray(cv2.boxFilter(image, cv2.CV_64F, (WINDOW, WINDOW)), np.float64)

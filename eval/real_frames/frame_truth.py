@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Depth, Mask
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.units import MM_PER_M
 from glsim.data.recordings.opencv_yaml import board_corners
@@ -21,9 +22,6 @@ from glsim.measures.boards import find_board, plane_residual
 from glsim.measures.depth_noise import still_difference
 from glsim.measures.measured_frame import surface_mm, surfaces
 from glsim.measures.silhouettes import STEP_MM, find_edges
-from glsim.networks.interface import Depth, Mask
-
-Array = NDArray[np.float64]
 
 #: Bounds of the distances of tables, m; chosen.
 BINS_M: Final = (0.5, 0.65, 0.9, 1.2, 1.5, 2.6, 4.4)

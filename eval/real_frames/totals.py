@@ -11,16 +11,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from glsim.core.array_types import Array
 from glsim.core.files.atomic import without_nan
 from glsim.core.units import MM_PER_M
-from glsim.eval.real_frames.frame_truth import (
-    BINS_M,
-    EDGE_SUMS,
-    SHIFT_BIN_MM,
-    SHIFT_BINS,
-    Array,
-    Tally,
-)
+from glsim.eval.real_frames.frame_truth import BINS_M, EDGE_SUMS, SHIFT_BIN_MM, SHIFT_BINS, Tally
 from glsim.eval.real_frames.halves import SplitRecording
 from glsim.eval.scoring.statistics import resampled
 from glsim.measures.stacks import ratio

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
@@ -25,7 +26,6 @@ from glsim.eval.report.score_tables import (
 )
 from glsim.eval.scoring.blocks import ScoringJob, denoise, stacks_of
 from glsim.eval.scoring.evaluate import Evaluation
-from glsim.networks.interface import Depth
 
 #: Largest number of methods side by side in a figure, which is as wide as a paper page.
 _COLUMNS: Final = 5

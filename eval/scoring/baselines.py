@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import DatasetError
-from glsim.networks.interface import Depth
 
 
 def trivial_predictions(clean: Depth, mean: Depth | None) -> dict[str, Depth]:

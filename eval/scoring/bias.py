@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_map import FLYING_MM
 from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
-from glsim.networks.interface import Depth
 
 #: Width of a bin, mm.
 BIAS_BIN_MM: Final = 100

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError, DenoiserError
@@ -24,7 +25,6 @@ from glsim.eval.scoring.baselines import trivial_predictions
 from glsim.eval.scoring.bias import BiasSums, add_bias, bias_bins
 from glsim.eval.scoring.pairs import TruthLayer, open_frames
 from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE
-from glsim.networks.interface import Depth
 
 Row = dict[str, Any]
 

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from glsim.core.array_types import Depth
 from glsim.core.camera import DEFAULT_INTRINSICS
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import MEANING, DepthProtocol
@@ -26,7 +27,6 @@ from glsim.data.layer_images import decode_layer
 from glsim.data.reader import open_dataset
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
-from glsim.networks.interface import Depth
 
 #: The layer that predictions are compared with.
 TruthLayer = Literal["clean", "expected"]

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-_Array = NDArray[np.float64]
+from glsim.core.array_types import Array
 
 #: Bootstrap repetitions; chosen, intervals vary by less than a tenth of their width.
 _DRAWS: Final = 2000
@@ -30,9 +29,9 @@ class SubjectSums:
         frames: (S,) numbers of all frames.
     """
 
-    sums: _Array
-    counts: _Array
-    frames: _Array
+    sums: Array
+    counts: Array
+    frames: Array
 
     @property
     def mean(self) -> float:
@@ -55,7 +54,7 @@ def bootstrap_interval(values: SubjectSums) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def resampled(subjects: int) -> _Array:
+def resampled(subjects: int) -> Array:
     """Draw bootstrap samples of S subjects: (_DRAWS, S) counts of each subject in each draw."""
     rng = np.random.default_rng(_SEED)
     return rng.multinomial(subjects, np.full(subjects, 1 / subjects), _DRAWS).astype(np.float64)

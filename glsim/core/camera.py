@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError
 from glsim.core.products import norm, product
 from glsim.core.rect import Rect
-
-FloatArray = NDArray[np.float32]
 
 #: (x, y, z) in the camera frame, metres.
 Point = tuple[float, float, float]
@@ -49,7 +48,7 @@ class Intrinsics:
     cx: float
     cy: float
 
-    def clip_matrix(self, near_m: float, far_m: float) -> FloatArray:
+    def clip_matrix(self, near_m: float, far_m: float) -> Floats:
         """Compute the (4, 4) float32 matrix from the camera frame to clip space, with y *down*.
 
         Row 0 of the GL framebuffer is then the top row of the image: nothing has to be flipped. The
@@ -73,7 +72,7 @@ class Intrinsics:
         size = self.width * factor, self.height * factor
         return Intrinsics(*size, *(factor * v for v in (self.fx, self.fy, self.cx, self.cy)))
 
-    def rays(self) -> FloatArray:
+    def rays(self) -> Floats:
         """Compute (H, W, 2) float32 rays, x/z and y/z, through the pixel centres."""
         x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
         y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
@@ -462,7 +461,7 @@ class SensorRig:
         x, y, z = np.mean([e.path_from_m or e.position_m for e in self.emitters], axis=0)
         return (float(x), float(y), float(z))
 
-    def rays(self) -> FloatArray:
+    def rays(self) -> Floats:
         """Return (H, W, 2) float32, read-only: x/z and y/z of the true ray of each delivered pixel.
 
         Raises ConfigError if the lens cannot be inverted.
@@ -497,7 +496,7 @@ class SensorRig:
 
 
 @lru_cache(maxsize=4)
-def _rays(image: Intrinsics, lens: Distortion | None) -> FloatArray:
+def _rays(image: Intrinsics, lens: Distortion | None) -> Floats:
     """Compute ``SensorRig.rays``, cached, since inverting the lens of a Kinect V2 takes 0.15 s."""
     rays = image.rays()
     if lens is not None:

@@ -16,6 +16,7 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, did_you_mean
 
 DepthProtocol = Literal["depth", "paper"]
@@ -26,8 +27,6 @@ MEANING: Final[dict[DepthProtocol, str]] = {
     "depth": "depth as measured from the camera",
     "paper": f"the nearest point of each frame at {NEAREST_MM:g} mm",
 }
-
-_Array = NDArray[np.float32]
 
 
 def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtocol | None:
@@ -59,7 +58,7 @@ def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEARES
     return float(valid.min()) - nearest_mm if valid.size else 0.0
 
 
-def subtract_offset(depth: _Array, offset: float, least: float = NEAREST_MM) -> _Array:
+def subtract_offset(depth: Floats, offset: float, least: float = NEAREST_MM) -> Floats:
     """Subtract an offset from depth; 0, no depth, stays 0, other depth is at least ``least``.
 
     Args:
@@ -70,6 +69,6 @@ def subtract_offset(depth: _Array, offset: float, least: float = NEAREST_MM) -> 
     return np.where(depth > 0, moved, np.float32(0.0))
 
 
-def add_offset(depth: _Array, offset: float) -> _Array:
+def add_offset(depth: Floats, offset: float) -> Floats:
     """Add an offset to depth, as the inverse of ``subtract_offset`` above its ``least``."""
     return np.where(depth > 0, depth + np.float32(offset), np.float32(0.0))

@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
-from glsim.networks.interface import Depth
 from glsim.sensors.images import remove_fixed_pattern
 from glsim.sensors.sensor import load_sensor
 from glsim.sensors.wiggling import remove_wiggling

@@ -11,19 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import MEANING, DepthProtocol
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.denoise.user_function import UserFunction
 from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
-from glsim.networks.interface import (
-    MIN_MEASURED_MM,
-    Denoised,
-    Depth,
-    DepthFunction,
-    Mask,
-    Probability,
-)
+from glsim.networks.interface import MIN_MEASURED_MM, Denoised, DepthFunction
 from glsim.networks.tiles import head_box
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from glsim.core.array_types import Depth
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import (
@@ -23,7 +24,7 @@ from glsim.core.errors import DatasetError
 from glsim.data.recordings.files import MapFiles
 from glsim.denoise.depth_files import dataset_root
 from glsim.measures.static import view_change
-from glsim.networks.interface import MIN_MEASURED_MM, Depth
+from glsim.networks.interface import MIN_MEASURED_MM
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration

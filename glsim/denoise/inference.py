@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 import torch
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import DenoiserError, GlsimError
 from glsim.networks import checkpoint
-from glsim.networks.interface import Depth
 from glsim.networks.network import NetworkFunction
 from glsim.networks.record import NetworkRecord
 from glsim.train.models.base import DepthModel, channels_last, named_outputs

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import DenoiserError, GlsimError
-from glsim.networks.interface import Depth, DepthFunction, Mask
+from glsim.networks.interface import DepthFunction
 
 
 class UserFunction(DepthFunction):

@@ -14,10 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Mask, Reals
 from glsim.core.errors import ConfigError
-
-Array = NDArray[np.floating[Any]]
-Mask = NDArray[np.bool_]
 
 _EYES: Final = ("sclera", "iris", "pupil", "eyes")
 _INSIDE: Final = (*_EYES, "eye socket", "mouth socket", "gums", "teeth", "mouth", "tongue")
@@ -66,13 +64,13 @@ class Anatomy:
         return self.is_in(*_BODY)
 
     @cached_property
-    def eye(self) -> Array:
+    def eye(self) -> Reals:
         """Midpoint between the eyes, (3,) mm."""
         points = self._of(*_EYES)
         return np.asarray(_pair(points, _middle(points)[0]).mean(axis=0))
 
     @cached_property
-    def mouth(self) -> Array:
+    def mouth(self) -> Reals:
         """Centre of the lips, (3,) mm."""
         return _middle(self._of("lips"))
 
@@ -83,7 +81,7 @@ class Anatomy:
         return float(skull[:, 1].max() - self.eye[1]) / _MEAN_EYE_TO_TOP_MM
 
     @cached_property
-    def ears(self) -> Array:
+    def ears(self) -> Reals:
         """Centres of the left and the right ear, (2, 3) mm.
 
         A model without a region of ears has them where a mean adult has, 88 mm behind and 12 mm
@@ -99,14 +97,14 @@ class Anatomy:
         return np.stack([at + aside, at - aside])
 
     @cached_property
-    def centre(self) -> Array:
+    def centre(self) -> Reals:
         """Centre of the skull, (3,) mm: the origin of the directions along which hair grows."""
         skull = self._of(*_SKULL)
         back_z = float(skull[skull[:, 1] > self.eye[1], 2].min())
         behind = 0.5 * (self.eye[2] + back_z)
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
-    def above_hairline_mm(self, points: Array) -> Array:
+    def above_hairline_mm(self, points: Reals) -> Reals:
         """Return the heights (N,) mm of points (N, 3) above the hairline; positive in the hair."""
         local = (points - self.eye) / self.scale
         line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
@@ -114,7 +112,7 @@ class Anatomy:
         inside = (local[:, 1] - line) / np.sqrt(1 + step**2)
         return np.asarray(inside * self.scale)
 
-    def _of(self, *names: str) -> Array:
+    def _of(self, *names: str) -> Reals:
         points = self.vertices_mm[self.is_in(*names)].astype(np.float64)
         if len(points) == 0:
             raise ConfigError(
@@ -124,11 +122,11 @@ class Anatomy:
         return points
 
 
-def _middle(points: Array) -> Array:
+def _middle(points: Reals) -> Reals:
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
-def _pair(points: Array, middle_x: float) -> Array:
+def _pair(points: Reals, middle_x: float) -> Reals:
     """Return the bounding-box centres (2, 3) of the points on the subject's left and right side."""
     left = points[:, 0] > middle_x
     return np.stack([_middle(points[left]), _middle(points[~left])])

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from glsim.looks.anatomy import Anatomy, Array, Mask
+from glsim.core.array_types import Mask, Reals
+from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Shell
 from glsim.looks.noise import ridges, smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid
@@ -38,7 +39,7 @@ class BeardStyle:
 
 BEARDS: Final = tuple(BeardStyle(name, **row) for name, row in STYLE_TABLE["beard"].items())
 #: Where brows grow on a source: the grid, (N, 3) points on the reference, mm, and (N,) weights.
-BrowGrid = tuple[SkinGrid, Array, Array]
+BrowGrid = tuple[SkinGrid, Reals, Reals]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +53,10 @@ class BeardGrid:
     """
 
     grid: SkinGrid
-    points: Array
-    inside: Array
-    lip: Array
-    chin: Array
+    points: Reals
+    inside: Reals
+    lip: Reals
+    chin: Reals
 
 
 def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
@@ -69,7 +70,7 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
     return BeardGrid(grid, own, *_outline(anatomy, own))
 
 
-def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
+def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
     """Return the depths (N,) mm of points (N, 3) inside the beard's outline, upper lip and chin."""
     size = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM
     local = (points - anatomy.mouth) / size
@@ -94,7 +95,7 @@ def _outline(anatomy: Anatomy, points: Array) -> tuple[Array, Array, Array]:
 
 
 def make_beard(
-    beard: BeardGrid, rest_mm: Array, style: BeardStyle, length_mm: float, seed: int
+    beard: BeardGrid, rest_mm: Reals, style: BeardStyle, length_mm: float, seed: int
 ) -> Shell:
     """Make a subject's beard: a shell over the skin, ``length_mm`` thick.
 
@@ -130,7 +131,7 @@ def make_beard(
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     """Make the grid of the brows; return it, its points (N, 3) mm and their brow weights (N,)."""
     if "brow" in anatomy.names:
-        brow: Array = anatomy.is_in("brow").astype(np.float64)
+        brow: Reals = anatomy.is_in("brow").astype(np.float64)
     else:  # arches over the eyes
         local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
         x, y = np.abs(local[:, 0]), local[:, 1]
@@ -146,7 +147,7 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     return grid, own, grid.anchors.place(columns)[:, 0]
 
 
-def make_brows(brows: BrowGrid, rest_mm: Array, height_mm: float, seed: int) -> Shell:
+def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> Shell:
     """Make a shell of brow hair, height_mm thick, over a subject's resting vertices (V, 3), mm."""
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Mask, Reals
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
-from glsim.looks.anatomy import Array, Mask
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = NDArray[np.float32]
@@ -158,7 +158,7 @@ class Shell:
         return placed
 
 
-def _axes(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+def _axes(a: Reals, b: Reals, c: Reals) -> tuple[Reals, Reals, Reals]:
     """Return unit vectors (3, N) per triangle: along an edge, across it, and along the normal.
 
     Args:
@@ -171,7 +171,7 @@ def _axes(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
     return along, _crossed(out, along), out
 
 
-def _crossed(first: Array, second: Array) -> Array:
+def _crossed(first: Reals, second: Reals) -> Reals:
     """Return the (3, N) cross products of (3, N) vectors."""
     pairs = ((1, 2), (2, 0), (0, 1))
     return np.stack([first[i] * second[j] - first[j] * second[i] for i, j in pairs])

@@ -14,10 +14,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Reals
 from glsim.core.mesh import reduced, vertex_normals
 from glsim.core.products import norm, principal_axis, product
 from glsim.core.seeds import keyed_rng
-from glsim.looks.anatomy import Anatomy, Array
+from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Points, Shell
 from glsim.looks.garments import COLLARS, HEMS, Garment, Profile
 from glsim.looks.noise import smooth_noise
@@ -60,7 +61,7 @@ _CREST: Final = 0.33
 _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
 
 #: Gives the mean of each point's neighbours.
-Averaging = Callable[[Array], Array]
+Averaging = Callable[[Reals], Reals]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,8 @@ class ClothGrid:
 
     grid: SkinGrid
     part: NDArray[np.int64]
-    neck: Array
-    above_neck: Array
+    neck: Reals
+    above_neck: Reals
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,22 +100,22 @@ class ClothBody:
     grid: SkinGrid
     rest_mm: Points
     part: NDArray[np.int64]
-    skin: Array
-    normal: Array
-    local: Array
-    share: Array
-    down: Array
-    opening: Array
-    neck: Array
+    skin: Reals
+    normal: Reals
+    local: Reals
+    share: Reals
+    down: Reals
+    opening: Reals
+    neck: Reals
     crotch_mm: float
-    armpits: Array
+    armpits: Reals
 
     @property
     def waist_mm(self) -> float:
         """Height y of the waistband of trousers, mm; chosen."""
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
-    def cut(self, opening: Array, inside: Array) -> ClothBody:
+    def cut(self, opening: Reals, inside: Reals) -> ClothBody:
         """Cut the body to the skin inside a top opening and inside other edges, (N,) mm each."""
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
@@ -261,7 +262,7 @@ def _garment(
     border = _repeated(mean, _JOINED, on_limb.astype(np.float64))
     border = 4 * border * (1 - border)
 
-    def joined(values: Array) -> Array:
+    def joined(values: Reals) -> Reals:
         """Blend the values of trunk and limbs near their border."""
         return np.asarray(values + border * (_repeated(mean, _JOINED, values) - values))
 
@@ -289,7 +290,7 @@ def _garment(
     return _sewn(piece, garment, surface, scale, share)
 
 
-def _repeated(change: Averaging, rounds: int, values: Array) -> Array:
+def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
     for _ in range(rounds):
         values = change(values)
     return values
@@ -305,7 +306,7 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
     weight = np.exp(hang * np.clip(above, -1, 1))
     weight /= np.maximum(np.bincount(first, weight, count), 1e-9)[first]
 
-    def mean(values: Array) -> Array:
+    def mean(values: Reals) -> Reals:
         if values.ndim == 2:
             return np.stack([mean(row) for row in values])
         return np.asarray(np.bincount(first, weight * values[second], count), np.float64)
@@ -314,8 +315,13 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
 
 
 def _membrane(
-    piece: ClothBody, room: Array, most: Array, rest: float, mean: Averaging, carried: Averaging
-) -> tuple[Array, Array]:
+    piece: ClothBody,
+    room: Reals,
+    most: Reals,
+    rest: float,
+    mean: Averaging,
+    carried: Averaging,
+) -> tuple[Reals, Reals]:
     """Lift cloth between ``room`` and ``most`` (N,) mm off the skin, so that it spans hollows.
 
     Return its (N, 3) points, mm, and (N,) mm over the skin, at least ``rest``.
@@ -337,7 +343,7 @@ def _membrane(
     return np.ascontiguousarray(surface.T), np.maximum(lift, rest)
 
 
-def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
+def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
     """Return the surface points (N, 3) mm of shoes: a hull without toes around each foot."""
     floor = float(piece.skin[:, 1].min())
     hull = surface.copy()
@@ -366,13 +372,13 @@ def _shoes(piece: ClothBody, surface: Array, ease: float) -> Array:
     return np.asarray(shoes)
 
 
-def crests(places: Array, seed: int) -> NDArray[np.float32]:
+def crests(places: Reals, seed: int) -> NDArray[np.float32]:
     """Return fold heights (N,) float32 in [-0.6, 0.85], with narrow crests one unit apart."""
     value = smooth_noise(places, seed) / np.float32(_CREST)
     return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
 
-def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed: int) -> Array:
+def _fold_heights(piece: ClothBody, own: Reals, on_limb: NDArray[np.bool_], seed: int) -> Reals:
     """Return the relative heights (N,) of the folds, about -0.5 to 1.5.
 
     Flutes fall to the hem and wind around limbs, short folds lie where cloth piles up, at the
@@ -406,7 +412,7 @@ def _fold_heights(piece: ClothBody, own: Array, on_limb: NDArray[np.bool_], seed
     return np.asarray(height)
 
 
-def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float, share: float) -> Shell:
+def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, share: float) -> Shell:
     """Sew cloth points (N, 3) mm to a garment with hems and collar; its edges are straightened."""
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -423,7 +429,7 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float, shar
     spacing = float(np.median(np.linalg.norm(surface[ends[:, 1]] - surface[ends[:, 0]], axis=1)))
     rounds = int(np.clip((_SEAM_MM / max(spacing, 1.0)) ** 2, 6, _SEAM_ROUNDS))
 
-    def smoothed(values: Array) -> Array:
+    def smoothed(values: Reals) -> Reals:
         total = 2.0 * values
         np.add.at(total, first, values[second])
         np.add.at(total, second, values[first])
@@ -473,12 +479,12 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Array, scale: float, shar
     return Shell(grid, piece.rest_mm, offset, drop)
 
 
-def _rows(profile: Profile, thick: float, normal: Array, away: Array) -> Array:
+def _rows(profile: Profile, thick: float, normal: Reals, away: Reals) -> Reals:
     """Return the offsets (R, P, 3) mm of R rows of points along an edge, from an edge profile."""
     return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
 
 
-def _collar(garment: Garment, away: Array, normal: Array, beside: Array, scale: float) -> Array:
+def _collar(garment: Garment, away: Reals, normal: Reals, beside: Reals, scale: float) -> Reals:
     """Return the offsets (R, P, 3) mm of a collar from the P edge points of the neck opening."""
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
@@ -496,11 +502,11 @@ def _collar(garment: Garment, away: Array, normal: Array, beside: Array, scale: 
     return np.asarray(scale * (shape[..., :1] * out + shape[..., 1:] * UP))
 
 
-def _units(vectors: Array) -> Array:
+def _units(vectors: Reals) -> Reals:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6))
 
 
-def _step(value: Array, low: float, high: float) -> Array:
+def _step(value: Reals, low: float, high: float) -> Reals:
     """Interpolate smoothly from 0 at ``low`` to 1 at ``high`` (smoothstep)."""
     share = np.clip((value - low) / (high - low), 0, 1)
     return np.asarray(share * share * (3 - 2 * share))

@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Reals
 from glsim.core.seeds import keyed_rng
-from glsim.looks.anatomy import Anatomy, Array
+from glsim.looks.anatomy import Anatomy
 from glsim.looks.styles import STYLE_TABLE
 
 _SIDES: Final = 28  # corners of a rim
@@ -70,8 +71,8 @@ def make_glasses(
     place = np.array([middle[0], middle[1] - 2.0, front])
     both = np.concatenate([outline, outline * (-1, 1, 1)]) + place
     place[2] += max(_overlap(both, skin) + _CLEARANCE_MM, -5.0)
-    parts: list[tuple[Array, Array]] = []
-    lenses: list[tuple[Array, Array]] = []
+    parts: list[tuple[Reals, Reals]] = []
+    lenses: list[tuple[Reals, Reals]] = []
     for side in (1.0, -1.0):
         ring = outline * (side, 1, 1) + place
         parts.append(_tube(ring, style.rim, 0.8 * style.rim, closed=True))
@@ -90,7 +91,7 @@ def make_glasses(
     )
 
 
-def _overlap(points: Array, skin: Array) -> float:
+def _overlap(points: Reals, skin: Reals) -> float:
     """Return the largest distance by which the skin stands in front of the points, mm."""
     skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
     beside = skin[:, None, :2] - points[None, :, :2]
@@ -99,7 +100,7 @@ def _overlap(points: Array, skin: Array) -> float:
     return float(ahead[near].max()) if near.any() else 0.0
 
 
-def _bridge(outline: Array, place: Array, skin: Array) -> Array:
+def _bridge(outline: Reals, place: Reals, skin: Reals) -> Reals:
     """Return the centre line (9, 3) mm of the bridge, from rim to rim over the nose."""
     inner = outline[np.argmin(outline[:, 0] - 0.35 * outline[:, 1])]
     x = np.linspace(-inner[0], inner[0], 9)
@@ -111,7 +112,7 @@ def _bridge(outline: Array, place: Array, skin: Array) -> Array:
     return line
 
 
-def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
+def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
     """Return the centre line (12, 3) mm of a temple, from the hinge to behind the ear."""
     ear = anatomy.ears[0 if side > 0 else 1]
     top = np.array([ear[0], ear[1] + 22 * anatomy.scale, ear[2] + 2.0])
@@ -129,20 +130,20 @@ def _temple(anatomy: Anatomy, skin: Array, hinge: Array, side: float) -> Array:
     return line
 
 
-def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array, Array]:
+def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals, Reals]:
     """Return vertices and triangles of a four-sided tube along a line, ``wide`` by ``deep`` mm."""
     count = len(line)
     around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     along = around if closed else np.asarray(np.gradient(line, axis=0))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    first: Array = np.cross(along, np.array([0.0, 0.0, 1.0]))
+    first: Reals = np.cross(along, np.array([0.0, 0.0, 1.0]))
     level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # a temple: along the view
     first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
     first -= (first * along).sum(axis=1, keepdims=True) * along
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(along, first)
     corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    rings: Array = np.stack(
+    rings: Reals = np.stack(
         [line + 0.5 * (u * wide * first + v * deep * second) for u, v in corners], axis=1
     )
     index = np.arange(count * 4).reshape(count, 4)
@@ -159,7 +160,7 @@ def _tube(line: Array, wide: float, deep: float, *, closed: bool) -> tuple[Array
     return rings.reshape(-1, 3), np.concatenate(faces)
 
 
-def _lens(ring: Array, side: float, share: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
     """Return the disc of a lens, or a bright spot of ``share`` of its size at a random place."""
     middle = ring.mean(axis=0)
     if share < 1:

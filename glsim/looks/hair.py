@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Reals
 from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
-from glsim.looks.anatomy import Anatomy, Array
+from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Rooted
 from glsim.looks.locks import CROWN, Head, Obstacle, all_locks
 from glsim.looks.noise import openings, ridges, smooth_noise
@@ -127,7 +128,7 @@ def make_hair(
     )
 
 
-def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Array) -> Array:
+def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Reals:
     """Return coordinates (N, 3) mm with one axis along the strands and two axes across them."""
     out = points - anatomy.centre
     length = np.linalg.norm(out, axis=1)
@@ -149,7 +150,7 @@ def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Array) -> Ar
     return np.stack(columns, axis=1)
 
 
-def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) -> Array:
+def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals) -> Reals:
     """Return the depths (N,) mm inside a subject's hairline, without ears and bald places."""
     scale = anatomy.scale
     inside = scalp.inside_mm.astype(np.float64).copy()
@@ -169,8 +170,8 @@ def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array) ->
 
 
 def _thickness_mm(
-    anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Array, inside: Array, seed: int
-) -> Array:
+    anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals, inside: Reals, seed: int
+) -> Reals:
     """Return the hair thickness (N,) mm over the skull, thin at the rim, without strand relief."""
     to_top = np.clip((scalp.directions[:, 1].astype(np.float64) - 0.1) / 0.6, 0, 1)
     to_top *= to_top * (3 - 2 * to_top)

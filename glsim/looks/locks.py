@@ -7,8 +7,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Mask, Reals
 from glsim.core.products import norm, product
-from glsim.looks.anatomy import Anatomy, Array, Mask
+from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import ridges, smooth_noise
 from glsim.looks.styles import Comb, HairStyle
 
@@ -49,14 +50,14 @@ class Locks(NamedTuple):
     """
 
     roots: NDArray[np.int64]
-    points_mm: Array
+    points_mm: Reals
     faces: NDArray[np.int64]
 
 
 class Obstacle:
     """The surface of head and neck as radii along directions from the centre of the skull."""
 
-    def __init__(self, anatomy: Anatomy, skin_mm: Array) -> None:
+    def __init__(self, anatomy: Anatomy, skin_mm: Reals) -> None:
         """Measure the radii from the subject's resting vertices (V, 3), mm."""
         self.centre = anatomy.centre
         place = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
@@ -73,7 +74,7 @@ class Obstacle:
         near = np.argmax(product(self._units, self._units[filled].T), axis=1)
         self._radius = np.where(filled, radius, radius[filled][near]).astype(np.float32)
 
-    def push_out(self, points: Array, least_mm: Array, most_mm: Array | None = None) -> Array:
+    def push_out(self, points: Reals, least_mm: Reals, most_mm: Reals | None = None) -> Reals:
         """Move points (N, 3) mm radially out of the head.
 
         They end at least ``least_mm`` over the skin. Above the level of the ears, where hair lies
@@ -108,9 +109,9 @@ class Head(NamedTuple):
     style: HairStyle
     rng: np.random.Generator
     directions: NDArray[np.float32]
-    base: Array
-    thickness: Array
-    ragged: Array
+    base: Reals
+    thickness: Reals
+    ragged: Reals
 
 
 def all_locks(head: Head) -> list[Locks]:
@@ -141,11 +142,11 @@ def _lying(head: Head) -> Locks:
     return _ribbons(path, width, root, centre, closed=is_long, rough_mm=1.2 * style.relief)
 
 
-def _units(vectors: Array) -> Array:
+def _units(vectors: Reals) -> Reals:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _directions(head: Head, points: Array) -> Array:
+def _directions(head: Head, points: Reals) -> Reals:
     """Return the strand directions (N, 3) at points (N, 3): unit vectors along the skull."""
     comb: Comb = head.style.comb
     centre = head.anatomy.centre
@@ -168,16 +169,16 @@ def _directions(head: Head, points: Array) -> Array:
     return np.asarray(wanted / np.maximum(length, 0.05))
 
 
-def _paths(head: Head, root: NDArray[np.int64], length: Array, brow: Mask) -> Array:
+def _paths(head: Head, root: NDArray[np.int64], length: Reals, brow: Mask) -> Reals:
     """Return the centre lines (rings, N, 3) mm of locks, from root to tip."""
     style, rng, scale, centre = head.style, head.rng, head.anatomy.scale, head.obstacle.centre
     rings, count = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS)), len(root)
     height = head.thickness[root] * rng.uniform(0.3, 1.15, count)
-    place: Array = head.base[root] + _units(head.base[root] - centre) * height[:, None]
+    place: Reals = head.base[root] + _units(head.base[root] - centre) * height[:, None]
     stray = rng.normal(0, 0.05 + 0.12 * style.lift, (count, 3))
     phase, pitch = rng.uniform(0, 2 * np.pi, count), rng.uniform(28, 48, count) * scale
     wave = style.wave * scale * rng.uniform(0.4, 1.3, count)
-    fall: Array = np.where(brow & (style.fringe > 0), np.maximum(style.fall, 0.5), style.fall)
+    fall: Reals = np.where(brow & (style.fringe > 0), np.maximum(style.fall, 0.5), style.fall)
     path = [place]
     for ring in range(1, rings):
         share = ring / (rings - 1)
@@ -202,7 +203,7 @@ def _paths(head: Head, root: NDArray[np.int64], length: Array, brow: Mask) -> Ar
     return np.asarray(lines + (0.6 * swing * (1 + np.cos(turn)))[..., None] * level)
 
 
-def _off_the_face(head: Head, lines: Array) -> Array:
+def _off_the_face(head: Head, lines: Reals) -> Reals:
     """End the lines (rings, N, 3) before they reach the face; fringes end above the eyes."""
     local = (lines - head.anatomy.eye) / head.anatomy.scale
     low = 16.0 if head.style.fringe else 50.0
@@ -213,10 +214,10 @@ def _off_the_face(head: Head, lines: Array) -> Array:
 
 
 def _ribbons(
-    lines: Array,
-    width: Array,
+    lines: Reals,
+    width: Reals,
     root: NDArray[np.int64],
-    centre: Array,
+    centre: Reals,
     *,
     closed: bool,
     rough_mm: float = 0.0,
@@ -304,7 +305,7 @@ def _hanging(head: Head) -> Locks:
     return Locks(np.broadcast_to(root, index.shape).reshape(-1), sheet.reshape(-1, 3), faces)
 
 
-def _stretched(sheet: Array, share: Array) -> Array:
+def _stretched(sheet: Reals, share: Reals) -> Reals:
     """Resample each column of a sheet (rows, columns, 3) to ``share`` (columns,) of its length."""
     rows = len(sheet)
     at = np.arange(rows)[:, None] * np.minimum(share, 1.0)[None, :]
@@ -314,7 +315,7 @@ def _stretched(sheet: Array, share: Array) -> Array:
     return np.asarray(lower + (at[..., None] - low) * (upper - lower))
 
 
-def _smoothed(sheet: Array) -> Array:
+def _smoothed(sheet: Reals) -> Reals:
     """Smooth a sheet (rows, columns, 3) over neighbours; its first row stays unchanged."""
     for _ in range(4):
         wide = np.concatenate([sheet[:, :1], sheet, sheet[:, -1:]], axis=1)
@@ -339,7 +340,7 @@ def _tied(head: Head) -> list[Locks]:
     return bundles
 
 
-def _bun(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def _bun(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
     """Return centre lines (10, 26, 3) and widths (26,) mm of locks wound around a ball."""
     radius = rng.uniform(24, 34) * scale
     axis = _units(rng.normal(0, 1, (26, 3)) + 2.0 * out)
@@ -352,7 +353,7 @@ def _bun(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tupl
     return lines, np.full(26, 17.0 * scale)
 
 
-def _tail(tie: Array, out: Array, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def _tail(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
     """Return centre lines (12, 34, 3) and widths (34,) mm of locks that hang from a tie."""
     length = rng.uniform(150, 290) * scale * rng.uniform(0.7, 1.0, 34)
     share = np.linspace(0, 1, 12)[:, None, None]

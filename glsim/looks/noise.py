@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Reals
 from glsim.core.seeds import keyed_rng
-
-Array = NDArray[np.floating[Any]]
 
 Pattern = Literal["plain", "mottled", "stripes", "checks", "print"]
 
@@ -29,7 +28,7 @@ _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 _LOGISTIC, _SOFT_MEAN = 0.22, 1.02
 
 
-def smooth_noise(points: Array, seed: int) -> NDArray[np.float32]:
+def smooth_noise(points: Reals, seed: int) -> NDArray[np.float32]:
     """Return noise (N,) float32 in [-1, 1] at points (N, 3), with about one bump per unit length.
 
     Values at the whole numbers are random, quintic interpolation makes it smooth between them. A
@@ -64,7 +63,7 @@ def _mixed(bits: NDArray[np.uint32]) -> NDArray[np.float32]:
     return bits.astype(np.float32) * np.float32(2.0 / 0xFFFFFFFF) - np.float32(1.0)
 
 
-def openings(points: Array, seed: int) -> NDArray[np.float32]:
+def openings(points: Reals, seed: int) -> NDArray[np.float32]:
     """Return light depths (N,) float32 >= 0 between fibres, exponentially distributed with mean 1.
 
     Light that falls between fibres is lost at a constant rate (Beer and Lambert), so that the
@@ -75,12 +74,12 @@ def openings(points: Array, seed: int) -> NDArray[np.float32]:
     return np.asarray(soft / np.float32(_SOFT_MEAN), np.float32)
 
 
-def ridges(points: Array, seed: int) -> NDArray[np.float32]:
+def ridges(points: Reals, seed: int) -> NDArray[np.float32]:
     """Return heights (N,) float32 in [-1, 1] with sharp crests, as between locks of hair."""
     return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
 
 
-def pattern_factors(pattern: Pattern, points: Array, seed: int) -> Array:
+def pattern_factors(pattern: Pattern, points: Reals, seed: int) -> Reals:
     """Return reflectivity factors (N,) of cloth at points (N, 3) mm, with mean about 1.
 
     Args:
@@ -108,6 +107,6 @@ def pattern_factors(pattern: Pattern, points: Array, seed: int) -> Array:
     return factors
 
 
-def _waves(place: Array) -> Array:
+def _waves(place: Reals) -> Reals:
     """Return a stripe pattern in [-1, 1] with soft edges and a period of one unit."""
     return np.asarray(np.clip(2.5 * np.sin(2 * np.pi * place), -1, 1))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Mask, Reals
 from glsim.core.mesh import vertex_normals
-from glsim.looks.anatomy import Array, Mask
 
 
 class Anchors(NamedTuple):
@@ -40,9 +40,9 @@ class Blend(NamedTuple):
 
     first: NDArray[np.int64]
     second: NDArray[np.int64]
-    share: Array
+    share: Reals
 
-    def of(self, values: Array) -> Array:
+    def of(self, values: Reals) -> Reals:
         """Interpolate grid values (N, ...) at the points: (M, ...)."""
         share = self.share.reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - share) * values[self.first] + share * values[self.second])
@@ -76,7 +76,7 @@ class SkinGrid(NamedTuple):
         anchors = Anchors(number[corners], self.anchors.weights[used])
         return SkinGrid(self.base[base], number[touched], anchors, inverse.reshape(-1, 3)), used
 
-    def clipped(self, inside: Array) -> tuple[SkinGrid, Blend]:
+    def clipped(self, inside: Reals) -> tuple[SkinGrid, Blend]:
         """Cut the grid along the zero line of a value.
 
         Args:
@@ -111,7 +111,7 @@ class SkinGrid(NamedTuple):
         return left, Blend(first[used], second[used], share[used])
 
 
-def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: float) -> SkinGrid:
+def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Reals, edge_mm: float) -> SkinGrid:
     """Make a grid of the chosen triangles; edges longer than ``edge_mm`` are split in halves.
 
     Args:
@@ -126,7 +126,7 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Array, edge_mm: fl
     weights = np.zeros((len(base), 3), np.float32)
     weights[:, 0] = 1.0
     anchors, divided = Anchors(corners, weights), triangles
-    places: Array = points[base].astype(np.float64)
+    places: Reals = points[base].astype(np.float64)
     while True:
         sides = np.sort(divided[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 3, 2), axis=2)
         long = np.linalg.norm(places[sides[..., 0]] - places[sides[..., 1]], axis=2) > edge_mm

@@ -8,11 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Mask
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.measured_frame import SATURATED, lit
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Inner corners along the short and the long side, of the board of iai_kinect2.
 PATTERN = (5, 7)

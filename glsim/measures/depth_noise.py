@@ -16,14 +16,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
 from glsim.measures.measured_frame import lit, radius_px, surface_mm, surfaces
 from glsim.measures.quadrics import fit_surfaces
 from glsim.measures.stacks import mean_of
-
-Array = NDArray[np.float64]
 
 #: Bounds of the cells: distances, m, and radii, px of a Kinect V2.
 DISTANCES_M = (0.45, 0.65, 0.9, 1.2, 1.5, 2.0, 2.6, 3.2, 4.5)

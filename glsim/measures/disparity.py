@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.measures.correlation import correlation_of, lagged_sums
 from glsim.measures.stacks import with_nan
-
-Array = NDArray[np.float64]
 
 #: Distances at which the correlation is given, px. Chosen: a matcher's support region of 13 to 15
 #: px has its half at 5 and its end at 14.

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.measures.pixel_runs import goes_on, successive_runs
-
-Array = NDArray[np.float64]
 
 #: Neighbours of one surface differ by at most so many px of disparity; chosen, eight times the
 #: noise of a D400.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from glsim.core.array_types import Array
 
 #: Range of K that is searched, in units of the files. Derived: 18 mm x 190 px in 1 mm units and
 #: steps of 1/8 px (27,000) to 95 mm x 650 px in 0.1 mm and 1/32 px (20 million).

@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.units import MM_PER_M
 from glsim.measures.depth_noise import DISTANCES_M, pair_noise
 from glsim.measures.measured_frame import lit, radius_px, surfaces
-
-Array = NDArray[np.float64]
 
 #: Bounds of the infrared classes of the noise law, counts: twelve to a decade.
 _CLASSES = np.geomspace(100.0, 65_000.0, 34)

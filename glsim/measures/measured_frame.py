@@ -8,12 +8,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.camera import DEFAULT_INTRINSICS, Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.measures.quadrics import Surfaces, fit_surfaces
 from glsim.measures.stacks import moments
-
-Array = NDArray[np.float32]
 
 #: Infrared counts from here on are saturated (the files end at 65,535).
 SATURATED = 65_000.0
@@ -28,7 +27,7 @@ def surfaces(frame: DepthFrame) -> Surfaces:
     return fit_surfaces(frame.measured_mm, frame.rays, 7)
 
 
-def surface_mm(frame: DepthFrame) -> Array:
+def surface_mm(frame: DepthFrame) -> Floats:
     """Compute the (H, W) depth of the fitted quadric at its centre pixel, mm.
 
     Bins by it do not select noise of one sign at their bounds, as bins by noisy depth do.
@@ -36,7 +35,7 @@ def surface_mm(frame: DepthFrame) -> Array:
     return np.asarray(frame.measured_mm - surfaces(frame).residual_mm)
 
 
-def radius_px(frame: DepthFrame) -> Array:
+def radius_px(frame: DepthFrame) -> Floats:
     """Compute the (H, W) distance from the principal point, rescaled to pixels of a Kinect V2."""
     return np.asarray(_FOCAL_PX * np.hypot(frame.rays[..., 0], frame.rays[..., 1]), np.float32)
 

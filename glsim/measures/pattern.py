@@ -13,13 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.measured_frame import lit
 from glsim.measures.quadrics import fit_surfaces
-
-Array = NDArray[np.float64]
 
 _SIZE = 11
 #: Weights of a quadratic in 11 points at its centre, from the centre out (Savitzky and Golay 1964).

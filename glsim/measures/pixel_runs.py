@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Numbers = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from glsim.core.array_types import Mask, Whole
 
 
-def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Numbers:
+def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Whole:
     """Find the pairs of successive runs in each row.
 
     Args:
@@ -29,7 +27,7 @@ def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Numbers:
     return np.stack([row[1:], start[:-1], end[:-1], start[1:], end[1:]])[:, pair]
 
 
-def goes_on(right: Mask, row: Numbers, column: Numbers, most_px: int) -> Mask:
+def goes_on(right: Mask, row: Whole, column: Whole, most_px: int) -> Mask:
     """Tell which steps continue, within ``most_px`` columns, in the rows above and below.
 
     Args:

@@ -9,10 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats, Mask
 from glsim.core.depth_map import FITTED_STEP
-
-Array = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 #: A surface seen at more than 70 degrees from its normal is not used.
 _LEAST_COSINE = float(np.cos(np.radians(70.0)))
@@ -29,10 +27,10 @@ class Surfaces:
         bend_mm: sag over two pixels, the largest second derivative times (2 px)^2 / 2.
     """
 
-    residual_mm: Array
-    rough_mm: Array
-    cosine: Array
-    bend_mm: Array
+    residual_mm: Floats
+    rough_mm: Floats
+    cosine: Floats
+    bend_mm: Floats
 
     @property
     def smooth(self) -> Mask:
@@ -49,7 +47,7 @@ def quadric_basis(size: int) -> NDArray[np.float64]:
     return np.asarray(q * np.sign((q * terms).sum(axis=0)))
 
 
-def fit_surfaces(depth_mm: Array, rays: Array, size: int) -> Surfaces:
+def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
     """Fit a quadric around every pixel whose window has no hole and no step.
 
     Args:
@@ -93,12 +91,12 @@ def _filter(image: NDArray[np.float64], kernel: NDArray[np.float64]) -> NDArray[
     return np.asarray(cv2.filter2D(image, cv2.CV_64F, kernel, borderType=cv2.BORDER_REFLECT))
 
 
-def _masked(values: NDArray[np.float64], mask: Mask) -> Array:
+def _masked(values: NDArray[np.float64], mask: Mask) -> Floats:
     return np.where(mask, values, np.nan).astype(np.float32)
 
 
 def _cosine(
-    z: NDArray[np.float64], slope_x: NDArray[np.float64], slope_y: NDArray[np.float64], rays: Array
+    z: NDArray[np.float64], slope_x: NDArray[np.float64], slope_y: NDArray[np.float64], rays: Floats
 ) -> NDArray[np.float64]:
     """Compute the cosine between ray and normal of z(u, v), from slopes in mm per pixel."""
     step_x = np.abs(np.gradient(rays[..., 0].astype(np.float64), axis=1))
@@ -132,7 +130,7 @@ def local_planes(
     offset = float(values[known].mean())
     ones, d = known.astype(np.float32), np.where(known, values - offset, 0.0).astype(np.float32)
 
-    def moment(image: Array, x: int, y: int) -> NDArray[np.float64]:
+    def moment(image: Floats, x: int, y: int) -> NDArray[np.float64]:
         border = cv2.BORDER_CONSTANT
         total = cv2.sepFilter2D(image, cv2.CV_32F, powers[x], powers[y], borderType=border)
         return np.asarray(total, np.float64) / weight

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import MEASURED_STEP
 from glsim.core.units import MM_PER_M
 from glsim.measures.measured_frame import radius_px
 from glsim.measures.pixel_runs import goes_on, successive_runs
-
-Array = NDArray[np.float64]
 
 #: Least step in depth between the two runs of a silhouette, mm.
 STEP_MM = 100.0

@@ -11,10 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.depth_map import central_normals
 from glsim.measures.correlation import correlation_of, lagged_sums
-
-Array = NDArray[np.float64]
 
 
 def with_nan(depth_mm: NDArray[np.generic]) -> Array:

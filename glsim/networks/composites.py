@@ -13,9 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.depth_map import MEASURED_STEP, around
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.networks.interface import MIN_DEPTH_MM, Depth, Mask, Probability
+from glsim.networks.interface import MIN_DEPTH_MM
 from glsim.networks.record import UNLIKELY
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.

@@ -5,22 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.depth_protocol import DepthProtocol
 
 #: A smaller depth, mm, is none from a camera: no depth camera measures nearer.
 MIN_MEASURED_MM: Final = 50.0
 #: Smallest depth that counts as depth, mm: a smaller one rounds to 0 in a 16-bit file in mm.
 MIN_DEPTH_MM: Final = 0.5
-
-#: (H, W) float32 millimetres along the optical axis; 0 = no depth.
-Depth = NDArray[np.float32]
-#: (H, W) bool: pixels with depth.
-Mask = NDArray[np.bool_]
-#: (H, W) float in [0, 1]: probability that a pixel has depth.
-Probability = NDArray[np.floating]
 
 
 class Denoised(NamedTuple):

@@ -8,10 +8,11 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.errors import DenoiserError
 from glsim.networks.composites import calibrated
 from glsim.networks.inputs import NetworkInputs, stack_inputs
-from glsim.networks.interface import MIN_DEPTH_MM, Depth, DepthFunction, Mask, Probability
+from glsim.networks.interface import MIN_DEPTH_MM, DepthFunction
 from glsim.networks.past_mean import past_mean
 from glsim.networks.record import UNLIKELY, NetworkRecord
 from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask

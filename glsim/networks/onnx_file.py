@@ -19,12 +19,12 @@ from typing import Any, Final, Literal, NamedTuple
 import cv2
 import numpy as np
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.regular import read_regular
 from glsim.networks.composites import DOUBT
 from glsim.networks.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
-from glsim.networks.interface import Depth
 from glsim.networks.network import NetworkFunction, Runner
 from glsim.networks.record import DEFAULT_RECORD, NetworkRecord
 

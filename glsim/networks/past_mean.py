@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from glsim.networks.interface import Depth
+from glsim.core.array_types import Depth
 
 
 def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:

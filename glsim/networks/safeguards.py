@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_map import JUMP_MM
-from glsim.networks.interface import Depth, Mask
 
 #: Frames in whole millimetres whose estimated noise is below both bounds, mm, between adjacent
 #: pixels and between every other pixel, are returned unchanged. Measured: 656 simulated frames

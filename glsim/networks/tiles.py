@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_map import FLYING_MM, NEIGHBOURS
-from glsim.networks.interface import Depth, Mask
 from glsim.networks.record import AROUND_PX
 
 #: Side of a tile, px. Chosen: frames of depth cameras (1024 x 1024 and less) are never divided.

@@ -11,9 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
+
 Disparities = NDArray[np.int32]
 Matched = NDArray[np.int16]
-Counts = NDArray[np.float32]
 
 #: Steps per pixel of disparities, and of the places at which the second image is interpolated.
 STEPS_PER_PX, _TAP_STEPS = 256, 16
@@ -30,7 +31,7 @@ _FAR_OFF = -(1 << 19)
 _EVEN_COUNTS = 40
 
 
-def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
+def match(left: Floats, right: Floats, p: Mapping[str, float]) -> Disparities:
     """Match two rectified images; the second camera stands to the right of the first.
 
     Args:
@@ -90,7 +91,7 @@ def match(left: Counts, right: Counts, p: Mapping[str, float]) -> Disparities:
     return found
 
 
-def _even_contrast(image: Counts, side_px: int, floor_counts: float) -> NDArray[np.uint8]:
+def _even_contrast(image: Floats, side_px: int, floor_counts: float) -> NDArray[np.uint8]:
     """Normalise an image to a local mean of 128 and a local standard deviation of at most 40."""
     mean, variance = _local_moments(image, side_px)
     even = 128 + _EVEN_COUNTS * (image - mean) / np.maximum(np.sqrt(variance), floor_counts)
@@ -98,7 +99,7 @@ def _even_contrast(image: Counts, side_px: int, floor_counts: float) -> NDArray[
     return clipped
 
 
-def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _local_moments(image: Floats, side_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute the mean (counts) and the variance (counts^2) of the window around each pixel."""
     import cv2
 
@@ -110,7 +111,7 @@ def _local_moments(image: Counts, side_px: int) -> tuple[NDArray[np.float64], ND
     return total / count, (count * squares - total * total) / count**2
 
 
-def reject_unlit(found: Disparities, pattern: Counts, window: int) -> None:
+def reject_unlit(found: Disparities, pattern: Floats, window: int) -> None:
     """Reject, in place, pixels matched with a window of the pattern that is constant.
 
     Args:
@@ -152,7 +153,7 @@ def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Dispar
     return np.where(known, own + (total + (count >> 1)) // count, NO_MATCH)
 
 
-def _bytes(counts: Counts) -> NDArray[np.uint8]:
+def _bytes(counts: Floats) -> NDArray[np.uint8]:
     """Convert an image of counts to 8 bits; bright images lose their lowest bits."""
     largest = int(counts.max(initial=0.0))
     shift = max(largest.bit_length() - 8, 0)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.camera import Point
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -32,7 +33,6 @@ from glsim.noise.twins.layers import normal_pair, pixels, random_bits
 
 __all__ = ["match_stereo"]
 
-Image = NDArray[np.float32]
 
 #: Cameras deliver 16 bits.
 _LARGEST_UNITS = 65535
@@ -224,7 +224,7 @@ def _device_error(
     return field
 
 
-def _smooth(white: NDArray[np.float32], grain_px: tuple[float, float], reach: int) -> Image:
+def _smooth(white: NDArray[np.float32], grain_px: tuple[float, float], reach: int) -> Floats:
     """Smooth white noise by a Gaussian that keeps its variance, without ``reach`` px of border."""
     import cv2
 
@@ -297,7 +297,7 @@ def _hidden(view: FrameContext, layers: Layers, true_px: NDArray[np.float32]) ->
     return hidden
 
 
-def warp_to_camera(depth_m: Image, imager_m: Point, focal_px: float) -> Image:
+def warp_to_camera(depth_m: Floats, imager_m: Point, focal_px: float) -> Floats:
     """Project an imager's depth map to a camera at the origin, on the same pixel grid.
 
     Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each is

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from glsim.core.array_types import Array
 
 #: Infrared counts per unit of the mean amplitude, as in libfreenect2.
 COUNTS_PER_AMPLITUDE = 16.0

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from glsim.core.camera import FloatArray
+from glsim.core.array_types import Floats
 from glsim.core.units import M_PER_MM
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
 
@@ -70,7 +70,7 @@ def remove_wiggling(
     depth_mm: NDArray[np.number],
     waves: Sequence[Wave],
     modulation_mhz: Sequence[float],
-    rays: FloatArray,
+    rays: Floats,
     emitter_m: tuple[float, float, float],
 ) -> NDArray[np.float32]:
     """Subtract a device's wiggling from a depth map; return float32 mm of the same shape.

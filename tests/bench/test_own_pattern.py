@@ -13,7 +13,7 @@ import pytest
 import glsim
 from glsim.bench import scenes
 from glsim.cli import main
-from glsim.measures.stacks import Array
+from glsim.core.array_types import Array
 from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 from tests.support.recordings import write_frames

@@ -9,10 +9,10 @@ import pytest
 
 from glsim import Frame, load_settings, simulate
 from glsim.cli import main
+from glsim.core.array_types import Depth
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_image
 from glsim.denoise.registry import load_denoiser
-from glsim.networks.interface import Depth
 from glsim.networks.record import AROUND_PX
 from glsim.networks.tiles import GRID_PX, box_around, head_box
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import glsim
+from glsim.core.array_types import Depth
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.png import encode_png
@@ -19,7 +20,6 @@ from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import evaluate
-from glsim.networks.interface import Depth
 from glsim.sensors.sensor import SENSOR_FOLDER
 from tests.support import checkpoint_stand_in
 from tests.support.eval_scenes import dome, noisy

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from glsim.core.array_types import Depth, Mask
 from glsim.denoise.filters.block_matching import noise_spectrum
 from glsim.denoise.filters.tgv import SurfaceGradients
 from glsim.denoise.registry import load_denoiser
-from glsim.networks.interface import Depth, Mask
 from glsim.networks.safeguards import estimate_noise_mm, local_noise_mm, noise_share
 
 SIGMA_MM = 2.0

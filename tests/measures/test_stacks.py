@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from glsim.core.array_types import Array
 from glsim.measures import stacks as measure
 from glsim.sensors import kinect_v2
 from tests.support.stage_harness import Z_MAX, z_mean, z_sd
@@ -12,14 +13,14 @@ from tests.support.stage_harness import Z_MAX, z_mean, z_sd
 RNG = np.random.default_rng(5)
 
 
-def box_noise(frames: int, side: int, sigma: float) -> measure.Array:
+def box_noise(frames: int, side: int, sigma: float) -> Array:
     """White noise after a 3 x 3 box filter, of standard deviation sigma."""
     white = RNG.normal(0, 3 * sigma, (frames, side + 2, side + 2))
     parts = [white[:, r : r + side, c : c + side] for r in range(3) for c in range(3)]
     return np.asarray(np.mean(parts, axis=0))
 
 
-def tilted_plane(side: int) -> measure.Array:
+def tilted_plane(side: int) -> Array:
     rows, columns = np.mgrid[:side, :side]
     return np.asarray(900 + 0.7 * rows - 0.3 * columns)
 

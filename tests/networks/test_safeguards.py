@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from glsim import load_settings, simulate
+from glsim.core.array_types import Depth
 from glsim.denoise.registry import load_denoiser
-from glsim.networks.interface import Depth
 from glsim.networks.network import NetworkFunction
 from glsim.networks.safeguards import (
     HOLE_RISK_MM,

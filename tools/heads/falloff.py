@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from glsim.core.array_types import Array
+
 IntArray = NDArray[np.int32]
 Vec3 = tuple[float, float, float]
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import lit_by_marching, normals, surface
@@ -17,7 +18,6 @@ from glsim.core.units import MM_PER_M, to_metres
 from glsim.data.reader import Dataset
 from glsim.eval.report.figures.side_view import STEEPEST_DEG
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
-from glsim.networks.interface import Depth
 from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings
 

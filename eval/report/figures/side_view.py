@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_map import FLYING_MM, surface
 from glsim.core.pose import pose_matrix
 from glsim.core.units import to_metres
 from glsim.data.contact_sheet import shaded
 from glsim.eval.report.figures.style import matplotlib
-from glsim.networks.interface import Depth
 
 #: Colour of flying pixels.
 FLYING: Final = "#dc1e1e"

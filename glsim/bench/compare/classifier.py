@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.compare.patches import Patches
-
-Array = NDArray[np.float64]
+from glsim.core.array_types import Array
 
 _FOLDS = 5
 _STRATA = 8

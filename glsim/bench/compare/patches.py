@@ -13,14 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import LAGS, lagged_sums
 from glsim.measures.measured_frame import lit, surfaces
 from glsim.measures.quadrics import quadric_basis
 from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
-
-Array = NDArray[np.float64]
 
 #: One patch: number of its frame, first column, matched quantity, features.
 _Found = tuple[int, int, float, Array]

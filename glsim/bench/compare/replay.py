@@ -21,6 +21,7 @@ from glsim.bench.compare.replay_surfaces import (
     measure_noise_floor,
     mesh_of,
 )
+from glsim.core.array_types import Array
 from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import ConfigError
@@ -38,8 +39,6 @@ from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
-
-Array = NDArray[np.float64]
 
 #: Standard deviation of the window that removes a frame's noise, over the distance at which its
 #: correlation is one half; and its limits, px. Chosen: a Kinect V2's noise is alike over 1.5 px and

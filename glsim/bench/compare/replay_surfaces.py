@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Mask
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import FITTED_STEP, grid_triangles
@@ -23,9 +24,7 @@ from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
 from glsim.measures.quadrics import local_planes
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 #: Where noise is large, neighbours on one surface differ by up to this many times the median
 #: difference at their distance; distances between which it is measured, mm. Chosen.

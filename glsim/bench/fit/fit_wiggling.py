@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.bench.fit.recording_statistics import RecordingStatistics
+from glsim.core.array_types import Array
 from glsim.core.camera import Intrinsics
 from glsim.core.units import MM_PER_M
 from glsim.sensors.kinect_v2 import FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 from glsim.sensors.wiggling import CYCLES, Wave
-
-Array = NDArray[np.float64]
 
 #: Half a wavelength at 1 MHz, mm: speed of light / 2.
 _HALF_WAVE_MM_MHZ = 149_896.229

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.bench.fit.recording_statistics import RecordingStatistics
+from glsim.core.array_types import Array
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.units import MM_PER_M
@@ -20,8 +20,6 @@ from glsim.sensors.kinect_v2 import (
     TAP_SHOT_LSB,
     white_sigma_mm,
 )
-
-Array = NDArray[np.float64]
 
 #: Number of classes of equal light, and least number of pixels of one.
 _CLASSES = 40

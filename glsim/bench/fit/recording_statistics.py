@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Mask
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
 from glsim.core.units import MM_PER_M
@@ -20,9 +21,6 @@ from glsim.measures.pattern import measure_pattern
 from glsim.measures.quadrics import local_planes
 from glsim.measures.stacks import mean_of, moments
 from glsim.sensors.images import LARGEST_MM
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Side of the window whose best plane is subtracted for the map, px; chosen. Errors that are smooth
 #: over more pixels cannot be told from the scene's shape.

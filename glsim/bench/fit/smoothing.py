@@ -10,12 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.bench.fit.noise_model import FILTER_GAIN, TapNoise
+from glsim.core.array_types import Array
 from glsim.measures.correlation import LAGS
-
-Array = NDArray[np.float64]
 
 #: Pixels that ``tof_smooth`` reaches, and the widths of its Gaussian that are tried, px.
 _REACH_PX = 3

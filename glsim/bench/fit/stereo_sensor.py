@@ -20,11 +20,11 @@ from tempfile import TemporaryDirectory
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.bench import scenes
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.time_of_flight import BASES
+from glsim.core.array_types import Array
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
@@ -43,8 +43,6 @@ from glsim.measures.lattice import Lattice, distinct_values, estimate_lattice
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 from glsim.simulation.virtual_camera import VirtualCamera
-
-Array = NDArray[np.float64]
 
 #: Frames that are measured. Chosen: a tile's noise in time is known to 3 % from 23 differences.
 FRAMES = 24

@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.errors import require_package
 from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import fill
 from glsim.denoise.parameters import parameter
-from glsim.networks.interface import Depth, Mask
 from glsim.networks.safeguards import estimate_noise_mm, noise_share
 
 #: Noise of frames without enough surface to estimate it, mm, and the least one. Chosen.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from glsim.networks.interface import Denoised, Depth, DepthFunction, Mask
+from glsim.core.array_types import Depth, Mask
+from glsim.networks.interface import Denoised, DepthFunction
 
 
 class FrameFilter(DepthFunction):

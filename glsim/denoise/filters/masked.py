@@ -15,11 +15,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_map import around
 from glsim.denoise.filters.frame_filter import FrameFilter
 from glsim.denoise.filters.windows import clean_up, fill
 from glsim.denoise.parameters import parameter
-from glsim.networks.interface import Denoised, Depth, Mask
+from glsim.networks.interface import Denoised
 
 #: Radius of the window in standard deviations.
 _REACH = 2.5

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.errors import ConfigError
 from glsim.denoise.filters.frame_filter import FrameFilter
 from glsim.denoise.parameters import parameter
-from glsim.networks.interface import Denoised, Depth, Mask
+from glsim.networks.interface import Denoised
 
 
 def _with_depth(image_mm: cv2.typing.MatLike) -> Denoised:

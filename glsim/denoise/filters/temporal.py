@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from glsim.core.array_types import Depth, Mask
 from glsim.denoise.parameters import parameter
-from glsim.networks.interface import Denoised, Depth, DepthFunction, Mask
+from glsim.networks.interface import Denoised, DepthFunction
 from glsim.networks.past_mean import past_mean
 
 

@@ -19,16 +19,13 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Depth, Floats, Mask
 from glsim.core.depth_map import JUMP_MM, NEIGHBOURS
 from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import fill
 from glsim.denoise.parameters import parameter
-from glsim.networks.interface import Depth, Mask
 from glsim.networks.safeguards import estimate_noise_mm, local_noise_mm
-
-_Array = NDArray[np.float32]
 
 #: Step of the primal and dual updates: their product is at most 1 / |K|^2, and |K|^2 <= 12 for
 #: gradients and symmetrised gradients of step 1 px (Bredies 2014, section 4).
@@ -89,15 +86,15 @@ class SurfaceGradients:
         self._down_across = _both(self.down, 1)
         self._mixed = self._across_down * self._down_across
 
-    def gradient(self, u: _Array) -> tuple[_Array, _Array]:
+    def gradient(self, u: Floats) -> tuple[Floats, Floats]:
         """Compute the forward differences across and down."""
         return _forward(u, 1) * self.across, _forward(u, 0) * self.down
 
-    def gradient_adjoint(self, p: _Array, q: _Array) -> _Array:
+    def gradient_adjoint(self, p: Floats, q: Floats) -> Floats:
         """Apply the adjoint of ``gradient``, the negative divergence."""
         return _forward_adjoint(p * self.across, 1) + _forward_adjoint(q * self.down, 0)
 
-    def symmetrised(self, w: _Array, v: _Array) -> tuple[_Array, _Array, _Array]:
+    def symmetrised(self, w: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
         """Compute the symmetrised gradient xx, yy, xy of the slopes across (w) and down (v)."""
         mixed = (_backward(w, 0) + _backward(v, 1)) * self._mixed
         return (
@@ -106,7 +103,7 @@ class SurfaceGradients:
             np.float32(0.5) * mixed,
         )
 
-    def symmetrised_adjoint(self, xx: _Array, yy: _Array, xy: _Array) -> tuple[_Array, _Array]:
+    def symmetrised_adjoint(self, xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats]:
         """Apply the adjoint of ``symmetrised``; xy counts twice in the norm."""
         mixed = xy * self._mixed
         w = _backward_adjoint(xx * self._across_across, 1) + _backward_adjoint(mixed, 0)
@@ -115,13 +112,13 @@ class SurfaceGradients:
 
 
 def solve(
-    noisy: _Array,
-    weight: _Array,
+    noisy: Floats,
+    weight: Floats,
     on: SurfaceGradients,
     alpha_1: np.float32,
     alpha_0: np.float32,
     iterations: int,
-) -> _Array:
+) -> Floats:
     """Minimise the total generalised variation by a primal-dual method; return u, (H, W) float32.
 
     Args:
@@ -157,7 +154,7 @@ def solve(
     return np.asarray(u, np.float32)
 
 
-def _project(radius: np.float32, *parts: _Array) -> None:
+def _project(radius: np.float32, *parts: Floats) -> None:
     """Project vectors, one component per array, onto the ball of a radius, in place."""
     size = np.sqrt(sum(part * part for part in parts))
     over = np.maximum(np.float32(1), size / radius)
@@ -165,35 +162,35 @@ def _project(radius: np.float32, *parts: _Array) -> None:
         part /= over
 
 
-def _forward(image: _Array, axis: int) -> _Array:
+def _forward(image: Floats, axis: int) -> Floats:
     """Compute the differences to the next pixel along an axis; 0 at the last pixel."""
     result, (near, far) = np.zeros_like(image), NEIGHBOURS[axis]
     np.subtract(image[far], image[near], out=result[near])
     return result
 
 
-def _forward_adjoint(image: _Array, axis: int) -> _Array:
+def _forward_adjoint(image: Floats, axis: int) -> Floats:
     """Apply the adjoint of ``_forward`` to an image that is 0 at its last pixels."""
     result, (near, far) = -image, NEIGHBOURS[axis]
     result[far] += image[near]
     return result
 
 
-def _backward(image: _Array, axis: int) -> _Array:
+def _backward(image: Floats, axis: int) -> Floats:
     """Compute the differences to the pixel before along an axis; 0 at the first pixel."""
     result, (near, far) = np.zeros_like(image), NEIGHBOURS[axis]
     np.subtract(image[far], image[near], out=result[far])
     return result
 
 
-def _backward_adjoint(image: _Array, axis: int) -> _Array:
+def _backward_adjoint(image: Floats, axis: int) -> Floats:
     """Apply the adjoint of ``_backward`` to an image that is 0 at its first pixels."""
     result, (near, far) = image.copy(), NEIGHBOURS[axis]
     result[near] -= image[far]
     return result
 
 
-def _both(links: _Array, axis: int) -> _Array:
+def _both(links: Floats, axis: int) -> Floats:
     """Return 1 where a pixel and the pixel before it along an axis both have a link, else 0."""
     result, (near, far) = np.zeros_like(links), NEIGHBOURS[axis]
     result[far] = links[far] * links[near]

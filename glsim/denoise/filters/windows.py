@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_map import JUMP_MM
-from glsim.networks.interface import Depth, Mask
 
 
 def fill(depth_mm: Depth, support: Mask) -> Depth:

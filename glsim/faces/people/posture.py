@@ -21,13 +21,11 @@ from importlib.resources import files
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.pose import rotation
 from glsim.core.products import norm, product
 from glsim.core.seeds import rng_for
-
-_Array = NDArray[np.float64]
 
 #: Ranges of angles, shares and frequencies, by name.
 _TABLE: Final = tomllib.loads(files(__package__).joinpath("posture.toml").read_text("utf-8"))
@@ -46,10 +44,10 @@ class BodyShape:
         chin: (3,).
     """
 
-    joints: Mapping[str, _Array]
+    joints: Mapping[str, Array]
     half_width: float
     front: float
-    chin: _Array
+    chin: Array
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class Posture:
         arms: left, right, of ARMS.
     """
 
-    turns: Mapping[str, _Array]
+    turns: Mapping[str, Array]
     sitting: bool
     arms: tuple[str, str]
 
@@ -86,7 +84,7 @@ def sample_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> P
     return Posture(turns, sitting, arms)
 
 
-def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]:
+def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, Array]:
     sampled = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _TABLE["look_deg"]]
     if gentle:  # the chin stays above the hand
         sampled = [0.3 * value for value in sampled]
@@ -105,7 +103,7 @@ def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, _Array]
 
 def _standing_leg(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float
-) -> dict[str, _Array]:
+) -> dict[str, Array]:
     """Draw the rotations of one leg of a standing person, with the feet flat on the floor."""
     hip, ankle = (body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "foot"))
     apart, step = float(rng.uniform(0.0, 0.07)), float(rng.uniform(-0.03, 0.03))
@@ -115,7 +113,7 @@ def _standing_leg(
 
 def _sitting_leg(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float
-) -> dict[str, _Array]:
+) -> dict[str, Array]:
     hip, knee, ankle = (
         body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "lowerleg01", "foot")
     )
@@ -128,7 +126,7 @@ def _sitting_leg(
 
 def _arm(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float, kind: str, sitting: bool
-) -> dict[str, _Array]:
+) -> dict[str, Array]:
     """Draw the rotations of one arm; its wrist reaches a target, its elbow points outwards."""
     joints = body.joints
     shoulder, elbow, wrist = (
@@ -178,7 +176,7 @@ def _arm(
     return turns | _fingers(joints, side, curl)
 
 
-def _fingers(joints: Mapping[str, _Array], side: str, curl_deg: float) -> dict[str, _Array]:
+def _fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[str, Array]:
     """Return the rotations that curl the fingers towards the palm, the thumb less."""
     axis = _unit(joints[f"finger5-1.{side}"] - joints[f"finger2-1.{side}"])
     along = joints[f"finger3-2.{side}"] - joints[f"finger3-1.{side}"]
@@ -192,7 +190,7 @@ def _fingers(joints: Mapping[str, _Array], side: str, curl_deg: float) -> dict[s
     return turns
 
 
-def _elbow(shoulder: _Array, target: _Array, upper: float, lower: float, towards: _Array) -> _Array:
+def _elbow(shoulder: Array, target: Array, upper: float, lower: float, towards: Array) -> Array:
     """Return the elbow's position for a wrist at ``target``, or as near to it as possible."""
     along = target - shoulder
     reach = float(
@@ -204,11 +202,11 @@ def _elbow(shoulder: _Array, target: _Array, upper: float, lower: float, towards
     return np.asarray(shoulder + near * along + np.sqrt(max(upper**2 - near**2, 0.0)) * side)
 
 
-def _unit(vector: _Array) -> _Array:
+def _unit(vector: Array) -> Array:
     return np.asarray(vector / norm(vector))
 
 
-def _about(axis: _Array, degrees: float) -> _Array:
+def _about(axis: Array, degrees: float) -> Array:
     """Return the rotation (3, 3) about a unit axis (Rodrigues)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -218,7 +216,7 @@ def _about(axis: _Array, degrees: float) -> _Array:
     )
 
 
-def _between(start: _Array, end: _Array) -> _Array:
+def _between(start: Array, end: Array) -> Array:
     """Return the smallest rotation (3, 3) from one direction to another."""
     start, end = _unit(start), _unit(end)
     axis = np.cross(start, end)
@@ -230,7 +228,7 @@ def _between(start: _Array, end: _Array) -> _Array:
 
 def movement(
     seed: int, subject: str, sequence: str, framing: str, time_s: float
-) -> Mapping[str, _Array]:
+) -> Mapping[str, Array]:
     """Return the rotations of breathing, swaying and head movement: bone -> (3, 3)."""
     rng = rng_for(seed, "movement", subject, sequence)
     breath = np.sin(2 * np.pi * (rng.uniform(*_TABLE["breaths_hz"]) * time_s + rng.uniform()))

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.products import product
 from glsim.core.seeds import rng_for
 from glsim.faces.action_units import shape_weights
@@ -27,8 +28,6 @@ from glsim.faces.procedural.subject import (
     STUBBLE_TO_SKIN,
     clipped_normal,
 )
-
-_Floats = NDArray[np.float32]
 
 _PALE: Final = 0.03  # skin varies by this share over the body: blood and sun; chosen
 
@@ -52,7 +51,7 @@ class BodySubject:
 
     def frame(
         self, sequence: str, framing: str, time_s: float, expression: Mapping[str, float]
-    ) -> _Floats:
+    ) -> Floats:
         """Compute the vertices (V, 3) float32 of a frame in canonical axes, mm.
 
         Args:
@@ -92,7 +91,7 @@ class BodySubject:
         return posture, np.array([root[0], middle[1], root[2]])
 
 
-def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Floats:
+def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> Floats:
     """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments."""
     rng = rng_for(seed, "people", "albedo", subject)
 
@@ -105,7 +104,7 @@ def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> _Float
     return np.clip(table, 0.02, 0.95)[regions]
 
 
-def add_expression(model: BodyModel, rest_mm: _Floats, expression: Mapping[str, float]) -> None:
+def add_expression(model: BodyModel, rest_mm: Floats, expression: Mapping[str, float]) -> None:
     """Add an expression (action unit -> intensity) to resting vertices (V, 3) mm, in place.
 
     At full strength the lids of an eye meet and do not cross. The data's action is that of the base
@@ -128,13 +127,13 @@ def add_expression(model: BodyModel, rest_mm: _Floats, expression: Mapping[str, 
 
 
 def _heights(
-    points: NDArray[np.int32], offsets: _Floats, vertices: NDArray[np.int64]
+    points: NDArray[np.int32], offsets: Floats, vertices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Return by how many mm a shape raises each of some vertices."""
     return np.array([offsets[points == vertex, 1].sum() for vertex in vertices], np.float64)
 
 
-def _body_shape(model: BodyModel, rest_mm: _Floats, joints: NDArray[np.float64]) -> BodyShape:
+def _body_shape(model: BodyModel, rest_mm: Floats, joints: NDArray[np.float64]) -> BodyShape:
     at = dict(zip(model.bones, joints, strict=True))
     trunk = rest_mm[model.regions == REGIONS.index("torso")]
     low, high = at["upperleg01.L"][1], at["upperarm01.L"][1] - 80.0

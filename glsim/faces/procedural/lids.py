@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-_Array = NDArray[np.float64]
+from glsim.core.array_types import Array
 
 EYE_RADIUS: Final = 12.0  # mm; Bron, Tripathi & Tripathi 1997, "Wolff's Anatomy of the Eye"
 LID_THICKNESS: Final = 1.9  # mm; Bron et al. 1997: about 2 mm at the margin
@@ -42,14 +42,14 @@ class Lids:
     linings: NDArray[np.int64]
 
 
-def globe_height(x: _Array, y: _Array, centers: _Array) -> _Array:
+def globe_height(x: Array, y: Array, centers: Array) -> Array:
     """Return the height z of the lids' sphere at (x, y), clamped at its rim; shapes broadcast."""
     radius = EYE_RADIUS + LID_THICKNESS
     away = np.square(x - centers[..., 0]) + np.square(y - centers[..., 1])
     return np.asarray(centers[..., 2] + np.sqrt(np.maximum(radius**2 - away, (0.3 * radius) ** 2)))
 
 
-def lid_closure(points: _Array, centers: _Array, lids: Lids) -> list[_Array]:
+def lid_closure(points: Array, centers: Array, lids: Lids) -> list[Array]:
     """Compute a subject's lid-closing offsets: linear and square terms, upper lids then lower.
 
     Each result is (L, 3) mm for the lid vertices ``lids.index``.
@@ -69,7 +69,7 @@ def lid_closure(points: _Array, centers: _Array, lids: Lids) -> list[_Array]:
     return results
 
 
-def _slide(points: _Array, lids: Lids, globes: _Array, number: int, travel: _Array) -> _Array:
+def _slide(points: Array, lids: Lids, globes: Array, number: int, travel: Array) -> Array:
     """Return the offsets (L, 3) mm of lid vertices when the margins close by ``travel`` (C,) mm.
 
     Args:

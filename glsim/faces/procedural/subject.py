@@ -15,14 +15,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.products import product
 from glsim.core.seeds import rng_for
 from glsim.faces.procedural.expression import expression_weights, own_shapes
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.sparse_shapes import SparseShapes
-
-_Array = NDArray[np.float64]
 
 # Mean, sd, minimum and maximum over people of the reflectivity.
 SKIN_ALBEDO: Final = (0.60, 0.045, 0.45, 0.75)
@@ -54,7 +53,7 @@ class HeadSubject:
         own: the shapes of lids and jaw.
     """
 
-    neutral: _Array
+    neutral: Array
     albedo: NDArray[np.float32]
     own: SparseShapes
 
@@ -74,7 +73,7 @@ def make_subject(identity: Mapping[str, float], seed: int, name: str) -> HeadSub
     return subject_of(neutral_head(identity) + asymmetry_field(seed, name), albedo)
 
 
-def subject_of(neutral: _Array, albedo: NDArray[np.float32]) -> HeadSubject:
+def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> HeadSubject:
     """Make a subject from the vertices (V, 3) mm of a neutral head and its albedo (V,)."""
     model = head_model()
     eyeball, left = model.in_regions("sclera", "iris", "pupil"), model.template_mm[:, 0] > 0
@@ -88,7 +87,7 @@ def subject_of(neutral: _Array, albedo: NDArray[np.float32]) -> HeadSubject:
     return HeadSubject(neutral, albedo, own_shapes(model, neutral, globes))
 
 
-def neutral_head(identity: Mapping[str, float]) -> _Array:
+def neutral_head(identity: Mapping[str, float]) -> Array:
     """Compute the neutral head (V, 3) float64 mm of an identity (parameter -> value)."""
     model = head_model()
     head = model.template_mm.copy()
@@ -96,7 +95,7 @@ def neutral_head(identity: Mapping[str, float]) -> _Array:
     return head
 
 
-def asymmetry_field(seed: int, subject: str) -> _Array:
+def asymmetry_field(seed: int, subject: str) -> Array:
     """Draw a smooth asymmetry of a head as vertex offsets (V, 3) mm.
 
     Random plane waves minus their mirror images: the mean of a head and its mirror image is

@@ -14,9 +14,7 @@ from glsim.core.pose import pose_matrix
 from glsim.core.products import product
 from glsim.core.rect import Rect
 from glsim.core.units import MM_PER_M, to_mm
-from glsim.looks.room.shapes import Shape, without_slivers
-
-Points = NDArray[np.float64]
+from glsim.looks.room.shapes import Points, Shape, without_slivers
 
 #: What stands beside the view by less than this, in tangents, is kept, because it may cast a shadow
 #: into it: the emitters of the shipped sensors are up to 75 mm beside the lens.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Whole
 from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -32,7 +32,6 @@ from glsim.noise.twins.values import angle_ratio, angle_to_axis
 
 CELL_PX = 3
 _CELLS = Layer("dot_match", "float", Fraction(1, CELL_PX))
-Whole = NDArray[np.int64]
 _REACH_PX = 4  # 9x9
 _REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of its cell
 

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from glsim.bench import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import Frames
 from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import LAGS, correlation_of, lagged_sums
 from glsim.measures.depth_noise import measure_spatial
 from glsim.measures.pixel_runs import successive_runs
 from glsim.measures.stacks import half_valid, sigma_temporal, without_plane
-
-Array = NDArray[np.float64]
 
 _SHEET = "azure-kinect"
 

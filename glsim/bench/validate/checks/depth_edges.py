@@ -9,11 +9,11 @@ import numpy as np
 from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 from glsim.measures.silhouettes import measure_silhouettes
-from glsim.measures.stacks import Array
 from glsim.simulation.virtual_camera import Changes
 
 NEAR_MM = 900.0

@@ -7,9 +7,9 @@ import numpy as np
 from glsim.bench import scenes
 from glsim.bench.validate.captures import INTERNAL, PHASES, Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.array_types import Array
 from glsim.core.depth_frame import Frames
 from glsim.measures import stacks as measure
-from glsim.measures.stacks import Array
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
     FREQUENCIES_MHZ,

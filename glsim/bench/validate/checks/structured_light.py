@@ -14,9 +14,9 @@ from glsim.bench import scenes
 from glsim.bench.validate.captures import OFF, Captures
 from glsim.bench.validate.checks.depth_edges import HALF_PX, NEAR_MM, capture_edge
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.array_types import Array
 from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
-from glsim.measures.stacks import Array
 from glsim.simulation.virtual_camera import Changes
 
 #: Distances for the V1's noise and depth steps, mm.

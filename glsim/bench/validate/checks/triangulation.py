@@ -14,15 +14,10 @@ import numpy as np
 from glsim.bench import scenes
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import Measurement, validation_check
+from glsim.core.array_types import Array
 from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
-from glsim.measures.disparity import (
-    Array,
-    find_tiles,
-    measure_disparity_noise,
-    power_share,
-    to_disparity,
-)
+from glsim.measures.disparity import find_tiles, measure_disparity_noise, power_share, to_disparity
 from glsim.measures.disparity_steps import (
     between_share,
     border_band,
