@@ -17,7 +17,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import moderngl
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from glsim.cli.tune_page.tuning import StageCode, Tuning
 from glsim.core.errors import GlsimError
+from glsim.core.rect import Rect
 from glsim.faces.face_source import FaceSource
 from glsim.gl.context import open_context
 from glsim.noise.layer_names import DISPARITY_LAYER, INFRARED_RIGHT
@@ -139,7 +140,10 @@ def shown_layers(frame: Frame) -> dict[str, NDArray[Any]]:
     """Return name -> (h, w) layer of a frame, within its window."""
     stereo = frame.infrared_right_counts is not None
     names = (*LAYERS, INFRARED_RIGHT) if stereo else LAYERS
-    layers = {name: frame.image(name)[frame.window.slices] for name in names}
+    _, _, width, height = frame.window
+    image = frame.intrinsics.cropped(*frame.window)
+    seen = replace(frame, intrinsics=image, window=Rect(0, 0, width, height))
+    layers = {name: seen.image(name) for name in names}
     extra = {n: frame.extra[n] for n in (DISPARITY_LAYER,) if n in frame.extra}
     return layers | extra
 

@@ -1,27 +1,51 @@
-"""State of one open tab without its elements: history of tunings, and drawing loop."""
+"""One open tab: its history of tunings, its drawing loop, and what it asks of its elements."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 from nicegui import Client, background_tasks
 
+from glsim.cli.tune_page.access import keep_tuning, kept_tuning
 from glsim.cli.tune_page.preview import Picture, pack
 from glsim.cli.tune_page.session import TuneSession
 from glsim.cli.tune_page.tuning import History, StageCode, Tuning
 from glsim.core.errors import GlsimError
+from glsim.core.reason import Reason
+from glsim.sensors.sensor import Sensor
 
+#: Pause between a painted picture and its figures, and the same while the page plays, seconds:
+#: to show figures takes the browser as long as a picture.
+_REST, _REST_PLAYING = 0.15, 1.5
 #: Longest wait of a browser's request for a picture, and of the server's end after Ctrl-C, seconds.
 _WAITING: Final = 2.0
 
 
+class Elements(NamedTuple):
+    """Functions of the page's elements.
+
+    Attributes:
+        refresh: show the settings of the newest picture.
+        reload: read the sensor's own values again.
+        show_problem: show a message above the code, or clear it if empty.
+        mark_code: mark the lines that a driver's message names, or clear the marks if empty.
+    """
+
+    refresh: Callable[[], None]
+    reload: Callable[[], None]
+    show_problem: Callable[[str], None]
+    mark_code: Callable[[str], None]
+
+
 class TuneTab:
-    """Tunings and pictures of a tab, which ``TunePage`` shows.
+    """Tunings and pictures of a tab.
 
     Attributes:
         picture: the newest one.
@@ -30,10 +54,13 @@ class TuneTab:
         packet: the newest picture for the browser.
         other_packet: the picture of setting B, or None.
         other_figures: its figures, or None.
-        drawn_at: when the newest picture was asked for, seconds since the epoch.
+        restored: it started from the last settings of this command.
     """
 
-    def __init__(self, session: TuneSession, client: Client) -> None:
+    def __init__(
+        self, session: TuneSession, client: Client, build: Callable[[TuneTab], Elements]
+    ) -> None:
+        """Start from the last settings of this command, and build the page's elements."""
         self.session, self.client = session, client
         self.history = History(session.start)
         self.picture: Picture | None = None
@@ -41,26 +68,48 @@ class TuneTab:
         self.packet: bytes | None = None
         self.other_packet: bytes | None = None
         self.other_figures: dict[str, Any] | None = None
-        self.drawn_at = 0.0
+        self._drawn_at = 0.0
         self._number = 0
         self._presented = asyncio.Event()
-        self._drawing = self._wanted = False
+        self._drawing = self._wanted = self._following = False
+        self._followed: Picture | None = None
+        self._file_times: dict[Path, float] = {}
+        last = kept_tuning(session.start, session.command)
+        self.restored = last is not None and self.history.change(last)
+        self._elements = build(self)
 
     # what the page does
 
     def show_settings(self) -> None:
         """Show the newest picture's settings in the panels."""
-        raise NotImplementedError
+        with self.client:
+            self._elements.refresh()
 
     def show_problem(self, message: str, *, of_code: bool = False) -> None:
         """Show a message, or clear it if empty; of_code: the typed code does not compile."""
-        raise NotImplementedError
+        with self.client:
+            (self._elements.mark_code if of_code else self._elements.show_problem)(message)
 
     def call(self, name: str, *given: Any) -> None:
         """Call a JavaScript function of assets/tune.js."""
         if not self.closed:
             listed = ", ".join(json.dumps(value) for value in (name, *given))
             self.client.run_javascript(f"tuneCall({listed})")
+
+    async def begin(self) -> None:
+        """Draw the first picture, after the browser has connected."""
+        reasons = [[r.name.lower(), r.help] for r in Reason]
+        self.call("build", "tune-view", "tune-figures", reasons, self.client.id)
+        await self.refresh()
+        await self.session.read_recording()
+        if self.session.recorded:
+            self.call("recording", self.session.recorded, None)
+            self._followed = None
+            await self.follow()
+
+    def close(self) -> None:
+        """Stop drawing, after the browser has disconnected."""
+        self.closed, self.playing = True, False
 
     # what changes
 
@@ -141,7 +190,7 @@ class TuneTab:
             self._drawing = False
 
     async def _draw(self, tuning: Tuning) -> None:
-        self.drawn_at = time.time()
+        self._drawn_at = time.time()
         self.picture = await self.session.on_gl(self.session.preview.draw, tuning)
 
     def _present(self) -> None:
@@ -152,6 +201,43 @@ class TuneTab:
         self.packet = pack(self.picture.frame, self._number)
         self._presented.set()
         self.show_problem("")
+
+    async def watch(self) -> None:
+        """Reload the sensor's own files after another program has changed them."""
+        if self.picture is None:
+            return
+        times = _times(self.picture.sensor)
+        known, self._file_times = self._file_times, times
+        if any(t != known[f] if f in known else t > self._drawn_at for f, t in times.items()):
+            self.session.preview.reload()
+            self._elements.reload()
+            await self.refresh()
+
+    async def follow(self) -> None:
+        """Show settings and figures of the newest picture, after the browser has painted it."""
+        if self._following:
+            return
+        self._following = True
+        try:
+            while self.picture is not self._followed and not self.closed:
+                self._followed = picture = self.picture
+                self.show_settings()
+                start, command = self.session.start, self.session.command
+                await self.session.measure(keep_tuning, start, command, self.history.now)
+                await asyncio.sleep(_REST_PLAYING if self.playing else _REST)
+                if picture is not None and (picture is self.picture or self.playing):
+                    await self._measure(picture)
+        finally:
+            self._following = False
+
+    async def _measure(self, picture: Picture) -> None:
+        figures = await self.session.measure(figures_of, picture)
+        self.call("statistics", figures, self.other_figures)
+        if self.session.recorded and not self.playing:
+            from glsim.cli.tune_page.figures import tuned_figures
+
+            here = await self.session.measure(tuned_figures, picture.frame)
+            self.call("recording", self.session.recorded, here)
 
     async def packet_after(self, number: int) -> bytes | None:
         """Wait up to 2 s for a picture newer than ``number``; return its packet or None.
@@ -177,6 +263,15 @@ class TuneTab:
             if self.history.refuse(tuning) and self.picture is None:
                 self._wanted = True
             self.show_settings()
+
+
+def _times(sensor: Sensor) -> dict[Path, float]:
+    """Return the modification time of the sensor's file and of its stages' files."""
+    specs = [stage.spec for stage in sensor.stages]
+    sources = [spec.source for spec in specs if spec.source is not None]
+    files = {sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}
+    files = files.union(*(source.files for source in sources))
+    return {file: file.stat().st_mtime for file in files if file.is_file()}
 
 
 def figures_of(picture: Picture) -> dict[str, Any]:
