@@ -7,5 +7,5 @@ import glsim
 COUNTS = glsim.Export(
     "counts",
     "number of pixels with depth",
-    lambda frame: [("_count.txt", str(int((frame.depth_m["noisy"] > 0).sum())).encode())],
+    lambda frame: [("_count.txt", str(int((frame.noisy_mm > 0).sum())).encode())],
 )
