@@ -1,7 +1,7 @@
 """Landmarks of a source's reference head: eyes, ears, mouth and hairline, found from its regions.
 
-All places are in the canonical frame of a reference person of the source, in millimetres. Lines are
-drawn on a mean adult head and scaled by the height from the eyes to the top of the head.
+Coordinates are millimetres in the canonical frame of the source's reference person. The hairline is
+known for a mean adult head; it is scaled by the height from the eyes to the top of the head.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _INSIDE: Final = (*_EYES, "eye socket", "mouth socket", "gums", "teeth", "mouth"
 _SKULL: Final = ("scalp", "hair", "head", "forehead")
 _BODY: Final = ("torso", "arm", "hand", "leg", "foot")
 
-#: From the eyes to the top of the head of a mean adult, mm: 223 mm from chin to top less 116 mm
-#: from chin to eyes (Farkas, Anthropometry of the Head and Face, 1994, means of men and women).
+#: Height of a mean adult's head over the eyes, mm: 223 mm from chin to top less 116 mm from chin to
+#: eyes (Farkas, Anthropometry of the Head and Face, 1994, means of men and women).
 _MEAN_EYE_TO_TOP_MM: Final = 107.0
 
 #: Hairline of a mean adult: height above the eyes (mm) as a function of the depth behind the eyes
@@ -49,13 +49,13 @@ class Anatomy:
     names: Sequence[str]
 
     def is_in(self, *names: str) -> Mask:
-        """Return a mask (V,) of the vertices that lie in one of the named regions."""
+        """Mark the vertices of the named regions, (V,)."""
         numbers = [number for number, name in enumerate(self.names) if name in names]
         return np.isin(self.regions, numbers)
 
     @cached_property
     def outside(self) -> Mask:
-        """Mask (V,) of the skin that can be seen with closed eyes and mouth."""
+        """Mask (V,) of the skin that is visible when eyes and mouth are closed."""
         return ~self.is_in(*_INSIDE)
 
     @cached_property
@@ -84,8 +84,8 @@ class Anatomy:
     def ears(self) -> Reals:
         """Centres of the left and the right ear, (2, 3) mm.
 
-        A model without a region of ears has them where a mean adult has, 88 mm behind and 12 mm
-        below the eyes (the proportions of the procedural mean head).
+        If the model has no region of ears: 88 mm behind and 12 mm below the eyes, scaled, as in
+        the procedural mean head.
         """
         if "ear" in self.names:
             return _pair(self._of("ear"), self.eye[0])
@@ -98,14 +98,14 @@ class Anatomy:
 
     @cached_property
     def centre(self) -> Reals:
-        """Centre of the skull, (3,) mm: the origin of the directions along which hair grows."""
+        """Centre of the skull, (3,) mm, from which hair grows outwards."""
         skull = self._of(*_SKULL)
         back_z = float(skull[skull[:, 1] > self.eye[1], 2].min())
         behind = 0.5 * (self.eye[2] + back_z)
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
     def above_hairline_mm(self, points: Reals) -> Reals:
-        """Return the heights (N,) mm of points (N, 3) above the hairline; positive in the hair."""
+        """Compute how far points (N, 3) lie above the hairline, (N,) mm; negative on bare skin."""
         local = (points - self.eye) / self.scale
         line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
         step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line

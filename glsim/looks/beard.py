@@ -14,10 +14,10 @@ from glsim.looks.noise import ridges, smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid
 from glsim.looks.styles import STYLE_TABLE
 
-#: From the eyes to the mouth of a mean adult, mm (Farkas 1994: 67 from sellion region to stomion).
+#: Height from mouth to eyes of a mean adult, mm (Farkas 1994: 67 from stomion to sellion).
 _EYE_TO_MOUTH_MM: Final = 66.0
-#: Upper edge of a full beard: mm over the mouth, by depth behind the mouth; and its lower
-#: edge; chosen.
+#: Outline of a full beard: at these depths z behind the mouth, the heights y over the mouth of the
+#: upper and of the lower edge, mm; chosen.
 _CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
 _CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
 _LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
@@ -38,7 +38,7 @@ class BeardStyle:
 
 
 BEARDS: Final = tuple(BeardStyle(name, **row) for name, row in STYLE_TABLE["beard"].items())
-#: Where brows grow on a source: the grid, (N, 3) points on the reference, mm, and (N,) weights.
+#: Grid of a source's brows, its points on the reference, (N, 3) mm, and its hair density, (N,).
 BrowGrid = tuple[SkinGrid, Reals, Reals]
 
 
@@ -47,9 +47,11 @@ class BeardGrid:
     """The grid of the skin on which beards grow, for all subjects of a source.
 
     Args:
-        points: (N, 3) mm on the reference.
-        inside, lip, chin: (N,) mm inside of the beard's outline, of the upper lip, and of the chin;
-            negative outside.
+        grid: triangles of the skin.
+        points: (N, 3) mm, its points on the reference.
+        inside: (N,) mm, distance to the outline of a full beard; negative outside.
+        lip: (N,) mm, distance to the rim of the upper lip's hair; negative outside.
+        chin: (N,) mm, distance to the rim of the chin's hair; negative outside.
     """
 
     grid: SkinGrid
@@ -66,23 +68,24 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
     inside = _outline(anatomy, points)[0]
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(inside[anatomy.faces] > -6.0, axis=1)
     grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM)
-    own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
-    return BeardGrid(grid, own, *_outline(anatomy, own))
+    on_grid = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
+    return BeardGrid(grid, on_grid, *_outline(anatomy, on_grid))
 
 
 def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
-    """Return the depths (N,) mm of points (N, 3) inside the beard's outline, upper lip and chin."""
+    """Measure points (N, 3): the fields ``inside``, ``lip`` and ``chin`` of BeardGrid."""
     size = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM
     local = (points - anatomy.mouth) / size
     x, y, z = np.abs(local[:, 0]), local[:, 1], local[:, 2]
     nose = anatomy.vertices_mm[anatomy.is_in("nose")]
     nose_base = (float(nose[:, 1].min()) - anatomy.mouth[1]) / size
-    # An ellipse around the lips keeps the beard off them.
+    # No hair within an ellipse around the lips.
     lips = anatomy.vertices_mm[anatomy.is_in("lips")]
     half, high = (0.5 * float(np.ptp(lips[:, axis])) / size for axis in (0, 1))
     off_lips = (np.hypot(x / (half + 2.0), y / (high + 1.5)) - 1) * high
     cheek = np.interp(z, _CHEEK_Z, _CHEEK_Y)
-    # Below the nose the outline rises to it: a moustache narrows towards the corners of the mouth.
+    # Upper outline: the base of the nose up to 12 mm from the middle, blended to the cheek line at
+    # 28 mm.
     beside = np.clip((x - 12.0) / 16.0, 0, 1)
     rise = nose_base - 1.5 + (cheek - nose_base + 1.5) * beside
     upper = np.where(z > -34, np.maximum(cheek, rise), cheek) - y
@@ -100,21 +103,23 @@ def make_beard(
     """Make a subject's beard: a shell over the skin, ``length_mm`` thick.
 
     Args:
-        rest_mm: (V, 3) the subject at rest.
-        length_mm: of the hair, along the normals.
-        seed: of the relief and the ragged rim.
+        beard: grid of the source.
+        rest_mm: (V, 3) mm, the subject at rest.
+        style: areas of the face that have hair.
+        length_mm: length of the hair along the normals.
+        seed: of the relief and of the ragged rim.
     """
     inside = beard.inside.copy()
     if not style.cheeks:
-        parts = ((style.chin, beard.chin), (style.lip, beard.lip))
-        inside = np.minimum(inside, np.max([part for worn, part in parts if worn], axis=0))
+        areas = ((style.chin, beard.chin), (style.lip, beard.lip))
+        inside = np.minimum(inside, np.max([area for worn, area in areas if worn], axis=0))
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
     ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
     grid, blend = beard.grid.clipped(ragged)
     points = blend.of(beard.points)
     rim = np.clip(blend.of(inside) / (4.0 + 0.8 * length_mm), 0.12, 1)
-    tufts = points * np.array([1.0, 0.35, 1.0])  # hair grows down: its relief is long that way
+    tufts = points * np.array([1.0, 0.35, 1.0])  # longer along y: hair grows down
     relief = 0.6 * ridges(tufts / 8.0, seed + 1) + 0.4 * smooth_noise(tufts / 5.0, seed + 2)
     amplitude = min(0.7 * length_mm, 4.5)
     height = np.maximum(length_mm * rim + amplitude * relief * np.sqrt(rim), 0.3)
@@ -129,10 +134,10 @@ def make_beard(
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
-    """Make the grid of the brows; return it, its points (N, 3) mm and their brow weights (N,)."""
+    """Make the grid of the brows on the reference head of a source."""
     if "brow" in anatomy.names:
         brow: Reals = anatomy.is_in("brow").astype(np.float64)
-    else:  # arches over the eyes
+    else:  # without a region: two arches over the eyes
         local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
         x, y = np.abs(local[:, 0]), local[:, 1]
         along = np.clip((x - 10) / 42, 0, 1)
@@ -142,16 +147,23 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     skin = anatomy.outside & ~anatomy.body
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(brow[anatomy.faces] > 0.3, axis=1)
     grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, 3.3)
-    own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
+    on_grid = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     columns = np.repeat(brow[grid.base].astype(np.float32)[:, None], 3, axis=1)
-    return grid, own, grid.anchors.place(columns)[:, 0]
+    return grid, on_grid, grid.anchors.place(columns)[:, 0]
 
 
 def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> Shell:
-    """Make a shell of brow hair, height_mm thick, over a subject's resting vertices (V, 3), mm."""
+    """Make the brows of a subject: a shell of hair over the skin.
+
+    Args:
+        brows: grid of the source.
+        rest_mm: (V, 3) mm, the subject at rest.
+        height_mm: thickness of the hair.
+        seed: of the relief and of the ragged rim.
+    """
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
-    kept, blend = grid.clipped(ragged - 0.3)
+    cut_grid, blend = grid.clipped(ragged - 0.3)
     relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
     height = height_mm * np.clip(blend.of(weight), 0.15, 1) * relief
-    return Shell(kept, rest_mm, height)
+    return Shell(cut_grid, rest_mm, height)

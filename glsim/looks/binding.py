@@ -15,10 +15,10 @@ from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = NDArray[np.float32]
 
-#: A skull whose points move by less than this rests, mm; chosen, far below any sensor's step.
+#: A skull counts as still if no point moves by this much, mm. Chosen: far below any sensor's step.
 _REST_MM = 0.02
-#: Rings of triangles that stay along the rims of each shell, where one can look under it; the base
-#: of a shell is one ring wider than the shell. Chosen.
+#: Number of rings of skin triangles under the rim of a shell that are drawn: a camera can look in
+#: there. The base of a shell is one ring wider than the shell. Chosen.
 _RIM_RINGS = 6
 
 
@@ -34,14 +34,14 @@ class Motion(NamedTuple):
         return all(map(np.array_equal, self[:2], other[:2]))
 
     def turned(self, offsets: Points) -> Points:
-        """Rotate offsets (N, 3) like the skull; a motion at rest returns the same array."""
+        """Rotate offsets (N, 3) with the skull; without rotation the same array."""
         return offsets if self.is_rest else product(offsets, self.rotation.T)
 
 
 def skull_motion(reference: Points, moved: Points) -> Motion:
     """Fit the rotation and shift from reference to moved points, (N, 3), by least squares (Kabsch).
 
-    The identity if no point moved by _REST_MM: raised brows move the edge of the scalp that far.
+    The identity if no point moved by _REST_MM: raised brows move the edge of the scalp by less.
     """
     first, second = reference.mean(axis=0), moved.mean(axis=0)
     if np.abs(moved - reference).max() < _REST_MM:
@@ -57,13 +57,13 @@ class Binding(Protocol):
     """The protocol of a mesh that follows the face mesh of a source.
 
     Args:
-        used: the vertices that it follows.
+        used: indices of the face's vertices that move the mesh.
     """
 
     used: NDArray[np.int64]
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
-        """Return the mesh's positions (N, 3) float32 for a frame's vertices (V, 3), mm."""
+        """Compute the mesh's vertices (N, 3) float32 from a frame's face vertices (V, 3), mm."""
         ...
 
 
@@ -78,13 +78,14 @@ class Rooted:
         Args:
             roots: points on the skin.
             root_of: (N,) index of each vertex's root.
+            offsets_mm: (N, 3) from the root to the vertex, at rest.
         """
         self.used, corners = np.unique(roots.corners, return_inverse=True)
         self._roots = Anchors(corners.reshape(-1, 3), roots.weights)
         self._root_of, self._offsets = root_of, offsets_mm.astype(np.float32)
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
-        """Return the positions (N, 3) of the hair for a frame's face vertices, mm."""
+        """Compute the hair's vertices (N, 3) from the face's vertices of a frame, mm."""
         points = self._roots.place(vertices_mm[self.used])[self._root_of]
         return points + motion.turned(self._offsets)
 
@@ -99,15 +100,14 @@ class Rigid:
         self.points_mm = points_mm
 
     def place(self, _vertices_mm: Points, motion: Motion) -> Points:
-        """Return the points (N, 3) after the skull's motion, mm."""
+        """Move the points (N, 3) with the skull, mm."""
         return product(self.points_mm, motion.rotation.T) + motion.shift
 
 
 class Shell:
     """A layer over a subject's skin, with a fixed offset from the skin at each grid point.
 
-    Every point keeps its offset in the axes of one triangle beside it, so that a frame needs three
-    vertices per point.
+    Each point keeps its offset in the axes of one skin triangle beside it: three vertices place it.
     """
 
     def __init__(
@@ -120,9 +120,10 @@ class Shell:
         """Bind a layer to the skin by the offset of each grid point at rest.
 
         Args:
-            rest_mm: (V, 3) the subject's vertices at rest.
+            grid: points and triangles on the skin.
+            rest_mm: (V, 3) mm, the subject's vertices at rest.
             offset_mm: (N,) along the smooth normals of the skin, or (N, 3) in the axes at rest.
-            drop_mm: (N, 3) besides, in the frame of the skull.
+            drop_mm: (N, 3) further offset that turns with the skull, not with the skin.
         """
         self.used, self.faces = grid.base, np.ascontiguousarray(grid.faces, np.int32)
         drop = np.zeros((1, 3), np.float32) if drop_mm is None else drop_mm
@@ -142,7 +143,7 @@ class Shell:
         self._weights = np.ascontiguousarray(between.weights.T)
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
-        """Return the positions (N, 3) of the layer for a frame's face vertices, mm."""
+        """Compute the layer's vertices (N, 3) from the face's vertices of a frame, mm."""
         skin = np.ascontiguousarray(vertices_mm[self.used].T)
         corners = [skin[:, corner] for corner in self._beside]
         points = corners[0].copy()
@@ -159,10 +160,11 @@ class Shell:
 
 
 def _axes(a: Reals, b: Reals, c: Reals) -> tuple[Reals, Reals, Reals]:
-    """Return unit vectors (3, N) per triangle: along an edge, across it, and along the normal.
+    """Compute the axes of triangles: unit vectors (3, N) along an edge, across it, and the normal.
 
     Args:
-        a, b, c: (3, N) mm, by column: NumPy works along the long axis several times faster.
+        a, b, c: (3, N) mm, the corners. Coordinates come first, which NumPy computes several times
+            faster.
     """
     along = b - a
     along /= np.maximum(np.sqrt((along * along).sum(axis=0)), 1e-9)
@@ -178,10 +180,12 @@ def _crossed(first: Reals, second: Reals) -> Reals:
 
 
 def uncovered(faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]) -> Mask:
-    """Return a mask of the ``vertices`` of a mesh that no shell hides.
+    """Mark the vertices of a mesh that no shell hides.
 
     Args:
-        faces: (F, 3) of the mesh.
+        faces: (F, 3) triangles of the mesh.
+        vertices: their number.
+        shells: the layers over it.
     """
     corners, free = np.ascontiguousarray(faces.T), np.ones(vertices, bool)
     for shell in shells:
@@ -196,9 +200,9 @@ def uncovered(faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]) 
 
 
 def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return a triangle (N, 3) next to each grid point; its first corner is the nearest vertex.
+    """Choose a skin triangle (N, 3) beside each grid point, with the nearest vertex first.
 
-    Of the triangles at that vertex, the one that lies most along the skin.
+    Of the triangles at that vertex it is the one whose normal is nearest to the smooth normal.
     """
     a, b, c = (skin_mm[grid.triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)
@@ -206,7 +210,7 @@ def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:
     smooth = vertex_normals(skin_mm, grid.triangles)[grid.triangles]  # (T, 3, 3)
     flat = np.einsum("tki,ti->tk", smooth, facing)
     turned = np.stack([np.roll(grid.triangles, -k, axis=1) for k in range(3)], axis=1)
-    order = np.argsort(flat.ravel(), kind="stable")  # the best one is written last
+    order = np.argsort(flat.ravel(), kind="stable")  # the last write wins: the best
     best = np.zeros((len(skin_mm), 3), np.int64)
     best[grid.triangles.ravel()[order]] = turned.reshape(-1, 3)[order]
     row = np.arange(len(grid.anchors.corners))

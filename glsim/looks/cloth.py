@@ -1,7 +1,7 @@
 """Clothes: shells over the body that rest on the skin, hang, fold, and have openings and seams.
 
-A garment is cut out of the skin, lifted off it as a membrane that spans hollows and falls from
-what stands out, folded, and finished at its edges with hems, ribs or a collar.
+Making a garment takes four steps: cut its area out of the skin; lift it as a membrane that spans
+hollows and falls from shoulders and chest; fold it; finish its edges with hems, ribs or a collar.
 """
 
 from __future__ import annotations
@@ -24,43 +24,45 @@ from glsim.looks.garments import COLLARS, HEMS, Garment, Profile
 from glsim.looks.noise import smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 
-#: Longest edge of the grid on heads and on whole people, mm: folds are 40 mm apart and more.
+#: Longest edge of the grid, mm, on heads and on whole people: folds are at least 40 mm apart.
 _EDGE_MM: Final = {"head": 16.0, "body": 25.0}
-#: Share of a garment's triangles that is drawn. Chosen: without the others, depth of a head's crop
-#: moves by 0.05 mm on average (docs/results/speed.md).
+#: Share of a garment's triangles that is drawn. Chosen: without the others the clean depth of a
+#: head's crop changes by 0.05 mm on average (docs/results/speed.md).
 _DRAWN_SHARE = 0.35
-#: The same of whole people, whose grid is coarser: with less, facets show. Chosen on pictures.
+#: The same for whole people, whose grid is coarser. Chosen on pictures: below it facets show.
 _DRAWN_OF_PEOPLE = 0.6
-#: The collar's plane falls forward: the back of the neck is covered higher; chosen.
+#: Slope of the plane of the neck opening: it is higher at the back than in front; chosen.
 _SLOPE: Final = 0.42
-#: Away from the middle of the neck, along it: normal to the collar's plane.
+#: Unit vector up along the neck, normal to the plane of the neck opening.
 UP: Final = np.array([0.0, 1.0, _SLOPE]) / np.hypot(1.0, _SLOPE)
-#: Base of the neck of a mean adult: mm under the mouth; chosen on the procedural mean head.
+#: Height from the base of the neck to the mouth of a mean adult, mm; chosen on the procedural mean
+#: head.
 _NECK_BASE_MM: Final = 92.0
-#: Height of crotch and armpit of a mean adult under the base of the neck, and half the width
-#: between the armpits, mm (DIN 33402: shoulders 1430 mm, crotch 770 mm); for heads without a body.
+#: For heads without a body: a mean adult's heights of crotch and armpits relative to the base of
+#: the neck, and half the width between the armpits, mm (DIN 33402: shoulders 1430, crotch 770 mm).
 _CROTCH_MM, _ARMPIT_MM, _HALF_MM = -640.0, -170.0, 165.0
-#: Parts of a body; limbs are numbered left, right.
+#: Numbers of the parts of a body; of limbs the left, then the right one.
 TRUNK, ARMS, LEGS, FEET = 0, (1, 2), (3, 4), (5, 6)
-#: Cloth lies this far off skin that it rests on, mm, besides half its thickness; chosen.
+#: Gap between skin and cloth that rests on it, mm, without half the cloth's thickness; chosen.
 _REST_MM: Final = 1.5
-#: Near the armpits cloth stays closer: it would stand in the way of arms that come down; chosen.
+#: Largest gap at the armpit, mm, and its growth per mm away from there: cloth must leave room for
+#: the arms; chosen.
 _PIT_MM, _PIT_SLOPE = 10.0, 0.3
-#: Cloth hangs at most so far off, mm, over the room that it has; it settles from _START_MM off.
+#: Largest gap under hanging cloth beyond the garment's ease, and gap before it settles, mm; chosen.
 _FREE_MM, _START_MM = 65.0, 30.0
-#: Rounds in which the membrane settles; smoothing of the directions in which it is lifted.
+#: Rounds of smoothing: of the membrane while it settles, of its lifting directions, of the result.
 _ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 24, 8, 8
-#: Rounds in which the cloth of trunk and limbs is matched, and the width of their border.
+#: Rounds of smoothing that blend trunk and limbs across their border.
 _JOINED: Final = 6
-#: Folds of a bust are lower: its meshes have long triangles that cannot carry them; chosen.
+#: Height of folds on a bust, relative to a whole body: its triangles are too long for more; chosen.
 _BUST_FOLDS: Final = 0.65
-#: Half the width of a crest as a value of noise whose standard deviation is 0.3; chosen: a quarter
-#: of a draped cloth is crest.
+#: A fold has its crest where |noise| is below this; the noise's standard deviation is 0.3. Chosen:
+#: a quarter of a draped cloth is crest.
 _CREST: Final = 0.33
-#: Seams are even lines: edges are smoothed over this length, mm, in at most so many rounds.
+#: Length over which the edges of a garment are smoothed, mm, and most rounds of smoothing.
 _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
 
-#: Gives the mean of each point's neighbours.
+#: A function: values of points -> mean over each point's neighbours.
 Averaging = Callable[[Reals], Reals]
 
 
@@ -69,9 +71,10 @@ class ClothGrid:
     """The grid of the skin that clothes can cover, for all subjects of a source.
 
     Args:
-        part: (N,) TRUNK, or a limb of ARMS, LEGS or FEET.
-        neck: (3,) mm on the reference, the middle of the neck where it meets the torso.
-        above_neck: (N,) height over the base of the neck, mm, along the collar's plane.
+        grid: triangles of the skin.
+        part: (N,) number of the part of the body: TRUNK, or one of ARMS, LEGS, FEET.
+        neck: (3,) mm, centre of the border between neck and torso of the reference.
+        above_neck: (N,) mm over the plane of the neck opening.
     """
 
     grid: SkinGrid
@@ -85,16 +88,18 @@ class ClothBody:
     """The skin of a subject at rest, or the part of it that a garment covers.
 
     Args:
-        rest_mm: (V, 3) vertices of the source.
-        skin, normal: (N, 3) mm and unit normals.
-        local: (N, 3) mm across the part of the body, down along it, and to its front.
-        share: (N,) place down the part, 0 at its root and 1 at its end.
+        grid: triangles of the covered skin.
+        rest_mm: (V, 3) mm, vertices of the source.
+        part: (N,) number of the part of the body.
+        skin: (N, 3) mm, points of the grid.
+        normal: (N, 3) unit normals.
+        local: (N, 3) mm in the axes of the part: across, down along it, forward.
+        share: (N,) position along the part, 0 at the root, 1 at the end.
         down: (N,) mm from the neck along the body.
-        opening: (N,) mm inside of the opening at the top of a garment; of a whole body that of the
-            base of the neck.
-        neck: (3,) mm, the middle of the neck at its base.
-        crotch_mm: height (y); of a head that of a mean adult below its neck.
-        armpits: (2, 3) mm, left and right; of a head those of a mean adult.
+        opening: (N,) mm below the garment's top edge; for a whole body, below the base of the neck.
+        neck: (3,) mm, centre of the base of the neck.
+        crotch_mm: height y of the crotch; for a head, a mean adult's.
+        armpits: (2, 3) mm, left and right; for a head, a mean adult's.
     """
 
     grid: SkinGrid
@@ -116,7 +121,12 @@ class ClothBody:
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
     def cut(self, opening: Reals, inside: Reals) -> ClothBody:
-        """Cut the body to the skin inside a top opening and inside other edges, (N,) mm each."""
+        """Cut the body to the skin that a garment covers.
+
+        Args:
+            opening: (N,) mm below the garment's top edge.
+            inside: (N,) mm inside its other edges.
+        """
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
         names = ("skin", "normal", "local", "share", "down", "opening")
@@ -144,18 +154,18 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
     if chosen.sum() < 50:
         return None
     grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM["body" if has_body else "head"])
-    own = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
-    row = np.arange(len(own))
+    on_grid = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
+    row = np.arange(len(on_grid))
     nearest = grid.base[grid.anchors.corners[row, grid.anchors.weights.argmax(axis=1)]]
-    is_right = (own[:, 0] < neck[0]).astype(np.int64)
-    part = np.full(len(own), TRUNK)
+    is_right = (on_grid[:, 0] < neck[0]).astype(np.int64)
+    part = np.full(len(on_grid), TRUNK)
     for name, limbs in (("arm", ARMS), ("leg", LEGS), ("foot", FEET)):
         part = np.where(anatomy.is_in(name)[nearest], limbs[0] + is_right, part)
-    return ClothGrid(grid, part, neck, product(own - neck, UP))
+    return ClothGrid(grid, part, neck, product(on_grid - neck, UP))
 
 
 def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
-    """Measure the body coordinates of a subject with resting vertices (V, 3), mm."""
+    """Measure the body of a subject whose resting vertices are (V, 3), mm."""
     base = vertices_mm[cloth.grid.base]
     skin = cloth.grid.anchors.place(base).astype(np.float64)
     near, part = np.abs(cloth.above_neck) < 8.0, cloth.part
@@ -166,22 +176,22 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
     local, share, down = np.zeros_like(skin), np.zeros(len(skin)), np.zeros(len(skin))
     for number in np.unique(part):
         index = np.flatnonzero(part == number)
-        own = skin[index]
+        part_skin = skin[index]
         start, axis, length = neck, np.array([0.0, -1.0, 0.0]), float(neck[1]) - crotch
         if number in (*ARMS, *LEGS):
-            middle, axis = own.mean(axis=0), principal_axis(own)
+            middle, axis = part_skin.mean(axis=0), principal_axis(part_skin)
             axis = axis if product(middle - neck, axis) > 0 else -axis
-            along = product(own - middle, axis)
+            along = product(part_skin - middle, axis)
             start, length = middle + along.min() * axis, float(np.ptp(along))
         elif number in FEET:
-            start = own.mean(axis=0)
+            start = part_skin.mean(axis=0)
         side = np.cross(axis, [0.0, 0.0, 1.0]) / norm(np.cross(axis, [0.0, 0.0, 1.0]))
         axes = np.stack([side, axis, np.cross(side, axis)], axis=1)
-        local[index] = product(own - start, axes)
+        local[index] = product(part_skin - start, axes)
         share[index] = local[index, 1] / length
         down[index] = local[index, 1] + norm(start - neck)
         if number in ARMS:
-            root = own[share[index] < 0.12]
+            root = part_skin[share[index] < 0.12]
             armpits[number - ARMS[0]] = root[root[:, 1].argmin()]
     normal = point_normals(cloth.grid, base.astype(np.float64))
     return ClothBody(
@@ -197,9 +207,9 @@ def make_clothes(
 
     Args:
         body: the whole subject.
-        garments: the three.
-        tucked: whether the hem of the upper one is inside the lower one.
-        scale: size of the subject over that of a mean adult.
+        garments: upper garment, lower garment, shoes.
+        tucked: the upper garment's hem is inside the lower garment.
+        scale: size of the subject relative to a mean adult.
         seed: of the folds.
     """
     upper, lower, shoes = garments
@@ -213,10 +223,10 @@ def make_clothes(
         beside = np.abs(body.local[:, 0])
         ahead = np.clip(body.local[:, 2] / 40.0, 0, 1)
         neck -= (body.part == TRUNK) * ahead * np.clip(75 - 1.6 * beside, 0, None) * scale
-    # Arms are 520 mm long, legs 780 mm: shares count so much near a cut.
+    # From shares of a limb to mm: arms are 520 mm long, legs 780 mm.
     cuff = np.where(on_arm, 520.0 * (upper.limb - body.share), y - hem_mm)
     trunk = np.where(on_foot, -1.0, cuff)
-    # Under a garment that hangs over them nobody sees the top of trousers.
+    # A hanging upper garment hides the top of the trousers, which is left out.
     top_mm = body.waist_mm + 12 if tucked else min(body.waist_mm, hem_mm + 60) + 12
     leg = np.where(on_leg, 780.0 * (lower.limb - body.share), far)
     legs = np.where(on_arm | on_foot, -1.0, leg)
@@ -246,18 +256,28 @@ def _garment(
     scale: float,
     share: float,
 ) -> Shell:
-    """Make a garment over the skin that it covers, with sleeves or legs on ``limbs``."""
+    """Make one garment.
+
+    Args:
+        piece: the skin that it covers.
+        garment: its type.
+        limbs: numbers of the limbs on which it has sleeves or legs.
+        hem_mm: height y of the hem.
+        seed: of the folds.
+        scale: size of the subject relative to a mean adult.
+        share: share of the triangles that is drawn.
+    """
     on_limb = np.isin(piece.part, limbs)
     as_trunk = (piece.skin - piece.neck) * (-1.0, -1.0, 1.0)
     local = np.where(on_limb[:, None], piece.local, as_trunk)
     piece = replace(piece, part=piece.part * on_limb, local=local)
     hem = max(float(piece.neck[1]) - hem_mm, 100.0)
-    # Place between the top of the garment and its hem or cuffs, 0 to 1.
-    own = np.where(on_limb, piece.share / min(garment.limb, 1.0), piece.local[:, 1] / hem)
+    # 0 at the top of the garment, 1 at its hem or cuffs.
+    level = np.where(on_limb, piece.share / min(garment.limb, 1.0), piece.local[:, 1] / hem)
     rest = _REST_MM + 0.5 * garment.thick
     held = on_limb & (limbs == ARMS and garment.limb > 0.5) | garment.gathered
-    end = held * _step(own, 0.9, 0.98)  # ribs hold the cloth, which bulges over them
-    bulge = held * 0.3 * np.exp(-(((own - 0.86) / 0.08) ** 2))
+    end = held * _step(level, 0.9, 0.98)  # ribs at the end; cloth bulges above them
+    bulge = held * 0.3 * np.exp(-(((level - 0.86) / 0.08) ** 2))
     mean = _averaging(piece)
     border = _repeated(mean, _JOINED, on_limb.astype(np.float64))
     border = 4 * border * (1 - border)
@@ -267,8 +287,8 @@ def _garment(
         return np.asarray(values + border * (_repeated(mean, _JOINED, values) - values))
 
     away = np.linalg.norm(piece.skin[:, None] - piece.armpits, axis=2).min(axis=1)
-    trunk = garment.ease * _step(own, 0.0, 0.3) + garment.flare * np.clip(own, 0, 1.1)
-    limb = garment.limb_ease + garment.limb_flare * np.clip(own, 0, 1.1)
+    trunk = garment.ease * _step(level, 0.0, 0.3) + garment.flare * np.clip(level, 0, 1.1)
+    limb = garment.limb_ease + garment.limb_flare * np.clip(level, 0, 1.1)
     wide = _step(piece.local[:, 1], 0.0, 70.0) * on_limb
     ease = (1 - wide) * trunk + wide * limb
     ease *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # it rests on the shoulders
@@ -278,7 +298,7 @@ def _garment(
     most = room + free * (1 - 0.9 * end)
     carried = _averaging(piece, garment.hang)
     surface, lift = _membrane(piece, room, most, rest, mean, carried)
-    fold = garment.fold * scale * joined(_fold_heights(piece, own, on_limb, seed))
+    fold = garment.fold * scale * joined(_fold_heights(piece, level, on_limb, seed))
     loose = np.maximum(lift - rest, 0.0)
     height = np.maximum(np.clip(0.35 + loose / 14.0, 0.35, 1.35) * fold, -0.4 * loose)
     surface += height[:, None] * vertex_normals(surface, piece.grid.faces)
@@ -297,7 +317,12 @@ def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
 
 
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
-    """Return a function that averages (N,) or (k, N) values over neighbours, upper ones more."""
+    """Return a function that averages (N,) or (k, N) values over each point's neighbours.
+
+    Args:
+        piece: the points.
+        hang: weight of neighbours above over those below: 0 for equal weights.
+    """
     edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     first, second = np.ascontiguousarray(edges.T)
     count = len(piece.skin)
@@ -315,16 +340,19 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
 
 
 def _membrane(
-    piece: ClothBody,
-    room: Reals,
-    most: Reals,
-    rest: float,
-    mean: Averaging,
-    carried: Averaging,
+    piece: ClothBody, room: Reals, most: Reals, rest: float, mean: Averaging, carried: Averaging
 ) -> tuple[Reals, Reals]:
-    """Lift cloth between ``room`` and ``most`` (N,) mm off the skin, so that it spans hollows.
+    """Lift cloth off the skin as a membrane that spans hollows.
 
-    Return its (N, 3) points, mm, and (N,) mm over the skin, at least ``rest``.
+    Args:
+        piece: the covered skin.
+        room, most: (N,) mm, least and largest height over the skin.
+        rest: least height of the result, mm.
+        mean: averages over neighbours.
+        carried: averages over neighbours, with more weight above.
+
+    Returns:
+        (N, 3) points of the cloth, mm, and their height over the skin, (N,) mm.
     """
     out = np.ascontiguousarray(piece.normal.T)
     for _ in range(_NORMAL_ROUNDS):
@@ -344,12 +372,12 @@ def _membrane(
 
 
 def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
-    """Return the surface points (N, 3) mm of shoes: a hull without toes around each foot."""
+    """Return the points (N, 3) mm of shoes: around each foot a hull that hides the toes."""
     floor = float(piece.skin[:, 1].min())
     hull = surface.copy()
     for foot in FEET:
-        own = np.flatnonzero(piece.part == foot)
-        skin = piece.skin[own]
+        points = np.flatnonzero(piece.part == foot)
+        skin = piece.skin[points]
         middle = np.array([np.median(skin[:, 0]), floor + 35.0, 0.0])
         out = (skin - middle) * (1.0, 1.0, 0.0)
         radius = np.maximum(np.linalg.norm(out, axis=1), 1.0)
@@ -363,8 +391,8 @@ def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
         for _ in range(2):
             cells = 0.5 * (0.5 * (np.roll(cells, 1, 1) + np.roll(cells, -1, 1)) + cells)
         toes = skin[:, 2].max() - 20.0
-        hull[own, 2] = np.minimum(hull[own, 2], toes)
-        hull[own] += ((cells[row + 1, column] + ease) / radius - 1)[:, None] * out
+        hull[points, 2] = np.minimum(hull[points, 2], toes)
+        hull[points] += ((cells[row + 1, column] + ease) / radius - 1)[:, None] * out
     columns = _repeated(_averaging(piece), _SMOOTH_ROUNDS, np.ascontiguousarray(hull.T))
     ankle = _step(piece.skin[:, 1] - floor, 45.0, 80.0)[:, None]
     shoes = ankle * surface + (1 - ankle) * columns.T
@@ -373,19 +401,24 @@ def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
 
 
 def crests(places: Reals, seed: int) -> NDArray[np.float32]:
-    """Return fold heights (N,) float32 in [-0.6, 0.85], with narrow crests one unit apart."""
+    """Compute fold heights (N,) float32, -0.6 to 0.85: narrow crests, about one unit apart."""
     value = smooth_noise(places, seed) / np.float32(_CREST)
     return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
 
-def _fold_heights(piece: ClothBody, own: Reals, on_limb: NDArray[np.bool_], seed: int) -> Reals:
-    """Return the relative heights (N,) of the folds, about -0.5 to 1.5.
+def _fold_heights(piece: ClothBody, level: Reals, on_limb: NDArray[np.bool_], seed: int) -> Reals:
+    """Compute the relative heights (N,) of the folds, about -0.5 to 1.5.
 
-    Flutes fall to the hem and wind around limbs, short folds lie where cloth piles up, at the
-    waist, across elbows and knees and at cuffs, and tension draws lines from the armpits to the
-    opposite hip.
+    Three kinds: flutes, which fall to the hem and wind around limbs; short folds where cloth piles
+    up, at waist, elbows, knees and cuffs; lines of tension from the armpits to the opposite hip.
+
+    Args:
+        piece: the covered skin.
+        level: (N,) 0 at the top of the garment, 1 at its hem or cuffs.
+        on_limb: (N,) mask.
+        seed: of the folds.
     """
-    local = piece.local + np.outer(piece.part, (1e3, 0.0, 0.0))  # no two limbs fold alike
+    local = piece.local + np.outer(piece.part, (1e3, 0.0, 0.0))  # limbs fold differently
     warp = 22.0 * smooth_noise(local / 120.0, seed + 6)[:, None]
     fine = np.where(on_limb, 0.7, 1.0)[:, None]
     wound = local + warp + np.outer(0.5 * on_limb * local[:, 1], (1.0, 0.0, 0.0))
@@ -395,15 +428,15 @@ def _fold_heights(piece: ClothBody, own: Reals, on_limb: NDArray[np.bool_], seed
     soft = smooth_noise(local / (80.0, 60.0, 80.0), seed + 2)
     heap = np.where(
         on_limb,
-        np.exp(-(((piece.share - 0.5) / 0.13) ** 2)) + np.exp(-(((own - 0.94) / 0.09) ** 2)),
-        0.7 * np.exp(-(((own - 0.72) / 0.22) ** 2)),
+        np.exp(-(((piece.share - 0.5) / 0.13) ** 2)) + np.exp(-(((level - 0.94) / 0.09) ** 2)),
+        0.7 * np.exp(-(((level - 0.72) / 0.22) ** 2)),
     )
-    height = 0.5 * soft + 0.9 * flutes * np.clip(1.6 * own - 0.2, 0, 1) + piled * heap
+    height = 0.5 * soft + 0.9 * flutes * np.clip(1.6 * level - 0.2, 0, 1) + piled * heap
     for side, armpit in zip((1, -1), piece.armpits, strict=True):
         away = (piece.skin - armpit) * (1.0, -1.0, 1.0)
         draw = keyed_rng(seed, f"pull {side}")
         amount, turn = draw.uniform(0.3, 1.5), draw.uniform(0.4, 1.1)
-        # The crest runs down and to the middle: places are stretched along that line.
+        # Noise is stretched along a line down and to the middle, so that crests follow the line.
         along = np.sin(turn) * side * away[:, 0] - np.cos(turn) * away[:, 1]
         across = np.cos(turn) * side * away[:, 0] + np.sin(turn) * away[:, 1]
         pulled = crests(np.stack([along / 190, across / 50, away[:, 2] / 130], 1), seed + 4 + side)
@@ -413,12 +446,20 @@ def _fold_heights(piece: ClothBody, own: Reals, on_limb: NDArray[np.bool_], seed
 
 
 def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, share: float) -> Shell:
-    """Sew cloth points (N, 3) mm to a garment with hems and collar; its edges are straightened."""
+    """Straighten the edges of a garment, and add its hems and its collar.
+
+    Args:
+        piece: the covered skin.
+        garment: its type.
+        surface: (N, 3) mm, points of the cloth; its edge is moved in place.
+        scale: size of the subject relative to a mean adult.
+        share: share of the triangles that is drawn.
+    """
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(surface)
     first, second = np.ascontiguousarray(sides.T)
-    # Around an inner point, neighbours that triangles leave to are those that they come from.
+    # Directed edges cancel around an inner point; what is left belongs to the rim.
     net = np.bincount(first, second, count) - np.bincount(second, first, count)
     rim = sides[(net != 0)[sides].all(axis=1)]
     forth, back = rim[:, 0] * count + rim[:, 1], rim[:, 1] * count + rim[:, 0]
@@ -448,23 +489,23 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, shar
     hem = _rows(HEMS["rib" if garment.gathered else "hem"], garment.thick, normal, away)
     bases, placed, strips, stiff = [np.arange(count)], [surface], [], []
     drops = [np.zeros_like(surface)]
-    stands = garment.collar in COLLARS  # it follows the head, not skin that a dropping jaw pulls
-    for part, rows in ((on_top, top), (~on_top, hem)):
-        own = edge[part]
-        line = ends[np.isin(ends, own).all(axis=1)]
-        place = np.searchsorted(own, line)
+    stands = garment.collar in COLLARS  # a collar follows the head: a dropping jaw pulls the skin
+    for on_side, rows in ((on_top, top), (~on_top, hem)):
+        side_points = edge[on_side]
+        line = ends[np.isin(ends, side_points).all(axis=1)]
+        position = np.searchsorted(side_points, line)
         before, total = line, sum(map(len, bases))
-        for row in rows[:, part]:
-            after = total + place
+        for row in rows[:, on_side]:
+            after = total + position
             strip = [np.stack([before[:, 1], before[:, 0], after[:, 0]], 1),
                      np.stack([before[:, 1], after[:, 0], after[:, 1]], 1)]  # fmt: skip
             strips += strip
             stiff += strip if rows is top else []  # a folded collar shows the cloth's other side
             is_stiff = stands and rows is top
-            bases.append(own)
-            placed.append(surface[own] + (0.0 if is_stiff else row))
+            bases.append(side_points)
+            placed.append(surface[side_points] + (0.0 if is_stiff else row))
             drops.append(row if is_stiff else np.zeros_like(row))
-            before, total = after, total + len(own)
+            before, total = after, total + len(side_points)
     near = np.zeros(count, bool)
     near[edge] = garment.seen_rings > 0
     for _ in range(garment.seen_rings - 1):
@@ -480,12 +521,32 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, shar
 
 
 def _rows(profile: Profile, thick: float, normal: Reals, away: Reals) -> Reals:
-    """Return the offsets (R, P, 3) mm of R rows of points along an edge, from an edge profile."""
+    """Compute the rows of points of a hem along an edge of P points.
+
+    Args:
+        profile: for each of R rows, mm away from the cloth, and along the normal as multiple of the
+            thickness and in mm.
+        thick: thickness of the cloth, mm.
+        normal, away: (P, 3) unit vectors, along the normal and out of the cloth.
+
+    Returns:
+        (R, P, 3) offsets from the edge, mm.
+    """
     return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
 
 
 def _collar(garment: Garment, away: Reals, normal: Reals, beside: Reals, scale: float) -> Reals:
-    """Return the offsets (R, P, 3) mm of a collar from the P edge points of the neck opening."""
+    """Compute the rows of points of a collar along the neck opening's edge of P points.
+
+    Args:
+        garment: names the collar.
+        away, normal: (P, 3) unit vectors, out of the cloth and along its normal.
+        beside: (P, 3) mm, the edge relative to the neck.
+        scale: size of the subject relative to a mean adult.
+
+    Returns:
+        (R, P, 3) offsets from the edge, mm.
+    """
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
     out = _units(beside - (beside * UP).sum(axis=1, keepdims=True) * UP)
@@ -494,7 +555,7 @@ def _collar(garment: Garment, away: Reals, normal: Reals, beside: Reals, scale: 
     behind = np.clip((turn - 0.9) / 1.3, 0, 1)[None, :, None]
     shape = (1 - behind) * front + behind * back
     if garment.collar == "shirt":
-        # The leaf is longest at its two points in front, and the collar is open between them.
+        # Two points in front, and the opening between them.
         points = np.exp(-(((turn - 0.5) / 0.22) ** 2))
         shape[5:, :, 1] -= (shape[4, :, 1] - shape[5:, :, 1]) * 0.2 * points
         shape[5:, :, 0] += 9.0 * points

@@ -28,13 +28,13 @@ from glsim.settings.schema import AppearanceSettings
 
 _Grid = TypeVar("_Grid")
 
-#: Regions of what people wear, in the order of the settings.
+#: Regions of worn meshes, in the order of the settings.
 WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
-#: Sources whose people are dressed with wear = "auto": the others are faces of the paper's kind.
+#: Sources that are dressed with wear = "auto"; the others have bare faces, as in the paper.
 DRESSED_SOURCES: Final = ("people",)
-#: Subjects whose clothes are kept: a batch of frames has few, and one takes about 2 MB.
+#: Number of subjects whose clothes stay in memory, 2 MB each: a batch of frames has few subjects.
 _CACHED_SUBJECTS: Final = 8
-#: Points of the skull by which its motion is found.
+#: Number of points on the skull to which its motion is fitted.
 _SKULL_POINTS: Final = 96
 
 
@@ -48,10 +48,9 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
 
 @dataclass(eq=False)
 class _Worn:
-    """A worn mesh, with the skin and the skull motion at which it was last placed.
+    """A worn mesh, and its last position with the skin and the skull motion that led to it.
 
-    Much of a head does not move from frame to frame: the same part is delivered then, and is on the
-    GPU already.
+    Where neither changes, the same object is returned, which the GPU has already.
     """
 
     region: str
@@ -64,9 +63,9 @@ class _Worn:
         """Return the worn part placed on a frame's vertices (V, 3), mm."""
         skin = vertices_mm[self.binding.used]
         if self.last is not None:
-            before, moved, part = self.last
+            before, moved, worn = self.last
             if np.array_equal(skin, before) and moved.equals(motion):
-                return part
+                return worn
         placed = self.binding.place(vertices_mm, motion)
         mesh = Mesh(placed, self.faces, self.albedo)
         self.last = skin, motion, WornPart(mesh, self.region)
@@ -78,9 +77,11 @@ class _Wardrobe:
     """All worn meshes of one subject.
 
     Args:
-        skull: (K, 3) mm at rest.
-        faces, occluder: triangles of skin that no cloth covers, see ``Mesh``.
-        skin: the last albedo of a mesh, and what was made of it.
+        outfit: the sampled choices.
+        worn: hair, glasses, clothes.
+        skull: (K, 3) mm, points of the skull at rest.
+        faces, occluder: triangles of skin that no cloth covers, as in ``Mesh``.
+        skin: the albedo of the source's mesh, and the albedo with the scalp's colour.
     """
 
     outfit: Outfit
@@ -92,10 +93,10 @@ class _Wardrobe:
 
 
 class Dresser:
-    """Dresses the faces of one source; everything constant over frames is made once per subject."""
+    """Dresses the faces of one source; makes each subject's hair and clothes once."""
 
     def __init__(self, source: FaceSource, settings: AppearanceSettings) -> None:
-        """Decide whether the source is dressed; ConfigError if wear = "always" but it cannot be."""
+        """Decide whether to dress. Raises ConfigError for wear = "always" without known regions."""
         wanted = settings.wear == "always" or (
             settings.wear == "auto" and source.name in DRESSED_SOURCES
         )
@@ -111,7 +112,7 @@ class Dresser:
         self._grids: dict[object, object] = {}
 
     def dress(self, face: Face, seeds: ScopeSeeds) -> Face:
-        """Return the face with all worn parts of its subject; a pure function of face and seeds."""
+        """Add the worn meshes of its subject to a face; a pure function of face and seeds."""
         if not self.is_on:
             return face
         wardrobe = self._wardrobe(face, seeds)
@@ -143,19 +144,19 @@ class Dresser:
 
     @cached_property
     def _skull(self) -> NDArray[np.int64]:
-        """Indices of vertices that move with the skull alone: the back of the scalp."""
-        at = self._reference
-        inside = at.above_hairline_mm(at.vertices_mm) > 5
-        # Raised brows move the scalp down to the ears.
-        inside &= at.vertices_mm[:, 2] < at.centre[2] - 25 * at.scale
-        found = np.flatnonzero(inside & at.outside & ~at.body & ~at.is_in("ear"))
-        chosen: NDArray[np.int64] = found[
-            np.linspace(0, len(found) - 1, min(_SKULL_POINTS, len(found))).astype(int)
+        """Indices of vertices on the back of the scalp, which move with the skull only."""
+        head = self._reference
+        inside = head.above_hairline_mm(head.vertices_mm) > 5
+        # Not the front: raised brows pull the scalp as far back as the ears.
+        inside &= head.vertices_mm[:, 2] < head.centre[2] - 25 * head.scale
+        scalp = np.flatnonzero(inside & head.outside & ~head.body & ~head.is_in("ear"))
+        chosen: NDArray[np.int64] = scalp[
+            np.linspace(0, len(scalp) - 1, min(_SKULL_POINTS, len(scalp))).astype(int)
         ]
         return chosen
 
     def _grid(self, make: Callable[[Anatomy], _Grid]) -> _Grid:
-        """Return the grid of hair, beard, brows or cloth on the source, made at the first use."""
+        """Make a grid of hair, beard, brows or cloth on the source at its first use."""
         if make not in self._grids:
             self._grids[make] = make(self._reference)
         return cast("_Grid", self._grids[make])
@@ -172,7 +173,7 @@ class Dresser:
 
     def _make(self, face: Face, outfit: Outfit) -> _Wardrobe:
         vertices, _ = self._source.neutral(face.key.subject)
-        own = replace(self._reference, vertices_mm=vertices)
+        anatomy = replace(self._reference, vertices_mm=vertices)
         rest = skull_motion(vertices[:3], vertices[:3])
         worn: list[_Worn] = []
         shells: list[Shell] = []
@@ -192,7 +193,7 @@ class Dresser:
                 worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
 
         if outfit.hair is not None:
-            hair = make_hair(own, self._grid(make_scalp), vertices, outfit.hair, outfit.seed)
+            hair = make_hair(anatomy, self._grid(make_scalp), vertices, outfit.hair, outfit.seed)
             wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
         if outfit.beard is not None:
             grid = self._grid(make_beard_grid)
@@ -204,18 +205,18 @@ class Dresser:
             wear("brow", brow, brow.faces, outfit.hair_albedo)
         if outfit.glasses is not None:
             points, faces, is_lens = make_glasses(
-                own, vertices, outfit.glasses, outfit.lens, outfit.seed
+                anatomy, vertices, outfit.glasses, outfit.lens, outfit.seed
             )
             wear("glasses", Rigid(points), faces, outfit.rim_albedo)
             worn[-1].albedo[is_lens] = outfit.lens_albedo
         cloth = self._grid(make_cloth_grid) if outfit.garments else None
         if cloth is not None:
             body = fit_cloth(cloth, vertices)
-            shells = make_clothes(body, outfit.garments, outfit.tucked, own.scale, outfit.seed)
+            shells = make_clothes(body, outfit.garments, outfit.tucked, anatomy.scale, outfit.seed)
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
             for shell, albedo, pattern in zip(shells, outfit.cloth_albedos, patterns, strict=False):
                 wear("cloth", shell, shell.faces, albedo, pattern)
-        faces, occluder = own.faces, face.mesh.occluder
+        faces, occluder = anatomy.faces, face.mesh.occluder
         if shells:
             free = uncovered(faces, len(vertices), shells)
             faces = faces[free[faces].any(axis=1)]
@@ -223,7 +224,7 @@ class Dresser:
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
-        """Return the albedo (V,) of the skin; the scalp has the hair's albedo unless it is bald."""
+        """Return the albedo (V,) of the skin; under hair the scalp has the hair's albedo."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
             plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
             albedo = plain if mesh.albedo is None else mesh.albedo.copy()

@@ -17,19 +17,19 @@ class Garment:
 
     Args:
         women, men: relative frequencies.
-        ease: room between skin and cloth where it does not rest.
-        flare: further room at the hem.
-        hang: 0 for cloth that follows the body, 1 for cloth that falls straight.
+        ease: gap between skin and cloth where the cloth does not rest on the skin.
+        flare: additional gap at the hem.
+        hang: 0 for cloth that follows the body, 1 for cloth that falls straight down.
         fold: height of the folds.
         limb: covered share of arms or legs.
-        limb_ease, limb_flare: room around limbs, and further room at the cuffs.
-        collar: its kind, of COLLARS or HEMS.
+        limb_ease, limb_flare: gap around limbs, and additional gap at the cuffs.
+        collar: kind of collar, a name of COLLARS or HEMS.
         neckline: height over the base of the neck.
         thick: thickness of cloth and seams.
-        gathered: whether hem and cuffs are ribs that hold the cloth.
-        placket: height of a strip of buttons or a zip in front; 0 for none.
-        tucked: share of people who wear it in their trousers.
-        seen_rings: rings of triangles from its edges in which one can look into it.
+        gathered: hem and cuffs are elastic ribs.
+        placket: relief of a strip of buttons or a zip in front; 0 for none.
+        tucked: share of people who tuck it into their trousers.
+        seen_rings: number of rings of triangles at its edges whose inner side is visible.
     """
 
     name: str

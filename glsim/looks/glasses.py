@@ -14,9 +14,9 @@ from glsim.looks.anatomy import Anatomy
 from glsim.looks.styles import STYLE_TABLE
 
 _SIDES: Final = 28  # corners of a rim
-#: Distance from the cornea to the back of a lens: opticians fit 12 to 14 mm.
+#: Distance from the cornea to the back of a lens, mm: opticians fit 12 to 14 mm.
 _VERTEX_MM: Final = 13.0
-#: Frames stay this far off the skin, mm; chosen.
+#: Least gap between frame and skin, mm; chosen.
 _CLEARANCE_MM: Final = 1.5
 
 
@@ -25,8 +25,8 @@ class GlassesStyle:
     """A style of glasses; lengths in mm.
 
     Args:
-        width, height: of a lens.
-        power: 2 round, 5 square.
+        width, height: size of a lens.
+        power: exponent of its outline: 2 is round, 5 nearly square.
     """
 
     name: str
@@ -42,11 +42,17 @@ GLASSES: Final = tuple(GlassesStyle(n, **row) for n, row in STYLE_TABLE["glasses
 def make_glasses(
     anatomy: Anatomy, skin_mm: NDArray[np.float32], style: GlassesStyle, lens: str, seed: int
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Fit glasses to a subject: vertices (N, 3) mm, triangles (F, 3), and a lens mask (N,).
+    """Fit glasses to a subject.
 
     Args:
-        skin_mm: (V, 3) reference head.
-        lens: "clear" has no surface, "dark" fills the rims, "glint" is a bright spot in each.
+        anatomy: of the subject.
+        skin_mm: (V, 3) mm, the subject's reference head.
+        style: dimensions of the frame.
+        lens: "clear" has no surface, "dark" fills the rims, "glint" puts a bright spot in each rim.
+        seed: of wrap, tilt and spots.
+
+    Returns:
+        Vertices (N, 3) mm, triangles (F, 3), and the mask (N,) of the lenses' vertices.
     """
     rng = keyed_rng(seed, 0x61A5)
     scale = anatomy.scale
@@ -58,7 +64,7 @@ def make_glasses(
     half_width, half_height = (
         0.5 * size * min(scale, 1.05) for size in (style.width, style.height)
     )
-    # The middle of a lens is at the pupil or outside of it; rims are 19 mm apart at least.
+    # The centre of a lens lies at the pupil or farther out; the rims are at least 19 mm apart.
     centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -67,44 +73,44 @@ def make_glasses(
     wrap, tilt = np.radians(rng.uniform(3, 8)), np.radians(rng.uniform(4, 10))
     front = balls[:, 2].max() + _VERTEX_MM
     z = -np.tan(wrap) * np.maximum(x - 10, 0) + np.tan(tilt) * y
-    outline = np.stack([x, y, z], axis=1)  # of the left lens; the right one mirrors it
-    place = np.array([middle[0], middle[1] - 2.0, front])
-    both = np.concatenate([outline, outline * (-1, 1, 1)]) + place
-    place[2] += max(_overlap(both, skin) + _CLEARANCE_MM, -5.0)
-    parts: list[tuple[Reals, Reals]] = []
+    outline = np.stack([x, y, z], axis=1)  # the left lens; the right one is its mirror image
+    origin = np.array([middle[0], middle[1] - 2.0, front])
+    both = np.concatenate([outline, outline * (-1, 1, 1)]) + origin
+    origin[2] += max(_overlap(both, skin) + _CLEARANCE_MM, -5.0)
+    frame: list[tuple[Reals, Reals]] = []
     lenses: list[tuple[Reals, Reals]] = []
     for side in (1.0, -1.0):
-        ring = outline * (side, 1, 1) + place
-        parts.append(_tube(ring, style.rim, 0.8 * style.rim, closed=True))
+        ring = outline * (side, 1, 1) + origin
+        frame.append(_tube(ring, style.rim, 0.8 * style.rim, closed=True))
         hinge = ring[np.argmax(side * ring[:, 0] + 0.3 * ring[:, 1])]
-        parts.append(_tube(_temple(anatomy, skin, hinge, side), style.rim + 0.5, 2.2, closed=False))
+        frame.append(_tube(_temple(anatomy, skin, hinge, side), style.rim + 0.5, 2.2, closed=False))
         if lens != "clear":
             lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
-    parts.append(_tube(_bridge(outline, place, skin), style.rim, style.rim, closed=False))
-    counts = [len(points) for points, _ in parts + lenses]
+    frame.append(_tube(_bridge(outline, origin, skin), style.rim, style.rim, closed=False))
+    counts = [len(points) for points, _ in frame + lenses]
     starts = np.cumsum([0, *counts[:-1]])
-    triangles = [part[1] + start for part, start in zip(parts + lenses, starts, strict=True)]
+    triangles = [mesh[1] + start for mesh, start in zip(frame + lenses, starts, strict=True)]
     return (
-        np.concatenate([points for points, _ in parts + lenses]).astype(np.float32),
+        np.concatenate([points for points, _ in frame + lenses]).astype(np.float32),
         np.ascontiguousarray(np.concatenate(triangles), np.int32),
-        np.arange(sum(counts)) >= sum(counts[: len(parts)]),
+        np.arange(sum(counts)) >= sum(counts[: len(frame)]),
     )
 
 
 def _overlap(points: Reals, skin: Reals) -> float:
-    """Return the largest distance by which the skin stands in front of the points, mm."""
+    """Compute how far the skin reaches in front of the points at most, mm."""
     skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
     beside = skin[:, None, :2] - points[None, :, :2]
     ahead = skin[:, None, 2] - points[None, :, 2]
-    near = (beside * beside).sum(axis=2) < 16.0  # within 4 mm, as seen from the front
+    near = (beside * beside).sum(axis=2) < 16.0  # within 4 mm in x and y
     return float(ahead[near].max()) if near.any() else 0.0
 
 
-def _bridge(outline: Reals, place: Reals, skin: Reals) -> Reals:
+def _bridge(outline: Reals, origin: Reals, skin: Reals) -> Reals:
     """Return the centre line (9, 3) mm of the bridge, from rim to rim over the nose."""
     inner = outline[np.argmin(outline[:, 0] - 0.35 * outline[:, 1])]
     x = np.linspace(-inner[0], inner[0], 9)
-    line = np.stack([x, np.full(9, inner[1]), np.full(9, inner[2])], axis=1) + place
+    line = np.stack([x, np.full(9, inner[1]), np.full(9, inner[2])], axis=1) + origin
     arch = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 9))
     line[:, 1] += 2.0 * arch
     rise = _overlap(line, skin) + _CLEARANCE_MM
@@ -121,7 +127,7 @@ def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
     tip = top + np.array([[0, -5, -12], [-2 * side, -16, -20], [-4 * side, -30, -24]])
     line = np.concatenate([line, tip])
     skin = skin[side * (skin[:, 0] - anatomy.eye[0]) > 20]
-    for point in line[1:]:  # outside of the skin at every place
+    for point in line[1:]:  # move each point out of the skin
         near = np.hypot(skin[:, 1] - point[1], skin[:, 2] - point[2]) < 6.0
         if near.any():
             half = float((side * skin[near, 0]).max())
@@ -137,7 +143,7 @@ def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals
     along = around if closed else np.asarray(np.gradient(line, axis=0))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     first: Reals = np.cross(along, np.array([0.0, 0.0, 1.0]))
-    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # a temple: along the view
+    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # lines along z, as temples
     first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
     first -= (first * along).sum(axis=1, keepdims=True) * along
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -161,7 +167,7 @@ def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals
 
 
 def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
-    """Return the disc of a lens, or a bright spot of ``share`` of its size at a random place."""
+    """Make a disc in a rim: with ``share`` 1 the lens, else a bright spot at a random position."""
     middle = ring.mean(axis=0)
     if share < 1:
         middle = middle + (ring[rng.integers(len(ring))] - middle) * rng.uniform(0.2, 0.6)

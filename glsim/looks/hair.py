@@ -17,26 +17,26 @@ from glsim.looks.noise import openings, ridges, smooth_noise
 from glsim.looks.skin_grid import Anchors, make_grid
 from glsim.looks.styles import HairStyle
 
-#: Longest edge of the scalp's grid, mm; most are 3 to 5: 1.5 pixels of a Kinect V2 at 0.9 m.
+#: Longest edge of the scalp's grid, mm; most are 3 to 5 mm, 1.5 pixels of a Kinect V2 at 0.9 m.
 _EDGE_MM = 7.5
-#: Points up to here outside of the mean hairline can carry hair (beards excepted).
+#: Largest distance outside the mean hairline at which hair grows, mm.
 _MARGIN_MM = 14.0
-#: Relief is drawn out along strands by this factor; chosen.
+#: Relief is longer along strands than across them by this factor; chosen.
 _ALONG = 0.16
-#: Radius of a mean skull, mm, for angles as lengths.
+#: Radius of a mean skull, mm, which turns angles into lengths.
 _SKULL_MM = 90.0
 #: Wavelengths of the relief across strands: locks of hair are 5 to 15 mm wide; chosen.
 _RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
-#: Mean way of light into hair, mm. 2 hairs/mm2 of scalp (1.5 to 2.3: Birnbaum, Skin Appendage
-#: Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen), fill 1.5 % of 20 mm; light that
-#: crosses them at right angles meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm (derived).
+#: Mean distance that light travels into hair, mm. Derived: 2 hairs/mm2 of scalp (1.5 to 2.3:
+#: Birnbaum, Skin Appendage Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen), fill 1.5 %
+#: of 20 mm; light at right angles to them meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm.
 _WAY_MM = 3.6
-#: Ways after which 1 / e of the light is left: hair scatters more of it than it absorbs, less the
-#: more melanin; chosen between dark and light hair.
+#: Number of such distances after which 1 / e of the light is left: hair scatters more light than it
+#: absorbs, blond hair most; chosen between dark and light hair.
 _LOST = 3.0
-#: Distance between openings across strands, mm, and the share of the thickness that one can see in.
+#: Distance between gaps in the hair across strands, mm, and their depth as share of its thickness.
 _OPENING_MM, _DEEPEST = 9.0, 0.75
-#: Hair begins with this thickness at its rim, mm, and is full after _RIM_MM.
+#: Thickness of hair at its rim, mm, and distance from there to the full thickness, mm.
 _RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 
@@ -44,10 +44,10 @@ class Scalp(NamedTuple):
     """The grid of the scalp of a source, fine enough for the relief of hair.
 
     Args:
-        anchors: (N,) points on the triangles of the source.
-        directions: (N, 3) unit vectors from the middle of the skull.
-        faces: (F, 3).
-        inside_mm: (N,) above the hairline.
+        anchors: N points on the triangles of the source.
+        directions: (N, 3) unit vectors from the centre of the skull.
+        faces: (F, 3) triangles of the points.
+        inside_mm: (N,) distance from the hairline.
     """
 
     anchors: Anchors
@@ -61,7 +61,7 @@ class Hair(NamedTuple):
 
     Args:
         faces: (F, 3) int32.
-        light: (N,) share of the light that comes back from its depth.
+        light: (N,) share of the light that returns from between the strands.
     """
 
     binding: Rooted
@@ -89,8 +89,11 @@ def make_hair(
     """Make the hair mesh of a subject.
 
     Args:
-        skin_mm: (V, 3) the subject's reference head.
-        seed: of everything that is random.
+        anatomy: of the subject.
+        scalp: grid of the source.
+        skin_mm: (V, 3) mm, the subject's reference head.
+        style: lengths and directions.
+        seed: of locks and relief.
     """
     base = scalp.anchors.place(skin_mm)
     inside = _inside_mm(anatomy, scalp, style, base)
@@ -104,7 +107,7 @@ def make_hair(
     height = np.maximum(thickness + rough * relief - way, 0.6)
     ragged = inside + 5.0 * smooth_noise(base / 9.0, seed + 2)
     ragged = ragged + 2.5 * smooth_noise(strands / 5.0, seed + 3)
-    out = scalp.directions.copy()  # hair stands away from the middle, level below the middle
+    out = scalp.directions.copy()  # downwards hair stands out less
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])
     offsets = height[:, None] * (out / np.linalg.norm(out, axis=1, keepdims=True))
     rng, obstacle = keyed_rng(seed, 0x4A1), Obstacle(anatomy, skin_mm)
@@ -115,21 +118,21 @@ def make_hair(
     )
     roots, shifts = [used], [offsets[used]]
     triangles, lights = [inverse.reshape(-1, 3)], [np.exp(-way / _WAY_MM / _LOST)[used]]
-    for part in all_locks(head):
-        triangles.append(part.faces + sum(map(len, roots)))
-        roots.append(part.roots)
-        shifts.append(part.points_mm - base[part.roots])
-        lights.append(np.ones(len(part.roots)))
-    own, root_of = np.unique(np.concatenate(roots), return_inverse=True)
+    for locks in all_locks(head):
+        triangles.append(locks.faces + sum(map(len, roots)))
+        roots.append(locks.roots)
+        shifts.append(locks.points_mm - base[locks.roots])
+        lights.append(np.ones(len(locks.roots)))
+    used_roots, root_of = np.unique(np.concatenate(roots), return_inverse=True)
     return Hair(
-        Rooted(scalp.anchors.taken(own), root_of, np.concatenate(shifts)),
+        Rooted(scalp.anchors.taken(used_roots), root_of, np.concatenate(shifts)),
         np.ascontiguousarray(np.concatenate(triangles), np.int32),
         np.concatenate(lights),
     )
 
 
 def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Reals:
-    """Return coordinates (N, 3) mm with one axis along the strands and two axes across them."""
+    """Compute coordinates (N, 3) mm: one axis along the strands, two axes across them."""
     out = points - anatomy.centre
     length = np.linalg.norm(out, axis=1)
     if style.comb == "curls":
@@ -151,7 +154,7 @@ def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Re
 
 
 def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals) -> Reals:
-    """Return the depths (N,) mm inside a subject's hairline, without ears and bald places."""
+    """Compute the distance (N,) mm from a subject's hairline, negative on ears and bald areas."""
     scale = anatomy.scale
     inside = scalp.inside_mm.astype(np.float64).copy()
     local = (base - anatomy.eye) / scale
@@ -172,7 +175,7 @@ def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals) ->
 def _thickness_mm(
     anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals, inside: Reals, seed: int
 ) -> Reals:
-    """Return the hair thickness (N,) mm over the skull, thin at the rim, without strand relief."""
+    """Compute the thickness (N,) mm of the hair, without the relief of strands; thin at the rim."""
     to_top = np.clip((scalp.directions[:, 1].astype(np.float64) - 0.1) / 0.6, 0, 1)
     to_top *= to_top * (3 - 2 * to_top)
     low = style.side + (style.back - style.side) * np.clip(-scalp.directions[:, 2], 0, 1)

@@ -13,31 +13,31 @@ from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import ridges, smooth_noise
 from glsim.looks.styles import Comb, HairStyle
 
-#: Directions of even density (a golden spiral) in which the radius of a head is known, and the
-#: sharpness of the weights by which it is read off them; chosen: neighbours are 0.14 rad apart.
+#: Number of directions, evenly spread (a golden spiral), in which the radius of a head is measured,
+#: and sharpness of the weights between them. Chosen: neighbours are 0.14 rad apart.
 _DIRECTIONS, _SHARPNESS = 642, 160.0
-#: Largest move out of the skin at once, mm; chosen.
+#: Largest displacement of a point out of the skin by one call, mm; chosen.
 _PUSH_MM = 12.0
-#: Distance of the relief within a lock, mm; chosen: strands part every few millimetres.
+#: Wavelength of the relief within a lock, mm; chosen: strands part every few millimetres.
 _STRAND_MM = 6.0
-#: A lock has a ring of vertices every so many mm, at least 5 and at most 14 rings.
+#: Distance between the rings of vertices of a lock, mm; least and most rings.
 _STEP_MM, _RINGS = 18.0, (5, 14)
-#: Columns of a sheet around the head, 6 mm apart, and mm between its rows; chosen: as fine as
+#: Number of columns of a sheet around the head, 6 mm apart, and distance of its rows, mm; chosen:
 #: two pixels of a Kinect V2 at 0.9 m.
 _COLUMNS, _ROW_MM = 76, 10.0
-#: A sheet begins at this height over the middle of the skull, as a sine.
+#: Sine of the elevation over the centre of the skull at which a sheet begins.
 _START = 0.18
-#: Ridges between strands across a sheet, mm, and how far they are drawn out.
+#: Distance between the ridges of a sheet, mm, and their length relative to it.
 _RIDGE_MM, _ALONG = 13.0, 0.13
 _DOWN: Final = np.array([0.0, -1.0, 0.0])
-#: Where hair is tied, relative to the eyes of a mean adult, mm; chosen.
+#: Points at which hair is tied, relative to the eyes of a mean adult, mm; chosen.
 _TIES: Final = {
     "bun": ((0.0, 22.0, -198.0),),
     "top bun": ((0.0, 112.0, -120.0),),
     "pony tail": ((0.0, 45.0, -194.0),),
     "twin tails": ((74.0, 40.0, -125.0), (-74.0, 40.0, -125.0)),
 }
-#: The crown, from which short hair radiates, as a direction: up and back.
+#: Direction of the crown, from which short hair radiates: up and back.
 CROWN: Final = np.array([0.0, 0.86, -0.51])
 
 
@@ -45,8 +45,9 @@ class Locks(NamedTuple):
     """A mesh of locks, each vertex with its root on the scalp.
 
     Args:
-        roots: (N,) index of the scalp's point that carries a vertex.
-        points_mm: (N, 3).
+        roots: (N,) index of the scalp's point from which each vertex grows.
+        points_mm: (N, 3) vertices.
+        faces: (F, 3) triangles.
     """
 
     roots: NDArray[np.int64]
@@ -60,9 +61,9 @@ class Obstacle:
     def __init__(self, anatomy: Anatomy, skin_mm: Reals) -> None:
         """Measure the radii from the subject's resting vertices (V, 3), mm."""
         self.centre = anatomy.centre
-        place = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-        turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(place * (1 - place))
-        spiral = 2 * level * np.cos(turn), 1 - 2 * place, 2 * level * np.sin(turn)
+        height = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+        turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(height * (1 - height))
+        spiral = 2 * level * np.cos(turn), 1 - 2 * height, 2 * level * np.sin(turn)
         self._units = np.stack(spiral, axis=1).astype(np.float32)
         # Every sixth vertex: still about four per direction.
         out = skin_mm[anatomy.outside & ~anatomy.body][::6] - self.centre
@@ -77,8 +78,10 @@ class Obstacle:
     def push_out(self, points: Reals, least_mm: Reals, most_mm: Reals | None = None) -> Reals:
         """Move points (N, 3) mm radially out of the head.
 
-        They end at least ``least_mm`` over the skin. Above the level of the ears, where hair lies
-        on the head, they also end at most ``most_mm`` over it.
+        Args:
+            points: to move.
+            least_mm: (N,) least height over the skin afterwards.
+            most_mm: (N,) largest height over the skin above the ears, where hair lies on the head.
         """
         out = points - self.centre
         length = np.linalg.norm(out, axis=1)
@@ -88,7 +91,7 @@ class Obstacle:
         if most_mm is not None:
             lying = np.clip(2.0 + 5.0 * unit[:, 1], 0, 1)
             length = length + lying * (np.minimum(length, radius + most_mm) - length)
-        # A ray down the neck leaves the skin far away: never move by more than a step.
+        # A ray down the neck leaves the skin far away, so each move is limited.
         length = np.clip(radius + least_mm, length, length + _PUSH_MM)
         return np.asarray(self.centre + unit * length[:, None])
 
@@ -97,11 +100,14 @@ class Head(NamedTuple):
     """A subject's head, hair style and scalp points, from which locks grow.
 
     Args:
-        skin_mm: (V, 3) at rest.
-        directions: (N, 3) unit vectors from the middle of the skull to the scalp's points.
-        base: (N, 3) the scalp's points, mm.
-        thickness: (N,) mm of hair.
-        ragged: (N,) mm inside the rim of the hair.
+        anatomy: of the subject.
+        obstacle: surface that locks must not enter.
+        style: lengths and directions.
+        rng: samples the locks.
+        directions: (N, 3) unit vectors from the centre of the skull to the scalp's points.
+        base: (N, 3) mm, the scalp's points.
+        thickness: (N,) mm, thickness of the hair.
+        ragged: (N,) mm, distance from the ragged rim of the hair; negative outside.
     """
 
     anatomy: Anatomy
@@ -116,14 +122,14 @@ class Head(NamedTuple):
 
 def all_locks(head: Head) -> list[Locks]:
     """Make all locks of a head: lying, hanging and tied hair."""
-    parts = [_lying(head)] if head.style.locks and (head.ragged > 1.0).any() else []
+    locks = [_lying(head)] if head.style.locks and (head.ragged > 1.0).any() else []
     if head.style.hang:
-        parts.append(_hanging(head))
-    return parts + _tied(head)
+        locks.append(_hanging(head))
+    return locks + _tied(head)
 
 
 def _lying(head: Head) -> Locks:
-    """Make the locks that lie on the head."""
+    """Make the lying locks."""
     style, rng, scale = head.style, head.rng, head.anatomy.scale
     candidates = np.flatnonzero(head.ragged > 1.0)
     # A third of the locks grow near the rim: they make it ragged.
@@ -134,7 +140,7 @@ def _lying(head: Head) -> Locks:
     brow = (z > -62) & (np.abs(x) < 52) & (y > 40)
     if style.fringe:
         length = np.where(brow, style.fringe * scale * rng.uniform(0.8, 1.1, style.locks), length)
-    else:  # hair over the forehead is combed away from it, or short
+    else:  # over the forehead hair is combed back, or short
         length = np.where(brow & (style.comb in ("crown", "curls")), 0.5 * length, length)
     path = _paths(head, root, length, brow)
     width = style.width * scale * rng.uniform(0.55, 1.35, style.locks)
@@ -147,7 +153,7 @@ def _units(vectors: Reals) -> Reals:
 
 
 def _directions(head: Head, points: Reals) -> Reals:
-    """Return the strand directions (N, 3) at points (N, 3): unit vectors along the skull."""
+    """Compute the directions of strands at points (N, 3): unit vectors along the skull."""
     comb: Comb = head.style.comb
     centre = head.anatomy.centre
     out = _units(points - centre)
@@ -170,28 +176,28 @@ def _directions(head: Head, points: Reals) -> Reals:
 
 
 def _paths(head: Head, root: NDArray[np.int64], length: Reals, brow: Mask) -> Reals:
-    """Return the centre lines (rings, N, 3) mm of locks, from root to tip."""
+    """Compute the centre lines (rings, N, 3) mm of locks, from root to tip."""
     style, rng, scale, centre = head.style, head.rng, head.anatomy.scale, head.obstacle.centre
     rings, count = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS)), len(root)
     height = head.thickness[root] * rng.uniform(0.3, 1.15, count)
-    place: Reals = head.base[root] + _units(head.base[root] - centre) * height[:, None]
+    points: Reals = head.base[root] + _units(head.base[root] - centre) * height[:, None]
     stray = rng.normal(0, 0.05 + 0.12 * style.lift, (count, 3))
     phase, pitch = rng.uniform(0, 2 * np.pi, count), rng.uniform(28, 48, count) * scale
     wave = style.wave * scale * rng.uniform(0.4, 1.3, count)
     fall: Reals = np.where(brow & (style.fringe > 0), np.maximum(style.fall, 0.5), style.fall)
-    path = [place]
+    path = [points]
     for ring in range(1, rings):
         share = ring / (rings - 1)
-        along = _directions(head, place)
+        along = _directions(head, points)
         if style.fringe:
             along[brow] = (0.0, -0.2, 1.0)
         hang = fall * np.clip(1.3 * share + 0.25, 0, 1)
         heading = (1 - hang)[:, None] * along + hang[:, None] * _DOWN
-        heading += style.lift * (1 - share) * _units(place - centre) + stray
-        place = place + _units(heading) * (length / (rings - 1))[:, None]
+        heading += style.lift * (1 - share) * _units(points - centre) + stray
+        points = points + _units(heading) * (length / (rings - 1))[:, None]
         least = np.maximum(height * (1 - 0.5 * share), 2.0)
-        place = head.obstacle.push_out(place, least, height + 3.0 + 16.0 * style.lift * share)
-        path.append(place)
+        points = head.obstacle.push_out(points, least, height + 3.0 + 16.0 * style.lift * share)
+        path.append(points)
     lines = _off_the_face(head, np.stack(path))
     travelled = np.linspace(0, 1, rings)[:, None] * length
     swing = wave * np.minimum(travelled / 25.0, 1.0)
@@ -204,7 +210,7 @@ def _paths(head: Head, root: NDArray[np.int64], length: Reals, brow: Mask) -> Re
 
 
 def _off_the_face(head: Head, lines: Reals) -> Reals:
-    """End the lines (rings, N, 3) before they reach the face; fringes end above the eyes."""
+    """Shorten lines (rings, N, 3) that reach the face; fringes end above the eyes."""
     local = (lines - head.anatomy.eye) / head.anatomy.scale
     low = 16.0 if head.style.fringe else 50.0
     before = (np.abs(local[..., 0]) < 58) & (local[..., 2] > -48) & (local[..., 1] < low)
@@ -225,8 +231,11 @@ def _ribbons(
     """Make ribbons with a ridge along lines (rings, N, 3); closed ribbons also have back faces.
 
     Args:
-        width: (N,) mm.
-        root: (N,) index of the scalp's point that carries each lock.
+        lines: (rings, N, 3) mm, centre lines.
+        width: (N,) mm, width of each lock.
+        root: (N,) index of the scalp's point from which each lock grows.
+        centre: (3,) mm, centre of the skull.
+        closed: whether the back is drawn, too.
         rough_mm: height of the relief of strands.
     """
     rings, count = lines.shape[:2]
@@ -242,7 +251,7 @@ def _ribbons(
         [lines - half * across, lines + 0.26 * half * out, lines + half * across], axis=2
     )
     if rough_mm:
-        # Strands of a lock part and cross: its surface is no smooth band.
+        # Relief across the lock, because its strands part and cross.
         places = points.reshape(-1, 3) / _STRAND_MM
         rough = rough_mm * smooth_noise(places, len(places)).reshape(points.shape[:3])
         points += (rough * taper[:, None, None])[..., None] * out[:, :, None]
@@ -256,9 +265,9 @@ def _ribbons(
 
 
 def _hanging(head: Head) -> Locks:
-    """Make a rough sheet of hair that hangs from the sides and the back, open at the face."""
+    """Make a rough sheet of hair from the left temple around the back to the right temple."""
     style, rng, scale = head.style, head.rng, head.anatomy.scale
-    # From the left temple over the back to the right one; the face stays open.
+    # Angles from straight ahead; the face stays free.
     front = np.radians(style.open_deg)
     angle = np.linspace(front, 2 * np.pi - front, _COLUMNS)
     around = np.stack([np.sin(angle), np.zeros(_COLUMNS), np.cos(angle)], 1)
@@ -266,13 +275,13 @@ def _hanging(head: Head) -> Locks:
     root = np.argmax(product(rays.astype(np.float32), head.directions.T), axis=1)
     fall = style.hang * scale * rng.uniform(0.85, 1.15)
     rows = int(np.ceil(fall * 1.1 / _ROW_MM)) + 1
-    place = head.base[root] + rays * (0.75 * head.thickness[root])[:, None]
-    lines = [place]
+    points = head.base[root] + rays * (0.75 * head.thickness[root])[:, None]
+    lines = [points]
     for row in range(1, rows):
         step = _DOWN + around * style.flare * (1 - 1.6 * (row / rows))
-        place = place + step * _ROW_MM
-        place = head.obstacle.push_out(place, np.full(_COLUMNS, 0.45 * style.side * scale))
-        lines.append(place)
+        points = points + step * _ROW_MM
+        points = head.obstacle.push_out(points, np.full(_COLUMNS, 0.45 * style.side * scale))
+        lines.append(points)
     sheet = _smoothed(np.stack(lines))  # (rows, columns, 3)
     arc, down, none = angle * 85.0 * scale, np.arange(rows) * _ROW_MM, np.zeros(_COLUMNS)
     where = np.stack(np.broadcast_arrays(arc[None, :], down[:, None], 0.0), axis=2)
@@ -290,23 +299,23 @@ def _hanging(head: Head) -> Locks:
     end = fall * (1 + 0.10 * smooth_noise(np.stack([arc / 16, none, none], 1), seed + 3))
     end += 12 * smooth_noise(np.stack([arc / 7, none, none], 1), seed + 4)
     sheet = _stretched(sheet, end / down[-1])
-    # Gaps open towards the tips and at the two edges beside the face.
+    # Gaps: more towards the tips, and at the two edges beside the face.
     torn = smooth_noise((where * (1 / 9, 1 / 60, 1)).reshape(-1, 3), seed + 5).reshape(rows, -1)
     rim = np.minimum(np.arange(_COLUMNS), np.arange(_COLUMNS)[::-1])
-    kept = torn < 1.15 - 0.75 * (down / fall)[:, None] ** 3
-    kept &= torn < 0.1 + rim[None, :] * 0.35
+    solid = torn < 1.15 - 0.75 * (down / fall)[:, None] ** 3
+    solid &= torn < 0.1 + rim[None, :] * 0.35
     index = np.arange(rows * _COLUMNS).reshape(rows, _COLUMNS)
-    whole = kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:]
+    whole = solid[:-1, :-1] & solid[:-1, 1:] & solid[1:, :-1] & solid[1:, 1:]
     p, q, r, s = (
         part[whole] for part in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
     )
     outer = np.concatenate([np.stack([p, r, q], 1), np.stack([p, s, r], 1)])
-    faces = np.concatenate([outer, outer[:, ::-1]])  # it is seen from both sides
+    faces = np.concatenate([outer, outer[:, ::-1]])  # both sides are visible
     return Locks(np.broadcast_to(root, index.shape).reshape(-1), sheet.reshape(-1, 3), faces)
 
 
 def _stretched(sheet: Reals, share: Reals) -> Reals:
-    """Resample each column of a sheet (rows, columns, 3) to ``share`` (columns,) of its length."""
+    """Shorten each column of a sheet (rows, columns, 3) to ``share``, (columns,), of its length."""
     rows = len(sheet)
     at = np.arange(rows)[:, None] * np.minimum(share, 1.0)[None, :]
     low = np.minimum(at.astype(int), rows - 2)[..., None]
@@ -316,7 +325,7 @@ def _stretched(sheet: Reals, share: Reals) -> Reals:
 
 
 def _smoothed(sheet: Reals) -> Reals:
-    """Smooth a sheet (rows, columns, 3) over neighbours; its first row stays unchanged."""
+    """Smooth a sheet (rows, columns, 3) over neighbours, except its first row."""
     for _ in range(4):
         wide = np.concatenate([sheet[:, :1], sheet, sheet[:, -1:]], axis=1)
         sheet = 0.25 * wide[:, :-2] + 0.5 * sheet + 0.25 * wide[:, 2:]
@@ -326,10 +335,10 @@ def _smoothed(sheet: Reals) -> Reals:
 
 
 def _tied(head: Head) -> list[Locks]:
-    """Make the tied hair of a style (buns or tails), each bundle at one point of the scalp."""
+    """Make the buns or tails of a style; each grows from one point of the scalp."""
     anatomy, scale, bundles = head.anatomy, head.anatomy.scale, []
-    for place in _TIES.get(head.style.extra, ()):
-        tie = anatomy.eye + np.array(place) * scale
+    for point in _TIES.get(head.style.extra, ()):
+        tie = anatomy.eye + np.array(point) * scale
         root = int(np.argmin(np.linalg.norm(head.base - tie, axis=1)))
         out = head.base[root] - anatomy.centre
         out /= norm(out)
@@ -341,7 +350,7 @@ def _tied(head: Head) -> list[Locks]:
 
 
 def _bun(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
-    """Return centre lines (10, 26, 3) and widths (26,) mm of locks wound around a ball."""
+    """Compute centre lines (10, 26, 3) and widths (26,), mm, of locks wound around a ball."""
     radius = rng.uniform(24, 34) * scale
     axis = _units(rng.normal(0, 1, (26, 3)) + 2.0 * out)
     first = _units(np.cross(axis, rng.normal(0, 1, (26, 3))))
@@ -354,7 +363,7 @@ def _bun(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tupl
 
 
 def _tail(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
-    """Return centre lines (12, 34, 3) and widths (34,) mm of locks that hang from a tie."""
+    """Compute centre lines (12, 34, 3) and widths (34,), mm, of locks that hang from a tie."""
     length = rng.uniform(150, 290) * scale * rng.uniform(0.7, 1.0, 34)
     share = np.linspace(0, 1, 12)[:, None, None]
     spread = rng.normal(0, 1, (1, 34, 3)) * np.array([11.0, 4.0, 9.0]) * scale

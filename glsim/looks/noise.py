@@ -12,42 +12,46 @@ from glsim.core.seeds import keyed_rng
 
 Pattern = Literal["plain", "mottled", "stripes", "checks", "print"]
 
-#: Cloth differs by this share from place to place, in patches of _PATCH_MM; chosen.
+#: Reflectivity of cloth varies by this share in patches of this size, mm; chosen.
 _PATCHES, _PATCH_MM = 0.10, 30.0
-#: Widths of a pair of stripes, mm, and contrasts; below 36 mm the meshes cannot carry them; chosen.
+#: Ranges of the width of a pair of stripes, mm, and of the contrast; chosen: meshes are too coarse
+#: for less than 36 mm.
 _STRIPES_MM, _CONTRAST = (40.0, 90.0), (0.12, 0.4)
-#: Carbon black in a print leaves this share of the cloth's reflectivity; chosen.
+#: Reflectivity of a carbon-black print relative to the cloth; chosen.
 _PRINT_LEFT: Final = 0.3
 
 #: Odd 32-bit multipliers that spread lattice coordinates over all bits; chosen, prime.
 _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 
 
-#: Scale of the logistic distribution with the standard deviation of the noise (0.40, measured:
-#: times the square root of 3 over pi), and the mean of its soft plus, measured.
+#: Scale of a logistic distribution as wide as the noise: the noise's standard deviation, 0.40
+#: (measured), times sqrt(3) / pi; and the mean of the scaled noise's soft plus (measured).
 _LOGISTIC, _SOFT_MEAN = 0.22, 1.02
 
 
 def smooth_noise(points: Reals, seed: int) -> NDArray[np.float32]:
-    """Return noise (N,) float32 in [-1, 1] at points (N, 3), with about one bump per unit length.
+    """Compute smooth noise with about one bump per unit length; a pure function of the arguments.
 
-    Values at the whole numbers are random, quintic interpolation makes it smooth between them. A
-    pure function of its arguments.
+    Points with whole coordinates have random values; quintic weights interpolate between them.
 
     Args:
-        seed: the low 32 bits count.
+        points: (N, 3).
+        seed: its low 32 bits count.
+
+    Returns:
+        (N,) float32, -1 to 1.
     """
     low = np.floor(points)
-    part = (points - low).astype(np.float32)
-    fade = part * part * part * (part * (part * 6 - 15) + 10)
+    away = (points - low).astype(np.float32)
+    fade = away * away * away * (away * (away * 6 - 15) + 10)
     corner = low.astype(np.int64).astype(np.uint32)
-    parts = [[corner[:, k] * p, (corner[:, k] + np.uint32(1)) * p] for k, p in enumerate(_PRIMES)]
+    words = [[corner[:, k] * p, (corner[:, k] + np.uint32(1)) * p] for k, p in enumerate(_PRIMES)]
     start = np.uint32(seed & 0xFFFFFFFF)
     total: NDArray[np.float32] = np.zeros(len(points), np.float32)
     for x in (0, 1):
         for y in (0, 1):
             for z in (0, 1):
-                bits = _mixed(parts[0][x] ^ parts[1][y] ^ parts[2][z] ^ start)
+                bits = _mixed(words[0][x] ^ words[1][y] ^ words[2][z] ^ start)
                 weight = np.ones(len(points), np.float32)
                 for k, high in enumerate((x, y, z)):
                     weight *= fade[:, k] if high else 1 - fade[:, k]
@@ -64,28 +68,31 @@ def _mixed(bits: NDArray[np.uint32]) -> NDArray[np.float32]:
 
 
 def openings(points: Reals, seed: int) -> NDArray[np.float32]:
-    """Return light depths (N,) float32 >= 0 between fibres, exponentially distributed with mean 1.
+    """Compute how deep light enters between fibres, (N,) float32: exponential with mean 1.
 
-    Light that falls between fibres is lost at a constant rate (Beer and Lambert), so that the
-    depths at which it returns are distributed so. Noise is nearly logistic; the soft plus of a
-    logistic number is exponential.
+    Each unit of depth absorbs the same share of the light (Beer and Lambert), hence the exponential
+    distribution. The noise is nearly logistic, and the soft plus of a logistic number is nearly
+    exponential.
     """
     soft = np.logaddexp(0.0, smooth_noise(points, seed) / np.float32(_LOGISTIC))
     return np.asarray(soft / np.float32(_SOFT_MEAN), np.float32)
 
 
 def ridges(points: Reals, seed: int) -> NDArray[np.float32]:
-    """Return heights (N,) float32 in [-1, 1] with sharp crests, as between locks of hair."""
+    """Compute heights (N,) float32, -1 to 1, with sharp crests, as of locks of hair."""
     return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
 
 
 def pattern_factors(pattern: Pattern, points: Reals, seed: int) -> Reals:
-    """Return reflectivity factors (N,) of cloth at points (N, 3) mm, with mean about 1.
+    """Compute the reflectivity of patterned cloth relative to its mean.
 
     Args:
-        pattern: kind of the cloth.
-        points: at rest; x to the subject's left, y up, z ahead.
-        seed: of widths, places and contrasts.
+        pattern: kind of pattern.
+        points: (N, 3) mm at rest; x to the subject's left, y up, z forward.
+        seed: of widths, positions and contrasts.
+
+    Returns:
+        (N,) factors, about 1 on average.
     """
     factors = 1 + _PATCHES * smooth_noise(points / _PATCH_MM, seed).astype(np.float64)
     rng = keyed_rng(seed, "pattern")
@@ -108,5 +115,5 @@ def pattern_factors(pattern: Pattern, points: Reals, seed: int) -> Reals:
 
 
 def _waves(place: Reals) -> Reals:
-    """Return a stripe pattern in [-1, 1] with soft edges and a period of one unit."""
+    """Compute stripes with soft edges, -1 to 1, with a period of 1."""
     return np.asarray(np.clip(2.5 * np.sin(2 * np.pi * place), -1, 1))

@@ -1,4 +1,4 @@
-"""Draw the outfit of a subject from the settings and the subject's seed."""
+"""Sample the outfit of a subject from the settings and the subject's seed."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from glsim.settings.schema import AppearanceSettings
 
 _Choice = TypeVar("_Choice")
 
-#: Colour of hair, share, range of reflectivity.
+#: Name of a hair colour, share of people, range of reflectivity.
 HAIR_COLOURS: Final = STYLE_TABLE["hair_colours"]
 BEARD_FROM_YEARS: Final = 18.0  # chosen
 
 
 @dataclass(frozen=True)
 class Outfit:
-    """All choices of a subject's appearance; None or 0 for parts that are not worn.
+    """All choices of a subject's appearance; None or 0 where nothing is worn.
 
     Args:
-        garments, cloth_albedos: an upper garment, a lower one and shoes.
+        garments, cloth_albedos: of upper garment, lower garment, shoes.
         pattern: of the upper garment.
-        words, numbers: for the manifest, by "appearance.name".
+        words, numbers: entries of the manifest, "appearance.name" -> value.
     """
 
     hair: HairStyle | None = None
@@ -56,13 +56,15 @@ class Outfit:
 def sample_outfit(
     settings: AppearanceSettings, seeds: ScopeSeeds, notes: Mapping[str, object] | None = None
 ) -> Outfit:
-    """Draw the outfit of a subject; a pure function of the arguments.
+    """Sample the outfit of a subject; a pure function of the arguments.
 
-    Each choice has its own generator: switching one thing off changes no other.
+    Each choice has a random generator of its own, so that a changed setting changes one choice.
 
     Args:
-        notes: of a face; "age_years" and "woman" decide on beards, bald heads and grey hair where
-            they are known.
+        settings: shares of people with hair, beards, glasses, ...
+        seeds: of the frame.
+        notes: of the face; "age_years" and "woman", where known, decide on beards, bald heads and
+            grey hair.
     """
     age, woman = _person(notes or {})
     words: dict[str, str] = {}
@@ -81,66 +83,66 @@ def sample_outfit(
     name, _, (low, high) = HAIR_COLOURS[_choose(_colour_weights(age), colour)]
     hair_albedo = float(colour.uniform(low, high))
     has_hair = worn("hair")
-    # The share is of all subjects: where the men are known, twice as many of these have a beard.
+    # The setting is a share of all people; where the sex is known, men have twice that share.
     of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
     bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
-    given: dict[str, Any] = {"seed": int(rng("relief").integers(1 << 31))}
+    choices: dict[str, Any] = {"seed": int(rng("relief").integers(1 << 31))}
     if has_hair:
         draw = rng("hair")
         weights = _hair_weights(age, woman if woman is not None or not bearded else False)
-        given["hair"] = hair = _varied(STYLES[_choose(weights, draw)], draw)
+        choices["hair"] = hair = _varied(STYLES[_choose(weights, draw)], draw)
         words["appearance.hair"] = hair.name
         note("hair_length_mm", max(hair.hang, hair.lock[1], hair.top), 1)
     if bearded:
         draw = rng("beard")
-        given["beard"] = beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
+        choices["beard"] = beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
         words["appearance.beard"] = beard.name
-        given["beard_mm"] = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
+        choices["beard_mm"] = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
     if worn("brows"):
-        given["brow_mm"] = note("brow_height_mm", float(rng("brows").uniform(0.8, 2.4)), 2)
-    if given.keys() & {"hair", "beard", "brow_mm"}:
+        choices["brow_mm"] = note("brow_height_mm", float(rng("brows").uniform(0.8, 2.4)), 2)
+    if choices.keys() & {"hair", "beard", "brow_mm"}:
         words["appearance.hair_colour"] = name
-        given["hair_albedo"] = note("hair_albedo", hair_albedo, 3)
+        choices["hair_albedo"] = note("hair_albedo", hair_albedo, 3)
     if worn("glasses"):
         draw = rng("glasses")
-        given["glasses"] = glasses = GLASSES[int(draw.integers(len(GLASSES)))]
-        given["lens"] = lens = _one_of(STYLE_TABLE["lenses"], draw)
+        choices["glasses"] = glasses = GLASSES[int(draw.integers(len(GLASSES)))]
+        choices["lens"] = lens = _one_of(STYLE_TABLE["lenses"], draw)
         words |= {"appearance.glasses": glasses.name, "appearance.lenses": lens}
-        given["rim_albedo"] = note("rim_albedo", float(draw.uniform(*STYLE_TABLE["rims"])), 3)
+        choices["rim_albedo"] = note("rim_albedo", float(draw.uniform(*STYLE_TABLE["rims"])), 3)
         if lens != "clear":
             span = STYLE_TABLE["lens_albedo"][lens]
-            given["lens_albedo"] = note("lens_albedo", float(draw.uniform(*span)), 3)
+            choices["lens_albedo"] = note("lens_albedo", float(draw.uniform(*span)), 3)
     if worn("cloth"):
         draw = rng("cloth")
         garment = UPPER[_choose(_shares(UPPER, woman), draw)]
         words["appearance.cloth"] = garment.name
-        given["cloth_albedos"] = tuple(
+        choices["cloth_albedos"] = tuple(
             note(f"{name}_albedo", float(draw.uniform(*_one_of(STYLE_TABLE["cloth"], draw))), 3)
             for name in ("cloth", "trousers", "shoes")
         )
         lower = LOWER[_choose(_shares(LOWER, woman), draw)]
-        given["garments"] = garment, lower, SHOES
-        given["pattern"] = pattern = _one_of(STYLE_TABLE["patterns"], draw)
+        choices["garments"] = garment, lower, SHOES
+        choices["pattern"] = pattern = _one_of(STYLE_TABLE["patterns"], draw)
         words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
-        given["tucked"] = bool(draw.random() < garment.tucked)
-    return Outfit(**{"hair_albedo": hair_albedo, **given}, words=words, numbers=numbers)
+        choices["tucked"] = bool(draw.random() < garment.tucked)
+    return Outfit(**{"hair_albedo": hair_albedo, **choices}, words=words, numbers=numbers)
 
 
 def _person(notes: Mapping[str, object]) -> tuple[float, bool | None]:
-    """Return the age in years (35 if unknown) and whether it is a woman (None if unknown)."""
+    """Return the age in years (default: 35), and whether the person is a woman (None: unknown)."""
     age, woman = notes.get("age_years"), notes.get("woman")
     years = float(age) if isinstance(age, int | float) else 35.0
     return years, woman if isinstance(woman, bool) else None
 
 
 def _colour_weights(age: float) -> list[float]:
-    """Return the weights of HAIR_COLOURS at an age; grey becomes frequent beyond 60 years."""
+    """Compute the weights of HAIR_COLOURS at an age: more grey hair from 60 years on."""
     grey = float(np.interp(age, (25, 35, 60, 75), (0.02, 0.5, 5.0, 30.0)))
     return [w * (grey if name == "grey" else 1.0) for name, w, _ in HAIR_COLOURS]
 
 
 def _shares(choices: Sequence[HairStyle | Garment], woman: bool | None) -> list[float]:
-    """Return the weights of styles by sex; an unknown sex gets the mean of both weights."""
+    """Return the weights of styles for a sex; the mean of both if it is unknown."""
     share = 0.5 if woman is None else float(woman)
     return [share * s.women + (1 - share) * s.men for s in choices]
 
@@ -159,12 +161,12 @@ def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
 
 
 def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) -> _Choice:
-    """Draw a choice from (choice, weight) pairs."""
+    """Sample a choice from (choice, weight) pairs."""
     return table[_choose([share for _, share in table], rng)][0]
 
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
-    """Return a random variant of a hair style: volume, lengths, relief and side of the parting."""
+    """Vary volume, lengths, relief and parting of a hair style at random."""
     volume, length = rng.uniform(0.8, 1.25), rng.uniform(0.8, 1.2)
     return replace(
         style,

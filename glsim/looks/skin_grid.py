@@ -1,4 +1,4 @@
-"""Grids over the skin: triangles of a source, subdivided where large, and cut along lines."""
+"""Grids over the skin: triangles of a source, subdivided where they are large, cut along lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Anchors(NamedTuple):
     weights: NDArray[np.float32]
 
     def place(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the positions (N, 3) float32 of the points on another mesh of the source, mm."""
+        """Compute the points (N, 3) float32 on another mesh of the source, mm."""
         weights, corners = self.weights, self.corners
         points = weights[:, :1] * vertices_mm[corners[:, 0]]
         points += weights[:, 1:2] * vertices_mm[corners[:, 1]]
@@ -34,8 +34,8 @@ class Blend(NamedTuple):
     """Points on the edges of a grid, each between two grid points.
 
     Args:
-        first, second: (M,) indices.
-        share: (M,) 0 at the first and 1 at the second.
+        first, second: (M,) indices of grid points.
+        share: (M,) position: 0 at the first, 1 at the second.
     """
 
     first: NDArray[np.int64]
@@ -52,10 +52,10 @@ class SkinGrid(NamedTuple):
     """A subdivided part of a source's triangles.
 
     Args:
-        base: (B,) vertices of the source that are used.
-        triangles: (T, 3) of them, for the normals.
-        anchors: (N, 3) corners, as indices into ``base``.
-        faces: (F, 3) of the N points.
+        base: (B,) indices of the source's vertices that the grid uses.
+        triangles: (T, 3) indices into ``base``, for the normals.
+        anchors: N points, with corners as indices into ``base``.
+        faces: (F, 3) triangles of the N points.
     """
 
     base: NDArray[np.int64]
@@ -64,7 +64,7 @@ class SkinGrid(NamedTuple):
     faces: NDArray[np.int64]
 
     def taken(self, keep: Mask) -> tuple[SkinGrid, NDArray[np.int64]]:
-        """Return the grid of the kept faces, and the indices of its points in this grid."""
+        """Return the grid of some faces, and the indices of its points in this grid."""
         used, inverse = np.unique(self.faces[keep], return_inverse=True)
         corners = self.anchors.corners[used]
         near = np.zeros(len(self.base), bool)
@@ -80,17 +80,17 @@ class SkinGrid(NamedTuple):
         """Cut the grid along the zero line of a value.
 
         Args:
-            inside: (N,) of the points; what is above 0 stays.
+            inside: (N,) value of each point; the side above 0 remains.
 
         Returns:
-            The grid that is left, and how its points lie between the points of this one.
+            The cut grid, and its points as blends of this grid's points.
         """
         kept = inside[self.faces] > 0
         whole = self.faces[kept.all(axis=1)]
         cut = self.faces[kept.any(axis=1) & ~kept.all(axis=1)]
         stays = inside[cut] > 0
         one = stays.sum(axis=1) == 1
-        # The corner that is alone on its side comes first; the order round the triangle stays.
+        # Rotate each triangle until the corner that is alone on its side comes first.
         alone = np.where(one, stays.argmax(axis=1), (~stays).argmax(axis=1))
         a, b, c = (np.take_along_axis(cut, (alone[:, None] + k) % 3, 1)[:, 0] for k in range(3))
         edges = np.concatenate([np.stack([a, b], 1), np.stack([a, c], 1)])
@@ -115,10 +115,10 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Reals, edge_mm: fl
     """Make a grid of the chosen triangles; edges longer than ``edge_mm`` are split in halves.
 
     Args:
-        faces: (T, 3) of the source.
-        chosen: (T,).
-        points: (V, 3) mm of its reference head.
-        edge_mm: no edge is longer.
+        faces: (T, 3) triangles of the source.
+        chosen: (T,) mask.
+        points: (V, 3) mm, vertices of its reference head.
+        edge_mm: longest edge of the result.
     """
     base, inverse = np.unique(faces[chosen], return_inverse=True)
     triangles = inverse.reshape(-1, 3).astype(np.int64)
@@ -146,7 +146,7 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Reals, edge_mm: fl
 def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
     """Split triangles (F, 3) at points (F, 3) on their sides 0-1, 1-2 and 2-0; -1 for none."""
     count = (middle >= 0).sum(axis=1)
-    # One divided side comes first, one undivided side too; the order round the triangle stays.
+    # Rotate each triangle until its only divided, or its only undivided, side comes first.
     first = np.where(count == 1, (middle >= 0).argmax(axis=1), (middle < 0).argmax(axis=1))
     turn = (np.where((count == 1) | (count == 2), first, 0)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(faces, turn, 1).T
@@ -163,14 +163,14 @@ def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.in
 
 
 def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
-    """Return the anchors of points that lie between two points of the same source triangle."""
+    """Return the anchors of points between two points of the same source triangle."""
     corners = np.concatenate([anchors.corners[blend.first], anchors.corners[blend.second]], axis=1)
     share = blend.share.astype(np.float32)[:, None]
     own, other = anchors.weights[blend.first], anchors.weights[blend.second]
     weights = np.concatenate([own * (1 - share), other * share], axis=1)
     order = np.argsort(corners, axis=1, kind="stable")
     corners, weights = (np.take_along_axis(values, order, 1) for values in (corners, weights))
-    for k in range(5):  # the weights of a corner that comes again are carried to its last place
+    for k in range(5):  # add up the weights of equal corners at the last of them
         same = corners[:, k] == corners[:, k + 1]
         weights[:, k + 1] += np.where(same, weights[:, k], 0)
         weights[same, k] = 0
@@ -179,10 +179,11 @@ def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
 
 
 def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the unit normals (N, 3) of the skin at the grid's points.
+    """Compute the unit normals (N, 3) of the skin at the grid's points.
 
     Args:
-        skin_mm: (B, 3) of its base.
+        grid: the points.
+        skin_mm: (B, 3) mm, vertices of the grid's base.
     """
     normal = grid.anchors.place(vertex_normals(skin_mm, grid.triangles))  # type: ignore[arg-type]
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.float64)

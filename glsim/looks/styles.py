@@ -16,23 +16,23 @@ class HairStyle:
 
     Args:
         women, men: relative frequencies.
-        comb: which way strands lie: away from the crown, backwards, away from a parting, or curled.
+        comb: direction of the strands: from the crown, backwards, from a parting, or curled.
         top, side, back: thickness of the hair over the skull.
-        lock: (shortest, longest) length of the locks that lie on it.
-        locks: their number.
-        width: of a lock.
-        lift: 0 lies flat, 1 stands out.
-        fall: 0 holds its direction, 1 hangs down.
+        lock: shortest and longest length of lying locks.
+        locks: number of lying locks.
+        width: width of a lock.
+        lift: 0 for flat locks, 1 for locks that stand out.
+        fall: 0 for locks that keep their direction, 1 for locks that hang down.
         wave: amplitude of waves in a lock.
         relief: height of the ridges between strands.
         parting: side of the parting, mm from the middle.
         fringe: length of hair over the forehead.
-        recede: how far the corners of the forehead are bare.
+        recede: width of the bare corners of the forehead.
         bald: radius of a bald crown.
-        hang: length of the hair that hangs from the sides and the back; 0 for none.
-        flare: how far it stands off, mm per mm.
-        open_deg: angle from straight ahead to where it begins.
-        extra: hair that is tied.
+        hang: length of hanging hair at the sides and the back; 0 for none.
+        flare: distance by which hanging hair stands off, mm per mm of length.
+        open_deg: angle from straight ahead at which hanging hair begins.
+        extra: kind of tied hair.
     """
 
     name: str
@@ -59,6 +59,6 @@ class HairStyle:
     extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
 
 
-#: Dimensions of hair, beards and glasses, reflectivities, shares.
+#: Content of styles.toml.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
 STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())

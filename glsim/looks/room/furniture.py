@@ -1,6 +1,7 @@
 """Make furniture from the table furniture.toml, and curtains and coats with folds.
 
-A thing stands on y = 0 at the origin and faces +z; sizes, materials and what lies on it are drawn.
+A piece of furniture stands on y = 0 at the origin and faces +z. Its size, its materials and the
+objects on it are sampled.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from glsim.looks.room.shapes import (
 Rng = np.random.Generator
 Part = Mapping[str, Any]
 
-#: From the middle of a chair to the front of its back, mm.
+#: Distance from the centre of a chair to the front of its backrest, mm.
 BACKREST_MM = 205.0
-#: Materials that have a region of their own.
+#: Materials with a region in the layer "regions".
 _REGIONS = {"screen": "screen", "leaves": "plant", "glass": "window"}
-#: Straight pieces of a hanging cable.
+#: Number of straight pieces of a hanging cable.
 _PIECES = 6
-#: Height of the earth in a pot, from which plants grow, mm.
+#: Height of the earth in a flower pot, mm.
 _EARTH_MM = 245.0
 
 
@@ -49,12 +50,12 @@ def catalogue() -> Mapping[str, Any]:
 
 
 def sample_albedo(rng: Rng, material: str) -> float:
-    """Draw the albedo of a material at 860 nm, relative to a white wall."""
+    """Sample the albedo of a material at 860 nm, relative to a white wall."""
     return float(rng.uniform(*catalogue()["albedos"][material]))
 
 
 def choose(rng: Rng, shares: Mapping[str, float]) -> str:
-    """Draw a name at random, in proportion to its share."""
+    """Sample a name with a probability in proportion to its share."""
     weights = np.array(list(shares.values()))
     return list(shares)[int(rng.choice(len(weights), p=weights / weights.sum()))]
 
@@ -65,11 +66,11 @@ def make_thing(
     """Make the shapes of a piece of furniture from the table.
 
     Args:
-        rng: draws its size, its materials and what lies on it.
-        name: of the thing.
-        clutter: share of the things that can lie on it, 0 to 1.
-        fit_mm: width and height of the opening that it fills, or height of its seat; None for
-            drawn ones.
+        rng: samples size, materials and objects.
+        name: name in the table.
+        clutter: share of the possible objects on it, 0 to 1.
+        fit_mm: width and height of the opening that it fills, or height of its seat; default:
+            sampled.
     """
     thing = catalogue()["things"][name]
     scale = 1 + rng.uniform(-1, 1, 3) * thing.get("stretch", (0.0, 0.0, 0.0))
@@ -87,22 +88,25 @@ def _parts(
     """Make the shapes of all parts of a piece of furniture.
 
     Args:
-        scale: (3,) of its sizes.
-        albedos: material -> albedo of the whole thing; further ones are drawn.
+        rng: samples the objects, and the albedos that ``albedos`` lacks.
+        name: name in the table.
+        scale: (3,) factors of its size.
+        clutter: share of the possible objects on it, 0 to 1.
+        albedos: material -> albedo, which all parts share; new ones are added.
     """
     shapes: list[Shape] = []
     for number, part in enumerate(catalogue()["things"][name]["parts"]):
         if "share" in part and rng.random() > part["share"]:
             continue
-        made: list[Shape]
+        copies: list[Shape]
         if "thing" in part:
-            made = _parts(rng, part["thing"], scale, clutter, albedos)
+            copies = _parts(rng, part["thing"], scale, clutter, albedos)
         elif "things" in part:
             width, depth = part["things"] * scale[[0, 2]]
-            made = _small_things(rng, round(part["count"] * clutter), width, depth)
+            copies = _small_things(rng, round(part["count"] * clutter), width, depth)
         elif "books" in part:
             filled = rng.random() < 0.25 + 0.75 * clutter
-            made = _books(rng, *(part["books"] * scale)) if filled else []
+            copies = _books(rng, *(part["books"] * scale)) if filled else []
         else:
             if "cable" in part:
                 solid = _cable(rng, *part["cable"])
@@ -120,15 +124,15 @@ def _parts(
         dx, dy, dz = np.multiply(step, scale)
         for n in range(count):
             if n and "thing" in part:
-                made = _parts(rng, part["thing"], scale, clutter, albedos)
-            place = x + n * dx, y + n * dy, z + n * dz
-            shapes += moved(made, *place, turn_deg=part.get("turn", 0.0))
+                copies = _parts(rng, part["thing"], scale, clutter, albedos)
+            position = x + n * dx, y + n * dy, z + n * dz
+            shapes += moved(copies, *position, turn_deg=part.get("turn", 0.0))
     return shapes
 
 
 @lru_cache(maxsize=256)
 def _solid(name: str, number: int) -> Shape:
-    """Make a part whose dimensions are fixed, mirrored and repeated but not yet scaled."""
+    """Make a part of fixed dimensions, with mirror images and copies, before scaling."""
     part = catalogue()["things"][name]["parts"][number]
     if "box" in part:
         shape = box(
@@ -153,7 +157,7 @@ def _solid(name: str, number: int) -> Shape:
 
 
 def _small_things(rng: Rng, count: int, width_mm: float, depth_mm: float) -> list[Shape]:
-    """Place small objects on a board without overlap; objects that do not fit are left out."""
+    """Place small objects on a board without overlap; leave out those that do not fit."""
     small = {n: t["small"] for n, t in catalogue()["things"].items() if "small" in t}
     taken: list[tuple[Points, Points]] = []
     shapes: list[Shape] = []
@@ -170,7 +174,7 @@ def _small_things(rng: Rng, count: int, width_mm: float, depth_mm: float) -> lis
 
 
 def _books(rng: Rng, width: float, height: float, depth: float) -> list[Shape]:
-    """Fill a shelf board with runs of books and gaps; the spines are 15 to 60 mm inside."""
+    """Fill a shelf board with rows of books and gaps, 15 to 60 mm behind its front edge."""
     shapes = []
     x, right = -width / 2 + 4, width / 2 - 4
     while x < right - 60:
@@ -194,12 +198,12 @@ def _cable(rng: Rng, start_mm: ArrayLike, end_mm: ArrayLike) -> Shape:
     along = np.linspace(0, 1, _PIECES + 1)[:, None]
     points = start + along * (end - start)
     points[:, 1] -= 4 * slack * (along * (1 - along))[:, 0]
-    points[:, 1] = np.maximum(points[:, 1], radius)  # it lies on the floor
+    points[:, 1] = np.maximum(points[:, 1], radius)  # not below the floor
     return joined([rod(a, b, radius, sides=4) for a, b in pairwise(points)])
 
 
 def _leaves(rng: Rng, part: Part) -> Shape:
-    """Make leaves of 6 x 3 vertices along the stems of a plant; they rise and then bend down."""
+    """Make leaves of 6 x 3 vertices along the stems of a plant, which rise, then bend down."""
     count, root = int(part["leaves"]), np.array([0.0, _EARTH_MM, 0.0])
     least, most = part["rise"]
     turn, rise = rng.uniform(0, 2 * np.pi, count), rng.uniform(least, most, count)
@@ -222,7 +226,13 @@ def _leaves(rng: Rng, part: Part) -> Shape:
 
 
 def curtain(rng: Rng, width_mm: float, top_mm: float, bottom_mm: float) -> list[Shape]:
-    """Make a folded curtain in front of a wall at z = 0, from x = -width / 2 to width / 2."""
+    """Make a folded curtain in front of a wall at z = 0.
+
+    Args:
+        rng: samples folds and albedo.
+        width_mm: width, centred on x = 0.
+        top_mm, bottom_mm: heights of its ends.
+    """
     folds = width_mm / rng.uniform(90, 150)  # chosen: a fold each 90 to 150 mm
     x, drop = np.linspace(-0.5, 0.5, int(folds * 10) + 2)[None], np.linspace(0, 1, 6)[:, None]
     phase, second = rng.uniform(0, 2 * np.pi, 2)
@@ -249,10 +259,12 @@ def coat(rng: Rng) -> list[Shape]:
 
 
 def make_seat(rng: Rng, kind: str, seat: Sequence[float]) -> list[Shape]:
-    """Make a chair for a sitting person, of a type that suits the kind of room.
+    """Make a chair for a sitting person.
 
     Args:
-        seat: height of the seat above the floor, and z of its back, mm.
+        rng: samples the chair.
+        kind: kind of room, which has its types of chairs.
+        seat: height of the seat above the floor, and z of the backrest, mm.
     """
     height_mm, back_z = seat
     name = choose(rng, catalogue()["rooms"][kind]["seats"])

@@ -1,7 +1,7 @@
 """Build the walls of a room, and place furniture along the walls, on the walls and in the middle.
 
-Nothing is placed on the way from the camera to the person, so that nothing stands in front of the
-face. Room axes: millimetres, origin on the floor below the face, +y up; the back wall is at -z.
+The way from the camera to the person stays free, so that no object hides the face. Room axes:
+millimetres, origin on the floor below the face, +y up; the back wall is at -z.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from glsim.looks.room.furniture import (
 from glsim.looks.room.shapes import Shape, bounds_mm, box, moved, plate, rod
 
 Rng = np.random.Generator
-#: Left, right and top of what stands at a wall, mm.
+#: Left end, right end and top of a piece of furniture at a wall, mm.
 Span = tuple[float, float, float]
 
 
@@ -33,8 +33,8 @@ class Opening(NamedTuple):
 
     Args:
         kind: "door" or "window".
-        left, right: along the wall.
-        low, high: above the floor.
+        left, right: its ends along the wall.
+        low, high: its heights above the floor.
     """
 
     kind: str
@@ -49,8 +49,8 @@ class Wall(NamedTuple):
 
     Args:
         start: (x, z) of its left end in the room, mm.
-        turn_deg: about the vertical axis.
-        openings: its doors and windows.
+        turn_deg: rotation about the vertical axis.
+        openings: doors and windows.
     """
 
     name: str
@@ -67,11 +67,16 @@ class Wall(NamedTuple):
 def sample_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
-    """Draw doors and windows that fit into a wall without overlap.
+    """Sample doors and windows of a wall, without overlap.
 
     Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
+
+    Args:
+        rng: samples positions and sizes.
+        length, height: of the wall, mm.
+        doors, windows: their numbers, if there is room.
     """
-    found: list[Opening] = []
+    openings: list[Opening] = []
     for kind in ["door"] * doors + ["window"] * windows:
         if kind == "door":
             width, low, high = rng.uniform(760, 985), 0.0, rng.uniform(1985, 2110)
@@ -83,14 +88,21 @@ def sample_openings(
             right = left + width
             if right > length - 100:
                 continue
-            if all(right + 250 < o.left or left - 250 > o.right for o in found):
-                found.append(Opening(kind, left, right, low, high))
+            if all(right + 250 < o.left or left - 250 > o.right for o in openings):
+                openings.append(Opening(kind, left, right, low, high))
                 break
-    return found
+    return openings
 
 
 def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]:
-    """Make the shapes of a wall with its doors, windows and skirting, in room axes."""
+    """Make the shapes of a wall with its doors, windows and skirting, in room axes.
+
+    Args:
+        rng: samples doors and materials.
+        wall: its position and openings.
+        height: of the room, mm.
+        paint: albedo of the wall.
+    """
     shapes: list[Shape] = []
     columns = sorted({0.0, wall.length, *(x for o in wall.openings for x in (o.left, o.right))})
     rows = sorted({0.0, height, *(y for o in wall.openings for y in (o.low, o.high))})
@@ -122,7 +134,7 @@ class FloorPlan:
 
     Args:
         extent: (left, back, right, front), mm.
-        discs: (x, z, radius) of the way from the camera to the person and of other people.
+        discs: (x, z, radius) of the way from the camera to the person, and of other people.
         areas: (x0, z0, x1, z1) of the furniture.
     """
 
@@ -131,7 +143,7 @@ class FloorPlan:
     areas: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     def take(self, shapes: Sequence[Shape], gap_mm: float = 20.0) -> bool:
-        """Reserve the floor area of some shapes in room axes; return False if it is occupied."""
+        """Reserve the floor under shapes in room axes; return False if it is occupied."""
         low, high = bounds_mm(shapes)
         a = low[0] - gap_mm, low[2] - gap_mm, high[0] + gap_mm, high[2] + gap_mm
         left, back, right, front = self.extent
@@ -159,7 +171,18 @@ class FloorPlan:
 
 
 def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Make the furniture along a wall and the objects on it, in room axes."""
+    """Make the furniture along a wall and the pictures and coats on it.
+
+    Args:
+        rng: samples them.
+        kind: kind of room.
+        wall: the wall.
+        plan: reserves the floor.
+        clutter: share of the possible objects, 0 to 1.
+
+    Returns:
+        Shapes in room axes.
+    """
     shapes: list[Shape] = []
     spans: list[Span] = []
     x, choices = rng.uniform(20, 500), catalogue()["rooms"][kind]["wall"]
@@ -203,7 +226,7 @@ def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
 def _at_window(
     rng: Rng, wall: Wall, window: Opening, plan: FloorPlan, spans: Sequence[Span]
 ) -> list[Shape]:
-    """Make a radiator below a window, if that place is free, and curtains beside the window."""
+    """Make curtains beside a window and, if the floor is free there, a radiator below it."""
     shapes: list[Shape] = []
     middle, width = (window.left + window.right) / 2, window.right - window.left
     clear = all(right < window.left - 150 or left > window.right + 150 for left, right, _ in spans)
@@ -244,7 +267,14 @@ def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> lis
 
 
 def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Make the furniture that stands away from the walls, in room axes."""
+    """Make the furniture in the middle of a room, in room axes.
+
+    Args:
+        rng: samples it.
+        kind: kind of room.
+        plan: reserves the floor.
+        clutter: share of the possible furniture, 0 to 1.
+    """
     shapes: list[Shape] = []
     left, back, right, front = plan.extent
     choices = catalogue()["rooms"][kind]["free"]

@@ -1,4 +1,4 @@
-"""Other people in a room: bodies from the frame's source whose subjects are not in the data set."""
+"""Other people in a room: subjects of the frame's source that are not in the data set."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from glsim.looks.room.view import visible_part
 from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings
 
-#: Other people of a source; rooms draw from them. A room of a thousand shows each in 30.
+#: Number of other people of a source. In a thousand rooms with one of them each appears 30 times.
 STRANGERS = 32
-#: Sequences of a stranger that are tried until one stands.
+#: Most sequences of a person that are tried until the person stands.
 _TRIES = 6
-#: Their meshes, cut to the view, that are kept.
+#: Number of meshes, cut to the view, that stay in memory.
 _KEPT = 24
 
 
@@ -37,7 +37,7 @@ class OtherPeople:
         dressers: Sequence[Dresser],
         rig: SensorRig,
     ) -> None:
-        """Store the settings, the sources with one dresser each, and the sensor's rig."""
+        """Take the settings, the sources with one dresser each, and the sensor's rig."""
         self._settings, self._sources, self._rig = settings, sources, rig
         self._dressers = dressers
         self._most = round(settings.scene.people.bounds()[1])
@@ -47,10 +47,10 @@ class OtherPeople:
         self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
     def load(self, source: int, seeds: ScopeSeeds) -> None:
-        """Load the background people of a frame's room; call it only where the source may be used.
+        """Load the background people of a frame's room; the caller holds the lock of the sources.
 
         Args:
-            source: position of the frame's source in the settings.
+            source: number of the frame's source in the settings.
             seeds: of the frame.
         """
         if self._most == 0 or not self._settings.source[source].endless:
@@ -60,7 +60,7 @@ class OtherPeople:
                 self._faces[source, number] = self._standing(source, number)
 
     def props(self, source: int, seeds: ScopeSeeds, scenery: Scenery) -> list[Prop]:
-        """Return the meshes of people at a scenery's places, the same arrays in each frame."""
+        """Return the meshes of the people in a scenery; their arrays are the same in each frame."""
         found: list[Prop] = []
         numbers = self._numbers(seeds, len(scenery.places))
         for number, place in zip(numbers, scenery.places, strict=True):
@@ -74,15 +74,15 @@ class OtherPeople:
         return found
 
     def _numbers(self, seeds: ScopeSeeds, count: int) -> list[int]:
-        """Draw ``count`` different numbers of background people for a room."""
+        """Sample the numbers of ``count`` different background people for a room."""
         rng = pcg_rng("other people", getattr(seeds, self._settings.scene.per))
         order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
         return order
 
     def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
-        """Load a standing person; return the dressed face and the floor's height (y, mm).
+        """Load a standing person: the dressed face and the floor's height y, mm.
 
-        None if the source has heads alone.
+        Returns None if the source has heads without bodies.
         """
         settings = self._settings.source[source]
         known = settings.subjects or 0

@@ -20,12 +20,12 @@ from glsim.looks.room.shapes import Shape, moved, plate, turned
 
 Rng = np.random.Generator
 
-#: Radius of the free floor around a person, mm: elbows of an adult are 0.5 m apart (DIN 33402), and
-#: arms move.
+#: Radius of the free floor around a person, mm: half the distance between an adult's elbows is
+#: 0.25 m (DIN 33402), and arms move.
 PERSON_RADIUS_MM = 480.0
-#: Half the width of the free way at the camera, mm, chosen: the camera's case and its stand.
+#: Half the width of the free way at the camera, mm; chosen for the camera and its stand.
 _CAMERA_RADIUS_MM = 250.0
-#: Between the way and a wall, mm. Chosen.
+#: Least gap between the way and a wall, mm; chosen.
 _WALL_GAP_MM = 120.0
 
 
@@ -34,14 +34,14 @@ class RoomNumbers:
     """All numbers that determine a room, in room axes: mm, origin on the floor below the face.
 
     Args:
-        behind_mm: from the face to the back wall.
-        turn_deg: the room's turn about the vertical axis.
-        camera_mm: (x, z) of the camera before that turn.
-        reach_mm: (left, right) of the person's place and how far it reaches to the back.
-        clutter: 0 to 1.
-        people: other people behind.
-        seat_mm: height of the person's seat above the floor and z of its back; None for a person
-            who stands.
+        behind_mm: distance from the face to the back wall.
+        turn_deg: rotation of the room about the vertical axis.
+        camera_mm: (x, z) of the camera before that rotation.
+        reach_mm: x of the left and right end of the person's area, and its depth behind the face.
+        clutter: share of the possible objects, 0 to 1.
+        people: number of other people.
+        seat_mm: height of the person's seat above the floor, and z of the backrest; None for a
+            standing person.
     """
 
     kind: str
@@ -60,11 +60,11 @@ class RoomNumbers:
 def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, float]]]:
     """Build a room: return its shapes, and (x, z, turn) of background people in mm and degrees.
 
-    A pure function of its numbers. Axes: mm, origin on the floor below the face, +z towards the
-    camera, not turned.
+    A pure function of the numbers. Axes: mm, origin on the floor below the face, +z towards the
+    camera, before the rotation of the room.
     """
     way = _way(n)
-    # The walls of the convex room, which holds all of the way.
+    # The walls of a convex room around the whole way.
     share = _rng(n, "extent").uniform(0.3, 0.7)
     left = min(-share * n.width_mm, *(x - r - _WALL_GAP_MM for x, _, r in way))
     right = max((1 - share) * n.width_mm, *(x + r + _WALL_GAP_MM for x, _, r in way))
@@ -98,14 +98,14 @@ def _rng(numbers: RoomNumbers, *words: str) -> Rng:
 
 
 def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
-    """Return the free discs (x, z, radius) mm between camera and person, in the turned room."""
+    """Return the discs (x, z, radius), mm, of the free way, in the rotated room."""
     left, right, back = n.reach_mm
     camera = np.array([n.camera_mm[0], 0.0, n.camera_mm[1]])
     person = np.array([(left + right) / 2, 0.0, -back])
     radius = PERSON_RADIUS_MM + (right - left) / 2
     steps = np.linspace(0, 1, 24)[:, None]
     points = turned(camera + steps * (person - camera), -n.turn_deg)
-    # The full width from the nearest place of the person on; towards the camera it narrows.
+    # Full width in the person's area, then narrower towards the camera.
     share = np.clip(steps[:, 0] * 1.3, 0, 1)
     radii = _CAMERA_RADIUS_MM + share * (radius - _CAMERA_RADIUS_MM)
     return [(float(p[0]), float(p[2]), float(r)) for p, r in zip(points, radii, strict=True)]
@@ -129,7 +129,7 @@ def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float)
 
 
 def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]:
-    """Draw places (x, z, turn) of other people, 1 to 3 m from the person and inside the room."""
+    """Sample positions (x, z, turn) of other people, 1 to 3 m from the person, in the room."""
     rng, found = _rng(n, "people"), []
     for _ in range(n.people):
         for _ in range(30):

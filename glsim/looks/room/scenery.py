@@ -1,7 +1,7 @@
 """Build the scenery of a frame from the settings [scene]: nothing, a plain wall, or a room.
 
-A room is sampled once per subject (or sequence, or frame: ``scene.per``), cut to what the camera
-sees, and kept: its arrays are the same objects in every frame, so the GPU gets them once.
+A room is sampled once per subject (or sequence, or frame: ``scene.per``) and cut to the camera's
+view. It stays in memory: its arrays are the same objects in every frame, so the GPU gets them once.
 """
 
 from __future__ import annotations
@@ -26,21 +26,22 @@ from glsim.looks.room.view import camera_place, camera_tilt_deg, room_view, visi
 from glsim.settings.distribution import Distribution, ScopeSeeds
 from glsim.settings.schema import PoseSettings, SceneSettings
 
-#: Half the side of the square wall, mm; it fills any view up to 12 m.
+#: Half the side of the square plain wall, mm: it fills the view up to 12 m.
 _WALL_MM = 20_000.0
-#: Eyes below this height, mm, belong to somebody who sits: standing adults have theirs above 1.4 m
-#: (DIN 33402, 5th percentile of women), sitting ones below 1.35 m. Between the two.
+#: Eyes below this height, mm, are of a sitting person. Between the eyes of standing adults, above
+#: 1.4 m (DIN 33402, 5th percentile of women), and of sitting adults, below 1.35 m.
 _SITTING_MM = 1380.0
-#: Seat and z of its back for a head without a body: EN 12520, and behind the head (chosen).
+#: For a head without a body, mm: height of the seat (EN 12520), and z of the backrest, behind the
+#: head (chosen).
 _SEAT_MM = (450.0, -330.0)
-#: A mesh that reaches this far below its origin, mm, has a body: heads and busts end above, and the
-#: origin of a sitting child of four years is higher (chosen).
+#: A mesh that reaches this far below its origin, mm, has a body. Chosen: heads and busts end
+#: higher, a sitting child of four years lower.
 _BODY_MM = 550.0
-#: The floor and the seat are rounded to this, mm, so that a breath does not build another room.
+#: Floor and seat are rounded to this, mm: breathing shall not change the room.
 _STEP_MM = 4.0
-#: Rooms that stay in memory; neighbouring tasks share one. A room takes half a megabyte.
+#: Number of rooms in memory, 0.5 MB each; neighbouring tasks share a room.
 _KEPT_ROOMS = 8
-#: Regions of a room, other people in it included.
+#: Regions of a room and of other people in it.
 ROOM_REGIONS = (
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
 )  # fmt: skip
@@ -65,10 +66,11 @@ class Scenery(NamedTuple):
     """All meshes around the person of a frame, with the camera's tilt.
 
     Args:
-        sampled: "scene.name" -> number, for the manifest.
-        tilt_deg: how far the camera looks up.
-        places: (4, 4) matrices, mm to camera m, of points on the floor where other people may
-            stand, in canonical axes: +z is where they look.
+        props: the meshes.
+        sampled: entries of the manifest, "scene.name" -> number.
+        tilt_deg: upward tilt of the camera.
+        places: for each other person the (4, 4) matrix from canonical axes at the feet, mm, with +z
+            in the direction of view, to camera axes, m.
     """
 
     props: tuple[Prop, ...] = ()
@@ -82,7 +84,7 @@ class Body(NamedTuple):
 
     Args:
         floor_mm: y of the floor.
-        seat_mm: y of the seat and z of its back; None if the person stands.
+        seat_mm: y of the seat and z of the backrest; None for a standing person.
     """
 
     floor_mm: float
@@ -90,10 +92,9 @@ class Body(NamedTuple):
 
 
 def body_of(face: Face) -> Body | None:
-    """Return the floor and the seat of a face with a body, or None for a head without a body.
+    """Find floor and seat of a person; None for a head without a body.
 
-    ``Face.notes`` may hold "floor_mm" and "sitting"; otherwise the lowest vertex stands on the
-    floor.
+    ``Face.notes`` may hold "floor_mm" and "sitting"; by default the lowest vertex is on the floor.
     """
     y = face.mesh.vertices_mm[:, 1]
     lowest = float(y.min())
@@ -105,7 +106,7 @@ def body_of(face: Face) -> Body | None:
 
 
 def _seat(face: Face, floor_mm: float) -> tuple[float, float] | None:
-    """Return the hips' height and the back's z of a sitting body, mm; None if not found."""
+    """Find the seat's height and z of the backrest of a sitting body, mm; None without hips."""
     x, y, z = face.mesh.vertices_mm.T
     height = (y - floor_mm) / -floor_mm
     trunk = (np.abs(x) < 110) & (height > 0.55) & (height < 0.85)
@@ -139,7 +140,9 @@ def build_scenery(
     """Build the scenery of a frame; a pure function of the arguments.
 
     Args:
-        body: floor and seat of the person; None for a head without a body, whose height is
+        settings, pose, seeds: of the frame.
+        rig: the sensor's cameras and emitters.
+        body: floor and seat of the person; None for a head without a body, whose eyes are at
             ``scene.eye_mm``.
     """
     if settings.room != "none":
@@ -158,7 +161,9 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.floa
     """Raise MeshError unless the plain wall lies behind the whole face.
 
     Args:
-        meshes, view: the face and what it wears, and their (4, 4) matrix, canonical mm to camera m.
+        scenery: with the wall.
+        meshes: the face and its worn meshes.
+        view: (4, 4) matrix from their canonical mm to camera m.
     """
     wall_mm = scenery.sampled.get("scene.wall_mm")
     if wall_mm is None:
@@ -180,7 +185,7 @@ def _room_scenery(
     rig: SensorRig,
     body: Body | None,
 ) -> Scenery:
-    """Draw the numbers of a room, and return its visible part from the camera's place in it."""
+    """Sample the numbers of a room, and return the part of it that the camera sees."""
     key = getattr(seeds, settings.per)
     keys = ScopeSeeds(key, key, key)
 
@@ -236,7 +241,7 @@ def _visible_room(
     rig: SensorRig,
     albedo: float,
 ) -> tuple[tuple[Prop, ...], tuple[NDArray[np.float32], ...]]:
-    """Build a room and cut it to the camera's view; return its meshes and people's places."""
+    """Build a room, cut it to the view; return its meshes and the positions of other people."""
     room, people = build_room(numbers)
     view = room_view(np.asarray(camera_mm), tilt_deg)
     regions: dict[str, list[Shape]] = {}

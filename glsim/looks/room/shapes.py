@@ -25,10 +25,10 @@ class Shape:
     """A mesh with one albedo and one region.
 
     Args:
-        vertices_mm: (V, 3) float64.
-        faces: (F, 3) int32.
-        albedo: relative to a white wall, at 860 nm.
-        region: name in the layer of regions.
+        vertices_mm: (V, 3) float64 vertices.
+        faces: (F, 3) int32 triangles.
+        albedo: at 860 nm, relative to a white wall.
+        region: name in the layer "regions".
     """
 
     vertices_mm: Points
@@ -39,11 +39,16 @@ class Shape:
     def moved(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
     ) -> Shape:
-        """Return the shape rotated about the vertical axis (+z towards +x), then shifted, mm."""
+        """Return the shape rotated, then shifted.
+
+        Args:
+            x, y, z: shift, mm.
+            turn_deg: rotation about the vertical axis, +z towards +x.
+        """
         return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
 
     def leaned(self, degrees: float) -> Shape:
-        """Return the shape rotated about the x axis, so that its top leans back towards -z."""
+        """Return the shape leaned back: rotated about the x axis, the top towards -z."""
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         x, y, z = self.vertices_mm.T
         return replace(self, vertices_mm=np.stack([x, c * y + s * z, c * z - s * y], axis=1))
@@ -60,7 +65,7 @@ def turned(points_mm: Points, degrees: float) -> Points:
 def moved(
     shapes: Iterable[Shape], x: float = 0.0, y: float = 0.0, z: float = 0.0, turn_deg: float = 0.0
 ) -> list[Shape]:
-    """Rotate and shift several shapes together."""
+    """Rotate and shift several shapes together; arguments as in ``Shape.moved``."""
     return [shape.moved(x, y, z, turn_deg=turn_deg) for shape in shapes]
 
 
@@ -95,12 +100,16 @@ def box(
     plump_mm: float = 0.0,
     region: str = "furniture",
 ) -> Shape:
-    """Make a box that stands on ``at_mm``, the centre of its lower side.
+    """Make a box with rounded edges.
 
     Args:
-        edge_mm: radius of its edges.
+        size_mm: width, height, depth.
+        at_mm: centre of the lower side.
+        albedo: at 860 nm, relative to a white wall.
+        edge_mm: radius of the edges.
         cells: divisions of each side, odd; 3 bevels an edge in two steps.
-        plump_mm: how far the middles of the sides bulge, for cushions (cells >= 5).
+        plump_mm: height of the bulge of each side, for cushions (cells >= 5).
+        region: name in the layer "regions".
     """
     half = np.asarray(size_mm, np.float64) / 2
     radius = min(edge_mm, 0.98 * float(half.min()))
@@ -112,7 +121,7 @@ def box(
     if plump_mm:
         side = np.abs(directions) > 0.99
         bulge = np.prod(np.where(side, 1.0, np.cos(directions * np.pi / 2)), axis=1)
-        bulge[side.sum(axis=1) > 1] = 0.0  # edges stay
+        bulge[side.sum(axis=1) > 1] = 0.0  # 0 at the edges
         points = points + np.where(side, np.sign(directions), 0) * plump_mm * bulge[:, None]
     points = points + np.asarray(at_mm, np.float64) + (0, half[1], 0)
     return Shape(points, faces, albedo, region)
@@ -134,7 +143,7 @@ def _cube(cells: int) -> tuple[Points, Triangles]:
 
 
 def _grid(rows: int, columns: int) -> Triangles:
-    """Return the triangles of a vertex grid; normals point along (row axis) x (column axis)."""
+    """Return the triangles of a vertex grid, whose normals are row axis x column axis."""
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
@@ -144,7 +153,9 @@ def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 1
     """Make a body of revolution about the y axis.
 
     Args:
-        profile_mm: (radius, height) from the bottom to the top; the radius is 0 where it is closed.
+        profile_mm: (radius, height) of each ring, from bottom to top; radius 0 closes an end.
+        albedo: at 860 nm, relative to a white wall.
+        segments: number of sides.
     """
     radius, height = np.asarray(profile_mm, np.float64).T
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
@@ -177,7 +188,15 @@ def rod(
     end_radius_mm: float | None = None,
     sides: int = 8,
 ) -> Shape:
-    """Make a closed rod between two points, round by default and square with 4 ``sides``."""
+    """Make a closed rod between two points.
+
+    Args:
+        start_mm, end_mm: centres of its ends.
+        radius_mm: at the start.
+        albedo: at 860 nm, relative to a white wall.
+        end_radius_mm: at the end; default: as at the start.
+        sides: number of sides; 4 make a square rod.
+    """
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
     length = norm(end - start)
     last = radius_mm if end_radius_mm is None else end_radius_mm
@@ -192,7 +211,7 @@ def rod(
 
 
 def sheet(points_mm: Points, albedo: float = 0.8) -> Shape:
-    """Make a two-sided sheet through a grid of points (rows, columns, 3), mm."""
+    """Make a sheet with a front and a back through points (rows, columns, 3), mm."""
     front = _grid(*points_mm.shape[:2])
     return Shape(points_mm.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]), albedo)
 

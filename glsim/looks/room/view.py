@@ -16,17 +16,17 @@ from glsim.core.rect import Rect
 from glsim.core.units import MM_PER_M, to_mm
 from glsim.looks.room.shapes import Points, Shape, without_slivers
 
-#: What stands beside the view by less than this, in tangents, is kept, because it may cast a shadow
-#: into it: the emitters of the shipped sensors are up to 75 mm beside the lens.
+#: Margin around the view, in tangents, within which objects stay, since they may cast a shadow into
+#: the view: emitters of the shipped sensors are up to 75 mm beside the lens.
 _BESIDE = 0.16
-#: Nothing is drawn nearer than this, metres: the emitter's z-buffer starts there.
+#: Nearest depth of a room, m: the emitter's z-buffer starts there.
 _NEAREST_M = 0.3
 
 
 def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
-    """Rotate an object's view matrix (4, 4), mm to camera m, for a camera tilted up.
+    """Rotate an object's view matrix (4, 4), mm to camera m, for a camera that is tilted up.
 
-    The thing keeps its place in the image; its upright axis turns.
+    The object keeps its position in the image; its vertical axis turns.
     """
     if tilt_deg == 0.0:
         return view
@@ -41,22 +41,24 @@ def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float
     """Return the camera's position (3,) mm in room axes, origin on the floor below the face.
 
     Args:
-        face_camera_mm: the face in camera axes (x right, y down, z forward), eye_mm above the
-            floor.
+        face_camera_mm: position of the face in camera axes (x right, y down, z forward).
+        eye_mm: height of the face above the floor.
+        tilt_deg: upward tilt of the camera.
     """
     face = product(_rotation(tilt_deg).T, np.asarray(face_camera_mm, np.float64))
     return np.asarray(np.array([0.0, eye_mm, 0.0]) - face)
 
 
-#: The camera looks up or down by at most this, degrees (chosen: a stand tilts that far).
+#: Largest tilt of the camera, degrees; chosen as of a stand.
 _MAX_TILT_DEG = 40.0
 
 
 def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
-    """Return the upward tilt that puts a face ``above_mm`` above the camera, at most +-40 deg.
+    """Compute the upward tilt, degrees, of a camera that sees a face at a given height.
 
     Args:
-        face_camera_mm: its place in camera axes (x right, y down, z forward).
+        face_camera_mm: position of the face in camera axes (x right, y down, z forward).
+        above_mm: height of the face above the camera.
     """
     _, y, z = face_camera_mm
     sine = float(np.clip(above_mm / np.hypot(y, z), -1, 1))
@@ -65,7 +67,7 @@ def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
 
 
 def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
-    """Return the matrix (4, 4) from room mm to camera m."""
+    """Return the matrix (4, 4) from room axes, mm, to camera axes, m."""
     matrix = np.eye(4)
     matrix[:3, :3] = _rotation(tilt_deg) / MM_PER_M
     matrix[:3, 3] = -product(matrix[:3, :3], camera_mm)
@@ -81,13 +83,15 @@ def _rotation(tilt_deg: float) -> Points:
 def visible_mesh(
     shapes: Sequence[Shape], view: NDArray[np.float64], rig: SensorRig, factor: float = 1.0
 ) -> Mesh | None:
-    """Return the part of some shapes that a rig can see, or None if nothing is visible.
+    """Join the visible part of shapes to one mesh; None if nothing is visible.
 
     The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``.
 
     Args:
-        view: (4, 4), the shapes' mm to camera m.
-        factor: of all albedos, cut at 1.
+        shapes: of a room.
+        view: (4, 4) matrix from their mm to camera m.
+        rig: cameras and emitters that see them.
+        factor: of all albedos, which end at 1.
     """
     points = np.concatenate([s.vertices_mm[s.faces] for s in shapes])
     albedo = np.concatenate([np.full(len(s.faces), min(1.0, factor * s.albedo)) for s in shapes])
@@ -108,12 +112,14 @@ def visible_mesh(
 
 
 def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh | None:
-    """Return a mesh without triangles that face away or lie out of view; None if it becomes empty.
+    """Remove triangles that face away or lie outside of the view; None if no triangle is left.
 
-    Triangles at the border stay whole. All arrays are new.
+    Triangles at the border of the view stay whole. All arrays are new.
 
     Args:
-        view: (4, 4), its mm to camera m.
+        mesh: the mesh.
+        view: (4, 4) matrix from its mm to camera m.
+        rig: cameras and emitters that see it.
     """
     points = product(mesh.vertices_mm, view[:3, :3].T) + view[:3, 3]
     triangles = points[mesh.faces].astype(np.float64)
@@ -128,7 +134,7 @@ def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh 
 
 
 def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
-    """Return a mask (T,) of triangles (T, 3, 3) m that face the camera or an emitter."""
+    """Mark the triangles (T, 3, 3) m that face a camera or an emitter, (T,)."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     towards = np.zeros(len(triangles), bool)
     for eye in ((0.0, 0.0, 0.0), *(e.position_m for e in rig.emitters)):
@@ -138,7 +144,7 @@ def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
 
 
 def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
-    """Return the planes (normal, offset) that bound the view; inside is normal . p >= offset."""
+    """Return the planes (normal, offset) of the view: points p inside have normal . p >= offset."""
     columns, rows, rig = sight.columns, sight.rows, sight.rig
     if rig.registered is not None:  # what its colour camera sees beside it, from 0.5 m on
         image = Rect(0, 0, rig.delivered.width, rig.delivered.height)
@@ -171,7 +177,7 @@ def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tupl
         if not some.any():
             continue
         odd = np.argmax(inside[some] if corners == 1 else ~inside[some], axis=1)
-        order = (odd[:, None] + np.arange(3)) % 3  # the corner that is alone comes first
+        order = (odd[:, None] + np.arange(3)) % 3  # rotate the corner that is alone to the front
         p = np.take_along_axis(triangles[some], order[..., None], axis=1)
         d = np.take_along_axis(side[some], order, axis=1)
         ends = []

@@ -1,8 +1,8 @@
 """Twins of the shader stages in arrays: references for their tests, and a simulator without OpenGL.
 
 A twin does the same float32 arithmetic in the same order, mostly with the shader's names. Results
-differ only as a driver's log, cos, acos, pow and division differ from NumPy's. All but those of
-structured light also take batches of maps as tensors of PyTorch.
+differ only where a driver's log, cos, acos, pow or division differs from NumPy's. All twins except
+those of structured light also take batches of maps as tensors of PyTorch.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Twin = Callable[[FrameContext, Layers, Mapping[str, Any]], dict[str, Image]]
 _MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera, single_view)
 
 
-#: Stages whose twins read pixels in an order of their own, or match images.
+#: Stages whose twins gather single dots by indices of NumPy.
 _NUMPY_ONLY = ("correlation_window", "dot_spread")
 
 
@@ -47,13 +47,13 @@ def find_twin(stage: str) -> Twin | None:
     module = next((m for m in _MODULES if hasattr(m, stage)), None)
     if module is None:
         return None
-    own: Twin = getattr(module, stage)
+    twin: Twin = getattr(module, stage)
 
     def run(view: FrameContext, layers: Layers, p: Mapping[str, Any]) -> dict[str, Image]:
         # Parameter values become float32, as a shader gets them.
         if not view.batched:
             with np.errstate(under="ignore"):
-                return own(view, layers, {name: np.float32(value) for name, value in p.items()})
-        return own(view, layers, p)
+                return twin(view, layers, {name: np.float32(value) for name, value in p.items()})
+        return twin(view, layers, p)
 
     return run

@@ -42,7 +42,7 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     bumps = lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + p["rough_px"] * bumps + (normal_share(bumps) - 0.5)
     chance = [uniform01(word) for word in random_bits(x, y, view.seed, 1)]
-    bright = skin_signal(clean, layers["albedo"], 1.0, 1.0)  # as if all faced the camera
+    bright = skin_signal(clean, layers["albedo"], 1.0, 1.0)  # as if each surface faced the camera
     step = 0.001 * p["step_mm_per_m"] * clean
     at, own_p = where_worthwhile(view, value_range(view, clean, 2) > step, p)
     depths, lights = (around(view, part, 2, clamped=True, at=at) for part in (clean, bright))
@@ -83,10 +83,17 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
 def _beside_steps(
     depths: Any, lights: Any, growth: Image, chance: Image, p: Parameters
 ) -> list[Image]:
-    """Find what a pixel near a depth step sees, and mix depths under the point spread.
+    """Find the surface that a pixel near a depth step sees, and mix depths by the point spread.
 
-    Returns depth of the surface, mixed depth, share of other surfaces, collected light, whether a
-    nearer surface has grown over the pixel, and whether it is lost.
+    Args:
+        depths, lights: functions (dx, dy) -> clean depth, m, and brightness at that offset.
+        growth: width by which near surfaces grow, px; negative where they shrink.
+        chance: uniform random numbers, 0 to 1.
+        p: parameters of the stage.
+
+    Returns:
+        Depth of the surface, m; mixed depth, m; share of other surfaces; collected light; whether a
+        nearer surface has grown over the pixel; whether the pixel is lost.
     """
     clean = depths(0, 0)
     xp, zero = of(clean), of(clean).zeros_like(clean)
@@ -135,7 +142,7 @@ def _hazed(
     view: FrameContext, clean: Image, bright: Image, z: Image, own: Image, light: Image,
     p: Parameters,
 ) -> tuple[Image, Image]:  # fmt: skip
-    """Pull depth towards the surroundings by stray light; return also the least depth around, m."""
+    """Pull depth, m, towards its surroundings by stray light; return also their least depth, m."""
     xp, (x, y) = of(z), pixels(view.window, view.seed)
     around_ = pull = xp.zeros_like(z)
     least = clean
@@ -165,9 +172,11 @@ def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -
 
 
 def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Any]:
-    """Compute the cosines of angles of incidence, and the square of the ray's length at z = 1.
+    """Compare surface normals with the rays.
 
-    Returns also whether pixels have a normal.
+    Returns:
+        Cosine of the angle of incidence; squared length of the ray at z = 1; whether the pixel has
+        a normal.
     """
     x, y, (a, b, c) = rays[..., 0], rays[..., 1], (normal[..., k] for k in range(3))
     squared = x * x + y * y + 1.0
@@ -179,8 +188,10 @@ def skin_signal(depth: Image, albedo: Image, lambert: Image, squared: Image) -> 
     """Compute the returned light, 1 for skin that faces the camera at 0.9 m; as skin_signal.glsl.
 
     Args:
-        lambert: the cosine of the angle of incidence, at least 0.
-        squared: of the ray's length at z = 1.
+        depth: metres, 0 = none.
+        albedo: reflectivity, relative to a white wall.
+        lambert: cosine of the angle of incidence, at least 0.
+        squared: squared length of the ray at z = 1.
     """
     xp = of(depth)
     near = _USUAL_M / xp.maximum(depth, 0.001)
@@ -266,7 +277,7 @@ def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict
 
 
 def _node(word: Words) -> Image:
-    """Convert a random word to a lattice node's number: the sum of four bytes, variance 1."""
+    """Convert the random word of a lattice node to a value of variance 1: the sum of four bytes."""
     xp, byte = of(word), of(word).word(255)
     total = (word & byte) + (xp.shifted(word, 8) & byte) + (xp.shifted(word, 16) & byte)
     return (xp.floats(total + xp.shifted(word, 24)) - 510.0) * 6.76583e-3
@@ -276,8 +287,9 @@ def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) ->
     """Return an (h, w) smooth random field of variance 1, interpolated between lattice nodes.
 
     Args:
-        spacing_px: distances of the nodes along x and y.
-        seed: wraps at 2^32.
+        view: names the window.
+        spacing_px: distance of the nodes along x and along y, px.
+        seed: of the field; wraps at 2^32.
     """
     xp, blends, nodes = of(seed), [], []
     key = pcg_word(xp.words(seed, seed))
@@ -285,7 +297,7 @@ def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) ->
     for first, side, spacing, start in zip(
         (left, top), (width, height), spacing_px, starts, strict=True
     ):
-        # Without a look at values, which would wait for a GPU, nodes may stand on every pixel.
+        # Reading a tensor's spacing would stall a GPU: allow for a node on every pixel.
         apart = 1.0 if view.batched and not isinstance(spacing, float) else float(spacing)
         node = xp.range(int(first / apart) - 1, int((first + side - 1) / apart) + 4, key)
         at = xp.floats(xp.range(first, first + side, key))[:, None] / spacing + start

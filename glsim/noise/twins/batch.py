@@ -15,7 +15,8 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.twins.layers import Image, Words, normal_pair, pcg_word, uniform01
 from glsim.settings.distribution import Distribution
 
-#: Largest part of an emitter's distance from the camera across its main axis, as of imagers.
+#: Largest offset of an emitter across the axis on which it lies, relative to its distance; and
+#: along the optical axis, m. Chosen: rectified imagers are as well aligned.
 _MOST_SKEW = 1e-3
 
 
@@ -23,34 +24,37 @@ class WordContext(FrameContext):
     """The context of a frame, or of a batch of maps (B, H, W), whose seeds are 32-bit words.
 
     Args:
-        seed, sequence_seed, device_seed: integers of a frame; words (B, 1, 1) of a batch, or
-            (1, 1, 1) for all its maps.
-        focal_px, focal_baseline_px_m: of a batch numbers, or (B, 1, 1).
+        seed, sequence_seed, device_seed: integers of a frame; in a batch words (B, 1, 1), or
+            (1, 1, 1) for all maps.
+        focal_px, focal_baseline_px_m: numbers; in a batch also (B, 1, 1).
     """
 
     def view(self, stage: str) -> WordContext:
-        """Return the context with the seeds of the stage of this name.
+        """Return the context with the seeds of a stage: each XOR the stage's checksum.
 
-        ``stage_seed`` is a checksum: for two seeds it differs by the same bits for all stages, so
-        that this is the view of a FrameContext with the seeds that ``seed_word`` is given.
+        CRC32 is linear, so this equals ``FrameContext.view`` of the seeds behind these words.
         """
-        own = stage_seed(0, stage)
-        own = of(self.seed).word(own) if self.batched else own
+        checksum = stage_seed(0, stage)
+        checksum = of(self.seed).word(checksum) if self.batched else checksum
         names = ("seed", "sequence_seed", "device_seed")
-        return replace(self, **{n: getattr(self, n) ^ own for n in names})
+        return replace(self, **{n: getattr(self, n) ^ checksum for n in names})
 
 
 def seed_word(seed: int) -> int:
-    """Return the word that stands for a seed of 64 bits in a WordContext."""
+    """Convert a seed of 64 bits to the word that a WordContext has instead."""
     return stage_seed(seed, "") ^ stage_seed(0, "")
 
 
 def map_words(seed: int, seeds: Any, frames: Any) -> tuple[Words, Words]:
-    """Return a word per map and frame, and one per map that all its frames share.
+    """Compute the random words of a batch of maps.
 
     Args:
-        seed: of the settings.
-        seeds, frames: (B,) integers of the maps, arrays or tensors; of 32 bits, others wrap around.
+        seed: seed of the settings.
+        seeds: (B,) seed of each map, an array or a tensor of integers; wraps at 2^32.
+        frames: (B,) frame number of each map; wraps at 2^32.
+
+    Returns:
+        (B,) words that change from frame to frame, and (B,) words that all frames of a map share.
     """
     xp = of(seeds)
     held = pcg_word(pcg_word(xp.words(seeds)) ^ xp.word(seed_word(seed)))
@@ -61,8 +65,9 @@ def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Imag
     """Sample a number per map, (B,), from a distribution that is not constant.
 
     Args:
-        name: of the parameter, "stage.parameter".
-        words: "frame" and the other scopes -> (B,) words of ``map_words``.
+        setting: the distribution.
+        name: "stage.parameter".
+        words: the results of ``map_words``, by the scopes "frame" and "held".
     """
     word = words["frame" if setting.per == "frame" else "held"]
     xp = of(word)
@@ -83,9 +88,14 @@ def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Imag
 
 
 def beside_camera(point_m: Sequence[float]) -> tuple[int, int, float]:
-    """Return the image axis (-1 along rows, -2) to a light, the way along it, and its distance, m.
+    """Locate a light (x, y, z), m, that is straight beside, above or below the camera.
 
-    Raises ConfigError for a light that is not straight beside, above or below the camera.
+    Returns:
+        The image axis towards the light (-1 for x, -2 for y), the direction along the axis (1 or
+        -1), and the distance from the camera, m.
+
+    Raises:
+        ConfigError: the light is elsewhere.
     """
     x, y, z = point_m
     axis, along, across = (-1, x, y) if abs(x) >= abs(y) else (-2, y, x)

@@ -85,18 +85,18 @@ def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def dot_place(x: Whole, y: Whole) -> Whole:
-    """Draw which of the 9 pixels of a 3x3 cell holds the projected dot, 0 to 8 in reading order."""
+    """Sample the pixel of a 3x3 cell that holds the dot: 0 to 8 in reading order."""
     place: Whole = (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
     return place
 
 
 def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:
-    """Return column and row, in the frame, of pixel number ``place`` (0 to 8) of cell (x, y)."""
+    """Return the frame's column and row of pixel ``place`` (0 to 8) of the 3x3 cell (x, y)."""
     return x * CELL_PX + place % CELL_PX, y * CELL_PX + place // CELL_PX
 
 
 def cells(window: Rect, around: int = 0) -> Rect:
-    """Return the 3x3-pixel cells that a window touches, plus ``around`` cells on each side."""
+    """Return the window of 3x3-pixel cells that covers a window, plus ``around`` on each side."""
     left, top, width, height = _CELLS.window(window)
     more = 2 * around
     return Rect(left - around, top - around, width + more, height + more)
@@ -113,7 +113,7 @@ def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dic
     own = (slice(_REACH_CELLS, -_REACH_CELLS),) * 2
     dots, found, total, agree = (np.zeros(seen[own].shape, np.float32) for _ in range(4))
     neighbours = []
-    # Slices of the inner part's size, shifted by whole cells, in the shader's order.
+    # The neighbours of all cells at once: the same window, shifted by whole cells.
     height, width = seen[own].shape
     for left, top in square(_REACH_CELLS):
         row, column = _REACH_CELLS + top, _REACH_CELLS + left
@@ -126,7 +126,7 @@ def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dic
         total += np.where(used, disparity[part], np.float32(0.0))
         squared = ((np.float32(1.2) * np.stack([dx, dy]).astype(np.float32)) ** 2).sum(axis=0)
         weight = np.reciprocal(np.where(squared > 0, squared, np.float32(1.0)))
-        neighbours.append((used, disparity[part], weight))  # less for dots far from the centre
+        neighbours.append((used, disparity[part], weight))  # far dots may differ more
     share = p["min_share"]
     enough = found > share * dots
     mean = total / np.maximum(found, np.float32(1.0))

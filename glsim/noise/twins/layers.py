@@ -1,6 +1,6 @@
 """Twins of shaders/lib: layers, depth, disparity, random, kernel and correlated_noise.glsl.
 
-Random numbers are functions of (pixel, seed, draw), bit for bit those of the shaders.
+Random numbers are functions of (pixel, seed, draw), equal to the shaders' numbers bit for bit.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from glsim.noise.frame_context import FrameContext
 Image = Any
 #: 32-bit words, see ``glsim.core.arrays``.
 Words = Any
-#: Layers by name, and parameter values by their GLSL names: numbers, or (B, 1, 1) one per map.
+#: Layers by name, and parameters by their GLSL names: numbers, or one number per map, (B, 1, 1).
 Layers = Mapping[str, Image]
 Parameters = Mapping[str, Any]
 
-#: The smallest depth that a pixel with depth can be moved to, m.
+#: Least depth of a moved pixel, m: 0 would mean that it has no depth.
 _LEAST_M = 1e-4
 
 #: libfreenect2's 3x3 Gaussian: |dx| + |dy| of a neighbour -> weight.
@@ -35,7 +35,8 @@ def pixels(window: Rect, like: Any = 0) -> tuple[Any, Any]:
     """Return columns (1, w) and rows (h, 1) of a window's pixels, counted in the whole frame.
 
     Args:
-        like: an array of their kind, or a number for NumPy.
+        window: part of the frame.
+        like: a tensor, for tensors on its device; default: arrays of NumPy.
     """
     left, top, width, height = window
     xp = of(like)
@@ -46,10 +47,16 @@ def pixels(window: Rect, like: Any = 0) -> tuple[Any, Any]:
 
 
 def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
-    """Read a layer at integer pixels of the frame (x and y broadcast); 0 outside its window."""
+    """Read a layer at pixels of the frame; 0 outside the window.
+
+    Args:
+        layer: values of the window.
+        window: part of the frame.
+        x, y: integer columns and rows in the frame, which broadcast.
+    """
     xp = of(layer)
     column, row = x - window.left, y - window.top
-    # Grouped, since columns and rows alone are few numbers.
+    # Columns and rows are compared before they broadcast: h + w comparisons, not h w.
     inside = ((column >= 0) & (column < window.width)) & ((row >= 0) & (row < window.height))
     column, row = xp.clip(column, 0, window.width - 1), xp.clip(row, 0, window.height - 1)
     if layer.ndim == 2:
@@ -63,8 +70,11 @@ def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = Fals
     """Pad a layer by ``reach`` pixels on each side.
 
     Args:
-        clamped: beyond the frame, take the frame's nearest pixel; otherwise, and beyond the window,
-            0.
+        view: names the window and the size of the frame.
+        layer: values of the window.
+        reach: width of the padding, px.
+        clamped: beyond the frame repeat its nearest pixel, else 0. Within the frame, beyond the
+            window, always 0.
     """
     left, top, width, height = view.window
     if view.batched:  # the window is the frame
@@ -89,11 +99,13 @@ def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = Fals
 def around(
     view: FrameContext, layer: Image, reach: int, *, clamped: bool = False, at: Any = None
 ) -> Callable[[int, int], Image]:
-    """Return a function of an offset (dx, dy) that gives each pixel the value there; read only.
+    """Return a function (dx, dy) -> the values of the layer at that offset from each pixel.
+
+    Its results may be views of one array: do not write to them.
 
     Args:
-        reach, clamped: of ``padded``.
-        at: maps, rows and columns of pixels of a batch; default: all pixels of the window.
+        view, layer, reach, clamped: as in ``padded``.
+        at: map, row and column of some pixels of a batch; default: all pixels of the window.
     """
     wide, (_, _, width, height) = padded(view, layer, reach, clamped=clamped), view.window
     if at is None:
@@ -111,16 +123,17 @@ def around(
 
 
 def value_range(view: FrameContext, layer: Image, reach: int) -> Image:
-    """Return the range of the values within a square around each pixel; clamped at the frame."""
+    """Compute the largest less the smallest value within ``reach`` px; the frame's rim repeats."""
     xp, there = of(layer), around(view, layer, reach, clamped=True)
     parts = [there(*to) for to in square(reach)]
     return reduce(xp.maximum, parts) - reduce(xp.minimum, parts)
 
 
 def where_worthwhile(view: FrameContext, needed: Any, p: Parameters) -> tuple[Any, Parameters]:
-    """Find the pixels of a mask: maps, rows and columns, and the parameters of each.
+    """Return the pixels of a mask (map, row, column) and the parameters of each pixel.
 
-    Only of a batch on a CPU; else None and all parameters: a GPU would be waited for.
+    This is for a batch on a CPU. NumPy, and a GPU, where counting the pixels would stall, get None
+    and the unchanged parameters: they compute all pixels.
     """
     if not view.batched or needed.device.type != "cpu":
         return None, p
@@ -140,23 +153,23 @@ def mix(a: Image, b: Image, t: Image) -> Image:
 
 
 def select(choices: Sequence[tuple[Any, Any]], other: Any) -> Image:
-    """Return for each pixel the number of the first (condition, number) that holds."""
+    """Return for each pixel the number of the first condition that holds, else ``other``."""
     for condition, number in reversed(choices):
         other = of(condition).where(condition, number, other)
     return other
 
 
 def has_depth(reason: Image) -> Any:
-    """Return whether reason codes go with a depth."""
+    """Mark the reason codes of pixels that have depth."""
     codes = [float(r) for r in Reason if r.has_depth]
-    found = reason == codes[0]
+    mask = reason == codes[0]
     for code in codes[1:]:
-        found = found | (reason == code)
-    return found
+        mask = mask | (reason == code)
+    return mask
 
 
 def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
-    """Return the reason codes of pixels with new depth; code ``lost`` where the new depth is 0."""
+    """Update the reason codes to new depths, m; pixels that lose their depth get ``lost``."""
     xp, here = of(depth_m), layers["depth"]
     new = xp.where(layers["clean"] > 0, float(Reason.MOVED), float(Reason.GROWN))
     reason = xp.where((depth_m <= 0) & (here > 0), float(lost), layers["reason"])
@@ -175,7 +188,14 @@ def disparity_px(depth_m: Image, focal_baseline_px_m: Any) -> Image:
 
 
 def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) -> dict[str, Image]:
-    """Return the layer depth after millimetres were added to it, and pixels to its disparity."""
+    """Return the layer depth, moved first by pixels of disparity, then by millimetres.
+
+    Args:
+        view: names focal length times baseline.
+        layers: with the depth.
+        by_mm: added to depth, mm.
+        by_px: added to disparity, px.
+    """
     depth, fb = layers["depth"], view.focal_baseline_px_m
     xp = of(depth)
     moved = fb / xp.maximum(disparity_px(depth, fb) + by_px, 1e-3)
@@ -183,7 +203,7 @@ def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) ->
 
 
 def without(layers: Layers, lost: Any, reason: Any) -> dict[str, Image]:
-    """Return depth and reason after the pixels ``lost`` lost their depth."""
+    """Return the layers depth and reason without the depth of the pixels ``lost``."""
     depth = layers["depth"]
     xp, lost = of(depth), lost & (depth > 0)
     return {
@@ -195,7 +215,13 @@ def without(layers: Layers, lost: Any, reason: Any) -> dict[str, Image]:
 
 
 def random_bits(x: Any, y: Any, seed: Any, draw: Any) -> tuple[Words, Words, Words, Words]:
-    """Return four 32-bit random words per pixel, seed and draw; the arguments broadcast."""
+    """Compute four 32-bit random words per pixel, seed and draw, which broadcast.
+
+    Args:
+        x, y: columns and rows of pixels, integers.
+        seed: wraps at 2^32.
+        draw: number that separates several uses of one seed.
+    """
     xp = of(seed)
     # One step of a linear congruential generator.
     a, b, c, d = (
@@ -236,7 +262,7 @@ def normal_pair(first: Words, second: Words) -> tuple[Image, Image]:
 
 
 def correlated_noise(view: FrameContext, seed: Any) -> Image:
-    """Draw (h, w) noise of variance 1, smoothed by the 3x3 filter of the Kinect's decoder."""
+    """Sample (h, w) noise of variance 1, smoothed by the 3x3 filter of the Kinect's decoder."""
     xp = of(seed)
     left, top, width, height = view.window
     x, y = pixels(Rect(left - 1, top - 1, width + 2, height + 2), seed)
@@ -250,10 +276,11 @@ def correlated_noise(view: FrameContext, seed: Any) -> Image:
     return _CORRELATED_UNIT * noise
 
 
-#: sqrt(6) / 65536, times KERNEL_UNIT: for variance 1. Rounded to float32 one after the other.
+#: sqrt(6) / 65536 times KERNEL_UNIT, which makes the variance 1. Each factor is rounded to float32
+#: before the product, as in the shader.
 _CORRELATED_UNIT = float(of(0).float32(KERNEL_UNIT) * of(0).float32(3.73772e-5))
 
 
 def deep(value: Any) -> Any:
-    """Give numbers per map a last axis, so that they meet arrays with components."""
+    """Append an axis to numbers per map, so that they broadcast with arrays of components."""
     return value if isinstance(value, float) else value[..., None]

@@ -32,7 +32,7 @@ def single_view_match(view: FrameContext, layers: Layers, p: Parameters) -> dict
     rough = p["rough_px"] * lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + rough, p["growth_in_shadow_px"] + rough
     disparity = _support(view, seen_px, _step(axis, way), growth, p)
-    # What a march sees: a surface k pixels ahead counts k less.
+    # The largest disparity that a march towards the imager meets: k px ahead it counts k px less.
     column, row = pixels(view.window, view.seed)
     place = way * xp.floats(column if axis == -1 else row)
     nearest = xp.minimum(p["largest_px"], fb / max(view.nearest_m, 1e-3))
@@ -57,7 +57,7 @@ def single_view_match(view: FrameContext, layers: Layers, p: Parameters) -> dict
 
 
 def _step(axis: int, way: int) -> tuple[int, int]:
-    """Return the step (dx, dy) of one pixel along an image axis, -1 along rows."""
+    """Return the offset (dx, dy) of the next pixel along an image axis: -1 for x, -2 for y."""
     return (way, 0) if axis == -1 else (0, way)
 
 
@@ -67,9 +67,11 @@ def _support(
     """Return the disparities, px, that matching windows find along one axis; 0 = none.
 
     Args:
-        px: disparities of the surfaces, 0 = none.
-        step: (dx, dy) of one pixel along the axis.
-        growth_px: of near surfaces behind and ahead along the axis.
+        view: names the window.
+        px: disparities of the surfaces, px, 0 = none.
+        step: offset (dx, dy) of the next pixel along the axis.
+        growth_px: width by which near surfaces grow backwards and forwards along the axis, px.
+        p: parameters of the stage.
     """
     xp, reach, apart_px = of(px), int(p["support_px"]) // 2, p["support_step_px"]
     front, total, count, neighbour = px, px, xp.floats(px > 0), around(view, px, reach)

@@ -65,7 +65,7 @@ def _key(view: FrameContext) -> Words:
 
 
 def dots(tangent: Image, key: Words, p: Parameters) -> Image:
-    """Return the brightness of the dot pattern in directions given by (..., 2) tangents."""
+    """Compute the brightness of the dot pattern in directions (..., 2), x/z and y/z."""
     half = np.float32(0.5)
     place = tangent / (np.float32(0.001) * p["dot_spacing_mrad"])
     first = np.floor(place - half).astype(np.int64)
@@ -92,7 +92,7 @@ _LEAST = np.float32(-80)
 
 
 def _thrown(view: FrameContext, layers: Layers, tangent: Image, key: Words, p: Parameters) -> Image:
-    """Return the brightness of a projector in (..., 2) directions; negative outside its view."""
+    """Compute the brightness of a projector in directions (..., 2); -1 outside its view."""
     if PROJECTOR_LAYER not in layers:
         return dots(tangent, key, p)
     image, half = layers[PROJECTOR_LAYER], np.float32(0.5)
@@ -155,7 +155,7 @@ def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
 
 
 def _noise_and_gain(view: FrameContext) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
-    """Draw standard normal noise and gain, (h, w) each, for the first and the second image."""
+    """Sample noise and gain of both images, (h, w) standard normal numbers each."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     noise = normal_pair(first, second)
     first, second, _, _ = random_bits(*pixels(view.window), view.device_seed, 1)

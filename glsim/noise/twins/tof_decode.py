@@ -43,18 +43,18 @@ from glsim.noise.twins.tof_light import (
     unwrapped_cycles,
 )
 
-#: libfreenect2's ab_multiplier_per_frq, and the phases of the taps.
+#: Weight of each frequency (libfreenect2's ab_multiplier_per_frq), and the phases of the taps.
 CONTRAST_MULTIPLIER = np.array([1.322581, 1.0, 1.612903], np.float32)
 TAP_COS, TAP_SIN = (1.0, -0.5, -0.5), (0.0, 0.86602540378, -0.86602540378)
 #: The largest value of the 11-bit code (libfreenect2's lookup table).
 LARGEST_TAP = 16320.0
 _COUNTS_PER_AMPLITUDE, _LIMIT = 16.0, 65535.0
-#: The halo: weights per axis within 3x3, of the four pixels at a distance of 2.
+#: The halo: weights along an axis within 3x3, by distance; weight of the four pixels 2 px away.
 _HALO = {0: 0.332485, 1: 0.234939}
 _HALO_OUTER = 0.0891
-#: Weights per axis of tof_fast's blur.
+#: Blur of tof_fast: weights along an axis, by distance.
 _BLUR = {0: 0.8, 1: 0.1}
-#: KERNEL's weights along an axis, of whose products it consists within 1e-7.
+#: Weights along an axis, by distance: their products are KERNEL within 1e-7.
 _KERNEL_ALONG = tuple(KERNEL[k] / KERNEL[0] ** 0.5 for k in (0, 1))
 _STEEPEST = 12.0
 _LOG2_E, _LOG10_2, _LOG2_10 = 1.442695, 0.301030, 3.321928
@@ -75,11 +75,16 @@ def _bilateral(
 ) -> tuple[Image, Image, Image, Any]:  # fmt: skip
     """Average phasors over a square; neighbours of different phase weigh less.
 
-    Pixels that are too dark count for others like them alone, which weigh all by their place.
+    Bright pixels average bright neighbours. A pixel below ``min_amplitude`` averages all
+    neighbours, whatever their phase.
 
     Args:
+        view: names the window.
+        p: parameters of the stage.
+        layers: with the phasors.
         sharpness: decay of the weight with the phase distance: 0 for equal, 1 for opposite phases.
         along: weights along an axis, by distance.
+        clamped: as in ``padded``.
 
     Returns:
         Real and imaginary parts, sum of the phase distances, and number of neighbours.
@@ -110,7 +115,7 @@ def _bilateral(
 
     sums: list[Image] = [xp.zeros_like(real)] * 3
     for dx, dy in (to for to in square(reach) if to[::-1] > (0, 0)):
-        # The weight of a pair is computed once, for both of its pixels.
+        # Two neighbours weigh the same for each other: computed once.
         ahead, behind = max(dx, 0), max(-dx, 0)
         first = reach - ahead, reach - dy, abs(dx), dy
         second = reach + dx - ahead, reach, abs(dx), dy
@@ -140,9 +145,13 @@ def _bilateral(
 def _filtered(
     layers: Layers, kept: Any, marked: Any, real: Image, imaginary: Image
 ) -> dict[str, Image]:
-    """Return the phasor layers after a filter; pixels in ``kept`` stay as they were before it.
+    """Pack filtered phasors into their layers, beside infrared counts and flags.
 
-    With the phasors they hold infrared counts and flags (1 edge, 2 saturated).
+    Args:
+        layers: before the filter.
+        kept: mask of the pixels that stay unfiltered.
+        marked: mask of edges: adds 1 to the flags (2 = saturated).
+        real, imaginary: (..., 3) filtered parts.
     """
     xp, b, keep = of(real), layers["phasor_b"], kept[..., None]
     own_real, own_imaginary = _parts(layers)
@@ -159,7 +168,7 @@ def companded(taps: Image) -> Image:
     """Round taps to the values that the Kinect's 11-bit code can represent."""
     xp = of(taps)
     size = xp.minimum(xp.abs(taps), LARGEST_TAP)
-    # The exponent's bits alone are the power of 2 below; the code has 7 bits besides.
+    # The bits of a float's exponent alone are the next lower power of 2; the code adds 7 bits.
     power = (size.view(xp.int32) & 0x7F800000).view(xp.float32)
     step = xp.maximum(power / 128.0, 1.0)
     rounded = xp.minimum(xp.floor(size / step + 0.5) * step, LARGEST_TAP)
@@ -200,9 +209,11 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Any]:
-    """Blur light by the optics; return also whether a pixel or one of its 8 neighbours has light.
+    """Blur the light by the optics.
 
-    0 outside the window, clamped at the frame. (..., 7): phasors of three frequencies, amplitude.
+    Returns:
+        (..., 7) phasors of three frequencies and the amplitude; and whether a pixel or one of its 8
+        neighbours has light.
     """
     a, b = layers["light_a"], layers["light_b"]
     xp = of(a)
@@ -231,7 +242,7 @@ def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, 
 
 
 def _turned(light: Image, c: Image, s: Image) -> Image:
-    """Rotate the phasors of (..., 7) light by angles, given as cosine and sine per frequency."""
+    """Rotate the phasors of (..., 7) light; c and s are (3,) cosines and sines per frequency."""
     turned = []
     for k in range(3):
         real, imaginary = light[..., 2 * k], light[..., 2 * k + 1]
@@ -278,7 +289,17 @@ def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 def decoded(
     view: FrameContext, layers: Layers, p: Parameters, real: Image, imaginary: Image
 ) -> tuple[Image, Image, Image]:
-    """Decode phasor parts (..., 3) to depth (m), reason code and sum of the three amplitudes."""
+    """Decode phasors to depth.
+
+    Args:
+        view: names the frequencies, the window and the emitter.
+        layers: clean, lit and rays.
+        p: parameters of the stage.
+        real, imaginary: (..., 3) parts of the phasors.
+
+    Returns:
+        Depth, m; reason code; sum of the three amplitudes.
+    """
     xp, f = of(real), frequencies(view)
     amplitude = xp.sqrt(real * real + imaginary * imaginary)
     fast, slow, third = unwrapped_cycles(phases(real, imaginary), f)
@@ -336,7 +357,14 @@ def tof_floor(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: Image) -> Image:
-    """Compute the variance of the noise that does not depend on the light, mm^2."""
+    """Compute the variance of the noise that does not depend on the light, mm^2.
+
+    Args:
+        view: names the focal length.
+        layers: normal and rays.
+        p: parameters of the stage.
+        depth_m: depth, m.
+    """
     normal, rays, xp = layers["normal"], layers["rays"], of(depth_m)
     facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
     aside = xp.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
@@ -346,7 +374,7 @@ def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: I
 
 
 def _border(view: FrameContext) -> Any:
-    """Return a mask of the frame's outermost pixels, which the decoder does not filter."""
+    """Mark the outermost pixels of the frame, which the decoder leaves unfiltered."""
     x, y = pixels(view.window, view.seed)
     return (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
 
@@ -403,7 +431,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     turns = xp.sqrt((sigma * sigma).sum(-1)) / xp.maximum(amplitude, 1.0) / TWO_PI
     light_mm = 1000.0 * turns * HALF_WAVE_M_MHZ / float(frequencies(view).sum())
     ray_x, ray_y = layers["rays"][..., 0], layers["rays"][..., 1]
-    # Along z, not along the ray.
+    # From the error along the ray to the error along z.
     light_mm = light_mm / xp.sqrt(ray_x * ray_x + ray_y * ray_y + 1.0)
     light_mm = xp.where(at_step, 0.0, light_mm)
     spread = xp.sqrt(floor_variance(view, layers, p, z) + light_mm * light_mm)
@@ -420,7 +448,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _part_sigma(p: Parameters, amplitude: Image) -> Image:
-    """Compute the standard deviation (..., 3) of phasors' parts after the filter."""
+    """Compute the standard deviation (..., 3) of the filtered phasors' real and imaginary parts."""
     xp, read, shot = of(amplitude), p["read_variance"], p["shot_variance"]
     return xp.stack(
         [
@@ -432,10 +460,11 @@ def _part_sigma(p: Parameters, amplitude: Image) -> Image:
 
 
 def _at_steps(p: Parameters, there: Sequence[Any], random: tuple[Any, Any, Any]) -> list[Image]:
-    """Add up and filter phasors beside depth steps.
+    """Blur, filter and add noise to the phasors of pixels beside depth steps.
 
     Args:
-        there: functions that give the neighbours' phasors, real and imaginary, and amplitudes.
+        p: parameters of the stage.
+        there: three functions (dx, dy) -> real part, imaginary part, amplitude at that offset.
         random: column, row and seed of the noise.
 
     Returns:

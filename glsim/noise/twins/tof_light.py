@@ -24,13 +24,13 @@ from glsim.noise.twins.layers import (
 
 TWO_PI, _PI = 6.28318530718, 3.14159265359
 _GOLDEN_ANGLE = 2.39996322973
-#: Half the speed of light, m MHz: divided by a frequency it is half a wavelength.
+#: Half the speed of light, m MHz: over a frequency in MHz, half a wavelength in m.
 HALF_WAVE_M_MHZ = SPEED_OF_LIGHT / 2e6
-#: The pixels whose shape a sample may have.
+#: Offsets of the pixels from which a sample may take its normal.
 _NEAR = ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0))
 _MOST_TURNS, _FARTHEST_PX = 64, 128
 
-#: Phasors (..., 3), real and imaginary, and amplitudes (...).
+#: Real and imaginary parts of phasors, (..., 3), and amplitudes, (...).
 Light = tuple[Image, Image, Image]
 
 
@@ -46,7 +46,7 @@ def phases(real: Image, imaginary: Image) -> Image:
 
 
 def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
-    """Unwrap (..., 3) phases in [0, 1] to cycles of the fast, the slow and the third frequency."""
+    """Unwrap (..., 3) phases, 0 to 1, to whole and broken cycles of each of the frequencies f."""
     xp, (f0, _, f2) = of(phase), f.tolist()
     ratio, turns_of_third = float(f[0] / f[1]), f[2] / f[1]
     fast = phase[..., 0] + xp.floor(ratio * phase[..., 1] - phase[..., 0] + 0.5)
@@ -65,7 +65,12 @@ def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image
 
 
 def distance_of(fast: Image, slow: Image, third: Image, f: NDArray[np.float32]) -> Image:
-    """Compute half the length of the light's path, m, from unwrapped cycles."""
+    """Compute half the length of the path emitter, surface, camera, m.
+
+    Args:
+        fast, slow, third: unwrapped cycles of the three frequencies.
+        f: (3,) frequencies, MHz.
+    """
     return (fast + slow + third) * HALF_WAVE_M_MHZ / float(f.sum())
 
 
@@ -133,7 +138,16 @@ def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def packed(name: str, real: Image, imaginary: Image, one: Image, other: Image) -> dict[str, Image]:
-    """Pack phasors (..., 3) and two more images into the layers NAME_a and NAME_b, (..., 4)."""
+    """Pack phasors and two more images into the layers NAME_a and NAME_b.
+
+    Args:
+        name: of the layers.
+        real, imaginary: (..., 3) parts of the phasors.
+        one, other: last two components of NAME_b.
+
+    Returns:
+        Layer name -> (..., 4).
+    """
     parts = [part[..., k] for k in range(3) for part in (real, imaginary)]
     xp = of(one)
     return {
@@ -143,7 +157,7 @@ def packed(name: str, real: Image, imaginary: Image, one: Image, other: Image) -
 
 
 def _add_samples(view: FrameContext, layers: Layers, p: Parameters, light: Light) -> None:
-    """Replace, in place, the light of pixels that see several surfaces by the mean of samples."""
+    """Average samples of the light, in place, where a pixel sees several surfaces."""
     side, rays = view.supersample, layers["rays"]
     even_m = 0.001 * p["smooth_mm"] * np.maximum(layers["clean"], 1.0) ** 2
     mixed = layers["uneven"] > even_m
@@ -168,7 +182,7 @@ def _add_samples(view: FrameContext, layers: Layers, p: Parameters, light: Light
 
 
 def _lit(view: FrameContext, p: Parameters, lit: Image, light: Light) -> Light:
-    """Reduce phasors by the contrast that indirect light leaves of them."""
+    """Shorten phasors where indirect light, whose paths differ in length, arrives."""
     xp, (real, imaginary, amplitude) = of(lit), light
     around_ = p["indirect"] * (1.0 - lit)
     share = around_ / xp.maximum(lit + around_, 1e-6)
@@ -181,7 +195,7 @@ def _lit(view: FrameContext, p: Parameters, lit: Image, light: Light) -> Light:
 
 
 def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
-    """Return light and normal of each sample, copied from the neighbour of most similar depth."""
+    """Copy lit share and normal of each sample from the neighbour of most similar depth."""
     apart = np.where(depths > 0, np.abs(depths - seen[:, 0]), np.float32(1e5))
     alike, some = apart.argmin(axis=0), apart.min(axis=0) < 1e5
     each = np.arange(len(alike))
@@ -194,7 +208,19 @@ def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Ima
 def surface_light(
     view: FrameContext, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> tuple[Image, Image]:
-    """Compute the amplitude of surface elements, and half the path emitter, surface, camera, m."""
+    """Compute the light that surface elements return.
+
+    Args:
+        view: names the emitter.
+        p: parameters of the stage.
+        z: depth, m, 0 = none.
+        shape: (..., 4) normal and albedo.
+        ray: (..., 2) x/z and y/z.
+        lit: share of the emitter that is seen, 0 to 1.
+
+    Returns:
+        Amplitude, and half the path emitter, surface, camera, m, with all delays.
+    """
     ex, ey, ez = np.asarray(view.emitter_m, np.float32).tolist()
     xp, x, y = of(z), ray[..., 0], ray[..., 1]
     stretch = xp.sqrt(x * x + y * y + 1.0)
@@ -215,9 +241,12 @@ def surface_light(
 
 
 def device_harmonics(view: FrameContext, p: Parameters) -> list[Image]:
-    """Draw real and imaginary parts of the device's second, then fifth harmonic, (..., 3) each.
+    """Sample the second and the fifth harmonic of a device.
 
-    Sizes are the parameters'; phases are the device's own, drawn around the parameters'.
+    The parameters state the sizes and the mean phases; each device differs in phase.
+
+    Returns:
+        Real and imaginary part of the second, then of the fifth harmonic, (..., 3) each.
     """
     seed = view.device_seed
     xp = of(seed)
@@ -232,10 +261,10 @@ def device_harmonics(view: FrameContext, p: Parameters) -> list[Image]:
 
 
 def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
-    """Compute (..., 3) real and imaginary parts of light of amplitude 1 from distances (...), m."""
+    """Compute phasors of amplitude 1, with harmonics: real and imaginary parts, (..., 3)."""
     xp = of(distance_m)
     f = xp.vector(frequencies(view), distance_m)
-    # Stacked, since a product with the vector f would put the three beside each other in memory.
+    # Stacked: each frequency keeps an image of its own in memory, which is faster.
     turns = xp.stack([distance_m * f[k] / HALF_WAVE_M_MHZ for k in range(3)], -1)
     angle = TWO_PI * (turns - xp.floor(turns))
     real_2, imaginary_2, real_5, imaginary_5 = device_harmonics(view, p)
@@ -253,14 +282,14 @@ def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Ima
 def phasors(
     view: FrameContext, p: Parameters, z: Image, shape: Image, ray: Image, lit: Image
 ) -> Light:
-    """Compute the light of surface elements."""
+    """Compute the phasors of the light of surface elements; arguments as in ``surface_light``."""
     amplitude, distance = surface_light(view, p, z, shape, ray, lit)
     real, imaginary = correlate(view, p, distance)
     return amplitude[..., None] * real, amplitude[..., None] * imaginary, amplitude
 
 
 def expected_depth(view: FrameContext, p: Parameters, layers: Layers) -> dict[str, Image]:
-    """Return the layer "expected", depth without noise and blur, m; {} if it is not wanted."""
+    """Compute the layer "expected", depth without noise and blur, m; {} if it is not requested."""
     if "expected" not in layers:
         return {}
     z, rays = layers["clean"], layers["rays"]

@@ -25,13 +25,13 @@ from glsim.noise.twins.layers import (
     without,
 )
 
-#: pi/2 - a is at least _FROM_POLE, rad: the angle term has a pole at 90 degrees.
+#: The angle term a / (pi/2 - a) has a pole at 90 degrees: the denominator is at least this, rad.
 _HALF_PI, _FROM_POLE = 1.57079632679, 1e-3
 
-#: Steps of the slow error of fixed_pattern down the image.
+#: Number of random values down the image between which the row profile is interpolated.
 _PROFILE_STEPS = 6.0
 
-#: A point or a vector: its three coordinates, which broadcast.
+#: Coordinates x, y, z, which broadcast.
 Vector = tuple[Image, Image, Image]
 
 
@@ -90,7 +90,7 @@ def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
     alternation = alternation + 0.5 * p["row_step_mm"]
     error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column
     error = error + p["row_sigma_mm"] * row + odd * alternation
-    if "pattern_map" in layers:  # of the whole frame, as on the GPU
+    if "pattern_map" in layers:  # covers the whole frame, as on the GPU
         measured = layers["pattern_map"][view.window.slices]
         error = xp.where(measured < 1e5, measured, error)
     return {"depth": moved_by_mm(layers["depth"], error)}
@@ -100,7 +100,7 @@ def perlin(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image
     """Adds Perlin noise: a sum of octaves."""
     seed = field_seed(view, p["drift_hz"])
     at = field_position(view, p["lattice_x_px"], p["lattice_y_px"], p["drift_hz"])
-    if p["drift_hz"] <= 0:  # a static field lies on a plane of nodes
+    if p["drift_hz"] <= 0:  # without drift: the plane z = 0 of nodes
         at = (at[0], at[1], 0.0 * at[2])
     lacunarity, persistence = p["lacunarity"], p["persistence"]
     total, weight = 0.0, 1.0
@@ -189,8 +189,8 @@ def perlin_at(at: Vector, seed: Any) -> Image:
     """Compute Perlin noise on a cubic lattice, about -1 to 1.
 
     Args:
-        at: float32, in lattice cells.
-        seed: wraps at 2^32.
+        at: position, float32 lattice cells.
+        seed: of the field; wraps at 2^32.
     """
     xp = of(at[0])
     whole = [xp.floor(part) for part in at]
@@ -218,8 +218,8 @@ def simplex_at(at: Vector, seed: Any) -> Image:
     """Compute simplex noise on a lattice of tetrahedra, about -1 to 1.
 
     Args:
-        at: float32, in lattice cells.
-        seed: wraps at 2^32.
+        at: position, float32 lattice cells.
+        seed: of the field; wraps at 2^32.
     """
     xp = of(at[0])
     skew = _total(at, 1 / 3)
@@ -230,7 +230,7 @@ def simplex_at(at: Vector, seed: Any) -> Image:
     ranks = xy + xz, 1 - xy + yz, 2 - yz - xz
     n, key = [xp.words(part) for part in cell], xp.words(seed, at[0])
     total = 0.0
-    # The corners follow the coordinates by rank: a step along no axis, one, two, all three.
+    # Four corners: the cell's origin, then a step along the largest coordinate, the next, the last.
     for least, back in ((3, 0.0), (2, 1 / 6), (1, 1 / 3), (0, 0.5)):
         step = [xp.floats(rank >= least) for rank in ranks]
         x, y, z = (part - one + back for part, one in zip((x0, y0, z0), step, strict=True))
@@ -250,7 +250,13 @@ def field_seed(view: FrameContext, drift_hz: float) -> Any:
 def field_position(
     view: FrameContext, lattice_x_px: Any, lattice_y_px: Any, drift_hz: Any
 ) -> Vector:
-    """Return the position of each pixel of the window in the noise field, in lattice cells."""
+    """Return the position of each pixel of the window in the noise field, in lattice cells.
+
+    Args:
+        view: names window, seeds and time.
+        lattice_x_px, lattice_y_px: size of a lattice cell, px.
+        drift_hz: cells per second along z; 0 for a field of each frame.
+    """
     seed = field_seed(view, drift_hz)
     xp, (x, y) = of(seed), pixels(view.window, seed)
     start = [3.0 * uniform01(word) for word in random_bits(0, 0, seed, 0xF1E1D)[:3]]
