@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
+from glsim.core.depth_map import FLYING_MM
 from glsim.core.reason import Reason
 from glsim.core.units import to_mm
 from glsim.data.recordings.recording import open_recording
@@ -27,16 +28,14 @@ _RECORDED = 16
 _FACE_MM = 250.0
 #: Width of the bins of distance and angle, and least pixels of a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
-#: Largest error on one surface, mm; larger ones are left out of bias, sigma and histograms.
-_SURFACE_MM = 50.0
 _BINS, _LAGS = 40, 8
 
 
 def frame_figures(frame: Frame) -> dict[str, Any]:
     """Compute the figures of a frame as JSON values; None for too few pixels.
 
-    Errors are noisy minus clean, mm, of pixels with both; sigma is their standard deviation about
-    the mean of a bin on the face.
+    Errors are noisy minus clean, mm, of pixels with both, without flying pixels; sigma is their
+    standard deviation about the mean of a bin on the face.
 
     Args:
         frame: with the layer ``normal``, (h, w, 4) in the camera's axes.
@@ -44,7 +43,7 @@ def frame_figures(frame: Frame) -> dict[str, Any]:
     clean, noisy = to_mm(frame.clean_m), to_mm(frame.noisy_m)
     both = (clean > 0) & (noisy > 0)
     error = np.where(both, noisy - clean, np.float32(0))
-    same = both & (np.abs(error) <= _SURFACE_MM)
+    same = both & (np.abs(error) <= FLYING_MM)
     nearest = float(clean[clean > 0].min()) if (clean > 0).any() else 0.0
     face = same & (clean < nearest + _FACE_MM)
     angle = np.degrees(np.arccos(np.clip(-frame.extra["normal"][..., 2], 0.0, 1.0)))
