@@ -38,9 +38,9 @@ from tests.support.networks import BACKBONES, frames, write_checkpoint
 
 
 def test_the_shipped_network_needs_no_pytorch(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = frames(1, 64, 80)[0].numpy()
     for package in ("torch", "onnx", "onnxruntime", "glsim.denoise.inference"):
         monkeypatch.setitem(sys.modules, package, None)
-    frame = frames(1, 64, 80)[0].numpy()
     found = load_denoiser("face").estimate(frame)
     inner = np.s_[8:-8, 40:-8]
     measured = frame[0][inner][frame[0][inner] > 0]
