@@ -8,40 +8,78 @@ products wrap around alike, so that their bits are the same. Numbers that meet a
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.array_types import Mask, Reals
+
+#: Float32 arrays, or Python numbers in their place. Types are NumPy's; tensors go through alike.
+Numbers = Reals | float
+#: Whole numbers: 32-bit words, places.
+Words = NDArray[np.integer[Any]]
+_Array = TypeVar("_Array", Reals, Words)
 
 #: Functions of one argument; PyTorch's take no numbers.
 _OF_ONE = ("sqrt", "exp", "log", "cos", "sin", "tanh", "floor", "abs", "sign", "arccos")
 
 
-class _NumPy:
+class Functions:
     """NumPy's functions; results of float32 arrays and Python numbers are float32."""
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(np, name)
+    sqrt: Callable[[Numbers], Reals]
+    exp: Callable[[Numbers], Reals]
+    log: Callable[[Numbers], Reals]
+    cos: Callable[[Numbers], Reals]
+    sin: Callable[[Numbers], Reals]
+    tanh: Callable[[Numbers], Reals]
+    floor: Callable[[Numbers], Reals]
+    round: Callable[[Numbers], Reals]
+    abs: Callable[[Numbers], Reals]
+    sign: Callable[[Numbers], Reals]
+    arccos: Callable[[Numbers], Reals]
+    rad2deg: Callable[[Numbers], Reals]
+    arctan2: Callable[[Numbers, Numbers], Reals]
+    minimum: Callable[[Numbers, Numbers], Reals]
+    maximum: Callable[[Numbers, Numbers], Reals]
+    clip: Callable[[_Array, Any, Any], _Array]
+    amin: Callable[[Reals, int], Reals]
+    amax: Callable[[Reals, int], Reals]
+    zeros_like: Callable[[Reals], Reals]
+    flip: Callable[[Reals, tuple[int, ...]], Reals]
+    roll: Callable[[_Array, int, int], _Array]
+    stack: Callable[[Sequence[Reals], int], Reals]
+    arange: Callable[[int, int], Words]
+    float32: Any
+    int32: Any
+    nn: Any  # of PyTorch
 
-    def where(self, condition: Any, one: Any, other: Any) -> Any:
+    if not TYPE_CHECKING:  # a misspelt name shall not pass
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(np, name)
+
+    def where(self, condition: Mask, one: Any, other: Any) -> Reals:
         """Choose from numbers and float32 arrays, as float32."""
-        chosen = np.where(condition, one, other)
+        chosen: Reals = np.where(condition, one, other)
         return chosen.astype(np.float32) if chosen.dtype == np.float64 else chosen
 
-    def vector(self, numbers: Sequence[float], like: Any) -> Any:
+    def vector(self, numbers: Sequence[float] | Reals, like: Any) -> Reals:
         """Return a 1D float32 array on the device of ``like``."""
         return np.array(numbers, np.float32)
 
-    def floats(self, whole: Any) -> Any:
+    def floats(self, whole: Any) -> Reals:
         """Convert integers or truth values to float32."""
         return np.asarray(whole).astype(np.float32)
 
-    def integers(self, whole: Any) -> Any:
+    def integers(self, whole: Numbers | Words) -> Words:
         """Convert whole float numbers to integers that index."""
         return np.asarray(whole).astype(np.int64)
 
-    def words(self, numbers: Any, like: Any = None) -> Any:
+    def words(self, numbers: Any, like: Any = None) -> Words:
         """Convert whole numbers of any sign to an array of 32-bit words on the device of ``like``.
 
         Always an array: NumPy warns when scalars overflow.
@@ -52,24 +90,24 @@ class _NumPy:
         """Return a 32-bit word of a Python integer, for arithmetic with words."""
         return np.uint32(number % 2**32)
 
-    def shifted(self, words: Any, by: Any) -> Any:
+    def shifted(self, words: Words, by: Words | int) -> Words:
         """Shift 32-bit words to the right; zeros come in."""
         return words >> (np.uint32(by) if isinstance(by, int) else by)
 
-    def running_maximum(self, x: Any, axis: int) -> Any:
+    def running_maximum(self, x: Reals, axis: int) -> Reals:
         """Return the largest value up to each place along an axis."""
         return np.maximum.accumulate(x, axis)
 
-    def range(self, start: int, stop: int, like: Any) -> Any:
+    def range(self, start: int, stop: int, like: Any) -> Words:
         """Return the integers from ``start`` up to ``stop`` on the device of ``like``."""
         return np.arange(start, stop)
 
-    def plus(self, total: Any, weight: Any, part: Any, scale: Any = 1.0) -> Any:
+    def plus(self, total: Numbers, weight: Numbers, part: Numbers, scale: Numbers = 1.0) -> Any:
         """Compute total + scale * weight * part, in one step where there is one."""
         return total + scale * weight * part
 
 
-class _Torch(_NumPy):
+class _Torch(Functions):
     """PyTorch's functions under NumPy's names, also for Python numbers beside tensors."""
 
     def __init__(self) -> None:
@@ -77,8 +115,10 @@ class _Torch(_NumPy):
         for name in _OF_ONE:
             setattr(self, name, partial(self._of_one, name))
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._torch, name)
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._torch, name)
 
     def _of_one(self, name: str, x: Any) -> Any:
         if isinstance(x, float):
@@ -111,7 +151,7 @@ class _Torch(_NumPy):
         """Stack with each array's pixels together in memory, wherever the new axis is."""
         return self._torch.stack(self._torch.broadcast_tensors(*arrays)).movedim(0, axis)
 
-    def vector(self, numbers: Sequence[float], like: Any) -> Any:
+    def vector(self, numbers: Sequence[float] | Reals, like: Any) -> Any:
         # Filled, not copied from the CPU, for which a GPU would be waited for.
         f32 = self._torch.float32
         return self._torch.stack([like.new_full((), float(n), dtype=f32) for n in numbers])
@@ -152,11 +192,11 @@ class _Torch(_NumPy):
         return self._torch.add(total, part, alpha=scale * weight)
 
 
-_NUMPY = _NumPy()
+_NUMPY = Functions()
 _TORCH: list[_Torch] = []
 
 
-def of(array: Any) -> Any:
+def of(array: Any) -> Functions:
     """Return the functions for an array of NumPy, a tensor of PyTorch, or a number."""
     if isinstance(array, np.ndarray | np.generic | float | int):
         return _NUMPY

@@ -280,7 +280,7 @@ def lit_share(
         place = xp.floats(xp.range(0, last + 1, depth_m))
         place = place if axis == -1 else place[:, None]
         height = inverse - way * place / xp.maximum(focal_px * baseline_m, 1e-3)
-        reaching = xp.where(seen, height, -1e6)
+        reaching: Any = xp.where(seen, height, -1e6)
         reaching = reaching.flip(axis) if way > 0 else reaching
         highest = xp.roll(reaching.cummax(axis).values, 1, axis)
         highest = highest.flip(axis) if way > 0 else highest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -239,7 +239,7 @@ class TensorEngine:
         lit = torch.ones_like(clean)
         if self.rig.shadow_map and self._lights:
             lit = lit_share(clean, focal_px, self._lights)
-        layers = {
+        layers: dict[str, Any] = {
             **{n: torch.from_numpy(v).to(clean.device) for n, v in self.sensor.images.items()},
             "clean": clean,
             "depth": clean,
@@ -253,13 +253,15 @@ class TensorEngine:
         for stage in self._stages:
             twin, p = find_twin(stage.spec.name), values[stage.name]
             assert twin is not None, "takes_tensors"
-            written, runs = twin(view.view(stage.name), layers, p), p[ENABLED]
+            written: dict[str, Any] = twin(view.view(stage.name), layers, p)
+            runs = p[ENABLED]
             for name, layer in written.items():
                 if not isinstance(runs, float) and name in layers:
                     layer = torch.where(runs > 0, layer, layers[name])
                 layers[name] = layer
         depth = layers["depth"].clamp(min=0.0)
-        reason = reconcile_reasons(clean, depth, layers["reason"]).to(torch.uint8)
+        codes: Any = reconcile_reasons(cast(Any, clean), depth, layers["reason"])
+        reason = codes.to(torch.uint8)
         more = {n: layers[n] for n in ("infrared", EXPECTED_LAYER) if n in layers}
         return {"clean": clean, "depth": depth, "reason": reason, **more}
 

@@ -285,7 +285,7 @@ def test_dropout_at_edges_only(context: moderngl.Context, probability: float, ra
 CELLS = (-(-HEIGHT // 3), -(-WIDTH // 3))
 
 
-def dots(rows: int = CELLS[0], columns: int = CELLS[1]) -> tuple[NDArray[np.int64], ...]:
+def dots(rows: int = CELLS[0], columns: int = CELLS[1]) -> tuple[NDArray[np.integer[Any]], ...]:
     """Column and row of each cell's dot."""
     x, y = np.arange(columns)[None, :], np.arange(rows)[:, None]
     return place_pixel(x, y, dot_place(x, y))

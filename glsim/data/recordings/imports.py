@@ -19,7 +19,7 @@ from glsim.core.files.listing import entries
 from glsim.core.pose import pose_matrix
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.core.units import to_metres
+from glsim.core.units import from_steps, to_metres
 from glsim.data.dataset_run import write_dataset
 from glsim.data.input_hashes import source_hashes
 from glsim.data.progress import GenerateProgress, GenerateSummary
@@ -127,7 +127,7 @@ def _biwi_frame(
     readback: Readback,
 ) -> Frame:
     path = source.depth_path(task.key)
-    noisy_m = to_metres(read_depth_bin(path))
+    noisy_m = to_metres(from_steps(read_depth_bin(path)))
     if noisy_m.shape != (image.height, image.width):
         raise DatasetError(
             f"{path}: {noisy_m.shape[1]} x {noisy_m.shape[0]} pixels, its depth.cal says "

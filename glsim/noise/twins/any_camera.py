@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from glsim.core.arrays import of
+from glsim.core.array_types import Mask
+from glsim.core.arrays import Numbers, Words, of
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.twins.layers import (
     Image,
     Layers,
+    Neighbours,
     Parameters,
-    Words,
     around,
     fetch,
     has_depth,
@@ -47,9 +48,9 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     at, own_p = where_worthwhile(view, value_range(view, clean, 2) > step, p)
     depths, lights = (around(view, part, 2, clamped=True, at=at) for part in (clean, bright))
     own_growth, own_chance = (n if at is None else n[at] for n in (growth, chance[0]))
-    found = _beside_steps(depths, lights, own_growth, own_chance, own_p)
+    found: list[Any] = _beside_steps(depths, lights, own_growth, own_chance, own_p)
     if at is not None:
-        even = [clean, clean, zero, bright, zero > 0, zero > 0]
+        even: list[Any] = [clean, clean, zero, bright, zero > 0, zero > 0]
         found = [part.index_put(at, values) for part, values in zip(even, found, strict=True)]
     own, z, mixed, light, grows, lost = found
     z = xp.where(mixed > 0, xp.maximum(z, 0.05), own)
@@ -81,8 +82,8 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
 
 
 def _beside_steps(
-    depths: Any, lights: Any, growth: Image, chance: Image, p: Parameters
-) -> list[Image]:
+    depths: Neighbours, lights: Neighbours, growth: Image, chance: Image, p: Parameters
+) -> list[Image | Mask]:
     """Find the surface that a pixel near a depth step sees, and mix depths by the point spread.
 
     Args:
@@ -119,7 +120,7 @@ def _beside_steps(
     own_step = 0.001 * p["step_mm_per_m"] * own
     mixes = (xp.minimum(to_front, to_behind) < _FAR) & (p["psf_px"] > 0)
     total = alike = light = cosines = sines = zero
-    area = 0.0
+    area: Any = 0.0
     falls = -0.5 / xp.maximum(p["psf_px"] * p["psf_px"], 1e-6)
     for dx, dy in square(2):
         there, lit = depths(dx, dy), lights(dx, dy)
@@ -171,7 +172,7 @@ def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -
     return xp.clip(noisy, 0.0, 65535.0)
 
 
-def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Any]:
+def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Mask]:
     """Compare surface normals with the rays.
 
     Returns:
@@ -184,7 +185,7 @@ def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Any]:
     return facing / of(x).sqrt(squared), squared, a * a + b * b + c * c > 0
 
 
-def skin_signal(depth: Image, albedo: Image, lambert: Image, squared: Image) -> Image:
+def skin_signal(depth: Image, albedo: Image, lambert: Numbers, squared: Numbers) -> Image:
     """Compute the returned light, 1 for skin that faces the camera at 0.9 m; as skin_signal.glsl.
 
     Args:
@@ -211,7 +212,7 @@ def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     by_light = p["light_mm"] * ratio ** p["distance_power"]
     by_light = by_light * light ** -p["light_power"]
     by_inverse = 1000.0 * p["inverse_per_m"] * z * z
-    sigma = p["floor_mm"] * p["floor_mm"] + by_light * by_light + by_inverse * by_inverse
+    sigma: Image = p["floor_mm"] * p["floor_mm"] + by_light * by_light + by_inverse * by_inverse
     sigma = xp.minimum(xp.sqrt(sigma), p["max_sigma_mm"])
     bits = random_bits(*pixels(view.window, view.seed), view.seed, 0)
     white, scale = normal_pair(bits[0], bits[1])
@@ -270,9 +271,9 @@ def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict
     )
     per_m = 1000.0 * p["step_px"] / p["focal_baseline_px_mm"]
     rounds = (depth > 0) & (per_m > 0)
-    per_m = xp.where(rounds, per_m, 1.0)
-    steps = xp.maximum(xp.floor(1.0 / (xp.where(rounds, depth, 1.0) * per_m) + 0.5), 1.0)
-    depth = xp.where(rounds, 1.0 / (per_m * steps), depth)
+    safe_per_m = xp.where(rounds, per_m, 1.0)
+    steps = xp.maximum(xp.floor(1.0 / (xp.where(rounds, depth, 1.0) * safe_per_m) + 0.5), 1.0)
+    depth = xp.where(rounds, 1.0 / (safe_per_m * steps), depth)
     return without({**layers, "depth": depth}, reason != Reason.VALID, reason)
 
 
@@ -283,7 +284,7 @@ def _node(word: Words) -> Image:
     return (xp.floats(total + xp.shifted(word, 24)) - 510.0) * 6.76583e-3
 
 
-def lattice_noise(view: FrameContext, spacing_px: tuple[Any, Any], seed: Any) -> Image:
+def lattice_noise(view: FrameContext, spacing_px: tuple[float, float], seed: Any) -> Image:
     """Return an (h, w) smooth random field of variance 1, interpolated between lattice nodes.
 
     Args:

@@ -8,11 +8,11 @@ from dataclasses import replace
 from math import log
 from typing import Any
 
-from glsim.core.arrays import of
+from glsim.core.arrays import Words, of
 from glsim.core.errors import ConfigError
 from glsim.core.seeds import stage_seed
 from glsim.noise.frame_context import FrameContext
-from glsim.noise.twins.layers import Image, Words, normal_pair, pcg_word, uniform01
+from glsim.noise.twins.layers import Image, normal_pair, pcg_word, uniform01
 from glsim.settings.distribution import Distribution
 
 #: Largest offset of an emitter across the axis on which it lies, relative to its distance; and

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 
 from glsim.core.array_types import Whole
-from glsim.core.arrays import of
+from glsim.core.arrays import Words, of
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
@@ -84,13 +84,13 @@ def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
     return {"depth": depth, "reason": reasons_of_taken(layers, depth, Reason.EDGE)}
 
 
-def dot_place(x: Whole, y: Whole) -> Whole:
+def dot_place(x: Words, y: Words) -> Whole:
     """Sample the pixel of a 3x3 cell that holds the dot: 0 to 8 in reading order."""
     place: Whole = (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
     return place
 
 
-def place_pixel(x: Whole, y: Whole, place: Whole) -> tuple[Whole, Whole]:
+def place_pixel(x: Words, y: Words, place: Whole) -> tuple[Words, Words]:
     """Return the frame's column and row of pixel ``place`` (0 to 8) of the 3x3 cell (x, y)."""
     return x * CELL_PX + place % CELL_PX, y * CELL_PX + place // CELL_PX
 

@@ -9,19 +9,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
-from glsim.core.arrays import of
+from glsim.core.array_types import Mask, Reals
+from glsim.core.arrays import Numbers, Words, of
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
 
 #: Float32 numbers of pixels: (h, w) or (h, w, components) of NumPy, (B, h, w) or (B, h, w,
-#: components) of PyTorch.
-Image = Any
-#: 32-bit words, see ``glsim.core.arrays``.
-Words = Any
+#: components) of PyTorch. Types are NumPy's: they say how arrays meet, not of which library.
+Image = Reals
 #: Layers by name, and parameters by their GLSL names: numbers, or one number per map, (B, 1, 1).
 Layers = Mapping[str, Image]
-Parameters = Mapping[str, Any]
+Parameters = Mapping[str, float]
+#: Gives each pixel the value at an offset (dx, dy): see ``around``.
+Neighbours = Callable[[int, int], Image]
 
 #: Least depth of a moved pixel, m: 0 would mean that it has no depth.
 _LEAST_M = 1e-4
@@ -31,7 +32,7 @@ KERNEL = {0: 0.1195716, 1: 0.1131098, 2: 0.1069973}
 KERNEL_UNIT = 2.99791
 
 
-def pixels(window: Rect, like: Any = 0) -> tuple[Any, Any]:
+def pixels(window: Rect, like: Any = 0) -> tuple[Words, Words]:
     """Return columns (1, w) and rows (h, 1) of a window's pixels, counted in the whole frame.
 
     Args:
@@ -46,7 +47,7 @@ def pixels(window: Rect, like: Any = 0) -> tuple[Any, Any]:
     )
 
 
-def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
+def fetch(layer: Image, window: Rect, x: Words, y: Words) -> Image:
     """Read a layer at pixels of the frame; 0 outside the window.
 
     Args:
@@ -61,8 +62,10 @@ def fetch(layer: Image, window: Rect, x: Any, y: Any) -> Image:
     column, row = xp.clip(column, 0, window.width - 1), xp.clip(row, 0, window.height - 1)
     if layer.ndim == 2:
         return xp.where(inside, layer[row, column], 0.0)
-    at = xp.integers(row * window.width + column).expand(len(layer), -1, -1)
-    there = layer.flatten(1).gather(1, at.flatten(1)).reshape(at.shape)
+    place: Any = xp.integers(row * window.width + column)
+    tensor: Any = layer
+    at = place.expand(len(layer), -1, -1)
+    there = tensor.flatten(1).gather(1, at.flatten(1)).reshape(at.shape)
     return xp.where(inside, there, 0.0)
 
 
@@ -78,10 +81,12 @@ def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = Fals
     """
     left, top, width, height = view.window
     if view.batched:  # the window is the frame
-        planes = layer.movedim(3, 0) if layer.ndim == 4 else layer[None]
+        tensor: Any = layer
+        planes = tensor.movedim(3, 0) if layer.ndim == 4 else tensor[None]
         mode = "replicate" if clamped else "constant"
-        wide = of(layer).nn.functional.pad(planes, (reach,) * 4, mode=mode)
-        return wide.movedim(0, 3) if layer.ndim == 4 else wide[0]
+        planes = of(layer).nn.functional.pad(planes, (reach,) * 4, mode=mode)
+        wider: Image = planes.movedim(0, 3) if layer.ndim == 4 else planes[0]
+        return wider
     xp = of(layer)
     x, y = (
         xp.arange(start - reach, start + side + reach)
@@ -98,7 +103,7 @@ def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = Fals
 
 def around(
     view: FrameContext, layer: Image, reach: int, *, clamped: bool = False, at: Any = None
-) -> Callable[[int, int], Image]:
+) -> Neighbours:
     """Return a function (dx, dy) -> the values of the layer at that offset from each pixel.
 
     Its results may be views of one array: do not write to them.
@@ -118,7 +123,8 @@ def around(
         return neighbour
     width += 2 * reach
     first = (at[0] * wide.shape[1] + at[1] + reach) * width + at[2] + reach
-    flat = wide.movedim(3, 0).flatten(1) if wide.ndim == 4 else wide.flatten()
+    tensor: Any = wide
+    flat = tensor.movedim(3, 0).flatten(1) if wide.ndim == 4 else tensor.flatten()
     return lambda dx, dy: flat.index_select(-1, first + (dy * width + dx)).movedim(0, -1)
 
 
@@ -152,17 +158,17 @@ def mix(a: Image, b: Image, t: Image) -> Image:
     return a + t * (b - a)
 
 
-def select(choices: Sequence[tuple[Any, Any]], other: Any) -> Image:
+def select(choices: Sequence[tuple[Mask, Numbers]], other: Image) -> Image:
     """Return for each pixel the number of the first condition that holds, else ``other``."""
     for condition, number in reversed(choices):
         other = of(condition).where(condition, number, other)
     return other
 
 
-def has_depth(reason: Image) -> Any:
+def has_depth(reason: Image) -> Mask:
     """Mark the reason codes of pixels that have depth."""
     codes = [float(r) for r in Reason if r.has_depth]
-    mask = reason == codes[0]
+    mask: Mask = reason == codes[0]
     for code in codes[1:]:
         mask = mask | (reason == code)
     return mask
@@ -182,7 +188,7 @@ def moved_by_mm(depth_m: Image, by_mm: Image) -> Image:
     return xp.where(depth_m > 0, xp.maximum(depth_m + 0.001 * by_mm, _LEAST_M), 0.0)
 
 
-def disparity_px(depth_m: Image, focal_baseline_px_m: Any) -> Image:
+def disparity_px(depth_m: Image, focal_baseline_px_m: float) -> Image:
     """Convert depth, m, to disparity, px, or disparity to depth; undefined where depth is 0."""
     return focal_baseline_px_m / of(depth_m).where(depth_m > 0, depth_m, 1.0)
 
@@ -202,7 +208,7 @@ def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) ->
     return {"depth": moved_by_mm(xp.where((depth > 0) & (by_px != 0), moved, depth), by_mm)}
 
 
-def without(layers: Layers, lost: Any, reason: Any) -> dict[str, Image]:
+def without(layers: Layers, lost: Mask, reason: Reason | Image) -> dict[str, Image]:
     """Return the layers depth and reason without the depth of the pixels ``lost``."""
     depth = layers["depth"]
     xp, lost = of(depth), lost & (depth > 0)
@@ -243,7 +249,7 @@ def pcg_word(word: Words) -> Words:
     xp = of(word)
     state = word * xp.word(747796405) + xp.word(2891336453)
     by = xp.shifted(state, 28) + xp.word(4)
-    mixed = (xp.shifted(state, by) ^ state) * xp.word(277803737)
+    mixed: Words = (xp.shifted(state, by) ^ state) * xp.word(277803737)
     return xp.shifted(mixed, 22) ^ mixed
 
 
@@ -269,11 +275,12 @@ def correlated_noise(view: FrameContext, seed: Any) -> Image:
     row = pcg_word(xp.words(seed, seed) ^ pcg_word(xp.words(y)))
     bits = pcg_word(row + xp.words(x))
     white = xp.floats(xp.shifted(bits, 16) + (bits & xp.word(0xFFFF))) - 65535.0
-    noise = 0.0
+    noise: Any = 0.0
     for dx, dy in square(1):
         part = white[..., 1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
         noise = xp.plus(noise, KERNEL[abs(dx) + abs(dy)], part)
-    return _CORRELATED_UNIT * noise
+    smooth: Image = _CORRELATED_UNIT * noise
+    return smooth
 
 
 #: sqrt(6) / 65536 times KERNEL_UNIT, which makes the variance 1. Each factor is rounded to float32

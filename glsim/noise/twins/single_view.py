@@ -36,13 +36,13 @@ def single_view_match(view: FrameContext, layers: Layers, p: Parameters) -> dict
     column, row = pixels(view.window, view.seed)
     place = way * xp.floats(column if axis == -1 else row)
     nearest = xp.minimum(p["largest_px"], fb / max(view.nearest_m, 1e-3))
-    ahead = xp.minimum(seen_px, nearest) - place
+    ahead: Image = xp.minimum(seen_px, nearest) - place
     ahead = xp.flip(ahead, (axis,)) if way > 0 else ahead
     ahead = xp.running_maximum(ahead, axis)
     ahead = (xp.flip(ahead, (axis,)) if way > 0 else ahead) + place
     wider, (right, down) = int(p["shadow_px"]), _step(axis, way)
-    hidden = around(view, ahead, wider)(wider * right, wider * down)
-    hidden = hidden > disparity + p["rim_step_px"]
+    seen_ahead = around(view, ahead, wider)(wider * right, wider * down)
+    hidden = seen_ahead > disparity + p["rim_step_px"]
     size = view.width if axis == -1 else view.height
     beside = place if way > 0 else place + (size - 1.0)
     fate = select(

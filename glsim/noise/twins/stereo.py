@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from glsim.core.arrays import Words
 from glsim.core.camera import Point
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import PROJECTOR_LAYER
@@ -11,7 +12,6 @@ from glsim.noise.twins.layers import (
     Image,
     Layers,
     Parameters,
-    Words,
     around,
     mix,
     normal_pair,

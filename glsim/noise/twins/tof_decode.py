@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from glsim.core.array_types import Mask
 from glsim.core.arrays import of
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
@@ -15,6 +16,7 @@ from glsim.noise.twins.layers import (
     KERNEL_UNIT,
     Image,
     Layers,
+    Neighbours,
     Parameters,
     around,
     correlated_noise,
@@ -104,7 +106,7 @@ def _bilateral(
     def part(layer: Image, right: int, down: int, wider: int = 0, lower: int = 0) -> Image:
         return layer[..., down : down + height + lower, right : right + width + wider, :]
 
-    def summed(layer: Image, weights: Sequence[Any]) -> Image:
+    def summed(layer: Image, weights: Sequence[Any]) -> Any:
         rows: Any = 0.0
         total: Any = 0.0
         for k in range(-reach, reach + 1):
@@ -119,8 +121,8 @@ def _bilateral(
         ahead, behind = max(dx, 0), max(-dx, 0)
         first = reach - ahead, reach - dy, abs(dx), dy
         second = reach + dx - ahead, reach, abs(dx), dy
-        alike = part(sharp_x, *first) * part(x, *second)
-        alike = xp.exp(xp.plus(alike, part(sharp_y, *first), part(y, *second)))
+        near_x = part(sharp_x, *first) * part(x, *second)
+        alike = xp.exp(xp.plus(near_x, part(sharp_y, *first), part(y, *second)))
         for sign, weight in ((1, part(alike, ahead, dy)), (-1, part(alike, behind, 0))):
             to = reach + sign * dx, reach + sign * dy
             sums = [
@@ -143,7 +145,7 @@ def _bilateral(
 
 
 def _filtered(
-    layers: Layers, kept: Any, marked: Any, real: Image, imaginary: Image
+    layers: Layers, kept: Mask, marked: Mask, real: Image, imaginary: Image
 ) -> dict[str, Image]:
     """Pack filtered phasors into their layers, beside infrared counts and flags.
 
@@ -181,7 +183,9 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     amplitude, (x, y) = light[..., 6], pixels(view.window, view.seed)
     xp = of(amplitude)
     seen = beside_light | (layers["clean"] > 0)
-    saturated, real, imaginary = seen & False, [], []
+    saturated = seen & False
+    reals: list[Image] = []
+    imaginaries: list[Image] = []
     for k, m in enumerate(CONTRAST_MULTIPLIER.tolist()):
         bits = random_bits(x, y, view.seed, k)
         sigma = xp.sqrt(
@@ -194,21 +198,21 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
             saturated = saturated | (xp.abs(tap) > p["saturation_lsb"])
             taps.append(companded(tap) if p["companding"] else tap)
         scale = float(np.float32(m) * np.float32(2.0) / np.float32(3.0))
-        real.append(scale * (taps[0] * TAP_COS[0] + taps[1] * TAP_COS[1] + taps[2] * TAP_COS[2]))
-        imaginary.append(-scale * (taps[0] * 0.0 + taps[1] * TAP_SIN[1] + taps[2] * TAP_SIN[2]))
+        reals.append(scale * (taps[0] * TAP_COS[0] + taps[1] * TAP_COS[1] + taps[2] * TAP_COS[2]))
+        imaginaries.append(-scale * (taps[0] * 0.0 + taps[1] * TAP_SIN[1] + taps[2] * TAP_SIN[2]))
     border = ((x == 0) | (x == view.width - 1)) & (p["dead_border"] > 0)
     read = seen & ~border
-    sizes = [xp.sqrt(r * r + i * i) for r, i in zip(real, imaginary, strict=True)]
+    sizes = [xp.sqrt(r * r + i * i) for r, i in zip(reals, imaginaries, strict=True)]
     mean = (sizes[0] + sizes[1] + sizes[2]) / 3.0
     infrared = xp.where(saturated, _LIMIT, xp.minimum(_COUNTS_PER_AMPLITUDE * mean, _LIMIT))
     valid = (read & ~saturated)[..., None]
     counts = xp.where(read, infrared, 0.0)
     flags = xp.where(read & saturated, 2.0, 0.0)
-    real, imaginary = (xp.where(valid, xp.stack(part, -1), 0.0) for part in (real, imaginary))
+    real, imaginary = (xp.where(valid, xp.stack(part, -1), 0.0) for part in (reals, imaginaries))
     return packed("phasor", real, imaginary, counts, flags)
 
 
-def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Any]:
+def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Mask]:
     """Blur the light by the optics.
 
     Returns:
@@ -373,10 +377,11 @@ def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: I
     return p["sigma_mm"] * p["sigma_mm"] + slanted * slanted
 
 
-def _border(view: FrameContext) -> Any:
+def _border(view: FrameContext) -> Mask:
     """Mark the outermost pixels of the frame, which the decoder leaves unfiltered."""
     x, y = pixels(view.window, view.seed)
-    return (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+    outermost: Mask = (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
+    return outermost
 
 
 def field_stop(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -412,7 +417,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     sigma = _part_sigma(p, seen[2])
     dimmed = seen[2] + xp.amax(sigma, -1) * white
     kept = xp.where(dimmed < 1.1 * p["min_amplitude"], 0.0, 1.0)[..., None]
-    even = [kept * seen[0], kept * seen[1], seen[2], sigma, at_step & False]
+    even: list[Any] = [kept * seen[0], kept * seen[1], seen[2], sigma, at_step & False]
     at, own_p = where_worthwhile(view, at_step, p)
     if at is not None:
         x, y, seed = xp.words(at[2]), xp.words(at[1]), seed.expand(len(clean), 1, 1)[at[0], 0, 0]
@@ -429,7 +434,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     reason = xp.where(amplitude > p["saturation_lsb"], float(Reason.SATURATED), reason)
     valid = (reason == Reason.VALID) | (reason == Reason.GROWN)
     turns = xp.sqrt((sigma * sigma).sum(-1)) / xp.maximum(amplitude, 1.0) / TWO_PI
-    light_mm = 1000.0 * turns * HALF_WAVE_M_MHZ / float(frequencies(view).sum())
+    light_mm: Image = 1000.0 * turns * HALF_WAVE_M_MHZ / float(frequencies(view).sum())
     ray_x, ray_y = layers["rays"][..., 0], layers["rays"][..., 1]
     # From the error along the ray to the error along z.
     light_mm = light_mm / xp.sqrt(ray_x * ray_x + ray_y * ray_y + 1.0)
@@ -459,7 +464,9 @@ def _part_sigma(p: Parameters, amplitude: Image) -> Image:
     )
 
 
-def _at_steps(p: Parameters, there: Sequence[Any], random: tuple[Any, Any, Any]) -> list[Image]:
+def _at_steps(
+    p: Parameters, there: Sequence[Neighbours], random: tuple[Any, Any, Any]
+) -> list[Any]:
     """Blur, filter and add noise to the phasors of pixels beside depth steps.
 
     Args:
@@ -471,7 +478,7 @@ def _at_steps(p: Parameters, there: Sequence[Any], random: tuple[Any, Any, Any])
         Real and imaginary parts, amplitude, standard deviation of the parts, and the edge mask.
     """
     xp = of(there[2](0, 0))
-    blurred: list[Image] = [0.0, 0.0, 0.0]
+    blurred: list[Any] = [0.0, 0.0, 0.0]
     for dx, dy in square(1):
         weight = float(np.float32(_BLUR[abs(dx)]) * np.float32(_BLUR[abs(dy)]))
         blurred = [
@@ -491,11 +498,11 @@ def _at_steps(p: Parameters, there: Sequence[Any], random: tuple[Any, Any, Any])
         away = 0.5 - 0.5 * (real * r + imaginary * i) * unit
         counts = xp.where((light >= least) | ~bright, 1.0, 0.0)
         falls = xp.where(bright, xp.exp(sharpness * away), 1.0)
-        weight = counts * KERNEL[abs(dx) + abs(dy)] * falls
+        share = counts * KERNEL[abs(dx) + abs(dy)] * falls
         apart = apart + counts * away
-        sum_real = sum_real + weight * light * r
-        sum_imaginary = sum_imaginary + weight * light * i
-        total = total + weight
+        sum_real = sum_real + share * light * r
+        sum_imaginary = sum_imaginary + share * light * i
+        total = total + share
     sigma = _part_sigma(p, amplitude)
     noise = [normal_pair(*random_bits(*random, 1 + k)[:2]) for k in range(3)]
     return [

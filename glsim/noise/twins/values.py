@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from glsim.core.arrays import of
+from glsim.core.arrays import Words, of
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
 from glsim.noise.twins.layers import (
     Image,
     Layers,
     Parameters,
-    Words,
     correlated_noise,
     disparity_px,
     displaced,
@@ -103,7 +102,8 @@ def perlin(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image
     if p["drift_hz"] <= 0:  # without drift: the plane z = 0 of nodes
         at = (at[0], at[1], 0.0 * at[2])
     lacunarity, persistence = p["lacunarity"], p["persistence"]
-    total, weight = 0.0, 1.0
+    total: Any = 0.0
+    weight = 1.0
     for octave in range(int(p["octaves"])):
         total = total + weight * perlin_at(at, seed + octave)
         at = (at[0] * lacunarity, at[1] * lacunarity, at[2] * lacunarity)
@@ -211,7 +211,8 @@ def perlin_at(at: Vector, seed: Any) -> Image:
 
 
 def _total(vector: Vector, factor: float) -> Image:
-    return vector[0] * factor + vector[1] * factor + vector[2] * factor
+    total: Image = vector[0] * factor + vector[1] * factor + vector[2] * factor
+    return total
 
 
 def simplex_at(at: Vector, seed: Any) -> Image:
@@ -229,7 +230,7 @@ def simplex_at(at: Vector, seed: Any) -> Image:
     xy, yz, xz = (xp.floats(ge) for ge in (x0 >= y0, y0 >= z0, x0 >= z0))
     ranks = xy + xz, 1 - xy + yz, 2 - yz - xz
     n, key = [xp.words(part) for part in cell], xp.words(seed, at[0])
-    total = 0.0
+    total: Any = 0.0
     # Four corners: the cell's origin, then a step along the largest coordinate, the next, the last.
     for least, back in ((3, 0.0), (2, 1 / 6), (1, 1 / 3), (0, 0.5)):
         step = [xp.floats(rank >= least) for rank in ranks]
@@ -239,7 +240,8 @@ def simplex_at(at: Vector, seed: Any) -> Image:
             (n[0] + xp.words(step[0]), n[1] + xp.words(step[1]), n[2] + xp.words(step[2])), key
         )
         total = total + t * t * t * t * _gradient(bits, (x, y, z))
-    return 76.0 * total
+    noise: Image = 76.0 * total
+    return noise
 
 
 def field_seed(view: FrameContext, drift_hz: float) -> Any:
@@ -248,7 +250,7 @@ def field_seed(view: FrameContext, drift_hz: float) -> Any:
 
 
 def field_position(
-    view: FrameContext, lattice_x_px: Any, lattice_y_px: Any, drift_hz: Any
+    view: FrameContext, lattice_x_px: float, lattice_y_px: float, drift_hz: float
 ) -> Vector:
     """Return the position of each pixel of the window in the noise field, in lattice cells.
 
