@@ -90,10 +90,7 @@ def assert_same(first: Frame, second: Frame) -> None:
     ],
 )
 def test_other_values_give_the_frames_of_a_new_simulator(
-    context: moderngl.Context,
-    settings: Settings,
-    sources: list[OneMesh],
-    values: Mapping[str, Any],
+    context: moderngl.Context, settings: Settings, sources: list[OneMesh], values: Mapping[str, Any]
 ) -> None:
     simulator = Simulator(settings, sources, context)
     changed = simulator.with_values(values)

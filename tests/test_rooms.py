@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 from glsim.core.files.png import encode_png
-from tests.support.imports import (
-    ROOT,
-    all_modules,
-    imported_modules,
-    loaded_after,
-    third_party,
-)
+from tests.support.imports import ROOT, all_modules, imported_modules, loaded_after, third_party
 
 #: Rooms from the ground floor up. A module imports from its own room and from earlier ones; a
 #: longer name wins, so that glsim.train.models is a room of its own below glsim.denoise.
@@ -82,10 +76,7 @@ HOMES = {
     "safetensors": ("glsim.networks.checkpoint",),
     "lightning_fabric": ("glsim.train",),
     "tensorboard": ("glsim.train",),
-    "matplotlib": (
-        "glsim.eval.report.figures",
-        "glsim.eval.paper.figures",
-    ),
+    "matplotlib": ("glsim.eval.report.figures", "glsim.eval.paper.figures"),
     "jinja2": ("glsim.eval.report.document",),
     "nicegui": ("glsim.cli.tune_page",),
     "fastapi": ("glsim.cli.tune_page.page",),

@@ -101,9 +101,7 @@ class Masked(Loss):
         description="measure errors by each frame's own noise, so that no camera rules the others",
     )
     sigma_weight: float = Field(
-        0.1,
-        ge=0,
-        description="weight of log_sigma, if any; no gradient reaches the depth",
+        0.1, ge=0, description="weight of log_sigma, if any; no gradient reaches the depth"
     )
     reach_px: int = Field(
         REACH_PX, ge=1, description="largest distance from a valid input pixel that counts"
@@ -192,10 +190,7 @@ def _smooth_l1(values: Tensor, beta: float) -> Tensor:
     return functional.smooth_l1_loss(values, torch.zeros_like(values), reduction="none", beta=beta)
 
 
-LOSSES: Final[dict[str, type[Loss]]] = {
-    "all_pixels": AllPixels,
-    "masked": Masked,
-}
+LOSSES: Final[dict[str, type[Loss]]] = {"all_pixels": AllPixels, "masked": Masked}
 
 
 def build_loss(table: Mapping[str, Any]) -> Loss:

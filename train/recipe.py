@@ -116,8 +116,7 @@ class DataSettings(TomlTable):
         "no", description="how frames larger than crop are cropped; no: they are an error"
     )
     target: Literal["clean", "expected"] = Field(
-        "clean",
-        description="what is learnt: the true depth, or what the sensor says without noise",
+        "clean", description="what is learnt: the true depth, or what the sensor says without noise"
     )
     protocol: DepthProtocol | None = Field(
         None,
@@ -198,9 +197,7 @@ def recipe_names() -> list[str]:
 
 
 def load_recipe(
-    recipe: str,
-    assignments: Iterable[str] = (),
-    overrides: Mapping[str, Any] | None = None,
+    recipe: str, assignments: Iterable[str] = (), overrides: Mapping[str, Any] | None = None
 ) -> Recipe:
     """Load a recipe by its name or by the path of its TOML file.
 

@@ -38,7 +38,7 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
         f"{len(scores.checksums)} frames (identity `{scores.identity}`), {scores.static_frames} of "
         f"them of {scores.scenes} static scenes, {scores.boards} with a chessboard. Change: mean "
         "over the distances of the RMSE relative to the raw frames; in brackets its 95 % interval "
-        "(bootstrap). Bold: the best of a column.",
+        "(bootstrap). Bold: the best of a column."
     ]
     if scores.static_frames:
         page.parts += [

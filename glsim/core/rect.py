@@ -16,10 +16,7 @@ class Rect(NamedTuple):
     @property
     def slices(self) -> tuple[slice, slice]:
         """The slices of rows and columns that index an image."""
-        return (
-            slice(self.top, self.top + self.height),
-            slice(self.left, self.left + self.width),
-        )
+        return (slice(self.top, self.top + self.height), slice(self.left, self.left + self.width))
 
     def contains(self, other: Rect) -> bool:
         """Return whether ``other`` lies inside this window."""

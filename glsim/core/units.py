@@ -30,9 +30,7 @@ def to_mm(depth_m: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
 
 
 def to_steps(
-    depth_m: NDArray[np.floating[Any]],
-    step_mm: float = 1.0,
-    option: str = "output.depth_unit_mm",
+    depth_m: NDArray[np.floating[Any]], step_mm: float = 1.0, option: str = "output.depth_unit_mm"
 ) -> NDArray[np.uint16]:
     """Round depth to the whole steps of a 16-bit file; every positive depth is at least 1 step.
 

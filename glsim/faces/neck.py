@@ -104,10 +104,7 @@ def trunk_angles(pose: Mapping[str, float]) -> dict[str, float]:
 
 
 def bend_neck(
-    meshes: Sequence[Mesh],
-    neck: Neck | None,
-    pose: Mapping[str, float],
-    still: Mapping[str, float],
+    meshes: Sequence[Mesh], neck: Neck | None, pose: Mapping[str, float], still: Mapping[str, float]
 ) -> list[Mesh]:
     """Rotate the shoulders of meshes back, so that ``pose_matrix(pose)`` turns the head only.
 

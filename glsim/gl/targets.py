@@ -52,10 +52,7 @@ class TargetPool:
             target = free.pop()
             target.layer = layer
         else:
-            size = (
-                math.ceil(self.width * layer.scale),
-                math.ceil(self.height * layer.scale),
-            )
+            size = (math.ceil(self.width * layer.scale), math.ceil(self.height * layer.scale))
             texture = self.context.texture(size, layer.components, dtype="f4")
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             texture.repeat_x = texture.repeat_y = False

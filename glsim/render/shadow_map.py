@@ -149,11 +149,7 @@ class ShadowMap:
         program["u_texel"] = 1.0 / focal
 
     def _add_light(
-        self,
-        lit: Target,
-        view: View,
-        window: Rect,
-        weight: tuple[float, float],
+        self, lit: Target, view: View, window: Rect, weight: tuple[float, float]
     ) -> None:
         """Add one emitter's light, times ``weight`` per component, to a view's target ``lit``."""
         self._context.blend_func = moderngl.ONE, moderngl.ONE

@@ -34,14 +34,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator, with_config
 
-from glsim.core.camera import (
-    ColourCamera,
-    Distortion,
-    Emitter,
-    Exposure,
-    Intrinsics,
-    SensorRig,
-)
+from glsim.core.camera import ColourCamera, Distortion, Emitter, Exposure, Intrinsics, SensorRig
 from glsim.sensors.images import half_tan
 from glsim.sensors.wiggling import Wave
 from glsim.settings.toml_tables import TomlTable

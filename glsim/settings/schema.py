@@ -39,13 +39,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    PrivateAttr,
-    SerializeAsAny,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, PrivateAttr, SerializeAsAny, model_validator
 
 from glsim.core.camera import DEFAULT_SENSOR
 from glsim.core.errors import ConfigError
@@ -303,8 +297,7 @@ class Settings(TomlTable):
         (0.70, 0.12, 0.18), description="shares of train, val, test by subject; paper: the paper's"
     )
     source: Annotated[tuple[_Source, ...], BeforeValidator(_sources)] = Field(
-        ({},),
-        validate_default=True,
+        ({},), validate_default=True
     )
     pose: PoseSettings = PoseSettings()
     motion: MotionSettings = MotionSettings()

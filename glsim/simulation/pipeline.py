@@ -109,9 +109,7 @@ def simulate(
 
 
 def frames(
-    settings: Settings,
-    tasks: Iterable[Task] | None = None,
-    **options: Any,
+    settings: Settings, tasks: Iterable[Task] | None = None, **options: Any
 ) -> Iterator[Frame]:
     """Yield Frames as ``simulate`` does, with the same arguments, but never a Skipped.
 

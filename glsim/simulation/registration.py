@@ -57,11 +57,7 @@ def _taken(
 
 
 def _land(
-    depth_m: NDArray[np.float32],
-    window: Rect,
-    image: Intrinsics,
-    colour: ColourCamera,
-    crop: Rect,
+    depth_m: NDArray[np.float32], window: Rect, image: Intrinsics, colour: ColourCamera, crop: Rect
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """Return per pixel of ``crop`` the flat index of the nearest depth pixel, or -1, and its depth.
 

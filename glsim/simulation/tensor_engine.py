@@ -20,13 +20,7 @@ from glsim.noise.array_chain import without_tensors
 from glsim.noise.layer_names import EXPECTED_LAYER
 from glsim.noise.stage import ENABLED, Stage, sample_values
 from glsim.noise.twins import find_twin
-from glsim.noise.twins.batch import (
-    WordContext,
-    beside_camera,
-    map_words,
-    sample,
-    seed_word,
-)
+from glsim.noise.twins.batch import WordContext, beside_camera, map_words, sample, seed_word
 from glsim.noise.twins.layers import pcg_word, uniform01
 from glsim.sensors.sensor import Sensor
 from glsim.settings.distribution import ScopeSeeds

@@ -63,9 +63,7 @@ def test_other_distances_alone_do_not_tell() -> None:
     assert tell_apart(near, far).auc == pytest.approx(0.5, abs=0.12)
 
 
-def test_without_scikit_learn_the_measures_are_there(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_scikit_learn_the_measures_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sklearn", None)
     said: list[str] = []
     result = compare_sets(_set(100, 1.0, 3, 2), _set(200, 2.0, 3, 2), said.append)

@@ -62,11 +62,7 @@ def lies(state: Path) -> list[str]:
 
 
 def cut_everywhere(
-    monkeypatch: pytest.MonkeyPatch,
-    folder: Path,
-    format: str = "png",
-    *,
-    resumes: int = 0,
+    monkeypatch: pytest.MonkeyPatch, folder: Path, format: str = "png", *, resumes: int = 0
 ) -> list[str]:
     """Cut the power at every step of a run; return the lies. Resumes some of the states."""
     found: list[str] = []

@@ -14,12 +14,7 @@ from glsim.cli import main
 from glsim.data.reader import Dataset, open_dataset
 from glsim.eval.paper.data_note import data_note
 from glsim.eval.paper.figures import draw_figures as write
-from glsim.eval.paper.figures.solids import (
-    choose_frame,
-    frustum_figure,
-    rig_of,
-    surfaces_figure,
-)
+from glsim.eval.paper.figures.solids import choose_frame, frustum_figure, rig_of, surfaces_figure
 from glsim.eval.report.figures.panels import method_panels
 from glsim.eval.report.figures.style import to_png
 from tests.support import checkpoint_stand_in

@@ -13,12 +13,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.face_source import Face, FaceKey, Topology
-from glsim.faces.sources.ict_facekit import (
-    KNOWN_SHAPES,
-    IctFaceKit,
-    MorphableModel,
-    load_model,
-)
+from glsim.faces.sources.ict_facekit import KNOWN_SHAPES, IctFaceKit, MorphableModel, load_model
 from tests.support.face_models import write_face_x_model
 from tests.support.imports import loaded_after
 

@@ -63,10 +63,7 @@ def test_a_crop_moves_the_pixels_only(context: moderngl.Context) -> None:
     assert part.landmarks is not None
     np.testing.assert_array_equal(whole.landmarks.points_m, part.landmarks.points_m)
     moved = whole.landmarks.pixels - part.landmarks.pixels
-    shift = [
-        whole.intrinsics.cx - part.intrinsics.cx,
-        whole.intrinsics.cy - part.intrinsics.cy,
-    ]
+    shift = [whole.intrinsics.cx - part.intrinsics.cx, whole.intrinsics.cy - part.intrinsics.cy]
     np.testing.assert_allclose(moved, np.broadcast_to(shift, moved.shape), atol=1e-9)
     np.testing.assert_array_equal(whole.landmarks.visible, part.landmarks.visible)
 

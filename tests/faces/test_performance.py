@@ -7,12 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from glsim.faces.performance import (
-    CODES,
-    performance_for,
-    sequence_name,
-    sequence_number,
-)
+from glsim.faces.performance import CODES, performance_for, sequence_name, sequence_number
 
 PERFORMANCES = [performance_for(3, f"p{s:04d}", n) for s in range(4) for n in range(20)]
 

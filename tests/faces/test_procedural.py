@@ -13,11 +13,7 @@ from glsim.core.errors import ConfigError
 from glsim.core.mesh import vertex_normals
 from glsim.faces.face_source import Face
 from glsim.faces.procedural.model import REGIONS, head_model
-from glsim.faces.procedural.parameters import (
-    FACTORS,
-    PARAMETERS,
-    sample_identity,
-)
+from glsim.faces.procedural.parameters import FACTORS, PARAMETERS, sample_identity
 from glsim.faces.procedural.subject import (
     HeadSubject,
     asymmetry_field,

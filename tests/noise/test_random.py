@@ -19,14 +19,7 @@ from glsim.gl.shader_source import load_source
 from glsim.gl.targets import TargetPool
 from glsim.noise.twins import values as fields
 from glsim.noise.twins.layers import normal_pair, random_bits, uniform01
-from tests.support.stage_harness import (
-    Z_MAX,
-    Image,
-    z_correlation,
-    z_mean,
-    z_rate,
-    z_sd,
-)
+from tests.support.stage_harness import Z_MAX, Image, z_correlation, z_mean, z_rate, z_sd
 
 SHADER = """#version 330 core
 // bits: the words of random_bits, in halves that a float holds, and the numbers made of them.

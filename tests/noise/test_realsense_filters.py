@@ -26,12 +26,7 @@ from glsim.noise.realsense_filters import (
 from glsim.noise.registry import find_stage
 from glsim.sensors import sensor
 from glsim.simulation.depth_noise import DepthNoise
-from tests.support.scenes import (
-    face_mesh,
-    frames_of,
-    moving_settings,
-    settings_for,
-)
+from tests.support.scenes import face_mesh, frames_of, moving_settings, settings_for
 from tests.support.stage_harness import FOCAL_BASELINE, Image, frame
 
 #: A view of a rig of 365 px and 75 mm.

@@ -117,10 +117,7 @@ SENSORS = ["kinect-v2", "kinect-v2-fast"]
 
 
 def walls(
-    cam: Camera,
-    frames: int,
-    changes: dict[str, dict[str, float]],
-    z_mm: float = 900.0,
+    cam: Camera, frames: int, changes: dict[str, dict[str, float]], z_mm: float = 900.0
 ) -> Image:
     """(frames, h, w) mm of a wall, without the rim of the window."""
     shots = [

@@ -74,8 +74,7 @@ def test_the_subjects_left_is_on_the_right_of_the_image(context: moderngl.Contex
 
 
 @pytest.mark.parametrize(
-    ("angle", "nearer"),
-    [("yaw_deg", (60.0, 0.0)), ("pitch_deg", (0.0, 80.0)), ("roll_deg", None)],
+    ("angle", "nearer"), [("yaw_deg", (60.0, 0.0)), ("pitch_deg", (0.0, 80.0)), ("roll_deg", None)]
 )
 def test_poses_turn_the_head_as_its_owner_would_say(
     angle: str, nearer: tuple[float, float] | None
@@ -95,9 +94,7 @@ def test_poses_turn_the_head_as_its_owner_would_say(
         assert nose[0] > 0.015 if angle == "yaw_deg" else nose[1] < -0.015
 
 
-def test_albedo_is_interpolated_between_vertices_or_that_of_skin(
-    context: moderngl.Context,
-) -> None:
+def test_albedo_is_interpolated_between_vertices_or_that_of_skin(context: moderngl.Context) -> None:
     plain = rectangle((-0.2, 0.2), (-0.2, 0.2), 1.0)
     grey = Mesh(plain.vertices_mm, plain.faces, np.array([0, 1, 0, 1], np.float32))
     for mesh in (grey, plain, grey):  # the same topology: the buffers are used again
@@ -180,8 +177,7 @@ def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
     context: moderngl.Context,
 ) -> None:
     floor = camera_mesh(
-        np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, -3.0], [1, 0.3, -3.0]]),
-        grid_faces(2, 2),
+        np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, -3.0], [1, 0.3, -3.0]]), grid_faces(2, 2)
     )
     clean = layers_of(context, rig(), [floor])["clean"]
     assert not clean[:200].any()
@@ -191,9 +187,7 @@ def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
     assert (lit[300:, 256] > 0.99).all()  # the emitter stands above the floor: no shadow
 
 
-def test_further_meshes_behind_or_beside_the_camera_are_no_error(
-    context: moderngl.Context,
-) -> None:
+def test_further_meshes_behind_or_beside_the_camera_are_no_error(context: moderngl.Context) -> None:
     """Shoes and knees of a person who sits near, before a face that is in view."""
     face = camera_mesh(
         np.array([[-0.1, -0.1, 0.9], [0.1, -0.1, 0.9], [-0.1, 0.1, 0.9], [0.1, 0.1, 0.9]]),
@@ -214,12 +208,9 @@ def test_further_meshes_behind_or_beside_the_camera_are_no_error(
         assert (layers["lit"][seen] > 0.99).mean() > 0.99
 
 
-def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(
-    context: moderngl.Context,
-) -> None:
+def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(context: moderngl.Context) -> None:
     floor = camera_mesh(
-        np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, 0.2], [1, 0.3, 0.2]]),
-        grid_faces(2, 2),
+        np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, 0.2], [1, 0.3, 0.2]]), grid_faces(2, 2)
     )
     with pytest.raises(MeshError, match=r"behind the emitter at .*0.5"):
         layers_of(context, rig((0.0, 0, 0.5)), [floor])
@@ -270,10 +261,7 @@ def test_targets_are_free_again_when_the_block_is_left(
 def test_the_scene_comes_with_its_window_and_nearest_depth(context: moderngl.Context) -> None:
     renderer = Renderer(context, rig((0.05, 0, 0)))
     near, far = (rectangle((-0.1, 0.1), (-0.1, 0.1), z) for z in (0.8, 1.6))
-    with (
-        renderer.render([(near, AT_CAMERA)]) as one,
-        renderer.render([(far, AT_CAMERA)]) as other,
-    ):
+    with renderer.render([(near, AT_CAMERA)]) as one, renderer.render([(far, AT_CAMERA)]) as other:
         assert one.nearest_m == pytest.approx(0.8)
         assert other.nearest_m == pytest.approx(1.6)
         assert one.window.contains(other.window)

@@ -117,10 +117,7 @@ def test_a_sphere_does_not_shadow_itself_and_is_dark_on_the_far_side(
 
 SCENES: dict[str, list[Mesh | tuple[Mesh, dict[str, float]]]] = {
     "face": [(face_mesh(), {"distance_mm": 900.0, "yaw_deg": 25.0})],
-    "face and wall": [
-        (face_mesh(), {"distance_mm": 800.0}),
-        rectangle((-5, 5), (-5, 5), 1.3),
-    ],
+    "face and wall": [(face_mesh(), {"distance_mm": 800.0}), rectangle((-5, 5), (-5, 5), 1.3)],
     "step": [*step_scene(1.5)],
 }
 

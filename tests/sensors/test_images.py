@@ -282,11 +282,7 @@ def test_rigs_that_cannot_throw_an_image(tmp_path: Path) -> None:
     sensor_file_image(tmp_path, random_dots((30, 40)))
     pattern = PATTERN.replace("dots.png", str(tmp_path / "dots.png"))
     file = tmp_path / "other.toml"
-    for sensor in (
-        "ideal",
-        "realsense-d405",
-        "kinect-v1",
-    ):
+    for sensor in ("ideal", "realsense-d405", "kinect-v1"):
         file.write_text(f'extends = "{sensor}"\ntitle = "own"\n[rig]\n{pattern}')
         with pytest.raises(ConfigError, match="no stage reads it: add the stage 'stereo_light'"):
             load_sensor(str(file))

@@ -62,10 +62,7 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
             [*FANKHAUSER, "--set", "axial.base_sigma_mm=-3"],
             ["--set axial.base_sigma_mm=-3: axial.base_", "[0,"],
         ),
-        (
-            [*FANKHAUSER, "--set", "axail.base_sigma_mm=3"],
-            ["error: --set ", "'axail'", "'axial'"],
-        ),
+        ([*FANKHAUSER, "--set", "axail.base_sigma_mm=3"], ["error: --set ", "'axail'", "'axial'"]),
         (["--source", "proceduarl"], ["source.0.kind: 'proceduarl'", "'procedural'"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) and value[0][0] == "-" else "",

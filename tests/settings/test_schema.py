@@ -43,8 +43,7 @@ def file(tmp_path: Path) -> Path:
 def test_defaults() -> None:
     settings = load_settings()
     assert settings == Settings(
-        sensor="kinect-v2",
-        source=(parse_source({"subjects": 10, "frames_per_subject": 30}),),
+        sensor="kinect-v2", source=(parse_source({"subjects": 10, "frames_per_subject": 30}),)
     )
     assert settings.split == (0.70, 0.12, 0.18)
     assert (settings.seed, settings.devices, settings.strict) == (0, 1, False)
@@ -124,10 +123,7 @@ def test_an_assignment_without_name_or_value_is_refused(text: str) -> None:
         ("pose.yaw=1", r"no such setting 'pose.yaw' \(did you mean 'yaw_deg'\?\)"),
         ("output.crops=1", r"no such setting 'output.crops' \(did you mean 'crop'\?\)"),
         ("source.subject=1", r"no such setting 'source.0.subject' \(did you mean 'subjects'\?\)"),
-        (
-            "zzz=1",
-            "no such setting 'zzz' .known: appearance, devices, motion, output, pose",
-        ),
+        ("zzz=1", "no such setting 'zzz' .known: appearance, devices, motion, output, pose"),
         ("seed=-1", "seed: .*greater than or equal to 0 .got -1"),
         ("seed=9223372036854775808", "seed: .*less than"),
         ("seed=1.5", "seed: .*integer.*got 1.5"),

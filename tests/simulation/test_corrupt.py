@@ -111,10 +111,7 @@ def test_nothing_stays_nothing(sensor: str, backend: str | None) -> None:
     ],
 )
 def test_what_is_no_depth_map_is_named(array: np.ndarray, message: str) -> None:
-    with (
-        DepthNoise(backend="numpy") as corrupter,
-        pytest.raises(ConfigError, match=message),
-    ):
+    with DepthNoise(backend="numpy") as corrupter, pytest.raises(ConfigError, match=message):
         corrupter.corrupt(array, "a")
 
 

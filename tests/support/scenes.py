@@ -178,9 +178,7 @@ def frames_of(
     """Simulate ``frames`` frames of one mesh."""
     source = settings.source[0].model_copy(update={"frames_per_subject": frames})
     results = simulate(
-        settings.model_copy(update={"source": (source,)}),
-        sources=[OneMesh(mesh)],
-        context=context,
+        settings.model_copy(update={"source": (source,)}), sources=[OneMesh(mesh)], context=context
     )
     made = list(results)
     assert all(isinstance(frame, Frame) for frame in made), made

@@ -20,12 +20,7 @@ from glsim.denoise.inference import TorchNetwork
 from glsim.denoise.registry import load_denoiser, shipped_file
 from glsim.networks.inputs import DEPTH_ALONE
 from glsim.networks.network import NetworkFunction
-from glsim.networks.onnx_file import (
-    OnnxContent,
-    OnnxRuntimeNetwork,
-    OpenCvNetwork,
-    read_onnx,
-)
+from glsim.networks.onnx_file import OnnxContent, OnnxRuntimeNetwork, OpenCvNetwork, read_onnx
 from glsim.networks.record import DEFAULT_RECORD
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.registry import build_model

@@ -116,13 +116,7 @@ class BatchStream:
         return tasks
 
     def _visit(
-        self,
-        source: int,
-        subject: str,
-        count: int,
-        lane: int,
-        block: int,
-        rng: np.random.Generator,
+        self, source: int, subject: str, count: int, lane: int, block: int, rng: np.random.Generator
     ) -> list[Task]:
         """Draw frames of a person for one block, with new seeds for noise and pose."""
         settings, name = self.settings, self.sources[source].name

@@ -11,14 +11,7 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from glsim.networks.record import AROUND_PX
-from glsim.train.models.backbone import (
-    Backbone,
-    Blocks,
-    Scales,
-    Width,
-    init_he,
-    pad_to_multiple,
-)
+from glsim.train.models.backbone import Backbone, Blocks, Scales, Width, init_he, pad_to_multiple
 
 
 class SmallUNet(Backbone):

@@ -15,12 +15,7 @@ from glsim.core.files.atomic import write_atomic
 from glsim.data.reader import Dataset, open_dataset
 from glsim.denoise.registry import load_denoiser
 from glsim.eval.paper.data_note import data_note, source_name
-from glsim.eval.paper.figures.solids import (
-    choose_frame,
-    frustum_figure,
-    rig_of,
-    surfaces_figure,
-)
+from glsim.eval.paper.figures.solids import choose_frame, frustum_figure, rig_of, surfaces_figure
 from glsim.eval.paper.paper_tables import with_twins
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.report.document import CaptionedPng, Document, html_page

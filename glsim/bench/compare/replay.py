@@ -29,12 +29,7 @@ from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.core.units import MM_PER_M
 from glsim.gl.context import borrowed_context
 from glsim.measures.correlation import lagged_sums
-from glsim.measures.disparity import (
-    LAGS_PX,
-    LEAST_TILES,
-    find_tiles,
-    to_disparity,
-)
+from glsim.measures.disparity import LAGS_PX, LEAST_TILES, find_tiles, to_disparity
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor

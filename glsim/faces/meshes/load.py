@@ -215,9 +215,7 @@ def merge_patches(patches: Sequence[FileMesh]) -> FileMesh:
     )
 
 
-def _join(
-    parts: Sequence[_Part | FileMesh],
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _join(parts: Sequence[_Part | FileMesh]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Concatenate vertices and triangles."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = [part.faces + start for part, start in zip(parts, starts, strict=False)]

@@ -101,10 +101,7 @@ def test_action_units_move_what_they_should(model: BodyModel) -> None:
     lips = np.flatnonzero(inside(model, "lips"))
     for name in ("a0000", "a0005", "a0012"):
         neutral = shown(model, name, {})
-        corner = {
-            "L": lips[neutral[lips, 0].argmax()],
-            "R": lips[neutral[lips, 0].argmin()],
-        }
+        corner = {"L": lips[neutral[lips, 0].argmax()], "R": lips[neutral[lips, 0].argmin()]}
         smile = shown(model, name, {"AU12": 1.0}) - neutral
         assert all(smile[v, 1] > 4.0 for v in corner.values())
         one = shown(model, name, {"AU12_L": 1.0}) - neutral

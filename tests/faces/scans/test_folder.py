@@ -93,9 +93,7 @@ def test_odd_names_become_safe_unique_words(tmp_path: Path) -> None:
     assert [k.frame for k in source.frames("twice", None)] == [0, 1]  # 1 and 1 tell nothing apart
 
 
-def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(
-    tmp_path: Path,
-) -> None:
+def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(tmp_path: Path) -> None:
     for frame, up_mm in enumerate((0.0, 7.0, 30.0)):
         _write(tmp_path / f"a/smile/{frame}.ply", scale=0.1, axes="+z+x+y", up_mm=up_mm)
     _write(tmp_path / "a/blink/0.ply", scale=0.1, axes="+z+x+y", up_mm=50)

@@ -10,11 +10,7 @@ from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.array_types import Array
 from glsim.core.depth_frame import Frames
 from glsim.measures import stacks as measure
-from glsim.sensors.kinect_v2 import (
-    COUNTS_PER_AMPLITUDE,
-    FREQUENCIES_MHZ,
-    FUSION_MM_PER_RAD,
-)
+from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE, FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 from glsim.simulation.virtual_camera import Changes
 
 #: Distance of the walls; it gives amplitudes of up to 120, and of 20 with a dark albedo.

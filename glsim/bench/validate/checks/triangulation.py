@@ -18,12 +18,7 @@ from glsim.core.array_types import Array
 from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
 from glsim.measures.disparity import find_tiles, measure_disparity_noise, power_share, to_disparity
-from glsim.measures.disparity_steps import (
-    between_share,
-    border_band,
-    find_steps,
-    measure_gaps,
-)
+from glsim.measures.disparity_steps import between_share, border_band, find_steps, measure_gaps
 from glsim.measures.lattice import on_lattice
 from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.noise.realsense_filters import decimate

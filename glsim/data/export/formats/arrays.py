@@ -62,11 +62,7 @@ def _each_depth(
 
 
 ARRAYS = (
-    Export(
-        "npy",
-        "float depth, metres",
-        lambda frame: _each_depth(frame, "npy", encode_npy),
-    ),
+    Export("npy", "float depth, metres", lambda frame: _each_depth(frame, "npy", encode_npy)),
     Export(
         "exr",
         "float depth, metres, OpenEXR (needs OpenEXR)",
