@@ -23,6 +23,7 @@ from glsim.denoise.parameters import build, parameter
 from glsim.networks.composites import DEFAULT_COMPOSITE
 from glsim.networks.inputs import MAX_NEIGHBOURS
 from glsim.networks.interface import DepthFunction
+from glsim.networks.onnx_file import load_onnx
 
 _FOLDER: Final = "denoise/filters"
 _MODULES: Final = [shipped_module(_FOLDER, name) for name in module_names(_FOLDER)]
@@ -225,8 +226,6 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[DepthFu
             "glsim export"
         )
     if path.suffix == ONNX_SUFFIX:
-        from glsim.networks.onnx_file import load_onnx
-
         network = load_onnx(path, options.min_probability)
     else:
         try:

@@ -30,7 +30,7 @@ from glsim.core.plugins import load_plugin, plugin_file, plugin_names
 from glsim.noise.chain import check_chain
 from glsim.noise.layer_names import NO_PATTERN, PATTERN_LAYER, PROJECTOR_LAYER
 from glsim.noise.registry import find_stage, is_code
-from glsim.noise.rig_checks import check_rig
+from glsim.noise.rig_checks import MATCHER, check_rig
 from glsim.noise.stage import ENABLED, Stage, StageSpec, make_stage
 from glsim.sensors.images import SensorImage, read_pattern_map, read_projector_image
 from glsim.sensors.rig_table import RigTable
@@ -115,6 +115,11 @@ class Sensor:
     wiggling: tuple[Wave, ...] = ()
     projector_image: SensorImage | None = None
     projector_view_deg: tuple[float, float] | None = None
+
+    @property
+    def matcher(self) -> Stage | None:
+        """The stage that matches two images; None of cameras that do not triangulate so."""
+        return next((s for s in self.stages if s.spec.name == MATCHER), None)
 
     @property
     def images(self) -> dict[str, NDArray[np.float32]]:

@@ -152,7 +152,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     package = tmp_path / "shipped_stand_in"
     write_run(package, 0.2, row=None, sigma_mm=1.234)
     (package / "best.pt").rename(package / "face.onnx")
-    monkeypatch.setattr("glsim.networks.onnx_file.load_onnx", checkpoint_stand_in.load_network)
+    monkeypatch.setattr("glsim.denoise.registry.load_onnx", checkpoint_stand_in.load_network)
     monkeypatch.setattr("glsim.denoise.registry._SHIPPED_FOLDER", package)
     return package / "face.onnx"
 

@@ -174,7 +174,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
 
 def _matches_images(name: str) -> bool:
     """Return whether a sensor has an image-matching stage. Raises ConfigError if it is unknown."""
-    return any(stage.spec.name == MATCHER for stage in load_sensor(name).stages)
+    return load_sensor(name).matcher is not None
 
 
 def _matcher_value(sensor: Sensor, name: str) -> float:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -113,7 +113,6 @@ def sensor_camera(name: str, where: Path) -> StatedCamera:
 
     Raises ConfigError, which names the file ``where``, for other sensors.
     """
-    from glsim.noise.rig_checks import MATCHER
     from glsim.sensors.sensor import load_sensor, shipped_sensors
 
     if name not in shipped_sensors():  # others may run code
@@ -122,11 +121,8 @@ def sensor_camera(name: str, where: Path) -> StatedCamera:
             f"({did_you_mean(name, shipped_sensors())}); name your own in the command"
         )
     sensor = load_sensor(name)
-    rig = sensor.rig
-    matcher: dict[str, Any] = next(
-        (dict(s.settings) for s in sensor.stages if s.spec.name == MATCHER), {}
-    )
-    unit = matcher["depth_unit_mm"].bounds()[0] if matcher else None
+    rig, matcher = sensor.rig, sensor.matcher
+    unit = None if matcher is None else matcher.settings["depth_unit_mm"].bounds()[0]
     return StatedCamera(
         rig.intrinsics, opencv_order(rig.distortion), unit, rig.baseline_m or None, sensor.title
     )
