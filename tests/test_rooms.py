@@ -213,10 +213,7 @@ def test_a_folder_of_png_maps_is_read_by_few_modules(tmp_path: Path) -> None:
     for number in range(2):
         image = encode_png(np.full((48, 64), 900 + number, np.uint16))
         (tmp_path / f"{number}.png").write_bytes(image)
-    code = (
-        "from pathlib import Path; from glsim.denoise.depth_files import map_files; "
-        f"map_files(sorted(Path({str(tmp_path)!r}).glob('*.png')), None).depth(1)"
-    )
+    code = f"from glsim.data.maps import open_maps; open_maps({str(tmp_path)!r}).frames[1].noisy_mm"
     loaded = {name for name in loaded_after(code) if within(name, "glsim")}
     assert len(loaded) <= MOST_LOADED, sorted(loaded)
     rooms = {room_of(name) for name in loaded}

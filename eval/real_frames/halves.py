@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
-from glsim.data.recordings.recording import DEFAULT_FRAMES, open_recording
+from glsim.data.maps import open_maps
+from glsim.data.recording import DEFAULT_FRAMES
 from glsim.measures.boards import PATTERN
 from glsim.measures.static import static_pairs
 
@@ -97,8 +98,8 @@ class SplitRecording:
 
 
 def split_recording(source: Source) -> SplitRecording:
-    """Read a recording and find its static scenes. Raises the errors of ``open_recording``."""
-    frames = open_recording(source.path).read(source.most, source.focal_px)
+    """Read a recording and find its static scenes. Raises the errors of ``open_maps``."""
+    frames = open_maps(source.path).read(source.most, source.focal_px)
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}
     for first, second in static_pairs(frames):

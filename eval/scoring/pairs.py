@@ -1,4 +1,4 @@
-"""Pairs of true and noisy frames to score, from a glsim data set or a folder of PNG files.
+"""Pairs of true and noisy frames to score, from a glsim data set or a folder of depth maps.
 
 The truth is the layer clean, or expected: clean with the sensor's systematic error.
 """
@@ -6,25 +6,21 @@ The truth is the layer clean, or expected: clean with the sensor's systematic er
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
-import numpy as np
-
-from glsim.core.array_types import Depth
 from glsim.core.camera import DEFAULT_INTRINSICS
-from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.depth_protocol import MEANING, DepthProtocol
-from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.listing import files_below
-from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_MAP_PX, stated_unit_mm
-from glsim.core.files.regular import read_regular
+from glsim.core.errors import ConfigError, DatasetError, NoDepthError
 from glsim.data.disk_format import HEADER
 from glsim.data.header import is_dataset
-from glsim.data.layer_images import decode_layer
+from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
+from glsim.data.recordings.names import DepthKind
 from glsim.denoise.calibration import DeviceCalibration
 from glsim.denoise.frames import calibrated_frames, check_millimetres, is_moved, moved_frames
 
@@ -49,51 +45,50 @@ def _dataset_frames(path: Path, split: str, truth: TruthLayer) -> tuple[Frames, 
 def _folder_frames(
     path: Path, focal_px: float | None, truth: TruthLayer
 ) -> tuple[Frames, DepthProtocol]:
-    """Open pairs of 16-bit files ``*_clean.png`` (or ``*_expected.png``) and ``*_noisy.png``.
+    """Open pairs of files ``*_clean`` (or ``*_expected``) and ``*_noisy`` by ``open_maps``.
 
-    They are in mm, or in the step that they state (``stated_unit_mm``). The folder of a file is the
-    subject, a number at the end of its name the frame. The camera is a Kinect V2, or one with focal
-    length ``focal_px`` and its axis through the image centre. The protocol is paper if the nearest
-    point of the first truth is at 1 mm; then the distance from the camera is unknown.
+    The folder of a file is the subject, a number at the end of its name the frame. The camera is
+    the stated one, a Kinect V2, or one with focal length ``focal_px`` and its axis through the
+    image centre. The protocol is paper if the nearest point of the first truth is at 1 mm; then the
+    distance from the camera is unknown.
 
     Raises DatasetError without any pair.
     """
-    found = {
-        str(file.relative_to(path))[: -len(f"_{layer}.png")]
-        for layer in (truth, "noisy")
-        for file in files_below(path, (f"_{layer}.png",))
-    }
-    if not found:
+    (truths, _), (noisy_maps, note) = _maps(path, truth), _maps(path, "noisy")
+    found = {truth: truths, "noisy": noisy_maps}
+    stems = sorted({*found[truth], *found["noisy"]}, key=lambda stem: (_key(stem), stem))
+    if not stems:
         raise DatasetError(
             f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
-            f"*_{truth}.png and *_noisy.png"
+            f"*_{truth} and *_noisy depth maps"
         )
-    stems = sorted(found, key=lambda stem: (_key(stem), stem))
-    focal = None if focal_px is None else (focal_px, focal_px)
     protocol: DepthProtocol = "depth"
-    with suppress(DatasetError):  # reported when the frame is scored
-        if is_moved(_read(path / f"{stems[0]}_{truth}.png", truth)):
+    with suppress(DatasetError, LookupError):  # reported when the frame is scored
+        if is_moved(found[truth][stems[0]].load().layer(f"{truth}_mm")):
             protocol = "paper"
 
     def load(number: int) -> DepthFrame:
-        place = path / stems[number]
-        clean, noisy = (_read(Path(f"{place}_{layer}.png"), layer) for layer in (truth, "noisy"))
-        layers: dict[str, Layer] = {
-            "clean_mm": clean,
-            "noisy_mm": noisy,
-            "infrared": partial(_read, Path(f"{place}_infrared.png"), "infrared"),
-        }
+        stem = stems[number]
+        for layer, maps in found.items():
+            if stem not in maps:
+                raise DatasetError(f"{path / stem}_{layer}: is missing")
+        noisy = found["noisy"][stem].load()
+        clean_mm = found[truth][stem].load().layer(f"{truth}_mm")
+        camera = noisy.intrinsics
+        if focal_px is not None:
+            height, width = clean_mm.shape
+            camera = DEFAULT_INTRINSICS.for_map((height, width), (focal_px, focal_px))
         frame = DepthFrame(
-            _key(stems[number]),
-            DEFAULT_INTRINSICS.for_map((clean.shape[0], clean.shape[1]), focal),
-            layers,
-            name=str(place),
+            _key(stem),
+            camera,
+            {"clean_mm": clean_mm, **{name: partial(noisy.layer, name) for name in noisy.layers}},
+            name=str(path / stem),
             offset_mm=0.0 if protocol == "depth" else float("nan"),
         )
         return _checked(frame, in_mm=protocol == "depth")
 
     listing = [
-        (stem, *(_size(path / f"{stem}_{layer}.png") for layer in (truth, "noisy")))
+        (stem, *(_size(maps[stem].file) if stem in maps else (0, 0) for maps in found.values()))
         for stem in stems
     ]
     frames = Frames(
@@ -101,17 +96,41 @@ def _folder_frames(
         load,
         lambda number: _key(stems[number]),
         title=str(path),
-        identity=f"{zlib.crc32(repr(listing).encode()):08x} {focal} {truth}",
+        identity=f"{zlib.crc32(repr(listing).encode()):08x} {focal_px} {truth}",
         protocol=protocol,
+        note=note,
     )
     return frames, protocol
 
 
-def _size(file: Path) -> tuple[int, int]:
+class _Map(NamedTuple):
+    """The file of a depth map, and the function that loads it."""
+
+    file: Path
+    load: Callable[[], DepthFrame]
+
+
+def _maps(path: Path, layer: DepthKind) -> tuple[dict[str, _Map], str]:
+    """Find the maps of a layer in a folder: relative path without the layer's mark -> map.
+
+    Also returns what was assumed about them, a sentence.
+    """
     try:
-        status = file.stat()
-    except OSError:
-        return 0, 0
+        recording = open_maps(path, layer)
+    except NoDepthError:
+        return {}, ""
+    named = zip(recording.outputs, recording.sources, strict=True)
+    maps = {
+        output.with_suffix("").as_posix().removesuffix(f"_{layer}"): _Map(
+            file, partial(recording.frames.load, number)
+        )
+        for number, (output, file) in enumerate(named)
+    }
+    return maps, recording.sentence()
+
+
+def _size(file: Path) -> tuple[int, int]:
+    status = file.stat()
     return status.st_size, status.st_mtime_ns
 
 
@@ -121,18 +140,6 @@ def _key(stem: str) -> FrameKey:
     digits = path.name[len(name) :]
     subject = path.parent.as_posix()
     return FrameKey(subject if subject != "." else "all", name.rstrip("_"), int(digits or 0))
-
-
-def _read(path: Path, layer: str) -> Depth:
-    try:
-        data = read_regular(path, MAX_IMAGE_BYTES)
-    except FileNotFoundError:
-        raise DatasetError(f"{path}: is missing") from None
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be read: {error.strerror}") from None
-    depth: Depth = decode_layer(data, layer, str(path), MAX_MAP_PX).astype(np.float32)
-    unit_mm = stated_unit_mm(path)
-    return depth if unit_mm is None else depth * np.float32(unit_mm)
 
 
 def _checked(frame: DepthFrame, *, in_mm: bool = True) -> DepthFrame:
@@ -171,8 +178,7 @@ def open_frames(
         DatasetError: there is no such folder, split, layer or pair.
         ConfigError: the device is unusable, or distances are needed and unknown.
     """
-    own_camera = is_dataset(path)
-    if own_camera:
+    if is_dataset(path):
         frames, stored = _dataset_frames(path, split, truth)
     elif path.is_dir():
         folder = path / split if (path / split).is_dir() else path
@@ -186,5 +192,5 @@ def open_frames(
             "from the camera that is: leave the option out, or give the data set"
         )
     if device is not None:
-        frames = calibrated_frames(frames, DeviceCalibration(device), own_camera)
+        frames = calibrated_frames(frames, DeviceCalibration(device))
     return moved_frames(frames) if (protocol or stored) == "paper" else frames

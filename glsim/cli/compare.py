@@ -72,8 +72,8 @@ def compare(
     from glsim.core.depth_frame import Frames
     from glsim.core.errors import ConfigError, require_package
     from glsim.core.files.atomic import write_atomic
+    from glsim.data.maps import open_maps
     from glsim.data.recordings.folders import whole_recording
-    from glsim.data.recordings.recording import open_recording
     from glsim.sensors.sensor import load_sensor
 
     if (second is None) == (replay_sensor is None):
@@ -81,7 +81,7 @@ def compare(
     if assignments and replay_sensor is None:
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
     check_outputs(json_file, out)
-    opened = [open_recording(first, depth_unit_mm, topic=topic)]
+    opened = [open_maps(first, unit_mm=depth_unit_mm, topic=topic)]
     real = opened[0].read(frames, focal_px)
     taken = ""
     if replay_sensor is not None and opened[0].assumed and focal_px is None:
@@ -90,7 +90,7 @@ def compare(
         real = Frames.of([frame.changed(intrinsics=camera) for frame in real], real.title)
     if second is not None:
         own = topic if whole_recording([second]) else None
-        opened.append(open_recording(second, depth_unit_mm, topic=own))
+        opened.append(open_maps(second, unit_mm=depth_unit_mm, topic=own))
         simulated = opened[1].read(frames, focal_px)
     else:
         require_package("scipy", "--replay", "eval")
@@ -109,7 +109,6 @@ def compare(
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)
-    for note in dict.fromkeys(
-        n for recording in opened for n in recording.remarks(focal_px, taken)
-    ):
+    sentences = [recording.sentence(focal_px, taken) for recording in opened]
+    for note in filter(None, dict.fromkeys(sentences)):
         print_message(note)

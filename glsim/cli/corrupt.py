@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,11 +18,11 @@ from glsim.cli.common import (
     print_message,
     two_numbers,
 )
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import DatasetError
 
 if TYPE_CHECKING:
-    from glsim.data.recordings.files import MapFiles
-    from glsim.settings.schema import Settings
+    from glsim.core.depth_frame import DepthFrame
+    from glsim.simulation.depth_noise import DepthNoise
 
 EXAMPLES = """
 glsim corrupt clean.png -o noisy.png
@@ -64,91 +63,48 @@ def corrupt(
         backend: egl, osmesa, or numpy, which needs no OpenGL. Default: the first that works.
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
-    from glsim.core.files.atomic import flush_outputs
-    from glsim.data.recordings.names import left_out_text
-    from glsim.denoise.depth_files import map_files
+    from glsim.data.map_writer import MapWriter
+    from glsim.data.maps import open_maps
     from glsim.settings.schema import load_settings
+    from glsim.simulation.depth_noise import DepthNoise
 
     settings = load_settings(
         config,
         assignments or [],
         overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm),
     )
-    pairs, others = _pairs(clean, out)
     given_mm = settings.output.depth_unit_mm
     given = given_mm if given_mm != 1 else depth_unit_mm
-    maps = map_files([source for source, _ in pairs], given, channel)
+    recording = open_maps(clean, "clean", unit_mm=given, channel=channel, needs_camera=False)
+    states_step = recording.step_mm != 1 or recording.votes.names_step
+    writer = MapWriter(recording, [clean], out, option="--depth-unit-mm", states_step=states_step)
     focal = None if focal_px is None else (focal_px, focal_px)
     centre = None if centre_px is None else two_numbers("--centre-px", centre_px)
-    failures = _corrupt_maps(pairs, maps, settings, backend, focal, centre)
-    if len(pairs) > 1:
-        flush_outputs(out)
-    if others:
-        print_message(f"left out {left_out_text(others)}: no clean depth")
-    for note in maps.notes:
-        print_message(note)
-    if focal is None:
-        print_message("the camera of the maps is taken for the sensor's (--focal-px)")
-    print_message(f"wrote {len(pairs) - failures} noisy depth map(s) to {out}")
-    if failures:
-        raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
-
-
-def _corrupt_maps(
-    pairs: Sequence[tuple[Path, Path]],
-    maps: MapFiles,
-    settings: Settings,
-    backend: str | None,
-    focal: tuple[float, float] | None,
-    centre: tuple[float, float] | None,
-) -> int:
-    """Write the noisy maps; return the number of files that could not be read."""
-    from glsim.core.files.atomic import write_atomic
-    from glsim.core.files.png import stated_unit_mm
-    from glsim.core.units import to_metres
-    from glsim.data.map_files import encode_map, format_of
-    from glsim.simulation.corrupt import noise_name
-    from glsim.simulation.depth_noise import DepthNoise
-
-    copies, failures, alone = Counter[str](), 0, len(pairs) == 1
     with DepthNoise(settings, backend=backend, focal_px=focal, centre_px=centre) as noise:
-        for number, (source, target) in enumerate(pairs):
-            try:
-                depth_mm, _ = maps.depth(number)
-            except DatasetError as error:
-                if alone:
-                    raise
-                failures += 1
-                console.print(f"skipped {error}", style="yellow", soft_wrap=True)
-                continue
-            name = noise_name(depth_mm)
-            depth_m = to_metres(depth_mm)
-            frame = noise.corrupt_depth(depth_m, frame=copies[name], sequence=name)
-            copies[name] += 1
-            stated = maps.step_mm != 1 or stated_unit_mm(source) is not None
-            data = encode_map(frame.noisy_m, format_of(target), maps.step_mm, state_unit=stated)
-            write_atomic(data, target, sync=alone)
-    return failures
+        failures = writer.write(
+            recording.frames.changed(_Corrupter(noise)),
+            skipped=lambda why: console.print(f"skipped {why}", style="yellow", soft_wrap=True),
+        )
+    assumed = "" if focal_px else "the camera of the maps is taken for the sensor's (--focal-px)"
+    for note in filter(None, (recording.sentence(camera=False), assumed)):
+        print_message(note)
+    print_message(f"wrote {len(writer.targets) - failures} noisy depth map(s) to {out}")
+    if failures:
+        raise DatasetError(f"{failures} of {len(writer.targets)} maps could not be read")
 
 
-def _pairs(clean: Path, out: Path) -> tuple[list[tuple[Path, Path]], Counter[str]]:
-    """List (input, output) of a file or of a folder's clean maps, and what is left out."""
-    from glsim.data.recordings.names import maps_in
-    from glsim.denoise.depth_files import check_name
+class _Corrupter:
+    """Adds noise to clean maps, in their order: each copy of a map has noise of its own."""
 
-    if not clean.exists():
-        raise ConfigError(f"{clean}: no such file or folder")
-    others: Counter[str] = Counter()
-    if clean.is_file():
-        target = out / clean.name if out.is_dir() else out
-        check_name(target)
-        pairs = [(clean, target)]
-    else:
-        if out.is_file():
-            raise ConfigError(f"-o {out}: is a file; {clean} is a folder, so give a folder")
-        files, others = maps_in(clean, "clean")
-        pairs = [(file, out / file.relative_to(clean)) for file in files]
-    for source, target in pairs:
-        if target.exists() and target.samefile(source):
-            raise ConfigError(f"-o {out}: would overwrite the clean map {source}")
-    return pairs, others
+    def __init__(self, noise: DepthNoise) -> None:
+        self._noise, self._copies = noise, Counter[str]()
+
+    def __call__(self, frame: DepthFrame) -> DepthFrame:
+        from glsim.simulation.corrupt import noise_name
+
+        name = noise_name(frame.clean_mm)
+        made = self._noise.corrupt_depth(
+            frame.in_metres("clean_mm"), frame=self._copies[name], sequence=name
+        )
+        self._copies[name] += 1
+        return frame.changed({"noisy_mm": made.measured(rounded=False).noisy_mm})

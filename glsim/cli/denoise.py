@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from glsim.cli.common import CalibratedDeviceOption, console, print_message
-from glsim.core.errors import ConfigError, DatasetError, DepthRangeError, did_you_mean
+from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 
 if TYPE_CHECKING:
+    from glsim.core.depth_frame import DepthFrame, Frames
+    from glsim.data.map_writer import MapWriter
+    from glsim.data.recording import Recording
     from glsim.denoise.denoiser import Denoiser
-    from glsim.denoise.frames import MapReader
 
 EXAMPLES = """
 glsim denoise noisy.png -o clean.png
@@ -69,20 +71,26 @@ def denoise(
             1 mm). Default: as the network was trained.
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
     """
+    from glsim.core.depth_frame import Frames
     from glsim.core.depth_protocol import check_protocol
-    from glsim.core.files.atomic import flush_outputs
     from glsim.data.map_files import FORMATS
-    from glsim.data.recordings.names import left_out_text
+    from glsim.data.map_writer import MapWriter
+    from glsim.data.maps import open_maps
     from glsim.denoise.camera_choice import camera_of, fitting_denoiser
-    from glsim.denoise.depth_files import check_infrared, find_maps, map_files, output_step_mm
-    from glsim.denoise.frames import MapReader
+    from glsim.denoise.frames import DenoisedMaps, prepared_frames
     from glsim.denoise.registry import load_denoiser
 
     if form is not None and form not in FORMATS:
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
-    pairs, others = find_maps(noisy, out, form)
-    files = map_files([source for source, _ in pairs], depth_unit_mm, channel, infrared)
-    name, note = fitting_denoiser(denoiser, camera_of(files))
+    recording = open_maps(
+        noisy,
+        unit_mm=depth_unit_mm,
+        channel=channel,
+        infrared=infrared,
+        crops=device is not None,
+        needs_camera=False,
+    )
+    name, note = fitting_denoiser(denoiser, camera_of(recording))
     loaded = load_denoiser(name, device=device, composite=composite, around=around)
     if note:
         print_message(note)
@@ -92,102 +100,67 @@ def denoise(
         print_message(f"{device}: subtracts {' and '.join(loaded.device.parts)}")
     if infrared is not None and not loaded.infrared:
         raise ConfigError(f"--infrared: {loaded.label} does not use infrared")
-    out_step_mm = output_step_mm(pairs, files.step_mm, form, out_unit_mm)
-    if loaded.infrared:
-        check_infrared(files)
-    maps = MapReader(files, loaded.device, loaded.infrared, chosen)
-    sigma_targets = _sigma_targets(noisy, [t for _, t in pairs], uncertainty, loaded)
-    failures, unchanged = _denoise_maps(loaded, maps, pairs, sigma_targets, form, out_step_mm)
-    if len(pairs) > 1:
-        flush_outputs(out)
-        if uncertainty is not None:
-            flush_outputs(uncertainty)
-    left = f"left out {left_out_text(others)}: no noisy depth" if others else ""
-    for note in filter(None, (left, *files.notes, *_advice(name, loaded, maps, unchanged))):
+    if loaded.infrared and (dark := recording.first_without_infrared()):
+        raise ConfigError(
+            f"{dark}: has no infrared image beside it ({dark.stem}_infrared.png), which this "
+            "denoiser uses: give one with --infrared, or choose the network face"
+        )
+    writer = MapWriter(recording, noisy, out, form)
+    writer.choose_step(recording, out_unit_mm)
+    sigma = _sigma_writer(recording, noisy, writer, uncertainty, loaded)
+    frames = prepared_frames(recording, loaded.device, chosen)
+    maps = DenoisedMaps(frames, loaded)
+    failures = writer.write(
+        Frames(len(frames), maps),
+        skipped=lambda why: console.print(f"skipped {why}", style="yellow", soft_wrap=True),
+        written=sigma,
+    )
+    advice = _advice(name, loaded, frames, maps.unchanged)
+    for note in filter(None, (recording.sentence(camera=False), *advice)):
         print_message(note)
-    unit = "float32 metres" if out_step_mm is None else f"steps of {out_step_mm:g} mm"
-    print_message(f"wrote {len(pairs) - failures} denoised depth map(s) to {out}, in {unit}")
+    unit = "float32 metres" if writer.step_mm is None else f"steps of {writer.step_mm:g} mm"
+    print_message(f"wrote {len(frames) - failures} denoised depth map(s) to {out}, in {unit}")
     if failures:
-        raise DatasetError(f"{failures} of {len(pairs)} maps could not be read")
+        raise DatasetError(f"{failures} of {len(frames)} maps could not be read")
 
 
-def _advice(name: str, denoiser: Denoiser, maps: MapReader, unchanged: int) -> Iterator[str]:
+def _advice(name: str, denoiser: Denoiser, frames: Frames, unchanged: int) -> Iterator[str]:
     """Yield what another setting of a network would do for these maps, a line each."""
+    from glsim.denoise.frames import first_are_still
+
     if unchanged:
         yield (
             f"{unchanged} map(s) came back unchanged, as their noise passes for rounding and form: "
             f"-d {name}:keep_clean=0 denoises them"
         )
     sees_one_frame = hasattr(denoiser.function, "average") and not denoiser.before
-    if sees_one_frame and maps.first_are_still():
+    if sees_one_frame and first_are_still(frames):
         yield f"the first two maps show one still view: -d {name}:average=8 denoises their mean"
 
 
-def _denoise_maps(
+def _sigma_writer(
+    recording: Recording,
+    noisy: Sequence[str],
+    writer: MapWriter,
+    uncertainty: Path | None,
     denoiser: Denoiser,
-    maps: MapReader,
-    pairs: Sequence[tuple[Path, Path]],
-    sigma_targets: Sequence[Path],
-    form: str | None,
-    step_mm: float | None,
-) -> tuple[int, int]:
-    """Denoise files and write them; return how many could not be read, and how many stayed."""
-    import numpy as np
+) -> Callable[[int, DepthFrame], None]:
+    """Return what writes the uncertainty of a denoised frame, given its number.
 
-    from glsim.core.files.atomic import write_atomic
-    from glsim.core.files.png import encode_png
-    from glsim.core.units import to_metres
-    from glsim.data.map_files import encode_map, format_of
-    from glsim.denoise.frames import Stacks
-
-    stacks = Stacks(maps.frames(), denoiser.before, denoiser.after)
-    alone, failures, unchanged = len(pairs) == 1, 0, 0
-    for number, (source, target) in enumerate(pairs):
-        try:
-            stack, now = stacks.around(number)
-            counts = stacks.frame(number).layer("infrared") if denoiser.infrared else None
-        except DatasetError as error:
-            if alone:
-                raise
-            failures += 1
-            console.print(f"skipped {source}: {error}", style="yellow", soft_wrap=True)
-            continue
-        estimate = denoiser.estimate(stack, now, counts)
-        kept_clean = getattr(denoiser.function, "keep_clean", False)
-        unchanged += bool(kept_clean) and np.array_equal(estimate.depth_mm, stack[now])
-        depth_mm = estimate.composite(denoiser.composite or "measured")
-        depth_mm = maps.as_stored(number, depth_mm, stacks.frame(number).offset_mm)
-        depth_m = to_metres(depth_mm)
-        try:
-            data = encode_map(
-                depth_m, form or format_of(target), step_mm or 1.0, "--out-unit-mm", state_unit=True
-            )
-        except DepthRangeError as error:
-            raise DepthRangeError(f"{source}: {error}") from None
-        write_atomic(data, target, sync=alone)
-        if sigma_targets and estimate.sigma_mm is not None:
-            steps = np.clip(np.rint(estimate.sigma_mm * np.float32(100)), 1, 65535)
-            sigma = encode_png(np.where(depth_m > 0, steps, 0).astype(np.uint16))
-            write_atomic(sigma, sigma_targets[number], sync=alone)
-    return failures, unchanged
-
-
-def _sigma_targets(
-    noisy: list[str], maps: list[Path], uncertainty: Path | None, denoiser: Denoiser
-) -> list[Path]:
-    """List one file per map; empty without --uncertainty. Raises ConfigError."""
-    from glsim.denoise.depth_files import find_maps
+    Raises ConfigError if the denoiser does not estimate it, or its files are those of the depth.
+    """
+    from glsim.data.map_writer import MapWriter, write_sigma
 
     if uncertainty is None:
-        return []
+        return lambda *_: None
     if not denoiser.uncertain:
         raise ConfigError(
             f"--uncertainty: {denoiser.label} does not estimate its uncertainty; networks trained "
             "with uncertainty = true do, without --around"
         )
-    targets = [target for _, target in find_maps(noisy, uncertainty, "png")[0]]
-    if {*targets} & {*maps}:
+    targets = MapWriter(recording, noisy, uncertainty, "png").targets
+    if {*targets} & {*writer.targets}:
         raise ConfigError(
             f"--uncertainty {uncertainty}: is also the output of the depth: give another name"
         )
-    return targets
+    return lambda number, frame: write_sigma(frame, targets[number])

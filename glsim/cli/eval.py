@@ -178,7 +178,7 @@ def score_and_write(
     with scoring_progress("scoring") as progress:
         written, harms = score(job, out, figures=figures, workers=count, progress=progress)
     print_written(written)
-    for line in harms:
+    for line in filter(None, (job.frames().note, *harms)):
         print_message(line)
 
 

@@ -71,12 +71,12 @@ def fit(
     from glsim.bench.fit.stereo_sensor import fit_stereo, stereo_base
     from glsim.bench.fit.time_of_flight import fit_time_of_flight
     from glsim.core.files.atomic import write_atomic
-    from glsim.data.recordings.recording import open_recording
+    from glsim.data.maps import open_maps
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     check_outputs(out)
-    recording = open_recording(frames, depth_unit_mm, topic=topic)
+    recording = open_maps(frames, unit_mm=depth_unit_mm, topic=topic)
     map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
     if (matching := stereo_base(recording, base)) is not None:
         fitted = fit_stereo(recording, matching, focal_px)
@@ -95,7 +95,8 @@ def fit(
     elif not options.quiet:
         _print(fitted)
     print_written(written)
-    for note in (*fitted.notes, *recording.remarks(focal_px, "the base sensor")):
+    sentence = recording.sentence(focal_px, "the base sensor")
+    for note in filter(None, (*fitted.notes, sentence)):
         print_message(note)
 
 

@@ -19,7 +19,7 @@ from glsim.core.errors import ConfigError, MeshError, NoDepthError
 
 if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
-    from glsim.data.recordings.recording import Recording
+    from glsim.data.recording import Recording
 
 EXAMPLES = """
 glsim inspect d3dfacs_alignments
@@ -94,7 +94,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     """Open a recording; None for data sets, meshes and folders without depth maps."""
     from glsim.core.files.listing import files_below
     from glsim.data.header import is_dataset
-    from glsim.data.recordings.recording import open_recording
+    from glsim.data.maps import open_maps
     from glsim.faces.meshes.obj import EXTENSIONS
 
     if is_dataset(path) or path.suffix.lower() in EXTENSIONS:
@@ -102,22 +102,19 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     if path.is_dir() and any(files_below(path, EXTENSIONS)):
         return None
     try:
-        return open_recording(path, unit_mm, topic=topic)
+        return open_maps(path, unit_mm=unit_mm, topic=topic)
     except NoDepthError:
         return None
 
 
 def _camera(recording: Recording) -> dict[str, Any]:
     """Return what a recording says of its camera, the sensor that is like it, and its denoiser."""
-    from glsim.denoise.camera_choice import recognise_camera
+    from glsim.denoise.camera_choice import camera_of
     from glsim.denoise.registry import network_for
 
     frame = recording.frames[0]
     height, width = frame.measured_mm.shape
-    maps = [each.measured_mm for each in recording.read(_FRAMES_READ)]
-    sensor, why = recognise_camera(
-        maps, frame.step_mm, recording.stated.sensor, recording.stated_by
-    )
+    sensor, why = camera_of(recording)
     return {
         "path": str(recording.path),
         "kind": recording.kind or "images",
@@ -130,7 +127,7 @@ def _camera(recording: Recording) -> dict[str, Any]:
         "sensor": sensor or None,
         "because": why if sensor else None,
         "denoiser": network_for(sensor),
-        "notes": list(recording.notes),
+        "notes": recording.sentence(),
     }
 
 
@@ -146,12 +143,9 @@ def _print_camera(content: dict[str, Any]) -> None:
         out.print(f"camera: like {content['sensor']}, because {content['because']}")
     else:
         out.print("camera: not recognised: state it in a camera.toml")
-    if content["kind"] not in ("bag", "mkv"):  # denoise takes maps in files of their own
-        out.print(f"denoise: glsim denoise {content['path']} -o denoised -d {content['denoiser']}")
-    if content["intrinsics"] is None:
-        out.print("no intrinsics are stated: a camera.toml beside the frames states them")
-    for note in content["notes"]:
-        out.print(note)
+    out.print(f"denoise: glsim denoise {content['path']} -o denoised -d {content['denoiser']}")
+    if content["notes"]:
+        out.print(content["notes"])
 
 
 def _described(report: FaceSetReport) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import print_written
-from glsim.core.errors import DatasetError
+from glsim.cli.common import print_message, print_written
+from glsim.core.errors import ConfigError, DatasetError
 
 EXAMPLES = """
 glsim preview data
@@ -27,13 +27,13 @@ def preview(
     split: str | None = None,
     surface: Annotated[bool, typer.Option("--3d")] = False,
 ) -> None:
-    """Draw a contact sheet of a data set and summarise its noise.
+    """Draw a contact sheet of a data set or a recording, and summarise its noise.
 
     Writes contact_sheet.png (shaded clean, shaded noisy, difference, invalid mask) and summary.md.
-    Of a data set without clean maps, such as a recording, it draws the noisy maps and the infrared.
+    Without clean maps, as of a recording, it draws the noisy maps and the infrared.
 
     Args:
-        dataset: Folder of a data set.
+        dataset: A data set, or a recording as of glsim inspect.
         out: Folder for the two files.
         frames: Number of frames on the contact sheet.
         split: train, val or test. Default: all.
@@ -42,24 +42,33 @@ def preview(
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import write_picture
     from glsim.data.contact_sheet import contact_sheet
+    from glsim.data.header import is_dataset
+    from glsim.data.maps import open_maps
     from glsim.data.reader import open_dataset
     from glsim.measures.depth_errors import noise_table, recording_table
 
-    opened = open_dataset(dataset)
-    pairs = opened.frames() if split is None else opened.split(split)
+    if is_dataset(dataset):
+        opened = open_dataset(dataset)
+        opened.require("noisy")
+        pairs = opened.frames() if split is None else opened.split(split)
+        sensor = opened.sensor_title
+    elif split is not None:
+        raise ConfigError(f"--split {split}: {dataset} is no data set")
+    else:
+        recording = open_maps(dataset)
+        pairs, sensor = recording.frames, recording.stated.name or dataset.name
+        if sentence := recording.sentence():
+            print_message(sentence)
     if len(pairs) == 0:
         raise DatasetError(f"{dataset}: has no frames to draw")
-    if "noisy" not in opened.layers:
-        raise DatasetError(f"{dataset}: has no layer 'noisy' to draw")
     # Frames are spread evenly, each from the middle of its share, where expressions are strong.
     rows = min(frames, len(pairs))
     shown = [pairs[int((row + 0.5) * len(pairs) / rows)] for row in range(rows)]
-    sensor = opened.sensor_title
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
     step = max(1, len(pairs) // _MEASURED_FRAMES)
     measured = pairs[::step]
-    table = noise_table if "clean" in opened.layers else recording_table
+    table = noise_table if "clean_mm" in shown[0] else recording_table
     write_atomic(table(measured, sensor).encode(), summary)
     written = [sheet, summary]
     if surface:

@@ -208,6 +208,7 @@ class Frames(Sequence[DepthFrame]):
         identity: a text that changes whenever the frames may have changed.
         regions: labelled parts of the face, name -> number.
         protocol: where the depths are counted from.
+        note: what was assumed or left out of the files, a sentence for the user.
     """
 
     def __init__(
@@ -220,9 +221,10 @@ class Frames(Sequence[DepthFrame]):
         identity: str = "",
         regions: Mapping[str, int] | None = None,
         protocol: DepthProtocol = "depth",
+        note: str = "",
     ) -> None:
         self._count, self._load, self._key = count, load, key
-        self.title, self.identity, self.protocol = title, identity, protocol
+        self.title, self.identity, self.protocol, self.note = title, identity, protocol, note
         self.regions: Mapping[str, int] = regions or {}
 
     @classmethod
@@ -328,7 +330,7 @@ class Frames(Sequence[DepthFrame]):
         protocol: DepthProtocol,
     ) -> Frames:
         made = Frames(count, load, key, title=self.title, identity=identity, protocol=protocol)
-        made.regions = self.regions
+        made.regions, made.note = self.regions, self.note
         return made
 
 

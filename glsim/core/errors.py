@@ -69,8 +69,8 @@ class DatasetError(GlsimError):
     """The error of a data set on disk that is invalid or cannot be written."""
 
 
-class NoDepthError(DatasetError):
-    """The error of a place without depth maps that a recording could consist of."""
+class NoDepthError(DatasetError, ConfigError):
+    """The error of an argument that names no depth maps (CLI exit status 2)."""
 
 
 class TrainError(GlsimError):

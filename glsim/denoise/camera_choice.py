@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError
-from glsim.data.header import read_header
-from glsim.data.recordings.files import MapFiles
-from glsim.data.recordings.folders import stated_camera
-from glsim.denoise.depth_files import dataset_root
+from glsim.data.recording import Recording
 from glsim.denoise.registry import network_for
 from glsim.measures.lattice import distinct_values, estimate_lattice
 
@@ -29,8 +24,6 @@ _STEREO_SIZES: Final = {(640, 480): "realsense-d435-vga"}
 #: Deepest values of a lattice that are searched, in steps of the files: the search takes half a
 #: second, and a lattice of millimetres is known from 1 m on.
 _SEARCHED_STEPS: Final = 12_000
-#: Maps that are read for it. Chosen: more maps of one view add few depths.
-_MAPS: Final = 4
 #: Largest error of a network of one camera before other cameras, over that of the best filter
 #: there (docs/results/model_card.md).
 _ELSEWHERE: Final = {"face-kinect-v2": 1.24, "face-azure-kinect": 2.3, "face-stereo": 2.2}
@@ -51,14 +44,16 @@ def recognise_camera(
     The depths of an active stereo camera lie on a lattice of disparities.
 
     Args:
-        maps_mm: (H, W) millimetres each, as measured, 0 = no return; at least one.
+        maps_mm: (H, W) millimetres each, as measured, 0 = no return.
         step_mm: rounding of the values; 0: not rounded.
         stated: sensor that ``by`` states.
         by: file or header that states it.
     """
-    height, width = maps_mm[0].shape
     if stated:
         return Camera(stated, f"{by} states it")
+    if not maps_mm:
+        return Camera("", "no map can be read")
+    height, width = maps_mm[0].shape
     if (sensor := _SIZES.get((width, height))) is not None:
         return Camera(sensor, f"its images have {width} x {height} pixels")
     if step_mm > 0:
@@ -70,21 +65,10 @@ def recognise_camera(
     return Camera("", "neither a file nor the maps say what made them")
 
 
-def camera_of(files: MapFiles) -> Camera:
-    """Recognise the camera of depth-map files. Raises DatasetError for a damaged data set."""
-    folder = files.paths[0].parent
-    if (root := dataset_root(folder)) is not None:
-        return Camera(read_header(root)["settings"]["sensor"], f"{root} states it")
-    stated, by = stated_camera(folder)
-    maps: list[tuple[NDArray[Any], float]] = []
-    for number in range(len(files)):
-        with suppress(DatasetError):  # reported when it is denoised
-            maps.append(files.depth(number))
-        if maps and (stated.sensor or len(maps) == _MAPS):
-            break
-    if not maps:
-        return Camera("", "no map can be read")
-    return recognise_camera([depth for depth, _ in maps], maps[0][1], stated.sensor, by)
+def camera_of(recording: Recording) -> Camera:
+    """Recognise the camera of depth maps by what states it, else by maps that vote."""
+    votes, stated = recording.votes, recording.stated
+    return recognise_camera(votes.maps_mm, votes.step_mm, stated.sensor, recording.stated_by)
 
 
 def fitting_denoiser(given: str | None, camera: Camera) -> tuple[str, str]:

@@ -5,29 +5,26 @@ from __future__ import annotations
 from collections import OrderedDict
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from glsim.core.array_types import Depth
-from glsim.core.camera import Intrinsics
-from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
+from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.depth_protocol import (
     NEAREST_MM,
     DepthProtocol,
     offset_to_nearest,
-    stored_protocol,
     subtract_offset,
 )
 from glsim.core.errors import DatasetError
-from glsim.data.recordings.files import MapFiles
-from glsim.denoise.depth_files import dataset_root
+from glsim.data.recording import Recording
 from glsim.measures.static import view_change
 from glsim.networks.interface import MIN_MEASURED_MM
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration
+    from glsim.denoise.denoiser import Denoiser
 
 #: A frame with its nearest point at 1 mm and a smaller median depth, mm, is in whole metres.
 _METRES_MM = 10.0
@@ -69,112 +66,88 @@ def _move_to_nearest(frame: DepthFrame) -> DepthFrame:
     )
 
 
-def calibrated_frames(frames: Frames, device: DeviceCalibration, own_camera: bool) -> Frames:
-    """Subtract a device's systematic errors from the noisy maps of frames.
+def calibrated_frames(frames: Frames, device: DeviceCalibration) -> Frames:
+    """Subtract a device's systematic errors from the noisy maps of frames; clean maps stay.
 
-    Args:
-        frames: their clean maps stay.
-        device: whose errors are subtracted.
-        own_camera: a data set states the intrinsics, so that maps may be crops.
+    Frames of a data set, whose record has their intrinsics, may be crops.
     """
-    return frames.changed(partial(_calibrate, device, own_camera), device.identity)
+    return frames.changed(partial(_calibrate, device), device.identity)
 
 
-def _calibrate(device: DeviceCalibration, own_camera: bool, frame: DepthFrame) -> DepthFrame:
-    crop = frame.intrinsics if own_camera else None
+def _calibrate(device: DeviceCalibration, frame: DepthFrame) -> DepthFrame:
+    crop = frame.intrinsics if "intrinsics" in frame.record else None
     return frame.changed({"noisy_mm": device(frame.noisy_mm, crop)})
 
 
-class MapReader:
-    """A reader of depth-map files without ground truth; a folder's files are one sequence."""
+def prepared_frames(
+    recording: Recording,
+    device: DeviceCalibration | None = None,
+    protocol: DepthProtocol = "depth",
+) -> Frames:
+    """Check, calibrate and move the maps of a recording for a denoiser.
 
-    def __init__(
-        self,
-        maps: MapFiles,
-        device: DeviceCalibration | None = None,
-        infrared: bool = False,
-        protocol: DepthProtocol = "depth",
-    ) -> None:
-        """Find the data sets to which the files belong. Raises DatasetError for a damaged data set.
+    Args:
+        recording: noisy maps without clean ones.
+        device: whose errors are subtracted.
+        protocol: "depth": as measured. "paper": the nearest point of each map at 1 mm.
 
-        Args:
-            maps: as ``map_files`` opens them.
-            device: subtract its errors; crops of data sets have their place in its image.
-            infrared: frames have it.
-            protocol: "depth": as measured, with the offset that a data set states. "paper": the
-                nearest point of each map at 1 mm.
-        """
-        self._protocol: DepthProtocol = protocol
-        self._maps, self._files, self._device = maps, maps.paths, device
-        self._infrared = infrared
-        self._roots = {folder: dataset_root(folder) for folder in {f.parent for f in self._files}}
-        #: Data set -> depth of the nearest point of its maps, mm; None: as measured.
-        self._nearest_mm: dict[Path, float | None] = {}
-        for root in filter(None, {*self._roots.values()}):
-            from glsim.data.header import read_header
+    Returns:
+        Frames that raise DatasetError if their depths cannot be millimetres.
+    """
+    frames = recording.frames.changed(partial(_check, protocol))
+    if device is not None:
+        frames = calibrated_frames(frames, device)
+    if protocol == "paper":
+        stored = recording.protocol == "paper"
+        frames = frames.changed(partial(_move_noisy, stored), "paper", "paper")
+    return frames
 
-            output = read_header(root)["settings"]["output"]
-            self._nearest_mm[root] = output.get("nearest_to_mm")
-        moved = any(nearest is not None for nearest in self._nearest_mm.values())
-        self._pairs = self._dataset_pairs() if device is not None or moved else {}
 
-    def frames(self) -> Frames:
-        """Return the maps as frames, with the folder of a file as its subject."""
-        return Frames(len(self._files), self._load, self._key, protocol=self._protocol)
+def _check(protocol: DepthProtocol, frame: DepthFrame) -> DepthFrame:
+    check_millimetres(frame.noisy_mm, frame.record.get("file", frame.name), protocol)
+    return frame
 
-    def _key(self, number: int) -> FrameKey:
-        return FrameKey(str(self._files[number].parent), "", number)
 
-    def _load(self, number: int) -> DepthFrame:
-        """Read a map. Raises DatasetError, or ConfigError if it does not fit the device."""
-        file = self._files[number]
-        root = self._roots[file.parent]
-        stored_mm = self._stored_offset_mm(number)
-        depth, _ = self._maps.depth(number, stored_mm, root)
-        check_millimetres(depth, str(file), self._protocol)
-        if self._device is not None:
-            pair = self._pairs.get(file.absolute())
-            depth = self._device(depth, None if pair is None else pair.intrinsics)
-        height, width = depth.shape
-        offset_mm = 0.0
-        if self._protocol == "paper":
-            at_1_mm = root is not None and stored_protocol(self._nearest_mm[root]) == "paper"
-            offset_mm = stored_mm if at_1_mm else offset_to_nearest(depth)
-            depth = subtract_offset(depth, offset_mm)
-        layers: dict[str, Layer] = {"noisy_mm": depth}
-        if self._infrared and (counts := self._maps.infrared(number)) is not None:
-            layers["infrared"] = counts
-        camera = Intrinsics(width, height, 1.0, 1.0, 0.0, 0.0)
-        return DepthFrame(self._key(number), camera, layers, offset_mm=offset_mm, name=str(file))
+def _move_noisy(stored: bool, frame: DepthFrame) -> DepthFrame:
+    """Move a map to 1 mm: by the offset that its data set stores, else by its nearest point."""
+    own_mm = frame.record.get("depth_offset_mm", 0.0) if stored else 0.0
+    offset_mm = own_mm or offset_to_nearest(frame.noisy_mm)
+    moved = subtract_offset(frame.noisy_mm, offset_mm)
+    return frame.changed({"noisy_mm": moved}, offset_mm=offset_mm)
 
-    def first_are_still(self) -> bool:
-        """Return whether the first two maps show one still view; False if one cannot be read."""
-        if len(self._files) > 1 and self._key(0)[:2] == self._key(1)[:2]:
-            with suppress(DatasetError):
-                return not view_change(self._load(0), self._load(1))
-        return False
 
-    def as_stored(self, number: int, depth_mm: Depth, offset_mm: float) -> Depth:
-        """Return a denoised map, moved from the offset of its frame to the offset of its file."""
-        change_mm = self._stored_offset_mm(number) - offset_mm
-        return subtract_offset(depth_mm, change_mm, self._maps.step_mm) if change_mm else depth_mm
+def first_are_still(frames: Frames) -> bool:
+    """Return whether the first two maps show one still view; False if one cannot be read."""
+    if len(frames) > 1 and frames.key(0)[:2] == frames.key(1)[:2]:
+        with suppress(DatasetError):
+            return not view_change(frames[0], frames[1])
+    return False
 
-    def _stored_offset_mm(self, number: int) -> float:
-        pair = self._pairs.get(self._files[number].absolute())
-        return 0.0 if pair is None else float(pair.record["depth_offset_mm"])
 
-    def _dataset_pairs(self) -> dict[Path, DepthFrame]:
-        """Find the frames of data sets to which the files belong: absolute path -> frame."""
-        from glsim.data.reader import open_dataset
+class DenoisedMaps:
+    """Loads the frames of a set, denoised, one after the other.
 
-        wanted = {file.absolute() for file in self._files}
-        return {
-            path: pair
-            for root in self._nearest_mm
-            for pair in open_dataset(root)
-            for file in pair.record["files"].values()
-            if (path := root / file["name"]) in wanted
-        }
+    Attributes:
+        unchanged: number of maps that came back as they were.
+    """
+
+    def __init__(self, frames: Frames, denoiser: Denoiser) -> None:
+        self._denoiser = denoiser
+        self._stacks = Stacks(frames, denoiser.before, denoiser.after)
+        self.unchanged = 0
+
+    def __call__(self, number: int) -> DepthFrame:
+        """Denoise a frame; "sigma_mm" is its uncertainty, mm, if the denoiser estimates it."""
+        denoiser, (stack, now) = self._denoiser, self._stacks.around(number)
+        frame = self._stacks.frame(number)
+        counts = frame.layer("infrared") if denoiser.infrared else None
+        estimate = denoiser.estimate(stack, now, counts)
+        if denoiser.function.keep_clean:
+            self.unchanged += np.array_equal(estimate.depth_mm, stack[now])
+        layers = {"noisy_mm": estimate.composite(denoiser.composite or "measured")}
+        if estimate.sigma_mm is not None:
+            layers["sigma_mm"] = estimate.sigma_mm
+        return frame.changed(layers)
 
 
 class Stacks:

@@ -14,7 +14,7 @@ from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import surface_patches
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
-from glsim.data.recordings.recording import open_recording
+from glsim.data.maps import open_maps
 from glsim.measures.measured_frame import frames_of
 from tests.support.planted_frames import noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
@@ -116,8 +116,8 @@ def test_the_command_writes_table_and_json(
 @pytest.mark.parametrize(
     ("case", "message"),
     [
-        ("missing", "no such folder"),
-        ("empty", "holds no 16-bit"),
+        ("missing", "no such file or folder"),
+        ("empty", "holds no depth maps"),
         ("sizes", "give frames of one camera"),
         ("dark", "no pixel of any frame has depth"),
     ],
@@ -143,7 +143,7 @@ def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
     for stem in ("0007", "0008", "0020", "0030_sync", "0050", "0060_sync"):
         for layer in ("depth", "ir"):
             (tmp_path / f"{stem}_{layer}.png").symlink_to(REAL_KINECT_V2 / f"{stem}_{layer}.png")
-    frames = open_recording(tmp_path).read()
+    frames = open_maps(tmp_path).read()
     result = compare_sets(frames, frames)
     measured = result.first
     assert measured.temporal.pairs == 1

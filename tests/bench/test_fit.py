@@ -19,7 +19,7 @@ from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.data.recordings.recording import open_recording
+from glsim.data.maps import open_maps
 from glsim.measures.measured_frame import frames_of
 from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import white_sigma_mm
@@ -42,7 +42,7 @@ PATTERN = {
 
 
 def read(*paths: Path, unit_mm: float = 1.0, infrared: Path | None = None) -> Frames:
-    return open_recording(paths, unit_mm, infrared=infrared).read_static()
+    return open_maps(paths, unit_mm=unit_mm, infrared=infrared).read_static()
 
 
 def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:

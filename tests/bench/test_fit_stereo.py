@@ -17,7 +17,7 @@ from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
-from glsim.data.recordings.recording import open_recording
+from glsim.data.maps import open_maps
 from glsim.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
 from glsim.measures.measured_frame import frames_of
 from glsim.measures.stacks import with_nan
@@ -65,19 +65,19 @@ def test_a_recording_without_planes_is_refused() -> None:
 
 def test_the_depths_choose_the_base(tmp_path: Path) -> None:
     depths = np.stack([np.nan_to_num(f.measured_mm) for f in planted(count=2)])
-    stereo = open_recording(write_frames(tmp_path / "stereo", depths.astype(np.uint16)))
+    stereo = open_maps(write_frames(tmp_path / "stereo", depths.astype(np.uint16)))
     assert stereo_base(stereo, None) == "realsense-d435-vga"
     assert stereo_base(stereo, "realsense-d455") == "realsense-d455"
     assert stereo_base(stereo, "kinect-v2") is None
     with pytest.raises(ConfigError, match="no fit starts from 'kinect-v1'"):
         stereo_base(stereo, "kinect-v1")
     time_of_flight = [noisy(plane(900.0, 0.2), 1.2, seed) for seed in (1, 2)]
-    assert stereo_base(open_recording(write_frames(tmp_path / "tof", time_of_flight)), None) is None
+    assert stereo_base(open_maps(write_frames(tmp_path / "tof", time_of_flight)), None) is None
 
 
 @needs_real_cameras
 def test_a_real_d435_is_stereo() -> None:
-    recording = open_recording(REAL_CAMERAS / "d435_wall_2frames")
+    recording = open_maps(REAL_CAMERAS / "d435_wall_2frames")
     assert stereo_base(recording, None) == "realsense-d435-vga"
     frames = recording.read()
     found = measure_stereo(frames, find_lattice(frames), STEPS, 1.0)

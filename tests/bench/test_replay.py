@@ -21,7 +21,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
-from glsim.data.recordings.recording import open_recording
+from glsim.data.maps import open_maps
 from glsim.measures.measured_frame import frames_of
 from tests.support.real_cameras import REAL_CAMERAS, REAL_KINECT_V2, needs_real_cameras
 
@@ -175,15 +175,15 @@ def test_the_command_replays_and_refuses_what_it_cannot(
 @needs_real_cameras
 def test_replays_of_real_frames() -> None:
     """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/results/comparison.md."""
-    kinect = open_recording(REAL_KINECT_V2).read(16)
+    kinect = open_maps(REAL_KINECT_V2).read(16)
     verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
     assert verdicts["planes"].auc < 0.72
     assert verdicts["silhouettes, lit side"].auc < 0.72
     wall = sorted((REAL_CAMERAS / "d435_wall_2frames").glob("depth*.png"))
     rooms = sorted((REAL_CAMERAS / "d435_robot_room").glob("depth*.png"))[::3]
     for real in (
-        open_recording(wall, 1).read(60, 390.43),
-        open_recording(rooms, 1.0).read(60, 381.4),
+        open_maps(wall, unit_mm=1).read(60, 390.43),
+        open_maps(rooms, unit_mm=1.0).read(60, 381.4),
     ):
         verdicts = compare_sets(real, replay(real, "realsense-d435-vga")).verdicts
         assert verdicts["planes"].auc < 0.75

@@ -19,7 +19,7 @@ from glsim.bench.validate.checks.triangulation import board_measurements
 from glsim.bench.validate.report import Band, Check, CheckResult, Measurement, ValidationReport
 from glsim.cli import main
 from glsim.core.errors import ConfigError
-from glsim.data.recordings.recording import open_recording
+from glsim.data.maps import open_maps
 from glsim.measures.lattice import on_lattice
 from glsim.sensors.sensor import SENSOR_FOLDER
 from glsim.simulation.virtual_camera import VirtualCamera
@@ -140,7 +140,7 @@ def held(sheet: str, measured: dict[str, Measurement]) -> set[str]:
 @pytest.mark.long
 def test_bands_of_gaps_hold_the_real_frames() -> None:
     """The same code as on simulated frames, which miss some of them."""
-    frames = open_recording(REAL_KINECT_V2, None).read(60, None)
+    frames = open_maps(REAL_KINECT_V2).read(60, None)
     assert held("kinect-v2", edges.gap_measurements(frames)) == {"pass"}
 
 

@@ -80,7 +80,6 @@ train face --data nothing
 export damaged -o out --to ply
 verify damaged
 preview data -o map.png/seen
-preview maps -o seen
 compare damaged data
 validate ideal --json map.png/x.json
 sensors ideal -o map.png/mine.toml

@@ -12,8 +12,8 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
+from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.recording import open_recording
 
 DEPTH = np.full((48, 64), 9000, np.uint16)
 CAMERA = "width = 64\nheight = 48\nfocal_px = [50.5, 51.5]\n"
@@ -31,7 +31,7 @@ def _folder(root: Path, text: str, frames: int = 2, place: str = "") -> Path:
 def test_unit_and_intrinsics_of_the_file_hold(tmp_path: Path, place: str) -> None:
     text = f"unit_mm = 0.1\n{CAMERA}centre_px = [30, 20]\nbaseline_m = 0.05\n"
     text += "[distortion]\nk1 = 0.1\np2 = 0.01\n"
-    recording = open_recording(_folder(tmp_path, text, place=place))
+    recording = open_maps(_folder(tmp_path, text, place=place))
     frame = recording.read()[0]
     np.testing.assert_allclose(frame.measured_mm, 900.0, rtol=1e-6)
     assert frame.step_mm == 0.1
@@ -45,16 +45,16 @@ def test_png_files_state_their_step_and_a_camera_file_wins(tmp_path: Path) -> No
     """What glsim denoise writes is read in the steps that it states."""
     depth = np.full((40, 60), 9000, np.uint16)
     write_atomic(encode_png(depth, depth_unit_mm=0.1), tmp_path / "0000_depth.png")
-    assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(900)
+    assert open_maps(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(900)
     with pytest.raises(ConfigError, match=r"--depth-unit-mm 0\.5: .* states steps of 0\.1 mm"):
-        open_recording(tmp_path, 0.5)
+        open_maps(tmp_path, unit_mm=0.5)
     (tmp_path / "camera.toml").write_text("unit_mm = 0.2\n")
-    assert open_recording(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(1800)
+    assert open_maps(tmp_path).read()[0].measured_mm[0, 0] == pytest.approx(1800)
 
 
 def test_options_win_over_the_file(tmp_path: Path) -> None:
     root = _folder(tmp_path, f"unit_mm = 0.1\n{CAMERA}")
-    frames = open_recording(root, 0.1).read(focal_px=70.0)
+    frames = open_maps(root, unit_mm=0.1).read(focal_px=70.0)
     assert frames[0].measured_mm[0, 0] == pytest.approx(900)
     assert (frames.intrinsics.fx, frames.intrinsics.cx) == (70.0, 32.0)
 
@@ -64,12 +64,12 @@ def test_a_sensor_of_glsim_gives_what_the_file_leaves_open(tmp_path: Path) -> No
     root.mkdir()
     cv2.imwrite(str(root / "a.png"), np.full((720, 1280), 3000, np.uint16))
     (root / "camera.toml").write_text('sensor = "realsense-d405"\nunit_mm = 0.2\n')
-    recording = open_recording(root)
+    recording = open_maps(root)
     assert recording.camera.fx == 648.0
     assert recording.stated.unit_mm == 0.2
     assert recording.stated.baseline_m == pytest.approx(0.018)
     (root / "camera.toml").write_text('sensor = "realsense-d405"\n')
-    assert open_recording(root).frames[0].noisy_mm[0, 0] == pytest.approx(300.0)
+    assert open_maps(root).frames[0].noisy_mm[0, 0] == pytest.approx(300.0)
 
 
 def test_an_import_keeps_unit_and_camera(tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_colour_pictures_beside_depth_are_left_out(tmp_path: Path) -> None:
     for name in ("rgb_000.png", "color_01.png", "color.png"):
         cv2.imwrite(str(root / name), colour)
     cv2.imwrite(str(root / "infrared_000.png"), np.full((48, 64), 77, np.uint8))
-    frames = open_recording(root).read()
+    frames = open_maps(root).read()
     assert [frame.name for frame in frames] == ["depth_000", "depth_001"]
     assert frames[0].infrared[0, 0] == 77
     assert frames[1].infrared is None
@@ -121,7 +121,7 @@ def test_colour_pictures_beside_depth_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("most", [1, 2, 3, 5, 9])
 def test_a_recording_is_thinned_to_any_number(tmp_path: Path, most: int) -> None:
     for count in (1, 3, 5, 11):
-        recording = open_recording(_folder(tmp_path / f"{count}", "", count))
+        recording = open_maps(_folder(tmp_path / f"{count}", "", count))
         read = recording.read(most)
         assert 0 < len(read) <= most
         assert len(read) == count or len(read) >= min(most, 4) - (most % 4 if most > 4 else 0)
@@ -153,13 +153,13 @@ def test_the_file_chooses_a_channel_of_openexr(tmp_path: Path) -> None:
     kind = {"compression": openexr.ZIP_COMPRESSION, "type": openexr.scanlineimage}
     openexr.File(dict(kind), {"left.Z": near, "right.Z": 2 * near}).write(str(tmp_path / "a.exr"))
     with pytest.raises(DatasetError, match=r"or with channel = NAME in a camera\.toml"):
-        open_recording(tmp_path)
+        open_maps(tmp_path)
     (tmp_path / "camera.toml").write_text('channel = "right.Z"\n')
-    assert open_recording(tmp_path).frames[0].noisy_mm[0, 0] == pytest.approx(1800)
+    assert open_maps(tmp_path).frames[0].noisy_mm[0, 0] == pytest.approx(1800)
     many = {f"c{number}": np.zeros((2000, 2000), np.float32) for number in range(20)}
     openexr.File(dict(kind), many | {"Z": many["c0"]}).write(str(tmp_path / "a.exr"))
     with pytest.raises(DatasetError, match="too many channels"):
-        open_recording(tmp_path)
+        open_maps(tmp_path)
 
 
 def test_what_is_assumed_or_left_out_is_said_once(

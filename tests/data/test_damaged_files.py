@@ -14,8 +14,7 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.exr import encode_exr
 from glsim.core.files.png import encode_png
 from glsim.data.map_files import FAR_MM
-from glsim.data.recordings.recording import open_recording
-from glsim.denoise.depth_files import map_files
+from glsim.data.maps import open_maps
 from tests.support.bags import azure_calibration, write_bag, write_mkv, write_topics
 
 DEPTH = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32) + np.uint16(600)
@@ -60,7 +59,7 @@ def write_whole(folder: Path, name: str) -> bytes:
 def refused(path: Path) -> str:
     """Read the first maps of a recording: return the line that refuses it, else "" for depth."""
     try:
-        recording = open_recording(path)
+        recording = open_maps(path)
         images = [frame.noisy_mm for frame in recording.read(2)]
         assert len({image.shape for image in images}) == 1
     except (ConfigError, DatasetError) as error:
@@ -119,4 +118,4 @@ def test_any_array_is_depth_or_one_line(
         assert line == ""
         stored = np.frombuffer(data, kind).reshape(shape)
         kept = np.where(stored < FAR_MM, stored, 0)
-        np.testing.assert_array_equal(map_files([file], 1.0).depth(0)[0], kept)
+        np.testing.assert_array_equal(open_maps([file], unit_mm=1.0).frames[0].noisy_mm, kept)

@@ -9,9 +9,9 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import DatasetError
+from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
 from glsim.data.recordings.biwi import read_depth_bin
-from glsim.data.recordings.recording import open_recording
 from glsim.faces.scans.head_pose import read_pose
 from glsim.faces.sources.biwi import Biwi
 from tests.support.face_sets import OTHERS, needs_others, put, write_recording
@@ -82,7 +82,7 @@ def test_a_whole_tree(tmp_path: Path) -> None:
 def test_the_frames_of_a_person_are_a_recording(tmp_path: Path) -> None:
     write_recording(tmp_path / "hpdb", 1, frames=2)
     folder = tmp_path / "hpdb" / "01"
-    recording = open_recording(folder)
+    recording = open_maps(folder)
     assert (recording.kind, recording.camera.fx) == ("biwi", 575.816)  # type: ignore[union-attr]
     frames = recording.read()
     files = sorted(folder.glob("*_depth.bin"))

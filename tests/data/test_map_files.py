@@ -48,7 +48,8 @@ def test_each_format_is_read_as_millimetres(
     np.testing.assert_allclose(found, UNITS, atol=1e-4)
     assert not found[:4].any()
     if values.dtype == np.uint16:
-        finer, _ = MapFiles([FramePlace("", tmp_path / name)], 0.25).depth(0, 10.0)
+        place = FramePlace("", tmp_path / name, offset_mm=10.0)
+        finer, _ = MapFiles([place], 0.25).depth(0)
         np.testing.assert_array_equal(finer[4:], UNITS[4:] * np.float32(0.25) + 10)
         assert not finer[:4].any()
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from glsim.core.errors import ConfigError
-from glsim.data.recordings.names import maps_in
+from glsim.core.errors import NoDepthError
+from glsim.data.recordings.folders import list_maps
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -27,7 +27,7 @@ LAYERS = [
 def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
     touch(tmp_path, *LAYERS, "contact_sheet.png", "face_preview.png", "my_map.png", "frame1.png")
     for kind in ("clean", "noisy"):
-        files, others = maps_in(tmp_path, kind)  # type: ignore[arg-type]
+        files, others = list_maps(tmp_path, kind)  # type: ignore[arg-type]
         own = [tmp_path / "frame1.png", tmp_path / "my_map.png"]
         assert files == [*own, tmp_path / f"test/p1/s_{kind}.png"]
         assert others == Counter(
@@ -52,5 +52,5 @@ def test_layers_of_frames_are_told_apart(tmp_path: Path) -> None:
 )
 def test_nothing_to_read_is_explained(tmp_path: Path, names: list[str], message: str) -> None:
     touch(tmp_path, *names)
-    with pytest.raises(ConfigError, match=message):
-        maps_in(tmp_path, "noisy")
+    with pytest.raises(NoDepthError, match=message):
+        list_maps(tmp_path, "noisy")

@@ -18,10 +18,9 @@ from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError
 from glsim.core.files.exr import depth_channel
 from glsim.core.files.png import encode_png
+from glsim.data.maps import open_maps
 from glsim.data.recordings.files import read_map_mm
-from glsim.data.recordings.names import maps_in
-from glsim.data.recordings.recording import open_recording
-from glsim.denoise.depth_files import find_maps, map_files
+from glsim.data.recordings.folders import list_maps
 
 METRES = np.full((32, 40), 0.8, np.float32)
 METRES[8:20, 10:25] = 0.6
@@ -153,10 +152,11 @@ def test_significant_bits_are_heeded_and_shifted_values_refused(tmp_path: Path) 
     for bits in (3, 4):
         file.write_bytes(encode_png(ramp << bits))
         with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
-            map_files([file], None)
+            open_maps([file])
         with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
-            open_recording(file)
-        np.testing.assert_array_equal(map_files([file], 1 / (1 << bits)).depth(0)[0], ramp)
+            open_maps(file)
+        shifted_back = open_maps(file, unit_mm=1 / (1 << bits)).frames[0].noisy_mm
+        np.testing.assert_array_equal(shifted_back, ramp)
 
 
 def test_a_folder_has_one_unit_in_every_command(tmp_path: Path) -> None:
@@ -164,15 +164,15 @@ def test_a_folder_has_one_unit_in_every_command(tmp_path: Path) -> None:
     for number in range(3):
         np.save(tmp_path / f"{number}.npy", METRES)
     np.save(tmp_path / "3.npy", np.full_like(METRES, 500.0))
-    files = maps_in(tmp_path, "noisy")[0]
-    assert near(map_files(files, None).depth(0)[0])
-    assert not map_files(files, None).depth(3)[0].any()
-    recording = open_recording(tmp_path)
+    files = list_maps(tmp_path, "noisy")[0]
+    assert near(open_maps(files).frames[0].noisy_mm)
+    assert not open_maps(files).frames[3].noisy_mm.any()
+    recording = open_maps(tmp_path)
     assert near(recording.frames[0].noisy_mm)
     assert not recording.frames[3].noisy_mm.any()
     np.save(tmp_path / "stack.npy", np.stack([METRES * 100] * 2))
     with pytest.raises(DatasetError, match=r"neither metres .* nor millimetres"):
-        _ = open_recording(tmp_path / "stack.npy").frames[0]
+        _ = open_maps(tmp_path / "stack.npy").frames[0]
 
 
 @pytest.mark.parametrize("listing", ["depth.txt", "associations.txt"])
@@ -183,13 +183,13 @@ def test_folders_of_tum_have_steps_of_a_fifth_of_a_millimetre(tmp_path: Path, li
     file.write_bytes(encode_png(UNITS * 5))
     cv2.imwrite(str(tmp_path / "rgb" / "1.5.png"), np.zeros((32, 40, 3), np.uint8))
     (tmp_path / listing).write_text("# depth maps\n1.5 depth/1.5.png\n")
-    assert near(open_recording(tmp_path).frames[0].noisy_mm)
-    assert near(open_recording(tmp_path / "depth").frames[0].noisy_mm)
-    files, others = maps_in(tmp_path, "noisy")
+    assert near(open_maps(tmp_path).frames[0].noisy_mm)
+    assert near(open_maps(tmp_path / "depth").frames[0].noisy_mm)
+    files, others = list_maps(tmp_path, "noisy")
     assert (files, dict(others)) == ([file], {"rgb/*.png": 1})
-    assert near(map_files(files, None).depth(0)[0])
+    assert near(open_maps(files).frames[0].noisy_mm)
     (tmp_path / listing).write_text("other words\n")
-    assert "nothing states a unit" in open_recording(tmp_path).notes[0]
+    assert "nothing states a unit" in open_maps(tmp_path).notes[0]
 
 
 def test_scannet_states_its_camera(tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_scannet_states_its_camera(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
     (tmp_path / "depth" / "0.png").write_bytes(encode_png(UNITS))
     np.savetxt(tmp_path / "intrinsic" / "intrinsic_depth.txt", np.diag([50.0, 51, 1, 1]))
-    recording = open_recording(tmp_path)
+    recording = open_maps(tmp_path)
     assert recording.camera is not None
     assert (recording.camera.width, recording.camera.fy, recording.camera.cx) == (40, 51, 0.5)
     assert not recording.notes
@@ -212,13 +212,13 @@ def test_polycam_states_its_camera_at_the_size_of_its_colour_images(tmp_path: Pa
         own = {"width": 160, "height": 128, "fx": 200 + number, "fy": 202, "cx": 81, "cy": 63}
         (tmp_path / "cameras" / f"{number}.json").write_text(json.dumps(own))
     for place in (tmp_path, tmp_path / "depth"):
-        recording = open_recording(place)
+        recording = open_maps(place)
         assert recording.camera == Intrinsics(40, 32, 201 / 4, 202 / 4, 81 / 4, 63 / 4)
         assert (len(recording.frames), recording.notes) == (3, ())
     for file in (tmp_path / "cameras").iterdir():
         file.write_text(json.dumps({**own, "fx": 1e400}))
     with pytest.raises(DatasetError, match="of no camera"):
-        open_recording(tmp_path)
+        open_maps(tmp_path)
 
 
 def test_names_sort_by_their_numbers_and_hidden_files_are_none(tmp_path: Path) -> None:
@@ -226,13 +226,13 @@ def test_names_sort_by_their_numbers_and_hidden_files_are_none(tmp_path: Path) -
         (tmp_path / f"{number}.png").write_bytes(encode_png(UNITS + number))
         (tmp_path / f"._{number}.png").write_bytes(b"resource fork")
     numbers = [str(number) for number in range(12)]
-    assert [path.stem for path in maps_in(tmp_path, "noisy")[0]] == numbers
-    recording = open_recording(tmp_path)
+    assert [path.stem for path in list_maps(tmp_path, "noisy")[0]] == numbers
+    recording = open_maps(tmp_path)
     assert [recording.frames[k].name for k in range(len(recording.frames))] == numbers
     given = sorted(map(str, tmp_path.glob("[0-9]*.png")))
     (tmp_path / ".cache").symlink_to(tmp_path)
     for inputs in (given, [str(tmp_path / "*.png")], [str(tmp_path / ".cache" / "*.png")]):
-        assert [pair[0].stem for pair in find_maps(inputs, tmp_path / "out")[0]] == numbers
+        assert [path.stem for path in open_maps(inputs).sources] == numbers
 
 
 def test_a_batch_goes_on_behind_what_is_no_map(
@@ -247,9 +247,10 @@ def test_a_batch_goes_on_behind_what_is_no_map(
     for command in (["denoise", "-d", "median"], ["corrupt", "-s", "ideal", "--backend", "numpy"]):
         assert main([command[0], "in", "-o", command[0], *command[1:]]) == 1
         error = capsys.readouterr().err
-        assert all(f"in/{name}: is " in error for name in ("a.tif", "b.npy", "c.npy"))
-        assert "3 of 4 maps could not be read" in error
-        assert near(np.load(f"{command[0]}/d.npy") * 1000)
+        assert all(f"in/{name}: is " in error for name in ("a.tif", "c.npy"))
+        assert "2 of 8 maps could not be read" in error
+        for name in ("b_00000", "b_00004", "d"):  # each map of a stack is one
+            assert near(np.load(f"{command[0]}/{name}.npy") * 1000)
 
 
 def test_the_same_map_has_the_same_noise_in_any_format_and_place(

@@ -14,8 +14,8 @@ from glsim.cli import main
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
+from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.recording import open_recording
 from glsim.data.verification import verify
 from tests.support.planted_frames import SHAPE, noisy, plane
 
@@ -107,7 +107,7 @@ def _stack(folder: Path, depth: np.ndarray, light: np.ndarray | None = None) -> 
 def test_stacks_of_millimetres_and_metres(tmp_path: Path, dtype: type, factor: float) -> None:
     stack: NDArray[Any] = (np.stack([DEPTH, DEPTH + 5]) * factor).astype(dtype)
     stack[0, 0, 0] = 0 if dtype is np.uint16 else np.nan
-    found = open_recording(_stack(tmp_path / "s", stack, np.stack([LIGHT, LIGHT])))
+    found = open_maps(_stack(tmp_path / "s", stack, np.stack([LIGHT, LIGHT])))
     assert found.kind == "npy"
     assert [frame.name for frame in found.frames] == ["run_depth_00000", "run_depth_00001"]
     np.testing.assert_allclose(found.frames[1].noisy_mm, DEPTH + 5, atol=0.01)
@@ -124,7 +124,7 @@ def test_dumps_of_libfreenect2_are_floats_as_in_a_mirror(tmp_path: Path) -> None
     dump = DEPTH.astype("<f4") + 0.25
     write_atomic(dump.tobytes(), tmp_path / "d" / "0001.depth")
     write_atomic(LIGHT.astype("<f4").tobytes(), tmp_path / "d" / "0001.ir")
-    frame = open_recording(tmp_path / "d", mirror=True).frames[0]
+    frame = open_maps(tmp_path / "d", mirror=True).frames[0]
     np.testing.assert_array_equal(frame.noisy_mm, dump[:, ::-1])
     np.testing.assert_array_equal(frame.infrared, LIGHT[:, ::-1])
 
@@ -133,7 +133,7 @@ def test_folders_of_tiff_files_with_infrared_in_a_folder_beside(tmp_path: Path) 
     for layer, image in (("depth", DEPTH), ("ir", LIGHT)):
         (tmp_path / layer).mkdir()
         cv2.imwrite(str(tmp_path / layer / "0001.tiff"), image)
-    frame = open_recording(tmp_path, unit_mm=0.5).frames[0]
+    frame = open_maps(tmp_path, unit_mm=0.5).frames[0]
     np.testing.assert_array_equal(frame.noisy_mm, DEPTH * 0.5)
     np.testing.assert_array_equal(frame.infrared, LIGHT)
 
@@ -156,7 +156,7 @@ def test_every_format_gives_the_same_static_frames(tmp_path: Path, kind: str) ->
         root = tmp_path / "iai_"
     elif kind == "data set":
         assert _import(tmp_path / "data", root) == 0
-    frames = open_recording(root).read_static()
+    frames = open_maps(root).read_static()
     for frame, depth in zip(frames, stack, strict=True):
         np.testing.assert_allclose(frame.measured_mm, depth, atol=1e-3)
     assert frames[0].step_mm == (0.0 if kind in ("metres", "dumps") else 1.0)
@@ -190,8 +190,8 @@ def test_damaged_frames_are_skipped_with_a_reason(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("case", "message"),
     [
-        ("missing", "no such folder"),
-        ("empty", "holds no 16-bit .png"),
+        ("missing", "no such file or folder"),
+        ("empty", "holds no depth maps"),
         ("colour", "has 3 channels of 8 bits"),
         ("packets", "decode raw packets with libfreenect2 first"),
         ("unit", "must be above 0"),

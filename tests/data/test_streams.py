@@ -16,8 +16,8 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
-from glsim.data.recordings.recording import open_recording
 from glsim.data.recordings.streams import nearest
 from tests.support.bags import SENSOR, azure_calibration, write_bag, write_mkv
 
@@ -31,7 +31,7 @@ AZURE_IR = [RNG.integers(0, 60000, (576, 640)).astype(np.uint16) for _ in range(
 def test_a_bag_of_librealsense(tmp_path: Path) -> None:
     file = tmp_path / "a.bag"
     write_bag(file, DEPTHS, LIGHTS, options={"Depth_Units": 1e-4, "Stereo_Baseline": 50.17})
-    recording = open_recording(file)
+    recording = open_maps(file)
     assert (recording.kind, len(recording.frames)) == ("bag", 6)
     assert recording.stated.unit_mm == 0.1
     assert recording.stated.baseline_m == pytest.approx(0.05017, abs=1e-6)
@@ -43,11 +43,11 @@ def test_a_bag_of_librealsense(tmp_path: Path) -> None:
         np.testing.assert_allclose(frame.noisy_mm, DEPTHS[number] * 0.1, rtol=1e-6)
         np.testing.assert_array_equal(frame.infrared, LIGHTS[number])
     (tmp_path / "camera.toml").write_text("unit_mm = 2\n")
-    np.testing.assert_array_equal(open_recording(file).frames[1].noisy_mm, DEPTHS[1] * 2.0)
+    np.testing.assert_array_equal(open_maps(file).frames[1].noisy_mm, DEPTHS[1] * 2.0)
     again = pickle.loads(pickle.dumps(recording))
     np.testing.assert_array_equal(again.frames[4].infrared, LIGHTS[4])
     (tmp_path / "camera.toml").write_text("unit_mm = 0.5\n")
-    stated = open_recording(tmp_path)  # the folder that holds it
+    stated = open_maps(tmp_path)  # the folder that holds it
     np.testing.assert_array_equal(stated.frames[0].noisy_mm, DEPTHS[0] * 0.5)
     assert stated.camera.fx == 390.4315
 
@@ -57,7 +57,7 @@ def test_a_bag_of_a_ros_node_with_depth_in_metres(tmp_path: Path) -> None:
     topics = ("/camera/depth/image_rect_raw", "/camera/infra1/image_rect_raw")
     lights = [light.astype(np.uint16) * 3 for light in LIGHTS]
     write_bag(tmp_path / "a.bag", metres, lights, topics=topics, encoding="32FC1")
-    frame = open_recording(tmp_path / "a.bag").frames[2]
+    frame = open_maps(tmp_path / "a.bag").frames[2]
     np.testing.assert_allclose(frame.noisy_mm, np.where(DEPTHS[2] > 600, DEPTHS[2], 0), rtol=1e-5)
     np.testing.assert_array_equal(frame.infrared, lights[2])
     assert frame.step_mm == 0.0
@@ -86,13 +86,13 @@ def test_a_ros_2_bag_is_a_folder(
                 data=depth.view(np.uint8).ravel(),
             )  # fmt: skip
             bag.write(topic, number * 10**7, types.serialize_cdr(image, kind))
-    recording = open_recording(tmp_path / "bag")
+    recording = open_maps(tmp_path / "bag")
     assert (recording.kind, len(recording.frames)) == ("bag", 6)
     np.testing.assert_array_equal(recording.frames[3].noisy_mm, DEPTHS[3])
     if packed:
         monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1000))
         with pytest.raises(DatasetError, match="more than half of the free space"):
-            open_recording(tmp_path / "bag")
+            open_maps(tmp_path / "bag")
 
 
 def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     colour = [np.zeros((64, 64, 3), np.uint8)] * 4
     tracks: dict[str, list[Any]] = {"COLOR": colour, "DEPTH": AZURE, "IR": AZURE_IR}
     write_mkv(file, tracks, azure_calibration(), codec=codec)
-    recording = open_recording(file)
+    recording = open_maps(file)
     assert (recording.kind, len(recording.frames)) == ("mkv", 4)
     for number in (2, 0, 1, 3):
         frame = recording.frames[number]
@@ -130,7 +130,7 @@ def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
 def test_binned_modes_have_their_part_of_the_chip(tmp_path: Path) -> None:
     images = [image[::2, ::2].copy() for image in AZURE]
     write_mkv(tmp_path / "a.mkv", {"DEPTH": images}, azure_calibration())
-    recording = open_recording(tmp_path / "a.mkv")
+    recording = open_maps(tmp_path / "a.mkv")
     assert recording.camera.fx == pytest.approx(0.4928 * 512)
     assert recording.camera.cx == pytest.approx(0.513 * 512 - 96)
     assert recording.frames[0].infrared is None
@@ -143,7 +143,7 @@ def test_without_calibration_the_shipped_camera_is_assumed_and_said(
     tmp_path: Path, calibration: bytes | None, note: str
 ) -> None:
     write_mkv(tmp_path / "a.mkv", {"DEPTH": AZURE}, calibration)
-    recording = open_recording(tmp_path / "a.mkv")
+    recording = open_maps(tmp_path / "a.mkv")
     assert (recording.frames.intrinsics.fx, recording.assumed) == (504.5, "azure-kinect")
     assert note in recording.notes[0]
 
@@ -153,7 +153,7 @@ def test_a_recording_that_was_cut_off_ends_with_its_last_whole_frame(tmp_path: P
     write_mkv(file, {"DEPTH": AZURE, "IR": AZURE_IR}, azure_calibration())
     data = file.read_bytes()
     file.write_bytes(data[: len(data) // 2])
-    recording = open_recording(file)
+    recording = open_maps(file)
     assert 1 <= len(recording.frames) < 4
     np.testing.assert_array_equal(recording.frames[-1].noisy_mm, AZURE[len(recording.frames) - 1])
 
@@ -165,7 +165,7 @@ def test_frames_are_read_one_by_one(tmp_path: Path) -> None:
         file = tmp_path / f"{count}.bag"
         write_bag(file, [np.full((240, 320), 900, np.uint16)] * count)
         tracemalloc.start()
-        recording = open_recording(file)
+        recording = open_maps(file)
         for number in range(len(recording.frames)):
             assert recording.frames[number].noisy_mm.any()
         peaks.append(tracemalloc.get_traced_memory()[1])
@@ -217,9 +217,9 @@ def test_several_recordings_are_not_mixed(tmp_path: Path) -> None:
     for name in ("a.bag", "b.bag"):
         write_bag(tmp_path / name, DEPTHS)
     with pytest.raises(DatasetError, match="each holds a recording of its own"):
-        open_recording(tmp_path)
+        open_maps(tmp_path)
     with pytest.raises(ConfigError, match="holds the infrared images itself"):
-        open_recording(tmp_path / "a.bag", infrared=tmp_path)
+        open_maps(tmp_path / "a.bag", infrared=tmp_path)
 
 
 @pytest.mark.parametrize(("name", "library"), [("a.bag", "rosbags"), ("a.mkv", "av")])

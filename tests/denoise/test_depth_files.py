@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_image, stated_unit_mm
+from glsim.data.map_writer import MapWriter
+from glsim.data.maps import open_maps
 from glsim.data.recordings.files import read_map_mm
-from glsim.denoise.depth_files import find_maps, map_files
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 DEPTH_MM = 900 + np.random.default_rng(0).normal(0, 2, (40, 48)).astype(np.float32)
@@ -32,14 +33,12 @@ def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> N
     plain, stated = write(tmp_path / "a.png", 0.1), write(tmp_path / "b.png", 0.1, stated=True)
     assert (stated_unit_mm(plain), stated_unit_mm(stated)) == (None, 0.1)
     np.testing.assert_array_equal(read_image(plain), read_image(stated))
-    assert map_files([stated], None).step_mm == map_files([stated], 0.1).step_mm == 0.1
-    assert map_files([plain], None).step_mm == 1.0
-    assert "nothing states a unit" in map_files([plain], None).notes[0]
-    for given, words in ((1.0, "steps of 0.1 mm"), (None, "different steps")):
+    assert open_maps([stated]).step_mm == open_maps([stated], unit_mm=0.1).step_mm == 0.1
+    assert open_maps([plain]).step_mm == 1.0
+    assert "nothing states a unit" in open_maps([plain]).notes[0]
+    for given, words in ((1.0, r"b\.png states steps of 0\.1 mm"), (None, "different steps")):
         with pytest.raises(ConfigError, match=words):
-            map_files([stated] if given else [plain, stated], given)
-    with pytest.raises(DatasetError, match=r"b.png: states steps of 0.1 mm, not 1: give --depth-u"):
-        read_map_mm(stated, 1.0)
+            open_maps([stated] if given else [plain, stated], unit_mm=given)
     np.testing.assert_allclose(read_map_mm(stated, 0.1), DEPTH_MM, atol=0.051)
 
 
@@ -47,7 +46,7 @@ def test_the_header_of_another_program_is_none(tmp_path: Path) -> None:
     (tmp_path / "train" / "anna").mkdir(parents=True)
     file = write(tmp_path / "train" / "anna" / "depth.png", 1.0)
     (tmp_path / "dataset.json").write_text('{"format": "of another program"}')
-    assert map_files([file], None).step_mm == 1.0
+    assert open_maps([file]).step_mm == 1.0
 
 
 def test_the_step_of_the_output(
@@ -85,8 +84,8 @@ def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
 def test_maps_of_a_data_set_are_written_in_steps_of_a_tenth(tmp_path: Path) -> None:
     make(tmp_path / "data", make_settings(depth_unit_mm=0.5), make_tasks(2, 2))
     files = sorted((tmp_path / "data").rglob("*_noisy.png"))
-    assert map_files(files, None).step_mm == 0.5
-    assert map_files(files, None).notes == ()
+    assert open_maps(files).step_mm == 0.5
+    assert open_maps(files).notes == ()
     assert denoise(str(tmp_path / "data"), "-o", str(tmp_path / "out")) == 0
     written = sorted((tmp_path / "out").rglob("*.png"))
     assert len(written) == 4
@@ -120,13 +119,19 @@ def test_maps_of_the_same_name_keep_their_folders(
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(name, np.full((4, 4), 900, np.uint16))
     out = Path("out")
-    different, _ = find_maps(["day/a", "day/b/c"], out)
-    assert [target for _, target in different] == [out / "x.png", out / "y.png"]
+
+    def targets(inputs: list[str]) -> dict[str, Path]:
+        maps = open_maps(inputs)
+        written = MapWriter(maps, inputs, out).targets
+        return {str(source): target for source, target in zip(maps.sources, written, strict=True)}
+
+    apart = {"day/a/x.png": out / "x.png", "day/b/c/y.png": out / "y.png"}
+    assert targets(["day/a", "day/b/c"]) == apart
     for inputs in (["day/a", "day/b"], ["day/*/x.png", "day/b/c/y.png"]):
-        assert {str(source): target for source, target in find_maps(inputs, out)[0]} == {
+        assert targets(inputs) == {
             "day/a/x.png": out / "a/x.png",
             "day/b/x.png": out / "b/x.png",
             "day/b/c/y.png": out / "b/c/y.png",
         }
     with pytest.raises(ConfigError, match=r"day/a/x.png: is given twice"):
-        find_maps(["day/a", "day/a/x.png"], out)
+        targets(["day/a", "day/a/x.png"])

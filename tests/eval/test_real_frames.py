@@ -203,7 +203,7 @@ def test_errors_name_the_place(
         ([str(pair), "-d", "planted_denoisers:broken"], 1, "0000_depth: ValueError: out of film"),
         ([str(pair), "-d", "guided", "-d", "guided"], 2, "given twice"),
         ([str(pair), "--board", "five"], 2, "such as 5x7"),
-        ([str(tmp_path / "nowhere")], 2, "no such folder"),
+        ([str(tmp_path / "nowhere")], 2, "no such file or folder"),
     ]
     for arguments, status, text in cases:
         assert main(["eval-real", *arguments, "-o", out, "--workers", "1", "-q"]) == status

@@ -116,7 +116,7 @@ def test_bad_frames_are_named_counted_and_left_out(
         "p0/s_00002": "8 bits",
         "p1/s_00000": "metres instead of millimetres",
         "p1/s_00001": "is missing",
-        "p2/s_00003": "damaged",
+        "p2/s_00003": "no readable image",
     }.items():
         assert words in bad[frame]
     assert len(rows(out)) == 14

@@ -29,7 +29,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 from glsim.core.units import MM_PER_M
-from glsim.data.recordings.recording import Recording
+from glsim.data.recording import Recording
 from glsim.gl.context import borrowed_context
 from glsim.measures.disparity import (
     LEAST_TILES,

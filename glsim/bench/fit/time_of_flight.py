@@ -23,7 +23,7 @@ from glsim.bench.fit.recording_statistics import RecordingStatistics, measure_re
 from glsim.bench.fit.smoothing import NARROW, WIDE, find_smoothing, smoothed_values
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
-from glsim.data.recordings.recording import Recording
+from glsim.data.recording import Recording
 from glsim.noise.registry import find_stage
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave

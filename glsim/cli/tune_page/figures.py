@@ -13,7 +13,7 @@ from glsim.core.depth_frame import Frames
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.reason import Reason
 from glsim.core.units import to_mm
-from glsim.data.recordings.recording import open_recording
+from glsim.data.maps import open_maps
 from glsim.measures.correlation import correlation_of, lagged_sums
 from glsim.measures.depth_noise import measure_spatial
 from glsim.measures.silhouettes import find_edges, measure_silhouettes
@@ -75,7 +75,7 @@ def _silhouettes(frame: Frame) -> dict[str, Any]:
 
 def recording_figures(folder: Path) -> dict[str, Any]:
     """Measure a recording. Raises ConfigError or DatasetError if it is not readable."""
-    return _compared(open_recording(folder).read(_RECORDED))
+    return _compared(open_maps(folder).read(_RECORDED))
 
 
 def tuned_figures(frame: Frame) -> dict[str, Any]:

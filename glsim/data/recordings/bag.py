@@ -110,9 +110,7 @@ class BagStream(FrameStream):
             )
         chosen = self._asked or min(depth, key=_rank)
         if others := [topic for topic in depth if topic != chosen]:
-            self.notes = (
-                f"{self.path}: the depth is that of {chosen}; --topic chooses {', '.join(others)}",
-            )
+            self.notes = (f"the depth is that of {chosen}; --topic chooses {', '.join(others)}",)
         shape = self._shape(chosen)
         lights = [
             topic
@@ -219,7 +217,7 @@ class BagStream(FrameStream):
             None if baseline is None else round(abs(baseline) / MM_PER_M, 7),
             self._device_name(f"{device}/info"),
         )
-        return stated, tuple(f"{self.path}: {remark}" for remark in remarks)
+        return stated, tuple(remarks)
 
     def _find_camera(self) -> tuple[Intrinsics | None, tuple[float, ...], list[str]]:
         """Return intrinsics and lens by the nearest camera_info that can be used, and remarks."""

@@ -144,18 +144,3 @@ def check_size(camera: StatedCamera, shape: tuple[int, ...], where: Path | str) 
             f"{where}: says {own.width}x{own.height}, but the frames are {shape[1]}x{shape[0]}: "
             "correct width, height, focal_px and centre_px"
         )
-
-
-def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
-    """Return the depth of one step of whole numbers, mm, as given or as stated in files.
-
-    Raises ConfigError where these differ, and for 0 or less.
-    """
-    if given is not None and not given > 0:
-        raise ConfigError(f"--depth-unit-mm {given:g}: must be above 0")
-    if given is not None and stated is not None and given != stated:
-        raise ConfigError(
-            f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
-            "out, or correct the camera.toml"
-        )
-    return stated or given

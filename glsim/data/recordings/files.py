@@ -1,7 +1,7 @@
-"""Depth maps in files of their own: one decision on the unit of all, then one map at a time.
+"""Depth maps in files of their own: one decision on their unit, then one map at a time.
 
 16-bit integers count steps of a unit. Floats are metres, or millimetres, as libfreenect2 writes
-them: the median of a folder decides.
+them: the median of a folder decides. At most 16 maps of a set are decoded for these decisions.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import stated_unit_mm
 from glsim.data.map_files import (
     TAKEN_FOR_MM,
@@ -26,130 +26,213 @@ from glsim.data.recordings.names import infrared_beside
 
 Array = NDArray[np.float32]
 
-#: Maps of a folder that its unit is decided by, and values of each.
-_SAMPLE, _SAMPLE_PX = 16, 20_000
+#: Most maps of a set that vote, those of them that show what camera it is, and values of each
+#: that decide on the unit of floats. Chosen.
+VOTERS, SHOWN, _VALUES = 16, 4, 20_000
 
 
 class FramePlace(NamedTuple):
     """Name and files of one depth map.
 
     Attributes:
-        name: unique in the recording, without slashes.
+        name: unique in the recording.
         file: PNG, TIFF, OpenEXR, ``.npy``, dump of libfreenect2, or Biwi's depth.bin.
         number: position in a stack; None if the file holds one map.
+        inside: a folder that no link to the file may lead out of.
+        infrared: its infrared image, if it does not lie beside it.
+        offset_mm: added to whole numbers, see ``from_steps``.
     """
 
     name: str
     file: Path
     number: int | None = None
+    inside: Path | None = None
+    infrared: Path | None = None
+    offset_mm: float = 0.0
+
+
+class Votes(NamedTuple):
+    """What at most 16 maps of a set show.
+
+    Attributes:
+        maps_mm: up to four of them, (H, W) float32 mm, 0 = no depth.
+        step_mm: their step, mm, 0 of floats.
+        deepest_mm: largest depth of all.
+        names_step: whether one of them states its step.
+    """
+
+    maps_mm: tuple[Array, ...] = ()
+    step_mm: float = 1.0
+    deepest_mm: float = 0.0
+    names_step: bool = False
 
 
 class MapFiles:
     """Reads depth maps and their infrared images from files.
 
     Attributes:
-        paths: file of each map.
+        places: file of each map.
         step_mm: of whole numbers.
+        votes: what the maps show that were read to decide on the unit.
         notes: what is assumed where nothing states a unit, in lines for the user.
     """
 
     def __init__(
         self,
         places: Sequence[FramePlace],
-        unit_mm: float | None = None,
+        given_mm: float | None = None,
+        stated_mm: float | None = None,
         channel: str | None = None,
-        infrared: Sequence[Path] | None = None,
-        unit_wins: bool = False,
     ) -> None:
-        """Decide the unit of floats for each folder.
+        """Decide the step of whole numbers, and the unit of floats for each folder.
 
         Args:
             places: of the maps, in order.
-            unit_mm: step of whole numbers as stated or given; default: 1, which is noted.
+            given_mm: step of whole numbers by an option; default: as stated, else 1.
+            stated_mm: step that a camera.toml or a data set states; it wins over PNG files'.
             channel: of OpenEXR files.
-            infrared: image of each map; default: those beside them.
-            unit_wins: over the steps that PNG files state, as that of a camera.toml does.
 
         Raises:
-            DatasetError: whole numbers are shifted, or floats neither metres nor millimetres.
+            ConfigError: two steps are stated or given.
+            DatasetError: whole numbers are shifted, floats neither metres nor millimetres, or no
+                map that votes can be read.
         """
-        self._places, self._channel, self._infrared = tuple(places), channel or None, infrared
-        self.step_mm = unit_mm or 1.0
+        self.places, self._channel = tuple(places), channel or None
         self.notes: tuple[str, ...] = ()
-        self._unit_wins = unit_wins
-        self.paths = [place.file for place in self._places]
         folders: dict[Path, list[FramePlace]] = {}
-        for place in self._places:
+        for place in self.places:
             folders.setdefault(place.file.parent, []).append(place)
+        voters = _voters([*folders.values()])
+        named = {stated_unit_mm(place.file, inside=place.inside) for place in voters}
+        #: Step that PNG files must state, mm: None if a camera.toml or a data set does, or no file.
+        self._named_mm: float | None = None
+        if stated_mm is None and named != {None}:
+            steps = {step_mm or 1.0 for step_mm in named}
+            if len(steps) > 1:
+                raise ConfigError(
+                    "the maps are of different steps, as they state themselves: take those of one "
+                    "step at a time"
+                )
+            self._named_mm = stated_mm = steps.pop()
+        step_mm = agreed_unit_mm(given_mm, stated_mm, self.places[0].file)
+        self.step_mm = step_mm or 1.0
+        images = self._read(voters)
         self._in_metres: Mapping[Path, bool] = {
-            folder: self._floats_in_metres(own, unit_mm is None) for folder, own in folders.items()
+            folder: self._decide(folder, images, unknown=step_mm is None) for folder in folders
         }
         if not all(self._in_metres.values()):
             floats = "floats are taken for mm: their median is too large for metres"
             self.notes = (*self.notes, floats)
+        self.votes = self._votes(images, named != {None})
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self.places)
 
     def name(self, number: int) -> str:
         """Return the name of a frame."""
-        return self._places[number].name
+        return self.places[number].name
 
     def files(self, number: int) -> tuple[Path, Path | None]:
         """Return the files of depth and of infrared of a frame."""
-        file = self.paths[number]
-        return file, infrared_beside(file) if self._infrared is None else self._infrared[number]
+        place = self.places[number]
+        return place.file, place.infrared or infrared_beside(place.file)
 
-    def depth(
-        self, number: int, offset_mm: float = 0.0, inside: Path | None = None
-    ) -> tuple[Array, float]:
+    def has_infrared_of(self, number: int) -> bool:
+        """Whether there is an infrared image of a frame."""
+        return self.files(number)[1] is not None
+
+    def depth(self, number: int) -> tuple[Array, float]:
         """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats.
 
-        Args:
-            number: of the frame.
-            offset_mm: added to whole numbers, see ``from_steps``.
-            inside: a folder that no link may lead out of.
-
-        Raises:
-            DatasetError: also for a PNG file that states another step.
+        Raises DatasetError, also for a PNG file that states another step.
         """
-        _, file, place = self._places[number]
-        stated_mm = stated_unit_mm(file, inside=inside)
-        if stated_mm not in (None, self.step_mm) and not self._unit_wins:
-            raise DatasetError(
-                f"{file}: states steps of {stated_mm:g} mm, not {self.step_mm:g}: give "
-                f"--depth-unit-mm {stated_mm:g}"
-            )
-        image = read_stored(file, place, inside=inside, channel=self._channel)
-        metres = self._in_metres[file.parent]
-        depth_mm = depth_in_mm(image, self.step_mm, offset_mm, in_metres=metres)
-        return depth_mm, 0.0 if image.dtype.kind == "f" else self.step_mm
+        place = self.places[number]
+        if self._named_mm is not None:
+            named_mm = stated_unit_mm(place.file, inside=place.inside) or 1.0
+            if named_mm != self._named_mm:
+                raise DatasetError(
+                    f"{place.file}: has steps of {named_mm:g} mm, the other maps state "
+                    f"{self._named_mm:g}: take those of one step at a time"
+                )
+        return self._in_mm(place, self._stored(place))
 
     def infrared(self, number: int) -> Array | None:
         """Read (H, W) float32 infrared counts, 0 to 65535; None without. Raises DatasetError."""
         _, file = self.files(number)
         if file is None:
             return None
-        image = read_stored(file, self._places[number].number, infrared=True)
+        image = read_stored(file, self.places[number].number, infrared=True)
         return np.nan_to_num(image.astype(np.float32))
 
-    def _floats_in_metres(self, places: Sequence[FramePlace], unknown: bool) -> bool:
-        """Decide by maps of one folder; refuse shifted whole numbers of an unknown step."""
-        where = places[0].file if len({place.file for place in places}) == 1 else None
-        chosen = np.linspace(0, len(places) - 1, min(len(places), _SAMPLE)).astype(int)
-        votes = []
-        for _, file, number in (places[k] for k in sorted({*chosen.tolist()})):
-            if file.suffix.lower() == ".png" and not unknown:
-                continue
+    def _stored(self, place: FramePlace) -> NDArray[np.generic]:
+        return read_stored(place.file, place.number, inside=place.inside, channel=self._channel)
+
+    def _in_mm(self, place: FramePlace, image: NDArray[np.generic]) -> tuple[Array, float]:
+        metres = self._in_metres[place.file.parent]
+        depth_mm = depth_in_mm(image, self.step_mm, place.offset_mm, in_metres=metres)
+        return depth_mm, 0.0 if image.dtype.kind == "f" else self.step_mm
+
+    def _read(self, voters: Sequence[FramePlace]) -> dict[FramePlace, NDArray[np.generic]]:
+        """Read the maps that vote; raise the first error if none can be read."""
+        images: dict[FramePlace, NDArray[np.generic]] = {}
+        first: DatasetError | None = None
+        for place in voters:
             try:
-                image = read_stored(file, number, channel=self._channel)
-            except DatasetError:  # reported when it is read
-                continue
+                images[place] = self._stored(place)
+            except DatasetError as error:  # of one of many: reported when it is read
+                first = first or error
+        if first is not None and not images:
+            raise first
+        return images
+
+    def _decide(
+        self, folder: Path, images: Mapping[FramePlace, NDArray[np.generic]], unknown: bool
+    ) -> bool:
+        """Return whether a folder's floats are metres; refuse shifted numbers of unknown step."""
+        own = {place: image for place, image in images.items() if place.file.parent == folder}
+        files = {place.file for place in own}
+        where = files.pop() if len(files) == 1 else folder
+        for image in own.values():
             if unknown and image.dtype.kind == "u":
-                refuse_shifted(image, where or file.parent)
+                refuse_shifted(image, where)
                 self.notes = (TAKEN_FOR_MM,)
-            votes.append(image.ravel()[:: image.size // _SAMPLE_PX + 1].copy())
-        return floats_in_metres(votes, where or places[0].file.parent)
+        thinned = [image.ravel()[:: image.size // _VALUES + 1] for image in own.values()]
+        return floats_in_metres(thinned, where)
+
+    def _votes(self, images: Mapping[FramePlace, NDArray[np.generic]], names_step: bool) -> Votes:
+        maps = [self._in_mm(place, image) for place, image in images.items()]
+        deepest_mm = max((float(depth.max(initial=0)) for depth, _ in maps), default=0.0)
+        shown = tuple(depth for depth, _ in maps[:SHOWN])
+        return Votes(shown, maps[0][1] if maps else self.step_mm, deepest_mm, names_step)
+
+
+def _voters(folders: Sequence[Sequence[FramePlace]]) -> list[FramePlace]:
+    """Return the maps that vote: 16 of all, evenly spread, and one of each folder of floats."""
+    share = max(1, VOTERS // len(folders))
+    voters = [places[k] for places in folders for k in spread(len(places), share)]
+    whole = [place for place in voters if place.file.suffix.lower() == ".png"]
+    floats = [place for place in voters if place.file.suffix.lower() != ".png"]
+    return [*(whole[k] for k in spread(len(whole), VOTERS)), *floats]
+
+
+def spread(count: int, most: int) -> list[int]:
+    """Return at most ``most`` of the numbers below ``count``, evenly spread."""
+    return [int(number) for number in np.linspace(0, count - 1, min(count, most)).round()]
+
+
+def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
+    """Return the depth of one step of whole numbers, mm, as given or as stated in files.
+
+    Raises ConfigError where these differ, and for 0 or less.
+    """
+    if given is not None and not given > 0:
+        raise ConfigError(f"--depth-unit-mm {given:g}: must be above 0")
+    if given is not None and stated is not None and given != stated:
+        raise ConfigError(
+            f"--depth-unit-mm {given:g}: {where} states steps of {stated:g} mm: leave the option "
+            "out, or correct what states them"
+        )
+    return stated or given
 
 
 def read_map_mm(file: Path, unit_mm: float | None = None) -> Array:

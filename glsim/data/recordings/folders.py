@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -12,13 +14,13 @@ import numpy as np
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError, NoDepthError
 from glsim.core.files.atomic import read_json
-from glsim.core.files.listing import entries
+from glsim.core.files.listing import check_number, entries, files_below, natural
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
 from glsim.core.files.regular import MOST_HELD, read_data, read_regular
 from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, SUFFIXES
 from glsim.data.recordings.biwi import read_calibration
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
-from glsim.data.recordings.names import other_kind
+from glsim.data.recordings.names import DepthKind, left_out_text, other_kind
 from glsim.data.recordings.opencv_yaml import read_matrices
 from glsim.data.recordings.streams import STREAMS, is_stream
 
@@ -28,34 +30,99 @@ CALIBRATION = "calib_ir.yaml"
 _SAMPLE = 16
 #: Largest difference of the scales of depth to colour along x and y: 256 x 192 of 1024 x 768.
 _UNEQUAL = 0.02
-#: Kind of depth files -> ends of their names, the first that is there.
-_KINDS = {
-    "images": tuple(suffix for suffix in SUFFIXES if suffix != ".npy"),
-    "npy": (".npy",),
-    "libfreenect2": DUMPS[:-1],
+#: Suffixes of depth maps, the first that a folder holds: then others there are left out.
+_FORMATS: Final = ((".png",), tuple(end for end in SUFFIXES if end != ".png"), DUMPS[:-1])
+#: Marks of the names of depth maps, by kind: where a folder has some, maps without are left out.
+_MARKS: Final = {
+    "noisy": ("_depth", "_noisy"),
+    "clean": ("_depth", "_clean"),
+    "expected": ("_expected",),
 }
 
 
-def depth_files(root: Path) -> tuple[str, list[Path]]:
-    """Return the kind of the depth files in a folder, and these files. Raises DatasetError."""
-    folder = root / "depth" if (root / "depth").is_dir() else root
-    names, _ = entries(folder, (*SUFFIXES, *DUMPS))
-    for kind, suffixes in _KINDS.items():
-        named = [name for name in names if name.lower().endswith(suffixes)]
-        maps = [folder / name for name in named if not other_kind(name, "noisy")]
-        if not maps:
-            continue
-        if kind == "libfreenect2" and (folder / BIWI_CALIBRATION).is_file():
-            kind = "biwi"
-        marked = [file for file in maps if file.stem.endswith(("_depth", "_noisy"))]
-        if kind == "images" and any(file.stem.endswith("_depth") for file in marked):
-            kind = "iai_kinect2"
-        marked = marked or [file for file in maps if file.stem.startswith("depth")]
-        return kind, marked or maps
+def list_maps(
+    folder: Path, kind: DepthKind = "noisy", below: bool = True
+) -> tuple[list[Path], Counter[str]]:
+    """Find the depth maps in a folder and its sub-folders: the one rule of every command.
+
+    Of each folder PNG files count; without any, TIFF, OpenEXR and .npy files; without any, dumps
+    of libfreenect2 and Biwi. Of these the ones named as depth count (``*_depth``, ``*_noisy`` or
+    ``*_clean``, else ``depth*``); without any, all that are not named as something else. Beside a
+    folder ``depth`` nothing else counts.
+
+    Args:
+        folder: the top.
+        kind: of the maps; others of a folder that glsim wrote are left out.
+        below: also in sub-folders other than ``depth``.
+
+    Returns:
+        The files in natural order, and patterns of the files left out with their numbers.
+
+    Raises:
+        NoDepthError: no file is left.
+    """
+    groups: dict[Path, list[Path]] = {}
+    for path in _images(folder, below):
+        groups.setdefault(path.parent, []).append(path)
+    maps: list[Path] = []
+    left_out = Counter[str]()
+    beside = cache(lambda place: place.name != "depth" and (place.parent / "depth").is_dir())
+    for place, paths in groups.items():
+        above = [place, *place.parents][: len(place.relative_to(folder).parts)]
+        if any(map(beside, above)):
+            left_out.update(f"{place.name}/*{path.suffix}" for path in paths)
+        elif (place / "depth").is_dir():
+            left_out.update(f"*{path.suffix} beside depth/" for path in paths)
+        else:
+            maps += _maps_of(paths, kind, left_out)
+            check_number(folder, len(maps))
+    if maps:
+        return sorted(maps, key=natural), left_out
+    if left_out:
+        raise NoDepthError(
+            f"{folder}: holds no {kind} depth maps, only {left_out_text(left_out)}: to take them "
+            f"all the same, give a pattern such as '{folder}/*.png'"
+        )
+    if shards := entries(folder, (".tar",))[0]:
+        raise NoDepthError(f"{folder}: its frames are in shards ({shards[0]}): give .png files")
     raise NoDepthError(
-        f"{root}: holds no 16-bit .png or .tiff depth maps, .exr, .npy stacks or dumps of "
-        "libfreenect2 (.bin, .raw, .depth), no .bag and no .mkv"
+        f"{folder}: holds no depth maps: no 16-bit .png or .tiff, .exr, .npy or dump of "
+        "libfreenect2 (.bin, .raw, .depth), and is no recording (.bag, .mcap, .db3, .mkv)"
     )
+
+
+def _images(folder: Path, below: bool) -> Iterator[Path]:
+    """Yield the files with a suffix of depth maps of a folder, and below it."""
+    ends = (*SUFFIXES, *DUMPS[:-1])
+    if below:
+        yield from files_below(folder, ends)
+        return
+    for place in filter(Path.is_dir, (folder, folder / "depth")):
+        yield from (place / name for name in entries(place, ends)[0])
+
+
+def _maps_of(paths: Sequence[Path], kind: DepthKind, left_out: Counter[str]) -> list[Path]:
+    """Return the depth maps of one folder's files; count the patterns of the others."""
+    named = {path: other_kind(path.name, kind) for path in paths}
+    left_out.update(filter(None, named.values()))
+    maps = [path for path, other in named.items() if not other]
+    for ends in _FORMATS:
+        if of_format := [path for path in maps if path.suffix.lower() in ends]:
+            break
+    else:
+        return []
+    marked = [path for path in of_format if path.stem.lower().endswith(_MARKS[kind])]
+    marked = marked or [path for path in of_format if path.stem.lower().startswith("depth")]
+    chosen = marked or of_format
+    left_out.update(f"*{path.suffix}" for path in {*maps} - {*chosen})
+    return chosen
+
+
+def kind_of(file: Path) -> str:
+    """Return what a file of depth maps is called: "images", "npy", "libfreenect2" or "biwi"."""
+    if file.suffix.lower() in SUFFIXES:
+        return "npy" if file.suffix.lower() == ".npy" else "images"
+    return "biwi" if file.with_name(BIWI_CALIBRATION).is_file() else "libfreenect2"
 
 
 def whole_recording(given: Sequence[Path]) -> Path | None:

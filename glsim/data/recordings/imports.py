@@ -22,9 +22,10 @@ from glsim.core.rect import Rect
 from glsim.core.units import from_steps, to_metres
 from glsim.data.dataset_run import write_dataset
 from glsim.data.input_hashes import source_hashes
+from glsim.data.maps import open_maps
 from glsim.data.progress import GenerateProgress, GenerateSummary
+from glsim.data.recording import FrameReader, Recording
 from glsim.data.recordings.biwi import read_calibration, read_depth_bin
-from glsim.data.recordings.recording import FrameReader, Recording, open_recording
 from glsim.data.recordings.streams import STREAMS, is_stream
 from glsim.data.run_identity import InputHashes
 from glsim.data.worker_processes import Workers
@@ -190,12 +191,12 @@ class RecordingSource(FaceSource):
         topic: str | None = None,
     ):
         self.root, self.folder = root, root.parent if root.is_file() else root
-        read = partial(open_recording, unit_mm=unit_mm, mirror=mirror, topic=topic)
+        read = partial(open_maps, unit_mm=unit_mm, mirror=mirror, topic=topic, below=False)
         left_out: list[str] = []
         try:
             self.recordings = {_word(root.resolve().name): read(root)}
         except DatasetError:
-            if root.is_file():
+            if not root.is_dir():
                 raise
             streams, folders = entries(root, (*STREAMS,))
             parts = [root / name for name in sorted([*streams, *folders])]
@@ -215,7 +216,7 @@ class RecordingSource(FaceSource):
         if any(recording.kind == "data set" for recording in self.recordings.values()):
             raise DatasetError(f"{root}: is a data set of glsim already")
         self._every, self._facts = every, {"mirror": str(mirror), "topic": str(topic)}
-        remarks = [line for r in self.recordings.values() for line in r.remarks()]
+        remarks = filter(None, (recording.sentence() for recording in self.recordings.values()))
         #: What was chosen, assumed or left out, in lines for the user.
         self.notes = (*left_out, *remarks)
 
@@ -282,9 +283,9 @@ def import_recordings(
     and "intrinsics_assumed" of each record.
 
     Args:
-        root: a folder that ``open_recording`` reads, or a folder of such folders.
+        root: a folder that ``open_maps`` reads, or a folder of such folders.
         out: folder of the data set.
-        depth_unit_mm, mirror, topic: as in ``open_recording``.
+        depth_unit_mm, mirror, topic: as in ``open_maps``.
         every: use every n-th frame.
         split: shares of train, val and test; default: all test.
         workers: number of processes.

@@ -132,11 +132,11 @@ class MkvStream(FrameStream):
         ]
         if (mode := _MODES.get(size)) is None:
             why = f"{size[0]}x{size[1]} is no mode of an Azure Kinect"
-            return StatedCamera(unit_mm=1.0), (f"{self.path}: {why}",)
+            return StatedCamera(unit_mm=1.0), (why,)
         if texts and (found := _factory_camera(texts[0], size, mode)) is not None:
             return StatedCamera(*found, 1.0, sensor=mode[-1]), ()
         why = "its calibration.json cannot be used" if texts else "it has no calibration.json"
-        return StatedCamera(unit_mm=1.0, sensor=mode[-1]), (f"{self.path}: {why}",)
+        return StatedCamera(unit_mm=1.0, sensor=mode[-1]), (why,)
 
 
 def _bytes(context: Any) -> int:

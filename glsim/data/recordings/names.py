@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import Literal
 
 from glsim.core.errors import ConfigError
-from glsim.core.files.listing import check_number, entries, files_below, natural
-from glsim.data.map_files import SUFFIXES
+from glsim.core.files.listing import entries
 
 #: Kind of depth map that a command takes: others are left out of a folder.
-DepthKind = Literal["clean", "noisy"]
+DepthKind = Literal["clean", "expected", "noisy"]
 
 #: Ends of the names of images of one kind each; any other name may be a depth map.
 _ENDINGS = (
@@ -30,40 +28,6 @@ _INFRARED_BESIDE = (
     ("_depth", "_ir"), ("_noisy", "_infrared"), ("", "_ir"), ("", "_infrared"), ("depth", "ir"),
 )  # fmt: skip
 _INFRARED_FOLDERS = ("ir", "infrared")
-
-
-def maps_in(folder: Path, kind: DepthKind) -> tuple[list[Path], Counter[str]]:
-    """Find the depth maps in a folder and its sub-folders: PNG files, else those of other formats.
-
-    What lies beside a folder ``depth``, in folders of its own, is left out.
-
-    Returns:
-        The files in natural order, and the names left out with their numbers.
-
-    Raises:
-        ConfigError: no file is left.
-    """
-    files, others = [], Counter[str]()
-    beside = cache(lambda place: place.name != "depth" and (place.parent / "depth").is_dir())
-    for path in files_below(folder, SUFFIXES):
-        if path.parent != folder and beside(path.parent):
-            others[f"{path.parent.name}/*{path.suffix}"] += 1
-        elif other := other_kind(path.name, kind):
-            others[other] += 1
-        else:
-            files.append(path)
-            check_number(folder, len(files))
-    if files:
-        images = [path for path in files if path.suffix.lower() == ".png"]
-        return sorted(images or files, key=natural), others
-    if others:
-        raise ConfigError(
-            f"{folder}: holds no {kind} depth maps, only {left_out_text(others)}: to take them all "
-            f"the same, give a pattern such as '{folder}/*.png'"
-        )
-    if shards := entries(folder, (".tar",))[0]:
-        raise ConfigError(f"{folder}: its frames are in shards ({shards[0]}): give .png files")
-    raise ConfigError(f"{folder}: holds no depth maps ({', '.join(SUFFIXES)})")
 
 
 def other_kind(name: str, kind: DepthKind) -> str:

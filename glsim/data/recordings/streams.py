@@ -31,6 +31,7 @@ class FrameStream:
 
     Attributes:
         path: of the file.
+        kind: "bag" or "mkv".
         step_mm: of whole numbers.
         stated: what it says about its camera.
         notes: what is chosen among its images, in lines for the user.
@@ -45,6 +46,7 @@ class FrameStream:
     def __init__(self, path: Path) -> None:
         require_package(self._LIBRARY, str(path), "recordings")
         self.path, self.step_mm = path, 1.0
+        self.kind = STREAMS.get(path.suffix.lower(), "bag")
         self.notes: tuple[str, ...] = ()
         self._file: Any = None
         self._depth, self._light = self._guarded(self._choose)
@@ -55,7 +57,7 @@ class FrameStream:
         paired = [number for number, own in enumerate(self._light_of, 1) if own is not None]
         if paired and 0 < (more := len(self._light_of) - paired[-1]) <= _CUT:
             self._light_of = self._light_of[: paired[-1]]
-            self.notes += (f"{path}: its last {more} frames have no infrared: they are left out",)
+            self.notes += (f"its last {more} frames have no infrared: they are left out",)
         self.has_infrared = all(number is not None for number in self._light_of)
         self.stated, self.camera_notes = self._guarded(self._read_camera)
 
@@ -69,6 +71,10 @@ class FrameStream:
     def files(self, number: int) -> tuple[Path, Path | None]:
         """Return the file of depth and that of infrared, which is the same or None."""
         return self.path, self.path if self.has_infrared else None
+
+    def has_infrared_of(self, number: int) -> bool:
+        """Whether there is infrared of the same moment as a depth frame."""
+        return self._light_of[number] is not None
 
     def depth(self, number: int) -> tuple[NDArray[np.float32], float]:
         """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats (metres).

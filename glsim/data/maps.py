@@ -1,0 +1,376 @@
+"""One door to depth maps on disk: which files are depth, in which unit, of which camera.
+
+- data sets of glsim: their noisy or clean layer, and infrared.
+- folders, files and patterns: 16-bit PNG and TIFF, OpenEXR, ``.npy`` maps and stacks (T, H, W),
+  dumps of libfreenect2, Biwi's ``frame_*_depth.bin`` beside ``depth.cal``. Infrared lies beside
+  them (``_ir``, ``_infrared``), or in a folder ``ir`` or ``infrared`` beside the folder ``depth``.
+- ROS bags of librealsense or ROS nodes, Matroska files of an Azure Kinect.
+
+A ``camera.toml`` beside the frames (``recordings.camera_file``) says what the camera is; it wins
+over what the files state. Options of commands win over it, but for another unit: that is refused.
+"""
+
+from __future__ import annotations
+
+import glob
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR, Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
+from glsim.core.depth_protocol import DepthProtocol, stored_protocol
+from glsim.core.errors import ConfigError, DatasetError, NoDepthError
+from glsim.core.files.atomic import read_json
+from glsim.core.files.listing import MOST_FILES, natural
+from glsim.data.disk_format import FORMAT, HEADER
+from glsim.data.header import is_dataset, read_header
+from glsim.data.map_files import open_stack
+from glsim.data.recording import FrameReader, Recording, check_least_size
+from glsim.data.recordings.camera_file import StatedCamera, check_size, sensor_camera
+from glsim.data.recordings.files import (
+    FramePlace,
+    MapFiles,
+    agreed_unit_mm,
+)
+from glsim.data.recordings.folders import kind_of, list_maps, stated_camera, whole_recording
+from glsim.data.recordings.names import DepthKind, infrared_files
+from glsim.data.recordings.streams import STREAMS, FrameStream
+
+#: Files that another program unpacks -> what to do.
+_PACKED = {
+    ".r3d": "its depth is compressed by LZFSE: export EXR + RGB from Record3D",
+    ".zip": "unpack it, and give its folder of depth maps (of Polycam: keyframes)",
+    ".zstd": "unpack it: zstd -d",
+}
+
+
+@dataclass(frozen=True)
+class _Loader:
+    """Reads the frames of files.
+
+    Attributes:
+        reader: of the files.
+        kind: the layer of the depth.
+        mirror: flip left and right.
+        cameras: what states the camera of a folder's maps.
+        records: absolute path of a file of a data set -> its frame there, if it matters.
+        assumed: intrinsics where none are stated.
+    """
+
+    reader: FrameReader
+    kind: DepthKind
+    mirror: bool
+    cameras: Mapping[Path, StatedCamera]
+    records: Mapping[Path, DepthFrame] = field(default_factory=dict)
+    assumed: Intrinsics = DEFAULT_INTRINSICS
+
+    def __call__(self, number: int) -> DepthFrame:
+        depth_mm, step_mm = self.reader.depth(number)
+        (file, _), name = self.reader.files(number), self.reader.name(number)
+        layers: dict[str, Layer] = {f"{self.kind}_mm": self._turned(depth_mm)}
+        if self.reader.has_infrared_of(number):
+            layers["infrared"] = partial(self._infrared, number)
+        stated, stored = self.cameras[file.parent], self.records.get(file.absolute())
+        check_size(stated, depth_mm.shape, f"{file}: {name}")
+        camera = stated.intrinsics if stored is None else stored.intrinsics
+        if camera is None:
+            camera = self.assumed.for_map((depth_mm.shape[0], depth_mm.shape[1]))
+        record: dict[str, Any] = {"file": str(file)}
+        if stored is not None:
+            record |= {name: stored.record[name] for name in ("depth_offset_mm", "intrinsics")}
+        key = FrameKey(str(file.parent), "", number)
+        return DepthFrame(key, camera, layers, step_mm=step_mm, name=name, record=record)
+
+    def _infrared(self, number: int) -> NDArray[np.float32]:
+        counts = self.reader.infrared(number)
+        assert counts is not None, "the layer is there where the reader has the image"
+        return self._turned(counts)
+
+    def _turned(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+        return image[:, ::-1].copy() if self.mirror else image
+
+
+def open_maps(
+    inputs: Path | str | Sequence[Path | str],
+    kind: DepthKind = "noisy",
+    *,
+    unit_mm: float | None = None,
+    channel: str | None = None,
+    infrared: Path | None = None,
+    mirror: bool = False,
+    topic: str | None = None,
+    crops: bool = False,
+    below: bool = True,
+    needs_camera: bool = True,
+) -> Recording:
+    """Find depth maps on disk, and decide their unit and camera by at most 16 of them.
+
+    Args:
+        inputs: a data set of glsim, a bag or Matroska file, or folders, files and patterns.
+        kind: of the maps: images of the other kind are left out of folders.
+        unit_mm: step of whole numbers, mm; default: as files state, else 1. Data sets state theirs.
+        channel: of OpenEXR files; default: as a camera.toml says, else the one named as depth.
+        infrared: image, or folder of the infrared images; default: those beside the depth files.
+        mirror: flip left and right: libfreenect2 delivers images as in a mirror.
+        topic: of the depth images in a bag; default: native images named depth.
+        below: also maps in sub-folders.
+        needs_camera: maps of another size than the stated camera are an error.
+        crops: files of a data set get the intrinsics of their frame there, not of a whole image.
+
+    Raises:
+        ConfigError: an input does not exist or holds no depth maps (NoDepthError), the topic or
+            step is wrong, or a camera.toml is.
+        DatasetError: what was found is damaged, or its numbers are no depth.
+    """
+    texts = [inputs] if isinstance(inputs, Path | str) else list(inputs)
+    given = [Path(text) for text in texts]
+    for path in given:
+        if path.is_file() and (packed := _PACKED.get(path.suffix.lower())):
+            raise DatasetError(f"{path}: {packed}")
+    if len(given) == 1 and is_dataset(texts[0]):
+        return _data_set(texts[0], kind)
+    existing = [path for path in given if path.exists()]
+    if whole := whole_recording(existing):
+        return _stream_recording(whole, kind, unit_mm, mirror, infrared, topic)
+    if topic is not None:
+        raise ConfigError(f"--topic {topic}: {given[0]} is no bag")
+    maps = _FileList(kind, below)
+    for text in texts:
+        maps.add(text)
+    maps.find_cameras(given, crops)
+    reader = maps.reader(unit_mm, channel, infrared)
+    if needs_camera and reader.votes.maps_mm:
+        check_size(maps.stated, reader.votes.maps_mm[0].shape, maps.stated_by or maps.files[0])
+    cameras = {
+        folder: _mirrored(camera if needs_camera else replace(camera, intrinsics=None), mirror)
+        for folder, camera in maps.cameras.items()
+    }
+    frames = Frames(len(reader), _Loader(reader, kind, mirror, cameras, maps.records))
+    stated = cameras[maps.files[0].parent]
+    return Recording(
+        given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, reader.notes,
+        maps.left_out, tuple(maps.outputs), maps.protocol,
+        "" if maps.records or stated.intrinsics else DEFAULT_SENSOR,
+    )  # fmt: skip
+
+
+class _FileList:
+    """The files of depth maps of several inputs, in natural order, and what states their camera.
+
+    Attributes:
+        files: of the maps.
+        left_out: patterns of other images of folders -> their number.
+        outputs: relative path of each map, as changed maps are named; set by ``reader``.
+        cameras: folder -> what states its camera and unit.
+        stated_by: the file or data set that states the first camera.
+        records: absolute path of a file of a data set -> its frame there, if it matters.
+        protocol: where the depths of the files are counted from.
+    """
+
+    def __init__(self, kind: DepthKind, below: bool) -> None:
+        self._kind, self._below = kind, below
+        self._named: list[tuple[Path, Path]] = []
+        self._roots: dict[Path, Path | None] = {}
+        self.left_out = Counter[str]()
+        self.outputs: list[Path] = []
+        self.cameras: dict[Path, StatedCamera] = {}
+        self.stated_by: Path | None = None
+        self.records: Mapping[Path, DepthFrame] = {}
+        self.protocol: DepthProtocol = "depth"
+
+    @property
+    def files(self) -> list[Path]:
+        return [file for file, _ in self._named]
+
+    @property
+    def stated(self) -> StatedCamera:
+        """What states the camera of the first map."""
+        return self.cameras[self.files[0].parent]
+
+    def add(self, text: Path | str) -> None:
+        """Add the files of one input. Raises NoDepthError if it has none."""
+        path = Path(text)
+        if path.is_dir():
+            files, others = list_maps(path, self._kind, self._below)
+            self.left_out += others
+            named = [(file, file.relative_to(path)) for file in files]
+        else:  # unlike that of pathlib, iglob leaves out hidden files
+            names = [text] if path.is_file() else glob.iglob(str(text), recursive=True)  # noqa: PTH207
+            named = [(file, Path(file.name)) for file in map(Path, names) if file.is_file()]
+            if not named:
+                raise NoDepthError(f"{text}: no such file or folder, and no file has such a name")
+        self._named += named
+
+    def find_cameras(self, given: Sequence[Path], crops: bool) -> None:
+        """Find what states the camera of each folder: its data set, or files beside the maps.
+
+        Args:
+            given: inputs; folders of them may hold such files above the maps.
+            crops: files of a data set get the intrinsics of their frame.
+        """
+        self._named.sort(key=lambda pair: natural(pair[0]))
+        nearest_mm: list[float | None] = []
+        for folder in dict.fromkeys(file.parent for file in self.files):
+            root = self._roots[folder] = data_set_of(folder)
+            by: Path | None = root
+            if root is None:
+                above = [path for path in given if path in folder.parents]
+                self.cameras[folder], by = stated_camera(*above, folder)
+            else:
+                header = read_header(root)
+                nearest_mm.append(header["settings"]["output"].get("nearest_to_mm"))
+                sensor = str(header["settings"]["sensor"])
+                unit_mm = float(header["depth_unit_mm"])
+                self.cameras[folder] = StatedCamera(unit_mm=unit_mm, sensor=sensor)
+            if len(self.cameras) == 1:
+                self.stated_by = by
+        self.protocol = stored_protocol(next(filter(None, nearest_mm), None))
+        if crops or any(nearest_mm):
+            self.records = self._records({*filter(None, self._roots.values())})
+
+    def _records(self, roots: set[Path]) -> dict[Path, DepthFrame]:
+        from glsim.data.reader import open_dataset
+
+        wanted = {file.absolute() for file in self.files}
+        return {
+            path: frame
+            for root in roots
+            for frame in open_dataset(root)
+            for file in frame.record["files"].values()
+            if (path := root / file["name"]) in wanted
+        }
+
+    def reader(self, unit_mm: float | None, channel: str | None, infrared: Path | None) -> MapFiles:
+        """Open the files. Raises as ``MapFiles``, and ConfigError if two steps are stated."""
+        files = self.files
+        lights = infrared_files(files, infrared) if infrared else [None] * len(files)
+        places: list[FramePlace] = []
+        for (file, output), light in zip(self._named, lights, strict=True):
+            stored = self.records.get(file.absolute())
+            offset_mm = 0.0 if stored is None else float(stored.record["depth_offset_mm"])
+            for name, number, end in _maps_in_file(file):
+                root = self._roots[file.parent]
+                places.append(FramePlace(name, file, number, root, light, offset_mm))
+                self.outputs.append(output.with_name(f"{output.stem}{end}{output.suffix}"))
+            if len(places) > MOST_FILES:
+                raise ConfigError(f"{file}: the recording has more than {MOST_FILES} frames")
+        stated_mm = _one_step({camera.unit_mm for camera in self.cameras.values()})
+        return MapFiles(places, unit_mm, stated_mm, channel or self.stated.channel)
+
+
+def _data_set(place: Path | str, kind: DepthKind) -> Recording:
+    from glsim.data.reader import open_dataset
+
+    dataset = open_dataset(place)
+    if len(dataset) == 0:
+        raise DatasetError(f"{place}: has no frames")
+    dataset.require(kind)
+    frames = dataset.frames()
+    stated = StatedCamera(
+        frames.intrinsics,
+        unit_mm=dataset.depth_unit_mm,
+        sensor=str(dataset.header["settings"]["sensor"]),
+    )
+    outputs = tuple(Path(f"{frame.name}_{kind}.png") for frame in frames)
+    return Recording(
+        dataset.path, "data set", frames, None, stated, dataset.path, outputs=outputs,
+        protocol=dataset.protocol,
+    )  # fmt: skip
+
+
+def _maps_in_file(file: Path) -> list[tuple[str, int | None, str]]:
+    """Return the name, the number in the file, and the end of the output's name of each map."""
+    count = 1
+    if file.suffix.lower() == ".npy":
+        with suppress(DatasetError):  # reported when it is read
+            count = len(open_stack(file))
+    if count == 1:
+        return [(file.stem, None, "")]
+    return [(f"{file.stem}_{k:05d}", k, f"_{k:05d}") for k in range(count)]
+
+
+def data_set_of(folder: Path) -> Path | None:
+    """Return the data set of a folder <split>/<subject>/, where one writes maps; else None."""
+    split = folder.absolute().parent
+    file = split.parent / HEADER
+    if not file.is_file():
+        return None
+    try:
+        header = read_json(file)
+        ours = header.get("format") == FORMAT and split.name in header["frames"]
+    except (DatasetError, LookupError, TypeError):  # a file of that name may have another origin
+        return None
+    return split.parent if ours else None
+
+
+def _one_step(units_mm: set[float | None]) -> float | None:
+    """Return the step that folders state. Raises ConfigError for two."""
+    if units_mm == {None}:
+        return None
+    steps = {unit_mm or 1.0 for unit_mm in units_mm}
+    if len(steps) > 1:
+        raise ConfigError(
+            "the maps are of different steps, of data sets or as their folders state: take those "
+            "of one step at a time"
+        )
+    return steps.pop()
+
+
+def _stream_recording(
+    path: Path,
+    kind: DepthKind,
+    unit_mm: float | None,
+    mirror: bool,
+    infrared: Path | None,
+    topic: str | None,
+) -> Recording:
+    if infrared is not None:
+        raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
+    stream = _open_stream(path, topic)
+    if len(stream) > MOST_FILES:
+        raise DatasetError(f"{path}: the recording has more than {MOST_FILES} frames")
+    given, file = stated_camera(path.parent, path if path.is_dir() else path.parent)
+    stated = given.over(stream.stated)
+    stream.step_mm = agreed_unit_mm(unit_mm, stated.unit_mm, path) or 1.0
+    notes = stream.notes + (stream.camera_notes if given.intrinsics is None else ())
+    depth_mm, _ = stream.depth(0)  # so that one without depth is refused here
+    check_size(stated, depth_mm.shape, file or path)
+    check_least_size(depth_mm.shape, path)
+    turned, assumed = _mirrored(stated, mirror), DEFAULT_INTRINSICS
+    if stated.intrinsics is None and stated.sensor:
+        assumed = sensor_camera(stated.sensor, path).intrinsics or assumed
+    loader = _Loader(stream, kind, mirror, {path.parent: turned}, assumed=assumed)
+    outputs = tuple(Path(f"{stream.name(number)}.png") for number in range(len(stream)))
+    return Recording(
+        path, stream.kind, Frames(len(stream), loader), stream, turned, file or path, notes,
+        outputs=outputs, assumed="" if stated.intrinsics else stated.sensor or DEFAULT_SENSOR,
+    )  # fmt: skip
+
+
+def _open_stream(path: Path, topic: str | None) -> FrameStream:
+    if STREAMS.get(path.suffix.lower(), "bag") == "bag":
+        from glsim.data.recordings.bag import BagStream
+
+        return BagStream(path, topic)
+    if topic is not None:
+        raise ConfigError(f"--topic {topic}: {path} is no bag")
+    from glsim.data.recordings.mkv import MkvStream
+
+    return MkvStream(path)
+
+
+def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:
+    """Flip left and right: of OpenCV's lens p2, s1, s2 and the tilt tau_y change their signs."""
+    own = stated.intrinsics
+    if own is None or not mirror:
+        return stated
+    lens = tuple(-k if n in (3, 8, 9, 13) else k for n, k in enumerate(stated.distortion))
+    return replace(stated, intrinsics=replace(own, cx=own.width - own.cx), distortion=lens)
