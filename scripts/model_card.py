@@ -16,7 +16,7 @@ from typing import Final
 
 from glsim.cli import main as glsim
 from glsim.core.files.markdown import markdown_table
-from glsim.denoise.registry import network_for
+from glsim.denoise.camera_choice import network_for
 
 _WALL: Final = "scene.wall_mm={ uniform = [1500, 2200] }"
 _NEAR: Final = 'pose.distance_mm={ uniform = [300, 800], per = "sequence" }'

@@ -109,8 +109,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
 
 def _camera(recording: Recording) -> dict[str, Any]:
     """Return what a recording says of its camera, the sensor that is like it, and its denoiser."""
-    from glsim.denoise.camera_choice import camera_of
-    from glsim.denoise.registry import network_for
+    from glsim.denoise.camera_choice import camera_of, network_for
 
     frame = recording.frames[0]
     height, width = frame.measured_mm.shape

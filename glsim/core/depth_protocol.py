@@ -16,7 +16,6 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, did_you_mean
 
 DepthProtocol = Literal["depth", "paper"]
@@ -56,19 +55,3 @@ def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEARES
     """
     valid = depth_mm[depth_mm > 0]
     return float(valid.min()) - nearest_mm if valid.size else 0.0
-
-
-def subtract_offset(depth: Floats, offset: float, least: float = NEAREST_MM) -> Floats:
-    """Subtract an offset from depth; 0, no depth, stays 0, other depth is at least ``least``.
-
-    Args:
-        depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of
-            the surface is cut off at ``least``, because a depth of 0 would be a hole.
-    """
-    moved = np.maximum(depth - np.float32(offset), np.float32(least))
-    return np.where(depth > 0, moved, np.float32(0.0))
-
-
-def add_offset(depth: Floats, offset: float) -> Floats:
-    """Add an offset to depth, as the inverse of ``subtract_offset`` above its ``least``."""
-    return np.where(depth > 0, depth + np.float32(offset), np.float32(0.0))

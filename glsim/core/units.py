@@ -73,3 +73,21 @@ def from_steps(
     if offset_mm:
         np.add(depth_mm, np.float32(offset_mm), out=depth_mm, where=steps > 0)
     return depth_mm
+
+
+def subtract_offset(
+    depth: NDArray[np.float32], offset: float, least: float = 1.0
+) -> NDArray[np.float32]:
+    """Subtract an offset from depth; 0, no depth, stays 0, other depth is at least ``least``.
+
+    Args:
+        depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of
+            the surface is cut off at ``least``, because a depth of 0 would be a hole.
+    """
+    moved = np.maximum(depth - np.float32(offset), np.float32(least))
+    return np.where(depth > 0, moved, np.float32(0.0))
+
+
+def add_offset(depth: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
+    """Add an offset to depth, as the inverse of ``subtract_offset`` above its ``least``."""
+    return np.where(depth > 0, depth + np.float32(offset), np.float32(0.0))

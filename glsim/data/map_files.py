@@ -220,9 +220,9 @@ def encode_map(
         encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)
         return encode(depth_m)
     units = to_steps(depth_m, unit_mm, option)
-    return (
-        encode_png(units, unit_mm if state_unit else None) if form == "png" else _encode_tiff(units)
-    )
+    if form != "png":
+        return _encode_tiff(units)
+    return encode_png(units, unit_mm if state_unit else None)
 
 
 def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:

@@ -10,24 +10,19 @@ from typing import Final
 
 import numpy as np
 
+from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame, Frames
-from glsim.core.depth_protocol import subtract_offset
 from glsim.core.errors import ConfigError, DatasetError, DepthRangeError
 from glsim.core.files.atomic import flush_outputs, write_atomic
 from glsim.core.files.png import encode_png
-from glsim.core.units import UINT16_MAX, to_metres
+from glsim.core.units import UINT16_MAX, subtract_offset, to_metres
 from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, encode_map, format_of
 from glsim.data.recording import Recording
 
-#: Step of denoised PNG files, which state it, mm: rounding to it adds 0.03 mm. Whole millimetres
-#: cost a network 4 to 8 % of its error.
-FINE_MM: Final = 0.1
-#: Deepest input for it, mm: 16 bits hold 6,553.5 mm, and denoising adds some. Chosen.
-_DEEPEST_MM: Final = 6500.0
-
-
+#: Deepest input, in steps, that leaves room in 16 bits for the depth that a change adds. Chosen.
+DEEPEST_STEPS: Final = 65_000
 #: Step of uncertainties in PNG files, mm: 16 bits reach 0.65 m.
-SIGMA_STEP_MM: Final = 0.01
+_SIGMA_STEP_MM: Final = 0.01
 
 
 class MapWriter:
@@ -45,48 +40,46 @@ class MapWriter:
         out: Path,
         form: str | None = None,
         *,
-        step_mm: float | None = None,
+        given_mm: float | None = None,
         option: str = "--out-unit-mm",
+        finest_mm: float | None = None,
         states_step: bool = True,
+        sigma_out: Path | None = None,
     ) -> None:
-        """Name the output of each map.
+        """Name the output of each map, and choose its step.
 
         Args:
             recording: whose maps are changed.
             inputs: from which it was opened.
             out: folder, or file name for one map.
             form: format of all outputs, one of ``FORMATS``; default: by their suffixes.
-            step_mm: of whole numbers; default: that of the recording.
+            given_mm: step of whole numbers; default: ``finest_mm``, else that of the recording.
             option: that gives the step, named in messages.
+            finest_mm: step of PNG files if no map that votes is too deep for it.
             states_step: PNG files state their step.
+            sigma_out: folder, or file name, for the layer "sigma_mm".
 
         Raises:
-            ConfigError: two outputs have one name, or one would replace an input.
+            ConfigError: two outputs have one name, one would replace an input, or a step is given
+                for floats.
         """
-        self._option, self._form, self._states_step = option, form, states_step
+        self._option, self._form, self._states_step, self._out = option, form, states_step, out
         self.targets = _targets(recording, inputs, out, form)
-        self._out = out
-        self.step_mm = None if self.forms <= {*FLOAT_FORMATS} else step_mm or recording.step_mm
-
-    @property
-    def forms(self) -> set[str]:
-        """The formats of the outputs, of ``FORMATS``."""
-        return {self._form or format_of(target) for target in self.targets}
-
-    def choose_step(self, recording: Recording, given_mm: float | None) -> None:
-        """Take the given step, or 0.1 mm for PNG files if no map that votes is too deep for it.
-
-        Raises ConfigError if a step is given for floats.
-        """
-        if self.step_mm is None:
+        self._sigma: list[Path] = []
+        if sigma_out is not None:
+            self._sigma = _targets(recording, inputs, sigma_out, "png")
+            if {*self._sigma} & {*self.targets}:
+                raise ConfigError(f"{sigma_out}: is the output of the depth: give another name")
+        forms = {form or format_of(target) for target in self.targets}
+        self._coarse_mm, self._chosen = recording.step_mm, given_mm is None
+        self.step_mm: float | None = given_mm or recording.step_mm
+        if forms <= {*FLOAT_FORMATS}:
             if given_mm is not None:
-                raise ConfigError(
-                    f"{self._option}: floats are metres and have no step: leave it out"
-                )
-        elif given_mm is not None:
-            self.step_mm = given_mm
-        elif self.forms == {"png"} and recording.votes.deepest_mm <= _DEEPEST_MM:
-            self.step_mm = min(self.step_mm, FINE_MM)
+                raise ConfigError(f"{option}: floats are metres and have no step: leave it out")
+            self.step_mm = None
+        elif given_mm is None and finest_mm is not None and forms == {"png"}:
+            fits = recording.votes.deepest_mm <= DEEPEST_STEPS * finest_mm
+            self.step_mm = min(recording.step_mm, finest_mm) if fits else recording.step_mm
 
     def write(
         self,
@@ -94,7 +87,6 @@ class MapWriter:
         layer: str = "noisy_mm",
         *,
         skipped: Callable[[str], None],
-        written: Callable[[int, DepthFrame], None] = lambda *_: None,
     ) -> int:
         """Write a layer of each frame; files of a data set keep the offset of their input.
 
@@ -102,7 +94,6 @@ class MapWriter:
             frames: as many as the recording has, in its order.
             layer: of depth, mm.
             skipped: called with the reason for each frame that cannot be read.
-            written: called with the number and the frame of each map that was written.
 
         Returns:
             The number of frames that could not be read.
@@ -124,26 +115,30 @@ class MapWriter:
                 continue
             if move_mm := frame.record.get("depth_offset_mm", 0.0) - frame.offset_mm:
                 depth_mm = subtract_offset(depth_mm, move_mm, frame.step_mm or 1.0)
-            form = self._form or format_of(target)
-            try:
-                data = encode_map(
-                    to_metres(depth_mm), form, self.step_mm or 1.0, self._option,
-                    state_unit=self._states_step,
-                )  # fmt: skip
-            except DepthRangeError as error:
-                raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {error}") from None
+            data = self._encode(frame, depth_mm, self._form or format_of(target))
             write_atomic(data, target, sync=alone)
-            written(number, frame)
+            if self._sigma and "sigma_mm" in frame:
+                write_atomic(_encode_sigma(frame), self._sigma[number], sync=alone)
         if not alone:
             flush_outputs(self._out)
         return failures
 
+    def _encode(self, frame: DepthFrame, depth_mm: Depth, form: str) -> bytes:
+        """Encode a map; one too deep for a step that nobody gave takes the step of its input."""
+        depth_m, option, states = to_metres(depth_mm), self._option, self._states_step
+        step_mm = self.step_mm or 1.0
+        try:
+            return encode_map(depth_m, form, step_mm, option, state_unit=states)
+        except DepthRangeError as error:
+            if self._chosen and step_mm < self._coarse_mm and states:
+                return encode_map(depth_m, form, self._coarse_mm, option, state_unit=True)
+            raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {error}") from None
 
-def write_sigma(frame: DepthFrame, target: Path) -> None:
-    """Write the uncertainty of a denoised frame as PNG in steps of 0.01 mm, 0 without depth."""
-    steps = np.clip(np.rint(frame.layer("sigma_mm") / np.float32(SIGMA_STEP_MM)), 1, UINT16_MAX)
-    data = encode_png(np.where(frame.noisy_mm > 0, steps, 0).astype(np.uint16))
-    write_atomic(data, target, sync=False)
+
+def _encode_sigma(frame: DepthFrame) -> bytes:
+    """Return the uncertainty of a denoised frame as PNG in steps of 0.01 mm, 0 without depth."""
+    steps = np.clip(np.rint(frame.layer("sigma_mm") / np.float32(_SIGMA_STEP_MM)), 1, UINT16_MAX)
+    return encode_png(np.where(frame.noisy_mm > 0, steps, 0).astype(np.uint16))
 
 
 def _targets(

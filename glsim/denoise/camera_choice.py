@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 from numpy.typing import NDArray
 
 from glsim.data.recording import Recording
-from glsim.denoise.registry import network_for
+from glsim.denoise.registry import SHIPPED
 from glsim.measures.lattice import distinct_values, estimate_lattice
 
 #: Sizes of images, px, that one camera alone delivers: (width, height) -> sensor.
@@ -27,6 +27,14 @@ _SEARCHED_STEPS: Final = 12_000
 #: Largest error of a network of one camera before other cameras, over that of the best filter
 #: there (docs/results/model_card.md).
 _ELSEWHERE: Final = {"face-kinect-v2": 1.24, "face-azure-kinect": 2.3, "face-stereo": 2.2}
+#: Begin of a sensor's name -> the network of that kind of camera; others take SHIPPED.
+_NETWORK_OF: Final = {
+    "kinect-v2": "face-kinect-v2",
+    "azure-kinect": "face-azure-kinect",
+    "femto-bolt": "face-azure-kinect",
+    "realsense": "face-stereo",
+    "truedepth": "face-stereo",
+}
 
 
 class Camera(NamedTuple):
@@ -69,6 +77,12 @@ def camera_of(recording: Recording) -> Camera:
     """Recognise the camera of depth maps by what states it, else by maps that vote."""
     votes, stated = recording.votes, recording.stated
     return recognise_camera(votes.maps_mm, votes.step_mm, stated.sensor, recording.stated_by)
+
+
+def network_for(sensor: str) -> str:
+    """Return the name of the shipped network for heads before a sensor of this name."""
+    kinds = (kind for kind in _NETWORK_OF if sensor.startswith(kind))
+    return _NETWORK_OF.get(next(kinds, ""), SHIPPED)
 
 
 def fitting_denoiser(given: str | None, camera: Camera) -> tuple[str, str]:

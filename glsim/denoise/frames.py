@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,13 +10,9 @@ import numpy as np
 
 from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame, Frames
-from glsim.core.depth_protocol import (
-    NEAREST_MM,
-    DepthProtocol,
-    offset_to_nearest,
-    subtract_offset,
-)
+from glsim.core.depth_protocol import NEAREST_MM, DepthProtocol, offset_to_nearest
 from glsim.core.errors import DatasetError
+from glsim.core.units import subtract_offset
 from glsim.data.recording import Recording
 from glsim.measures.static import view_change
 from glsim.networks.interface import MIN_MEASURED_MM
@@ -116,30 +111,37 @@ def _move_noisy(stored: bool, frame: DepthFrame) -> DepthFrame:
     return frame.changed({"noisy_mm": moved}, offset_mm=offset_mm)
 
 
-def first_are_still(frames: Frames) -> bool:
-    """Return whether the first two maps show one still view; False if one cannot be read."""
-    if len(frames) > 1 and frames.key(0)[:2] == frames.key(1)[:2]:
-        with suppress(DatasetError):
-            return not view_change(frames[0], frames[1])
-    return False
-
-
 class DenoisedMaps:
-    """Loads the frames of a set, denoised, one after the other.
+    """Loads the maps of a recording, denoised, one after the other.
 
     Attributes:
+        frames: the denoised maps; "sigma_mm" is their uncertainty, mm, if it is estimated.
         unchanged: number of maps that came back as they were.
+        first_are_still: whether the first two maps show one still view.
     """
 
-    def __init__(self, frames: Frames, denoiser: Denoiser) -> None:
-        self._denoiser = denoiser
-        self._stacks = Stacks(frames, denoiser.before, denoiser.after)
-        self.unchanged = 0
+    def __init__(self, recording: Recording, denoiser: Denoiser, protocol: DepthProtocol) -> None:
+        """Prepare the maps.
 
-    def __call__(self, number: int) -> DepthFrame:
-        """Denoise a frame; "sigma_mm" is its uncertainty, mm, if the denoiser estimates it."""
+        Args:
+            recording: noisy maps.
+            denoiser: denoises them; its device's errors are subtracted first.
+            protocol: where it counts depths from.
+        """
+        self._denoiser = denoiser
+        noisy = prepared_frames(recording, denoiser.device, protocol)
+        self._stacks = Stacks(noisy, denoiser.before, denoiser.after)
+        self.frames = Frames(len(noisy), self._load, noisy.key)
+        self.unchanged, self.first_are_still = 0, False
+        self._first: DepthFrame | None = None
+
+    def _load(self, number: int) -> DepthFrame:
         denoiser, (stack, now) = self._denoiser, self._stacks.around(number)
         frame = self._stacks.frame(number)
+        if number == 0:
+            self._first = frame
+        elif number == 1 and self._first is not None and self._first.key[:2] == frame.key[:2]:
+            self.first_are_still = not view_change(self._first, frame)
         counts = frame.layer("infrared") if denoiser.infrared else None
         estimate = denoiser.estimate(stack, now, counts)
         if denoiser.function.keep_clean:

@@ -41,14 +41,6 @@ NETWORKS: Final = {
     "face-azure-kinect": "Heads before an Azure Kinect.",
     "face-stereo": "Heads before a RealSense D4xx or TrueDepth.",
 }
-#: Begin of a sensor's name -> the network of that kind of camera; others take SHIPPED.
-_NETWORK_OF: Final = {
-    "kinect-v2": "face-kinect-v2",
-    "azure-kinect": "face-azure-kinect",
-    "femto-bolt": "face-azure-kinect",
-    "realsense": "face-stereo",
-    "truedepth": "face-stereo",
-}
 #: Folder of the shipped networks, one file each; docs/results/model_card.md describes them.
 _SHIPPED_FOLDER = Path(shipped.__file__).parent
 
@@ -94,12 +86,6 @@ def denoiser_names() -> list[str]:
     """Return the names of all denoisers: filters, shipped networks, and plug-ins."""
     filters = [*PAPER_FILTERS, *(name for name in _FILTERS if name not in PAPER_FILTERS)]
     return [*filters, *NETWORKS, *_plugins()]
-
-
-def network_for(sensor: str) -> str:
-    """Return the name of the shipped network for heads before a sensor of this name."""
-    kinds = (kind for kind in _NETWORK_OF if sensor.startswith(kind))
-    return _NETWORK_OF.get(next(kinds, ""), SHIPPED)
 
 
 def describe_denoiser(name: str) -> tuple[str, Mapping[str, tuple[Any, str]]]:

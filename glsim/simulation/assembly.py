@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from glsim.core.arrays import of
 from glsim.core.camera import Intrinsics
-from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
+from glsim.core.depth_protocol import offset_to_nearest
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
-from glsim.core.units import MM_PER_M
+from glsim.core.units import MM_PER_M, subtract_offset
 from glsim.noise.twins.layers import Image, has_depth, select
 from glsim.settings.schema import OutputSettings
 from glsim.simulation.frame import Frame, Landmarks

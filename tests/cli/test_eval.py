@@ -194,7 +194,7 @@ def test_uncertainty_is_a_map_beside_the_depth(
     assert len(list((tmp_path / "s" / "a").iterdir())) == 3
 
     assert main([*command, "depth.png"]) == 2
-    assert "is also the output of the depth" in capsys.readouterr().err
+    assert "is the output of the depth" in capsys.readouterr().err
     assert main([*command, "sigma.png", "-d", "quadric"]) == 2
     assert "quadric does not estimate its uncertainty" in capsys.readouterr().err
 

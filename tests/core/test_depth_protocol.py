@@ -7,14 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim.core.depth_protocol import (
-    add_offset,
-    check_protocol,
-    offset_to_nearest,
-    stored_protocol,
-    subtract_offset,
-)
+from glsim.core.depth_protocol import check_protocol, offset_to_nearest, stored_protocol
 from glsim.core.errors import ConfigError
+from glsim.core.units import add_offset, subtract_offset
 from glsim.data.reader import open_dataset
 from glsim.settings.schema import load_settings
 from tests.support.moved_sets import write_domes

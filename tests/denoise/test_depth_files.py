@@ -36,7 +36,7 @@ def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> N
     assert open_maps([stated]).step_mm == open_maps([stated], unit_mm=0.1).step_mm == 0.1
     assert open_maps([plain]).step_mm == 1.0
     assert "nothing states a unit" in open_maps([plain]).notes[0]
-    for given, words in ((1.0, r"b\.png states steps of 0\.1 mm"), (None, "different steps")):
+    for given, words in ((1.0, r"b\.png states steps of 0\.1 mm"), (None, "some state none")):
         with pytest.raises(ConfigError, match=words):
             open_maps([stated] if given else [plain, stated], unit_mm=given)
     np.testing.assert_allclose(read_map_mm(stated, 0.1), DEPTH_MM, atol=0.051)
@@ -79,6 +79,22 @@ def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
     assert denoise("far.png", "-o", "b.png", "--out-unit-mm", "0.1") == 2
     assert "far.png: a depth of" in capsys.readouterr().err
     assert not Path("b.png").exists()
+
+
+def test_a_deep_map_that_does_not_vote_keeps_its_depth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """16 of the 40 maps decide on steps of 0.1 mm; the second has a wall at 7 m."""
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    for number in range(40):
+        write(Path(f"in/{number}.png"), 1.0, depth_mm=DEPTH_MM + 6000 * (number == 1))
+    assert 0.0 < open_maps("in").votes.deepest_mm < 6500
+    assert denoise("in", "-o", "out", "-q") == 0
+    assert [stated_unit_mm(Path(f"out/{number}.png")) for number in range(3)] == [0.1, 1.0, 0.1]
+    again = open_maps("out")  # each file says how deep it is
+    assert [frame.step_mm for frame in again.frames][:3] == [0.1, 1.0, 0.1]
+    np.testing.assert_allclose(np.median(again.frames[1].noisy_mm), 6900, atol=5)
 
 
 def test_maps_of_a_data_set_are_written_in_steps_of_a_tenth(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
+from glsim.core.depth_protocol import offset_to_nearest
 from glsim.core.errors import ConfigError
+from glsim.core.units import subtract_offset
 from glsim.denoise.registry import load_denoiser
 from tests.support.eval_scenes import dome
 from tests.support.moved_sets import write_both_protocols

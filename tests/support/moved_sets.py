@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from glsim.core.depth_protocol import DepthProtocol, offset_to_nearest, subtract_offset
+from glsim.core.depth_protocol import DepthProtocol, offset_to_nearest
 from glsim.core.rect import Rect
+from glsim.core.units import subtract_offset
 from glsim.data.dataset_run import write_dataset
 from glsim.settings.schema import Settings
 from glsim.simulation.frame import Frame

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
-from glsim.core.depth_protocol import offset_to_nearest, subtract_offset
+from glsim.core.depth_protocol import offset_to_nearest
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import file_checksum
+from glsim.core.units import subtract_offset
 from glsim.data.disk_format import MANIFEST
 from glsim.data.reader import Dataset
 from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs

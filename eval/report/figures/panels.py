@@ -14,8 +14,7 @@ import numpy as np
 from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import normals
-from glsim.core.depth_protocol import add_offset
-from glsim.core.units import to_metres
+from glsim.core.units import add_offset, to_metres
 from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm, side_view
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 

@@ -72,7 +72,7 @@ class MapFiles:
 
     Attributes:
         places: file of each map.
-        step_mm: of whole numbers.
+        step_mm: of whole numbers; the largest where PNG files state theirs.
         votes: what the maps show that were read to decide on the unit.
         notes: what is assumed where nothing states a unit, in lines for the user.
     """
@@ -104,16 +104,16 @@ class MapFiles:
             folders.setdefault(place.file.parent, []).append(place)
         voters = _voters([*folders.values()])
         named = {stated_unit_mm(place.file, inside=place.inside) for place in voters}
-        #: Step that PNG files must state, mm: None if a camera.toml or a data set does, or no file.
-        self._named_mm: float | None = None
-        if stated_mm is None and named != {None}:
-            steps = {step_mm or 1.0 for step_mm in named}
-            if len(steps) > 1:
+        #: Whether each PNG file states its step, and neither a camera.toml nor a data set does.
+        self._each_states = stated_mm is None and named != {None}
+        if self._each_states:
+            if None in named and named != {None, 1.0}:
                 raise ConfigError(
-                    "the maps are of different steps, as they state themselves: take those of one "
-                    "step at a time"
+                    "some of the maps state steps other than 1 mm and some state none: take those "
+                    "of one kind at a time"
                 )
-            self._named_mm = stated_mm = steps.pop()
+            steps = {step or 1.0 for step in named}
+            stated_mm = max(steps - {given_mm}, default=given_mm)
         step_mm = agreed_unit_mm(given_mm, stated_mm, self.places[0].file)
         self.step_mm = step_mm or 1.0
         images = self._read(voters)
@@ -144,16 +144,9 @@ class MapFiles:
     def depth(self, number: int) -> tuple[Array, float]:
         """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats.
 
-        Raises DatasetError, also for a PNG file that states another step.
+        Raises DatasetError.
         """
         place = self.places[number]
-        if self._named_mm is not None:
-            named_mm = stated_unit_mm(place.file, inside=place.inside) or 1.0
-            if named_mm != self._named_mm:
-                raise DatasetError(
-                    f"{place.file}: has steps of {named_mm:g} mm, the other maps state "
-                    f"{self._named_mm:g}: take those of one step at a time"
-                )
         return self._in_mm(place, self._stored(place))
 
     def infrared(self, number: int) -> Array | None:
@@ -168,9 +161,11 @@ class MapFiles:
         return read_stored(place.file, place.number, inside=place.inside, channel=self._channel)
 
     def _in_mm(self, place: FramePlace, image: NDArray[np.generic]) -> tuple[Array, float]:
-        metres = self._in_metres[place.file.parent]
-        depth_mm = depth_in_mm(image, self.step_mm, place.offset_mm, in_metres=metres)
-        return depth_mm, 0.0 if image.dtype.kind == "f" else self.step_mm
+        metres, step_mm = self._in_metres[place.file.parent], self.step_mm
+        if self._each_states:
+            step_mm = stated_unit_mm(place.file, inside=place.inside) or 1.0
+        depth_mm = depth_in_mm(image, step_mm, place.offset_mm, in_metres=metres)
+        return depth_mm, 0.0 if image.dtype.kind == "f" else step_mm
 
     def _read(self, voters: Sequence[FramePlace]) -> dict[FramePlace, NDArray[np.generic]]:
         """Read the maps that vote; raise the first error if none can be read."""
