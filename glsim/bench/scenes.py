@@ -21,7 +21,7 @@ from glsim.settings.toml_tables import read_toml
 _FOCAL_BASELINE_PX_MM = 626_823 / 32
 #: Albedos that give the real frame's counts: 6,000 to 12,000 on the mug, 500 to 700 on the walls.
 _MUG_ALBEDO, _HANDLE_ALBEDO, _WALL_ALBEDO, _SIDE_ALBEDO = 0.5, 0.55, 0.8, 1.0
-#: Albedo of bars: the median of what casts shadows in real frames.
+#: Albedo of bars: the median over foregrounds that cast shadows in real frames.
 _BAR_ALBEDO = 0.3
 #: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
 #: 11 rows, so that it crosses pixels at all positions.
@@ -122,10 +122,7 @@ def _slanted_bar(left_mm: float, right_mm: float, z_mm: float, albedo: float = 1
 
 
 def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) -> list[Mesh]:
-    """Build procedural heads of ``count`` people at z, dressed (hair, cloth) or bare.
-
-    All have the default skin albedo.
-    """
+    """Build procedural heads of ``count`` people at z, of skin albedo, dressed or bare."""
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
     dresser = Dresser(source, AppearanceSettings(wear=wear))
@@ -133,8 +130,8 @@ def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) 
     for number, face in enumerate(source.load(keys)):
         assert isinstance(face, Face)
         worn = dresser.dress(face, ScopeSeeds(number, number, number))
-        own = [worn.mesh, *(part.mesh for part in worn.parts)]
-        whole = merge_meshes(*own) if len(own) > 1 else worn.mesh
+        meshes_worn = [worn.mesh, *(part.mesh for part in worn.parts)]
+        whole = merge_meshes(*meshes_worn) if len(meshes_worn) > 1 else worn.mesh
         vertices = whole.vertices_mm * np.array([1, -1, -1], np.float32)
         placed = vertices + np.array([0, 0, z_mm], np.float32)
         meshes.append(Mesh(placed, whole.faces, whole.albedo))
@@ -148,8 +145,8 @@ def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
     dark backpack, a box on the floor, and a frame on the board.
 
     Args:
-        focal_baseline_px_mm: of the camera that looks at it; the scene grows with it, so that all
-            cameras see the same disparities: 11 px on the wall, up to 98 px on the board.
+        focal_baseline_px_mm: f B of the camera. The scene grows with it, so that all cameras see
+            the same disparities: 11 px on the wall, up to 98 px on the board.
     """
     table = read_toml(Path(__file__).with_name("room_corner.toml"))["rectangles"]
     mesh = merge_meshes(*(rectangle(x, y, z, albedo) for x, y, z, albedo in table))

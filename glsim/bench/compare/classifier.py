@@ -1,9 +1,9 @@
 """Classifier of two sets of patches on fixed features: logistic regression and trees, with AUC.
 
-Trees see what a line cannot: spreads, and features that only together are unlike. AUC is the
-probability that a patch of the second set scores higher than one of the first; 0.5 means
-indistinguishable. Patches are first matched: in each eighth of the matched quantity (distance, or
-S) both sets give equally many, so that another scene or distance does not tell them apart.
+Trees also see differences of spread and of combinations of features. AUC is the probability that a
+patch of the second set scores higher than a patch of the first; 0.5 means indistinguishable. Both
+sets give equally many patches from each eighth of the distances (or of S), so that the classifier
+does not learn the scene.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from glsim.core.array_types import Array
 
 _FOLDS = 5
 _STRATA = 8
-#: Trees of the boosting and their depth: those of scikit-learn's defaults that matter here, so few
-#: that it takes a second on 10,000 patches. Chosen.
+#: Number of boosted trees and their depth; chosen: a second for 10,000 patches.
 _TREES, _TREE_DEPTH = 80, 4
 #: Standardised features are clipped here, so that single patches do not decide; chosen.
 _CUT = 4.0
-#: Patches of each set after matching that an AUC needs: four to a fold.
+#: Fewest matched patches of each set for an AUC: four per fold.
 LEAST_PATCHES = 20
-_TOLD = 3
-
+#: Number of features that a verdict lists.
+_LISTED = 3
 
 #: AUC of the regression and of the trees, then their standard errors.
 _Aucs = tuple[float, float, float, float]
@@ -41,7 +40,7 @@ class TellingFeature:
 
     Attributes:
         feature: its name.
-        auc: of it alone, 0.5 to 1.
+        auc: AUC of this feature alone, 0.5 to 1.
         first, second: its median in each set.
         apart: difference of the medians over the mean of the two interquartile ranges.
     """
@@ -59,8 +58,8 @@ class Verdict:
 
     Attributes:
         auc: of the logistic regression, mean over five folds of views; NaN with too few patches.
-        boosted_auc: the same of boosted trees.
-        auc_error, boosted_auc_error: standard errors of both, from the spread of the folds.
+        boosted_auc: AUC of the boosted trees.
+        auc_error, boosted_auc_error: standard errors, from the spread of the folds.
         patches: number in each set, matched.
         telling: the features whose medians differ most.
     """
@@ -95,7 +94,7 @@ def tell_apart(
     aucs = _cross_validated(x, label, fold)
     tells = [_telling(name, x[:, k], label) for k, name in enumerate(first.names)]
     tells.sort(key=lambda t: -abs(t.apart))
-    return Verdict(*aucs, len(a), tuple(tells[:_TOLD]))
+    return Verdict(*aucs, len(a), tuple(tells[:_LISTED]))
 
 
 def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> _Aucs:
@@ -119,13 +118,13 @@ def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> _Aucs:
         with threadpool_limits(1):  # on a busy machine threads wait for each other
             line = LogisticRegression(max_iter=1000).fit(design[train], label[train])
             trees.fit(x[train], label[train])
-            found = line.decision_function(design[test]), trees.decision_function(x[test])
-        scored.append([float(roc_auc_score(label[test], f)) for f in found])
+            scores = line.decision_function(design[test]), trees.decision_function(x[test])
+        scored.append([float(roc_auc_score(label[test], s)) for s in scores])
     if len(scored) < 2:
         return _UNKNOWN
-    errors = np.std(scored, axis=0, ddof=1) / np.sqrt(len(scored))
-    (linear, boosted), (linear_error, boosted_error) = np.mean(scored, axis=0), errors
-    return float(linear), float(boosted), float(linear_error), float(boosted_error)
+    linear, boosted = np.mean(scored, axis=0).tolist()
+    linear_error, boosted_error = (np.std(scored, axis=0, ddof=1) / np.sqrt(len(scored))).tolist()
+    return linear, boosted, linear_error, boosted_error
 
 
 def _telling(name: str, values: Array, label: Array) -> TellingFeature:
@@ -142,8 +141,8 @@ def _telling(name: str, values: Array, label: Array) -> TellingFeature:
 def _folds(patches: Patches, views: Sequence[int] | None) -> NDArray[np.int64]:
     """Assign a fold number to each patch by runs of views: frames near in time share a scene.
 
-    A static recording repeats its fixed noise in every frame, so that a fold of frames would hold
-    what the others taught. With fewer than five views each is cut into five bands of columns.
+    The frames of a static recording repeat its fixed noise, so all belong to one view. With fewer
+    than five views, each view is cut into five bands of columns.
     """
     view = patches.frame if views is None else np.asarray(views, np.int64)[patches.frame]
     group = view
@@ -151,8 +150,8 @@ def _folds(patches: Patches, views: Sequence[int] | None) -> NDArray[np.int64]:
         last = int(patches.column.max(initial=0)) + 1
         group = view * _FOLDS + patches.column * _FOLDS // last
     order = np.unique(group)
-    place: NDArray[np.int64] = np.searchsorted(order, group)
-    return place * _FOLDS // max(len(order), 1)
+    rank: NDArray[np.int64] = np.searchsorted(order, group)
+    return rank * _FOLDS // max(len(order), 1)
 
 
 def _matched(first: Array, second: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -165,6 +164,6 @@ def _matched(first: Array, second: Array) -> tuple[NDArray[np.int64], NDArray[np
         for number in range(_STRATA):
             members = [np.flatnonzero(s == number) for s in strata]
             count = min(len(m) for m in members)
-            for part, m in zip(chosen, members, strict=True):
-                part.append(m[np.linspace(0, len(m) - 1, count).round().astype(int)])
+            for indices, m in zip(chosen, members, strict=True):
+                indices.append(m[np.linspace(0, len(m) - 1, count).round().astype(int)])
     return np.concatenate(chosen[0]), np.concatenate(chosen[1])

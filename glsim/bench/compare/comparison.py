@@ -1,4 +1,4 @@
-"""Comparison of two sets of frames, with all that ``glsim compare`` shows."""
+"""Comparison of two sets of frames: the measures and tables of ``glsim compare``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from glsim.measures.stacks import ratio
 from glsim.measures.static import static_pairs, view_numbers
 from glsim.measures.validity import measure_invalid
 
-#: AUC of both classifiers for frames of a simulated sensor against their replay through it.
+#: AUC of both classifiers for a simulated sensor's frames against their replay through that sensor.
 _FLOORS = {
     "planes": "0.51 / 0.51",
     "curved": "0.59 / 0.57",
@@ -43,7 +43,7 @@ _FLOORS = {
 
 @dataclass(frozen=True)
 class Measurements:
-    """All measures of one set; size: (width, height), px; light: None without infrared."""
+    """All measures of one set; ``size`` is (width, height), px; no ``light`` without infrared."""
 
     title: str
     frames: int
@@ -58,7 +58,7 @@ class Measurements:
 
 @dataclass(frozen=True)
 class Row:
-    """A table row that compares a measure of both sets by ratio or difference (second to first)."""
+    """A table row: one measure of both sets, compared by second / first or by second - first."""
 
     group: str
     name: str
@@ -70,9 +70,7 @@ class Row:
     @property
     def change(self) -> float:
         """The ratio or the difference; NaN if either value is unknown."""
-        if self.as_ratio:
-            return ratio(self.second, self.first)
-        return self.second - self.first
+        return ratio(self.second, self.first) if self.as_ratio else self.second - self.first
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,10 +162,10 @@ def _lines(m: Measurements) -> _Lines:
         ("temporal sigma", m.temporal, "temporal noise"),
         ("spatial sigma (residual of a quadric in 7x7, rms)", m.spatial, "the residual"),
     ):
-        found = {(c.distance_m, c.radius_px): c.value for c in noise.cells}
+        sigmas = {(c.distance_m, c.radius_px): c.value for c in noise.cells}
         for (near, far), (inner, outer) in product(pairwise(DISTANCES_M), pairwise(RADII_PX)):
             name = f"{near:g} to {far:g} m, {inner:.0f} to {outer:.0f} px"
-            add(group, name, "mm", found.get(((near, far), (inner, outer)), math.nan))
+            add(group, name, "mm", sigmas.get(((near, far), (inner, outer)), math.nan))
         for (down, right), value in zip(LAGS, noise.correlation, strict=True):
             along = f"{max(down, right)} px along {'xy'[down > 0]}"
             name = "diagonal" if down and right else along
@@ -245,8 +243,8 @@ def compare_sets(
 ) -> Comparison:
     """Measure both sets and classify their patches; report each step's name to ``progress``.
 
-    Without scikit-learn there are no verdicts of the classifier. Raises ConfigError for sets whose
-    depths do not overlap: most likely one has another unit.
+    Without scikit-learn there are no verdicts. Raises ConfigError if the depths of the sets do not
+    overlap: most likely one set has another unit.
     """
     say = progress or (lambda _: None)
     spans = [

@@ -1,8 +1,8 @@
 """Small depth patches and their fixed features, for the classifier.
 
-Planes and curved surfaces are 16 x 16 px, complete and without steps; their features are of the
-residual from a quadric, so that shape and pose do not count. Silhouettes are 13 rows x 24 px around
-the rim, mirrored so that the foreground is on the left. All features are of depth alone.
+Surface patches are 16 x 16 px without holes and steps; their features describe the residual from a
+quadric, so that shape and pose do not count. Silhouette patches are 13 rows x 24 px around the rim,
+mirrored so that the foreground is on the left. No feature uses infrared.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from glsim.measures.measured_frame import lit, surfaces
 from glsim.measures.quadrics import quadric_basis
 from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
 
-#: One patch: number of its frame, first column, matched quantity, features.
-_Found = tuple[int, int, float, Array]
+#: One patch: frame number, first column, matched quantity, features.
+_Patch = tuple[int, int, float, Array]
 
 KINDS = ("planes", "curved", "silhouettes, lit side", "silhouettes, shadow side")
 SIDE_PX = 16
@@ -66,10 +66,10 @@ class Patches:
     """Patches of one kind, with their features.
 
     Attributes:
-        names: of the F features.
-        features: (N, F).
-        frame: (N,) number of the frame of each.
-        column: (N,) its first column, px.
+        names: names of the F features.
+        features: (N, F) values.
+        frame: (N,) frame numbers.
+        column: (N,) first columns, px.
         matched: (N,) log of the distance in mm for surfaces, S in px per m for silhouettes.
     """
 
@@ -82,7 +82,7 @@ class Patches:
 
 def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
     """Cut plane and curved surface patches from the frames, at every half patch."""
-    found: dict[str, list[_Found]] = {"planes": [], "curved": []}
+    patches: dict[str, list[_Patch]] = {"planes": [], "curved": []}
     quadric = quadric_basis(SIDE_PX)
     plane = quadric[:, :3]
     for number, frame in enumerate(frames):
@@ -98,26 +98,25 @@ def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
         share = 1.0 - (residual**2).sum(axis=1) / np.maximum((by_plane**2).sum(axis=1), 1e-9)
         good = (rms < _ROUGHEST_MM + _ROUGHEST_MM_PER_M * distance / MM_PER_M) & (rms > 0.05)
         for kind, chosen in (("planes", share < _CURVED), ("curved", share >= _CURVED)):
-            kept = _thinned(np.flatnonzero(good & chosen))
-            features = _surface_features(residual[kept].reshape(-1, SIDE_PX, SIDE_PX))
-            found[kind] += zip(
-                [number] * len(kept), columns[kept], np.log(distance[kept]), features, strict=True
+            k = _thinned(np.flatnonzero(good & chosen))
+            features = _surface_features(residual[k].reshape(-1, SIDE_PX, SIDE_PX))
+            patches[kind] += zip(
+                [number] * len(k), columns[k], np.log(distance[k]), features, strict=True
             )
-    return {kind: _collected(SURFACE_FEATURES, rows) for kind, rows in found.items()}
+    return {kind: _collected(SURFACE_FEATURES, rows) for kind, rows in patches.items()}
 
 
 def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Patches]:
     """Cut silhouette patches from the frames, on the lit side and on the shadow side."""
-    found: dict[str, list[_Found]] = {KINDS[2]: [], KINDS[3]: []}
+    patches: dict[str, list[_Patch]] = {KINDS[2]: [], KINDS[3]: []}
     shadow, size = 1 if shadow_side == "right" else 0, (_ROWS, _FRONT_PX + _BACK_PX)
     for number, frame in enumerate(frames):
         edges = find_edges(frame)
         for side in (0, 1):
             kind = KINDS[3] if side == shadow else KINDS[2]
+            shift = edges.shift_px_per_m
             inside = (edges.side == side) & (edges.row % (_ROWS // 2) == 0)
-            inside &= (edges.shift_px_per_m > HEAD_SHIFTS[0]) & (
-                edges.shift_px_per_m < HEAD_SHIFTS[1]
-            )
+            inside &= (shift > HEAD_SHIFTS[0]) & (shift < HEAD_SHIFTS[1])
             # The last foreground pixel is in column 7 of a patch, after it is mirrored.
             top = edges.row - _ROWS // 2
             left = edges.column - (_FRONT_PX - 1 if side == 1 else _BACK_PX)
@@ -127,23 +126,18 @@ def edge_patches(frames: Sequence[DepthFrame], shadow_side: str) -> dict[str, Pa
             k = k[fits[k]]
             cut = whole[top[k], left[k]][..., :: 1 if side == 1 else -1].astype(np.float64)
             features = _edge_features(cut, edges.front_mm[k], edges.back_mm[k])
-            kept = np.isfinite(features).all(axis=1)
-            k = k[kept]
-            found[kind] += zip(
-                [number] * len(k), edges.column[k], edges.shift_px_per_m[k], features[kept],
-                strict=True,
-            )  # fmt: skip
-    return {kind: _collected(EDGE_FEATURES, rows) for kind, rows in found.items()}
+            known = np.isfinite(features).all(axis=1)
+            k, features = k[known], features[known]
+            patches[kind] += zip(
+                [number] * len(k), edges.column[k], shift[k], features, strict=True
+            )
+    return {kind: _collected(EDGE_FEATURES, rows) for kind, rows in patches.items()}
 
 
-def _collected(names: tuple[str, ...], rows: list[_Found]) -> Patches:
-    return Patches(
-        names,
-        np.array([r[3] for r in rows], np.float64).reshape(-1, len(names)),
-        np.array([r[0] for r in rows], np.int64),
-        np.array([r[1] for r in rows], np.int64),
-        np.array([r[2] for r in rows], np.float64),
-    )
+def _collected(names: tuple[str, ...], rows: list[_Patch]) -> Patches:
+    frame, column = (np.array([r[k] for r in rows], np.int64) for k in (0, 1))
+    features = np.array([r[3] for r in rows], np.float64).reshape(-1, len(names))
+    return Patches(names, features, frame, column, np.array([r[2] for r in rows], np.float64))
 
 
 def _thinned(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -184,7 +178,7 @@ def _surface_features(e: Array) -> Array:
 def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
     """Compute the (N, F) features of (N, 13, 24) patches.
 
-    NaN for patches with fewer than 7 rows that have a foreground, a background and 8 px between.
+    NaN if fewer than 7 rows of a patch have a foreground, a background and 8 px after the rim.
     """
     known, column = np.isfinite(z), np.arange(z.shape[-1])
     near_mm = np.minimum(0.25 * (back_mm - front_mm), 60.0)[:, None, None]
@@ -216,10 +210,10 @@ def _rough(z: Array, used: NDArray[np.bool_]) -> Array:
 
     Args:
         z: (N, H, W) depth, mm.
-        used: (N, H, W), the pixels that count.
+        used: (N, H, W) mask of the pixels to measure.
 
     Returns:
-        (N,), of mm; 0 for a patch without such pixels.
+        (N,) log of mm; 0 for a patch without used pixels.
     """
     bend = np.abs(np.diff(np.where(used, z, np.nan), 2, axis=-1))
     count = np.isfinite(bend).sum(axis=(1, 2))

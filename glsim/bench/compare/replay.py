@@ -1,10 +1,8 @@
-"""Replay of real frames: their own surfaces are rendered through a sensor, for equal scenes.
+"""Replay of real frames: the surfaces of each frame are rendered through a simulated sensor.
 
-Real and simulated frames of different scenes differ by the scenes. A replay takes the surfaces,
-silhouettes and reflectivity from each real frame (``find_surfaces``), renders them once through the
-sensor at the place of the real camera, and so leaves the camera as the only difference.
-Reflectivity is the real infrared over that of the same surfaces at an even reflectivity; without
-infrared it is that of skin everywhere.
+Both sets then show equal scenes and differ by the camera alone. The reflectivity of a surface is
+the real infrared over simulated infrared of the same surfaces at an even reflectivity; without
+infrared, every surface reflects like skin.
 """
 
 from __future__ import annotations
@@ -35,24 +33,25 @@ from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
 
-#: Standard deviation of the window that removes a frame's noise, over the distance at which its
-#: correlation is one half; and its limits, px. Chosen: a Kinect V2's noise is alike over 1.5 px and
-#: leaves a fifth of itself in the surfaces at 3 px, a D435's over 5 px at 9. The correlation is the
-#: tenth percentile over tiles of 40 x 40 px: on faces and cloth most are bent, and look alike.
+#: Standard deviation of the smoothing window over the distance at which the noise's correlation is
+#: one half; limits of that deviation, px; quantile of the correlation over tiles of 40 x 40 px
+#: (low, since bends of faces and cloth look correlated too). Chosen: a Kinect V2's noise reaches
+#: 1.5 px and is reduced to a fifth by 3 px, a D435's reaches 5 px and needs 9.
 _SMOOTH_OVER_CORRELATION, _SMOOTH_PX, _FLATTEST = 2.0, (3.0, 10.0), 0.1
-#: Even reflectivity of the first capture: no surface beyond 0.3 m is saturated by it.
+#: Even reflectivity of the first capture: no surface beyond 0.3 m saturates.
 _EVEN_ALBEDO = 0.25
-#: Reflectivity stays in this range; surfaces that shine back at the lens are brighter. Chosen.
+#: Range of reflectivity; only surfaces that shine back at the lens are brighter. Chosen.
 _LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
-#: Standard deviation of the smoothing of infrared images before their ratio is taken, px, and
-#: infrared of a dark surface that it is still taken from, counts; chosen: noise is smaller.
+#: Standard deviation by which infrared images are smoothed before their ratio, px, and least
+#: infrared for a ratio, counts; chosen: above the noise.
 _LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
-#: Half of the depths lie beyond this share of a gate's nearest, 98 % beyond this of that; chosen.
+#: The median depth lies beyond the first share of a gate's near limit, the 2nd percentile beyond
+#: the second share of the resulting limit; chosen.
 _BEYOND_GATE, _NEAREST = 0.75, 0.35
-#: Frames that the noise is measured on; more do not change the smoothing.
+#: Number of frames to measure the noise in; more do not change the smoothing.
 _SOME_FRAMES = 4
-#: Widest hole of a surface that is closed, px, without and with infrared. Chosen: infrared says how
-#: dark the surface is there, so that the sensor may lose it too; without it a hole may be anything.
+#: Widest hole of a surface to close, px, without and with infrared. Chosen: with infrared the
+#: replay knows how dark the surface is and can lose it again.
 _WIDEST_HOLE_PX = (12, 80)
 
 
@@ -66,18 +65,19 @@ def replay(
 ) -> Frames:
     """Render the surfaces of real frames through a sensor.
 
-    Frames that are static in ``real`` show one scene here too. Frames whose shadows are on the
-    other side than the sensor's are mirrored, as libfreenect2 delivers them, and stay so. A gate of
-    the sensor's range is widened to the depths of ``real``, so that it cuts nothing off.
+    Static frames of ``real`` show one scene here too. If the real shadows lie on the other side
+    than the sensor's, the frames are mirrored, as those of libfreenect2: the replay renders them
+    unmirrored and mirrors its result. Range gates of the sensor are widened to the depths of
+    ``real``.
 
     Raises ConfigError for an unknown sensor, and for depths far outside its range: another unit.
 
     Args:
-        real: the frames; their camera replaces that of the sensor.
+        real: the frames; their intrinsics replace the sensor's.
         sensor: name of a sensor, or a sensor file.
-        seed: of the device and its noise.
-        assignments: parameters of the sensor's stages, as of ``--set``.
-        smooth_px: standard deviation of the smoothing; default: by the noise's correlation.
+        seed: seed of the device and its noise.
+        assignments: parameters of the sensor's stages, in the form of ``--set``.
+        smooth_px: standard deviation of the smoothing. Default: by the noise's correlation.
 
     Returns:
         Frames with the names, size and order of ``real``.
@@ -101,13 +101,13 @@ def replay(
         def scene(frame: DepthFrame) -> Mesh | None:
             """Return the surfaces of a frame with their reflectivity; None without depth."""
             holes_px = _WIDEST_HOLE_PX[frame.infrared is not None]
-            found = find_surfaces(frame.measured_mm, smooth_px, holes_px, noise.variance(frame))
-            if not np.isfinite(found.front_mm).any():
+            surfaces = find_surfaces(frame.measured_mm, smooth_px, holes_px, noise.variance(frame))
+            if not np.isfinite(surfaces.front_mm).any():
                 return None
             albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
             if frame.infrared is not None:
-                albedo = _albedo(virtual, found, frame.infrared)
-            return mesh_of(found, virtual.rig.intrinsics, albedo)
+                albedo = _albedo(virtual, surfaces, frame.infrared)
+            return mesh_of(surfaces, virtual.rig.intrinsics, albedo)
 
         made = []
         for frame, view in zip(frames, view_numbers(real), strict=True):
@@ -206,5 +206,5 @@ def _is_mirrored(real: Frames, rig: SensorRig) -> bool:
     hidden = [*rig.imagers_m[1:], *(emitter.position_m for emitter in rig.emitters)]
     if not np.isfinite(widths).all() or not hidden or hidden[0][0] == 0:
         return False
-    # What stands on the right of the lens does not see the left of a foreground's background.
+    # An imager or emitter right of the lens leaves a shadow on the left of a foreground.
     return ("left" if hidden[0][0] > 0 else "right") != measured.shadow_side

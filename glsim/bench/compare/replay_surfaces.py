@@ -1,10 +1,9 @@
-"""Surfaces of one real frame, smoothed to remove its noise, which a replay renders.
+"""Surfaces of one real frame, without its noise, for a replay.
 
-A frame is cut into surfaces where neighbouring depths jump (tiny ones are flying pixels). Each is
-smoothed by local planes in 1/z, down to the relief that is rougher than the camera's noise. A gap
-between a near and a far surface is given to the far one (it is a shadow, or the rim that cameras
-leave), a gap within a surface is closed as a hole, and the far surface goes on behind the rim of
-the near one.
+A frame is cut into surfaces where neighbouring depths jump; tiny surfaces are flying pixels. Local
+planes in 1/z smooth each surface; relief rougher than the camera's noise stays. A gap between a
+near and a far surface (a shadow, or the rim that cameras leave) is filled by the far surface, which
+also continues behind the rim of the near surface; a hole within a surface is closed.
 """
 
 from __future__ import annotations
@@ -26,32 +25,32 @@ from glsim.measures.quadrics import local_planes
 
 Labels = NDArray[np.int64]
 
-#: Where noise is large, neighbours on one surface differ by up to this many times the median
-#: difference at their distance; distances between which it is measured, mm. Chosen.
+#: Largest difference of neighbours on one surface over the median difference at their distance,
+#: for large noise; bounds of the classes of distance, mm. Chosen.
 _STEP_NOISE, _BINS_MM = 8.0, np.geomspace(200.0, 8000.0, 17)
 #: Fewest pixels of a surface; smaller groups are flying pixels and speckle. Chosen.
 _LEAST_PX = 40
-#: Step between slabs of the smoothing, share of the depth (a plane is fitted to three of them), and
-#: least share of a window that has depth in its slab. Chosen: a rail of 5 px has half.
+#: Step between slabs of the smoothing, share of the depth (each plane is fitted to three slabs),
+#: and least share of a window with depth in its slab. Chosen: a rail of 5 px has half.
 _SLAB, _LEAST_NEIGHBOURS = 0.06, 0.2
-#: Depths at the ends of a gap are of two surfaces if they differ by more than this many times what
-#: neighbours on one surface may; chosen.
+#: Depths at the ends of a gap belong to two surfaces if they differ by more than this many times
+#: the largest difference of neighbours on one surface; chosen.
 _APART = 3.0
-#: The rim of a near surface is its last measured pixel plus this many; chosen: half of the gap of
-#: two to three pixels that all cameras leave on the side without shadow.
+#: Pixels by which the near surface of a gap is extended; chosen: half of the gap of two to three
+#: pixels that all cameras leave on the side without shadow.
 _RIM_PX = 1
-#: Widest gap that is given to a surface, px: a head at 0.6 m before a wall at 3 m has 24. Widest
-#: empty band at the image's border onto which a surface goes on, px: a D435's at 0.4 m.
+#: Widest gap to fill, px: inside the image (a head at 0.6 m before a wall at 3 m has 24), and at
+#: its border (the empty band of a D435 at 0.4 m).
 _WIDEST_GAP_PX, _WIDEST_BAND_PX = 80, 60
-#: How far a far surface goes on behind a near one, px: more than any camera here sees around it.
+#: Extension of a far surface behind a near surface, px: more than any camera here sees around it.
 _BEHIND_PX = 60
-#: Classes of the noise: bounds of infrared, counts, or of depth, mm, without infrared; fewest
-#: pixels; the smoothest surfaces are the lower quarter. Chosen.
+#: Classes of noise: bounds of infrared, counts (without infrared: of depth, mm); fewest pixels; and
+#: the quantile of the variance that stands for the smoothest surfaces. Chosen.
 _CLASSES, _LEAST_CLASS_PX, _SMOOTHEST = np.geomspace(100.0, 65_000.0, 34), 500, 0.25
-#: Times the noise variance below which no relief is kept. The lower quarter is 0.8 of the variance
-#: of noise alone in a window of 3 px, so that three quarters of a plane keep nothing; chosen.
-_KEPT_ABOVE = 1.7
-#: Distance from a rim within which no relief is kept, px: flying pixels are no relief. Chosen.
+#: Least variance of relief over the noise floor. The lower quartile is 0.8 of the variance of noise
+#: alone in a window of 3 px, so three quarters of a plane keep no relief; chosen.
+_RELIEF_OVER_NOISE = 1.7
+#: Distance from a rim within which no relief stays, px, because of flying pixels. Chosen.
 _RELIEF_RIM_PX = 2
 
 
@@ -60,12 +59,12 @@ class ReplaySurfaces:
     """Smoothed surfaces of one frame; far surfaces continue behind the rims of near surfaces.
 
     Attributes:
-        front_mm: (H, W) smoothed depth of what the camera sees, mm; NaN where nothing is known.
-        behind_mm: (H, W) depth of what goes on behind the rim of a nearer surface; NaN elsewhere.
+        front_mm: (H, W) smoothed depth of the visible surfaces, mm; NaN = unknown.
+        behind_mm: (H, W) depth of far surfaces behind the rims of near surfaces; NaN elsewhere.
         label: (H, W) number of the surface of ``front_mm``; -1 = none.
-        light_from: (H, W) flat index of the pixel whose reflectivity a pixel has: its own, or, in
-            gaps, that of the surface which the gap was given to.
-        behind_from: (H, W) the same of ``behind_mm``.
+        light_from: (H, W) flat index of the pixel that gives ``front_mm`` its reflectivity: the
+            pixel itself; in a filled gap, the end of the surface that fills it.
+        behind_from: (H, W) flat index of the pixel that gives ``behind_mm`` its reflectivity.
     """
 
     front_mm: Array
@@ -86,9 +85,8 @@ def find_surfaces(
     Args:
         depth_mm: (H, W) mm, NaN where there is no depth.
         smooth_px: standard deviation of the Gaussian window of the smoothing, px.
-        widest_hole_px: holes within a surface are closed up to this width.
-        noise_mm2: (H, W) variance of the camera's noise, mm^2: relief that is rougher is kept.
-            None: no relief is kept.
+        widest_hole_px: widest hole within a surface to close.
+        noise_mm2: (H, W) variance of the camera's noise, mm^2: rougher relief stays. None: none.
     """
     label, front = smooth_surfaces(depth_mm, smooth_px)
     if noise_mm2 is not None:
@@ -107,11 +105,7 @@ def find_surfaces(
 def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh:
     """Join the pixels of all surfaces into one mesh in the camera frame, mm.
 
-    Raises MeshError if there is no surface.
-
-    Args:
-        camera: of the depth map.
-        albedo: (H, W) of each pixel, relative to a white wall.
+    Raises MeshError if there is no surface. ``albedo``: (H, W), relative to a white wall.
     """
     rays = camera.rays().astype(np.float64)
     front = surfaces.front_mm, surfaces.label, surfaces.light_from
@@ -253,9 +247,7 @@ class NoiseFloor:
 def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseFloor:
     """Measure the noise of the smoothest surfaces over infrared (or over depth without infrared).
 
-    Args:
-        frames: all with infrared, or all without.
-        sigma_px: standard deviation of the Gaussian window of the smoothing, px.
+    Either all frames have infrared or none; ``sigma_px``: of the Gaussian smoothing window, px.
     """
     variances, drivers = [], []
     for frame in frames:
@@ -283,7 +275,7 @@ def keep_relief(
 ) -> Array:
     """Restore in smoothed depth the relief that exceeds the noise: cloth, hair, print.
 
-    The noise is that of the real frames, so that a sensor with too little of it gains nothing.
+    The floor is the noise of the real frames, so that a sensor with too little noise gains nothing.
 
     Args:
         depth_mm: (H, W) measured depth, mm.
@@ -293,11 +285,11 @@ def keep_relief(
         sigma_px: standard deviation of the Gaussian window, px.
 
     Returns:
-        (H, W) mm: the share of the difference that the variance beyond the noise's has of all.
+        (H, W) mm: smoothed depth plus a share of the difference, (variance - noise) / variance.
     """
     difference = depth_mm - smooth_mm
     variance = _local_variance(difference, label >= 0, sigma_px)
-    share = np.clip(1.0 - _KEPT_ABOVE * variance_mm2 / np.maximum(variance, 1e-9), 0.0, 1.0)
+    share = np.clip(1.0 - _RELIEF_OVER_NOISE * variance_mm2 / np.maximum(variance, 1e-9), 0.0, 1.0)
     return np.asarray(smooth_mm + np.where(_far_from_rims(label), share * difference, 0.0))
 
 
@@ -328,11 +320,11 @@ def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array
 
 def _fill_rows(z: Array, label: Labels, light_from: Labels, widest_hole_px: int) -> None:
     """Fill the gaps of each row with the surfaces at their ends, in place (all (H, W))."""
-    for own in zip(z, label, light_from, strict=True):
-        known = np.flatnonzero(np.isfinite(own[0]))
-        ends = np.concatenate([[-1], known, [len(own[0])]])
+    for row in zip(z, label, light_from, strict=True):
+        known = np.flatnonzero(np.isfinite(row[0]))
+        ends = np.concatenate([[-1], known, [len(row[0])]])
         for k in np.flatnonzero(np.diff(ends) > 1) if known.size else ():
-            _fill_gap(*own, int(ends[k]), int(ends[k + 1]), widest_hole_px)
+            _fill_gap(*row, int(ends[k]), int(ends[k + 1]), widest_hole_px)
 
 
 def _fill_gap(

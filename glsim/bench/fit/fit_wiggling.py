@@ -1,8 +1,8 @@
 """Fit of a camera's wiggling: a depth error that is periodic in distance.
 
-A plane is known up to three numbers; what bends it with the periods of the harmonics is wiggling.
-The recording must show undistorted planes that cover 0.65 m of distance together, along the rays:
-a wall at a slant, a floor, or several walls. The more they cover, the smaller is the error.
+Deviations from planes with the periods of the harmonics are wiggling. The recording must show
+undistorted planes that together cover 0.65 m of distance along the rays: a slanted wall, a floor,
+or several walls. More distance makes the error smaller.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from glsim.sensors.wiggling import CYCLES, Wave
 #: Half a wavelength at 1 MHz, mm: speed of light / 2.
 _HALF_WAVE_MM_MHZ = 149_896.229
 
-#: Frequencies of the result, MHz: at 16 MHz a cycle is 3.1 m, longer than the planes of a room. Its
-#: waves are fitted too, held to the usual size, so that they do not bias the others.
+#: Frequencies of the result, MHz. Waves at 16 MHz, whose cycle of 3.1 m is longer than the planes
+#: of a room, are fitted with the usual size as a prior, so that they do not bias the others.
 FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
 
-#: Waves that are fitted, and the frequency of each coefficient: cosines, then sines.
+#: Number of fitted waves, and the frequency of each coefficient: cosines, then sines.
 _WAVES = len(CYCLES) * len(FREQUENCIES_MHZ)
 _MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
 #: Usual size of a wave, mm, measured on a Kinect V2.
@@ -95,8 +95,8 @@ def fit_wiggling(
     """Fit the harmonics to all planes of the scene together.
 
     Args:
-        statistics: of a recording without lens distortion, which bends planes more than harmonics.
-        image: its intrinsics.
+        statistics: of a recording without lens distortion, which would bend planes more.
+        image: intrinsics of the recording.
         emitter_m: position of the emitter in the camera frame.
 
     Returns:
@@ -116,44 +116,36 @@ def fit_wiggling(
         return None
     tile = np.flatnonzero(usable)
     tile = tile // image.width // _TILE_PX * image.width + tile % image.width // _TILE_PX
-    parts = [
-        (
-            design[inside],
-            depth[inside],
-            distance[inside],
-            # An error along the ray moves inverse depth, 1 / m, by minus the error over this.
-            depth[inside] * back[inside] / MM_PER_M,
-            tile[inside],
-        )
-        for inside in planes
-    ]
-    fit, error_mm = _fit_waves(parts)
-    found = Wiggling({}, {}, {}, {})
+    # An error along the ray moves inverse depth, 1 / m, by minus the error over this weight.
+    weight = depth * back / MM_PER_M
+    pixels = (design, depth, distance, weight, tile)
+    fit, error_mm = _fit_waves([tuple(values[inside] for values in pixels) for inside in planes])
+    wiggling = Wiggling({}, {}, {}, {})
     for number, harmonic in enumerate(CYCLES):
         first = number * len(FREQUENCIES_MHZ)
-        own = first + np.array([FREQUENCIES_MHZ.index(f) for f in FITTED_MHZ])
+        cosines = first + np.array([FREQUENCIES_MHZ.index(f) for f in FITTED_MHZ])
         # Inverse depth falls where depth grows.
-        a, b = -fit[own], -fit[own + _WAVES]
+        a, b = -fit[cosines], -fit[cosines + _WAVES]
         size = np.hypot(a, b)  # mm: a cos c + b sin c = -size sin(c - phase)
-        found.sizes[harmonic] = size / FUSION_MM_PER_RAD
-        found.amplitude[harmonic] = float(found.sizes[harmonic].mean())
-        found.phase_rad[harmonic] = np.arctan2(a, -b)
-        squares = 0.5 * (error_mm[own] ** 2 + error_mm[own + _WAVES] ** 2)
-        found.error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
-    return found
+        wiggling.sizes[harmonic] = size / FUSION_MM_PER_RAD
+        wiggling.amplitude[harmonic] = float(wiggling.sizes[harmonic].mean())
+        wiggling.phase_rad[harmonic] = np.arctan2(a, -b)
+        squares = 0.5 * (error_mm[cosines] ** 2 + error_mm[cosines + _WAVES] ** 2)
+        wiggling.error[harmonic] = float(np.sqrt(squares.mean())) / FUSION_MM_PER_RAD
+    return wiggling
 
 
 def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array]:
     """Fit the waves to the residuals of planes.
 
     Args:
-        planes: design of the plane, (N, 3): 1, x/z and y/z of its pixels; depth, mm; half the way
-            of the light, mm; weight; number of the tile; each (N,).
+        planes: for the N pixels of each plane: design (N, 3), the columns 1, x/z and y/z; and (N,)
+            depth, mm, half the path of the light, mm, weight, and number of the tile.
 
     Returns:
-        Coefficients, cosines then sines, mm, and their standard errors: the larger of that of
-        noise, alike over the filter's 3 x 3 pixels, and that of a jackknife over tiles, which also
-        counts what is not flat.
+        Coefficients, cosines then sines, mm, and their standard errors: the larger of the error
+        from noise, which is shared by the filter's 3 x 3 pixels, and the error of a jackknife over
+        tiles, which includes bends of the planes.
     """
     squares, products = [], []
     left, pixels = 0.0, 0
@@ -166,9 +158,9 @@ def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array
         waves = waves - basis @ (basis.T @ waves)
         target = target - basis @ (basis.T @ target)
         for number in np.unique(tile):
-            own = tile == number
-            squares.append(waves[own].T @ waves[own])
-            products.append(waves[own].T @ target[own])
+            inside = tile == number
+            squares.append(waves[inside].T @ waves[inside])
+            products.append(waves[inside].T @ target[inside])
         left += float((target**2).sum())
         pixels += len(target)
     noise = 9.0 * left / pixels
@@ -177,33 +169,33 @@ def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array
     whole, target = np.sum(squares, axis=0) + np.diag(prior), np.sum(products, axis=0)
     fit = np.linalg.lstsq(whole, target, rcond=None)[0]
     by_noise = np.sqrt(noise * np.linalg.pinv(whole).diagonal())
-    parts = [
+    fits = [
         np.linalg.lstsq(whole - s, target - p, rcond=None)[0]
         for s, p in zip(squares, products, strict=True)
     ]
-    by_tiles = np.sqrt((len(parts) - 1) * np.var(parts, axis=0))
+    by_tiles = np.sqrt((len(fits) - 1) * np.var(fits, axis=0))
     return np.asarray(fit), np.asarray(np.maximum(by_noise, by_tiles))
 
 
 def _planes(design: Array, depth_mm: Array) -> list[NDArray[np.intp]]:
     """Find up to _MOST_PLANES planes, largest first; return the pixel indices of each plane."""
     rest = np.arange(len(depth_mm))
-    found: list[NDArray[np.intp]] = []
-    while len(found) < _MOST_PLANES and len(rest) >= _LEAST_PIXELS:
+    planes: list[NDArray[np.intp]] = []
+    while len(planes) < _MOST_PLANES and len(rest) >= _LEAST_PIXELS:
         inside = _largest_plane(design[rest], depth_mm[rest])
         if inside.sum() < _LEAST_PIXELS:
             break
-        found.append(rest[inside])
+        planes.append(rest[inside])
         rest = rest[~inside]
-    return found
+    return planes
 
 
 def _covered_mm(distances: list[Array]) -> float:
     """Compute the range of distances that the planes cover together, mm, without overlaps."""
     steps = np.arange(0.0, 20_000.0, _STEP_MM)
     covered = np.zeros(len(steps), np.bool_)
-    for own in distances:
-        near, far = (float(np.quantile(own, q)) for q in (0.01, 0.99))
+    for plane_mm in distances:
+        near, far = np.quantile(plane_mm, (0.01, 0.99))
         covered |= (steps >= near) & (steps < far)
     return float(covered.sum()) * _STEP_MM
 

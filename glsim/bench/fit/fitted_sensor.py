@@ -21,10 +21,10 @@ class FittedSensor:
 
     Attributes:
         text: the sensor file.
-        lines: what was measured: name -> text.
+        lines: results: name -> text.
         notes: remarks for the user.
-        map_mm: (H, W) float32 fixed pattern of the device, mm, NaN = unknown; None without.
-        table: noise in time by distance and radius; None of cameras that match images.
+        map_mm: (H, W) float32 fixed pattern of the device, mm, NaN = unknown; None: not measured.
+        table: temporal noise by distance and radius; None for cameras that match images.
     """
 
     text: str
@@ -45,13 +45,10 @@ def recording_camera(
 
     Args:
         size: (width, height) of the frames, px.
-        stated: by the recording.
-        own: of the base sensor; taken if the recording states none of this size.
+        stated: intrinsics that the recording states.
+        own: intrinsics of the base sensor, for a recording that states none of this size.
         focal_px: focal length that the user gives.
-        other_px: focal length if no camera has this size.
-
-    Raises:
-        ConfigError: the focal length is not known.
+        other_px: focal length if neither has this size. Without it: ConfigError.
     """
     known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
     fx = fy = focal_px or other_px or 0.0

@@ -21,7 +21,7 @@ from glsim.sensors.kinect_v2 import (
     white_sigma_mm,
 )
 
-#: Number of classes of equal light, and least number of pixels of one.
+#: Number of classes of equal light, and least number of pixels of a class.
 _CLASSES = 40
 _LEAST_CLASS = 50
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
@@ -79,10 +79,10 @@ class InfraredLaw:
         gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
             surface near the centre.
         law: sigma^2 = a^2 + (b / IR)^2.
-        floor_mm: noise beside that of the taps, independent of light.
-        noise_error: standard error of the taps' noise, a share; infinite if all surfaces are
+        floor_mm: noise independent of light, without the noise of the taps.
+        noise_error: relative standard error of the taps' noise; infinite if all surfaces are
             equally bright.
-        tap_scale: variance of the taps relative to the base sensor's.
+        tap_scale: variance of the taps over the base sensor's.
     """
 
     gain: float
@@ -103,9 +103,9 @@ def fit_infrared(
     """Fit the gain and the noise law to a recording with infrared.
 
     Args:
-        statistics: of the frames.
+        statistics: measured in the frames.
         frames: the recording.
-        albedo: of its brightest surfaces, relative to white.
+        albedo: reflectivity of the brightest surfaces, relative to white.
         taps: noise of the base sensor's taps.
     """
     mean = mean_frame(frames)
@@ -138,13 +138,8 @@ def fit_infrared(
     shape = white_sigma_mm(amplitude, FILTER_GAIN, 0.0, *taps) ** 2
     rounding = white_sigma_mm(amplitude, FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
     floor2, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
-    return InfraredLaw(
-        gain,
-        law,
-        float(np.sqrt(max(floor2, 0.0))),
-        error / scale if scale > 0 else float("inf"),
-        scale,
-    )
+    relative = error / scale if scale > 0 else float("inf")
+    return InfraredLaw(gain, law, float(np.sqrt(max(floor2, 0.0))), relative, scale)
 
 
 def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
@@ -169,11 +164,11 @@ class NoiseModel:
     The cosine between ray and axis projects the noise of the light, white(a), to depth.
 
     Attributes:
-        amplitude: that of a white wall at 1 m (libfreenect2's infrared units).
-        amplitude_error: its standard error, a share; infinite if it is undetermined.
+        amplitude: amplitude of a white wall at 1 m (libfreenect2's infrared units).
+        amplitude_error: relative standard error of the amplitude; infinite = undetermined.
         floor_mm: noise independent of light.
-        light: (N,) light of classes of pixels, relative to a facing wall at 1 m.
-        sigma_mm: (N,) noise of these classes.
+        light: (N,) light of the classes of pixels, relative to a facing wall at 1 m.
+        sigma_mm: (N,) noise of the classes.
     """
 
     amplitude: float
@@ -201,8 +196,8 @@ def fit_noise_model(
 
     Args:
         statistics: of a recording.
-        image: its intrinsics.
-        albedo: of the scene, relative to a white wall.
+        image: intrinsics of the recording.
+        albedo: reflectivity of the scene, relative to a white wall.
         unit_mm: step of the depth files.
         profile: light over the image.
         emitter_m: position of the emitter in the camera frame.
@@ -230,9 +225,8 @@ def _search(
     """Find the amplitude with the least misfit, its relative standard error, and its floor, mm."""
     misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
-        white = (
-            squared * white_sigma_mm(amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, *taps) ** 2
-        )
+        sigma_mm = white_sigma_mm(amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, *taps)
+        white = squared * sigma_mm**2
         floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
@@ -258,7 +252,7 @@ def facing_light(
 ) -> Array:
     """Compute the (H, W) light of each pixel relative to a frontal wall at 1 m.
 
-    NaN where neighbours are missing, and on slanted surfaces, where noise has other causes too.
+    NaN where neighbours are missing, and on slanted surfaces, whose noise has other causes too.
     """
     rays = _rays(image)
     points = rays * mean_mm[..., None] / MM_PER_M
@@ -283,18 +277,17 @@ def _classes(
     which = np.digitize(light, edges) - 1
     rows = []
     for k in range(_CLASSES):
-        own = variance[which == k]
-        if own.size < _LEAST_CLASS:
+        light_k, squared_k, variance_k = (v[which == k] for v in (light, squared, variance))
+        if variance_k.size < _LEAST_CLASS:
             continue
-        # Outliers are other materials and hidden edges. The variance of few frames scatters too,
-        # by sqrt(2 / degrees) of its mean, with a lower median.
-        own_light, own_squared = light[which == k], squared[which == k]
+        # Outliers are other materials and hidden edges. The variance of few frames scatters by
+        # sqrt(2 / degrees) of its mean, and its median is lower than its mean.
         degrees = max(frames - 1, 1)
         middle = (1.0 - 2.0 / (9.0 * degrees)) ** 3  # Wilson and Hilferty 1931
-        kept = own <= (1.0 + 6.0 * np.sqrt(2.0 / degrees)) / middle * np.median(own)
-        mean = float(own[kept].mean())
+        limit = (1.0 + 6.0 * np.sqrt(2.0 / degrees)) / middle * np.median(variance_k)
+        inliers = variance_k <= limit
+        mean = float(variance_k[inliers].mean())
         # Nine neighbours share their noise: independent samples are about two ninths (0.22).
-        samples = kept.sum() * max(frames - 1, 1) * 0.22
-        weight = samples / max(2.0 * mean**2, 1e-12)
-        rows.append((own_light[kept].mean(), own_squared[kept].mean(), mean, weight))
+        weight = inliers.sum() * degrees * 0.22 / max(2.0 * mean**2, 1e-12)
+        rows.append((light_k[inliers].mean(), squared_k[inliers].mean(), mean, weight))
     return tuple(np.array(column) for column in zip(*rows, strict=True))  # type: ignore[return-value]

@@ -22,10 +22,9 @@ from glsim.measures.quadrics import local_planes
 from glsim.measures.stacks import mean_of, moments
 from glsim.sensors.images import LARGEST_MM
 
-#: Side of the window whose best plane is subtracted for the map, px; chosen. Errors that are smooth
-#: over more pixels cannot be told from the scene's shape.
-MAP_WINDOW_PX = 15
-_LEAST_WINDOW = 0.2
+#: Side of the window whose best plane the map subtracts, px, and least share of usable pixels in
+#: it; chosen. Errors that are smooth over more pixels look like the scene's shape.
+MAP_WINDOW_PX, _LEAST_WINDOW = 15, 0.2
 
 
 def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], float]:
@@ -34,31 +33,31 @@ def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], 
     A parameter is 0 where the frames are too few or too small to show it.
 
     Args:
-        halves: means of the even and of the odd frames; only what both share is pattern.
+        halves: mean of the even frames and mean of the odd frames; the pattern is in both.
 
     Returns:
         Parameters of the stage ``fixed_pattern``, mm (the alternation without its sign, which the
         stage draws), and the correlation of single pixels at 1 px.
     """
-    found = measure_pattern(halves)
-    bands = np.array(found.alternation_mm)  # half steps of odd rows, from the top to the bottom
+    measured = measure_pattern(halves)
+    bands = np.array(measured.alternation_mm)  # half steps of odd rows, from the top to the bottom
     upper, lower = (float(np.nan_to_num(mean_of(part))) for part in np.array_split(bands, 2))
-    parts = {
-        "column_sigma_mm": found.columns_mm,
-        "row_sigma_mm": np.sqrt(np.fmax(found.rows_mm**2 - found.alternation_rms_mm**2, 0.0)),
+    rows_mm2 = measured.rows_mm**2 - measured.alternation_rms_mm**2
+    parameters = {
+        "column_sigma_mm": measured.columns_mm,
+        "row_sigma_mm": np.sqrt(np.fmax(rows_mm2, 0.0)),
         "row_alternation_mm": 0.5 * abs(lower - upper),
         "row_step_mm": upper + lower,
-        "pixel_sigma_mm": found.rest_mm,
+        "pixel_sigma_mm": measured.rest_mm,
     }
-    known = {name: float(np.nan_to_num(value)) for name, value in parts.items()}
-    return known, float(np.nan_to_num(found.rest_correlation))
+    known = {name: float(np.nan_to_num(value)) for name, value in parameters.items()}
+    return known, float(np.nan_to_num(measured.rest_correlation))
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     """Compute the (H, W) depth minus the best plane in windows of MAP_WINDOW_PX, mm.
 
-    NaN where less than a fifth of the window is usable, and beyond LARGEST_MM, which no pattern
-    reaches.
+    NaN where the window has too few usable pixels, and beyond LARGEST_MM, which no pattern reaches.
     """
     if not used.any():
         return np.full(used.shape, np.nan, np.float32)
@@ -76,8 +75,9 @@ _LEAST_VALID = 0.9
 #: alternation of rows cancels.
 _LAG_PX = 4
 _LEAST_PIXELS = 100
-#: Flat and even surfaces: largest second difference over 2 x 8 px, mm, and largest variation of the
-#: infrared in 9 x 9 px, as a share. Chosen so that an office gives the rows and columns of a board.
+#: Flat and even surfaces: largest second difference over 2 x 8 px, mm, and largest relative
+#: variation of infrared in 9 x 9 px. Chosen: an office gives the same rows and columns as a
+#: board's.
 _MOST_BEND_MM, _MOST_UNEVEN = 1.0, 0.08
 _LEAST_FLAT_PX = 2000
 
@@ -92,10 +92,10 @@ class RecordingStatistics:
         variance_mm2: (H, W) variance over time, NaN where depth is rare.
         smooth: (H, W) pixels of smooth, complete surfaces.
         table: temporal noise by distance and radius, rounding subtracted.
-        correlation: of the temporal noise between pixels, at LAGS.
+        correlation: correlation of the temporal noise between pixels, at LAGS.
         pattern: parameters of the stage ``fixed_pattern``, mm.
-        pixel_correlation: of the pattern's single pixels at 1 px.
-        map_mm: (H, W) float32, the pattern itself, NaN where the scene is not smooth.
+        pixel_correlation: correlation of the pattern's single pixels at 1 px.
+        map_mm: (H, W) float32 pattern, NaN where the scene is not smooth.
     """
 
     frames: int
@@ -171,7 +171,7 @@ def _flat_mask(infrared: NDArray[np.float32] | None, mean: Array, steady: Mask) 
 
 
 def _bend(image: Array, lag: int) -> Array:
-    """Compute the larger |image[i - lag] - 2 image[i] + image[i + lag]| of both axes, or NaN."""
+    """Compute the largest |image[i - lag] - 2 image[i] + image[i + lag]| over both axes, or NaN."""
     down, across = (np.full(image.shape, np.nan) for _ in range(2))
     down[lag:-lag] = image[: -2 * lag] - 2 * image[lag:-lag] + image[2 * lag :]
     across[:, lag:-lag] = image[:, : -2 * lag] - 2 * image[:, lag:-lag] + image[:, 2 * lag :]

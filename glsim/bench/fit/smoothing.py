@@ -1,7 +1,7 @@
 """Fit of the smoothing filter that explains a camera's correlated noise, for time of flight.
 
-The Kinect V2's decoder averages phasors over 3 x 3 pixels: beyond two pixels its noise is white.
-Noise that reaches farther needs the chain's other filter, ``tof_smooth``, a Gaussian over 7 x 7.
+The Kinect V2's decoder averages phasors over 3 x 3 pixels: its noise is uncorrelated beyond 2 px.
+Noise with longer correlation needs the chain's other filter, ``tof_smooth``, a Gaussian over 7 x 7.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from glsim.bench.fit.noise_model import FILTER_GAIN, TapNoise
 from glsim.core.array_types import Array
 from glsim.measures.correlation import LAGS
 
-#: Pixels that ``tof_smooth`` reaches, and the widths of its Gaussian that are tried, px.
+#: Reach of ``tof_smooth``, px, and the standard deviations of its Gaussian to try, px.
 _REACH_PX = 3
 _WIDTHS_PX = np.linspace(0.6, 10.0, 189)
-#: Correlation at LAGS of an even mean of 3 x 3 pixels: the narrow filter's on a smooth surface.
+#: Correlation at LAGS after an even mean of 3 x 3 pixels: the narrow filter on a smooth surface.
 _NARROW = np.array([max(3 - abs(down), 0) * max(3 - abs(right), 0) / 9.0 for down, right in LAGS])
-#: Largest rms difference from it (white noise may be added) that needs no other filter. Chosen:
-#: simulated Kinect V2s have 0.02.
+#: Largest rms difference from it, white noise added, that needs no other filter. Chosen: simulated
+#: Kinect V2s have 0.02.
 _MOST_MISFIT = 0.05
 #: The filters of the two chains.
 NARROW, WIDE = "tof_bilateral", "tof_smooth"
@@ -33,8 +33,8 @@ class Smoothing:
 
     Attributes:
         width_px: standard deviation of the Gaussian.
-        share: of the variance that passed the filter; the rest is white.
-        correlation: at LAGS, of both together.
+        share: share of the variance that passed the filter; the rest is white.
+        correlation: correlation of the sum at LAGS.
     """
 
     width_px: float
@@ -43,13 +43,9 @@ class Smoothing:
 
 
 def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
-    """Find the filter that explains the measured correlation of the noise.
+    """Find the filter that explains the correlation of the temporal noise at LAGS.
 
-    Args:
-        correlation: of the noise in time at LAGS.
-
-    Returns:
-        The filter; None if the Kinect V2's own explains it, or nothing is known.
+    None if the Kinect V2's own filter explains it, or if a correlation is unknown.
     """
     target = np.array(correlation[: len(LAGS)])
     if not np.isfinite(target).all():
@@ -58,17 +54,17 @@ def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
         return None
     best, least = None, np.inf
     for width in _WIDTHS_PX:
-        own = _correlation(float(width))
-        share, misfit = _misfit(own, target)
+        filtered = _correlation(float(width))
+        share, misfit = _misfit(filtered, target)
         if misfit < least:
-            best, least = Smoothing(float(width), share, tuple(share * own)), misfit
+            best, least = Smoothing(float(width), share, tuple(share * filtered)), misfit
     return best
 
 
-def _misfit(own: Array, target: Array) -> tuple[float, float]:
+def _misfit(filtered: Array, target: Array) -> tuple[float, float]:
     """Fit the share of filtered noise (the rest is white); return it and the rms residual."""
-    share = float(np.clip((own @ target) / (own @ own), 0.0, 1.0))
-    return share, float(np.sqrt(((share * own - target) ** 2).mean()))
+    share = float(np.clip((filtered @ target) / (filtered @ filtered), 0.0, 1.0))
+    return share, float(np.sqrt(((share * filtered - target) ** 2).mean()))
 
 
 def smoothed_values(
@@ -76,20 +72,20 @@ def smoothed_values(
 ) -> dict[str, float]:
     """Adapt fitted parameters to a processing chain with a wider smoothing filter.
 
-    The noise of taps grows as the filter's gain does, so that as much is left behind it. White
-    noise behind the filter is the floor: it gets the share that the correlation leaves.
+    The noise of taps grows with the filter's gain, so that its output stays. White noise after the
+    filter is the floor: 1 - ``smoothing.share`` of the variance.
 
     Args:
         values: fitted parameters for the narrow filter.
-        smoothing: the filter.
+        smoothing: the wider filter.
         base: noise of the base sensor's taps.
-        sigma_mm: usual noise in time of a pixel.
+        sigma_mm: typical temporal noise of a pixel.
     """
     gain = 1.0 / np.sqrt((_kernel(smoothing.width_px) ** 2).sum())
     floor = min(values["sigma_mm"], float(np.sqrt(1.0 - smoothing.share)) * sigma_mm)
     behind = max(sigma_mm**2 - values["sigma_mm"] ** 2, 0.1 * sigma_mm**2)
     factor = (sigma_mm**2 - floor**2) / behind * float(gain / FILTER_GAIN) ** 2
-    taps = {name: factor * values.get(name, own) for name, own in base._asdict().items()}
+    taps = {name: factor * values.get(name, old) for name, old in base._asdict().items()}
     return {**values, **taps, "sigma_mm": floor}
 
 

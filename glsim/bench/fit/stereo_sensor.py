@@ -1,8 +1,7 @@
 """Fit of an image-matching sensor to a recording, by simulating planes at equal distances.
 
-What a parameter does to disparity is known only by running the matcher: the base sensor with the
-recording's focal length, baseline and unit captures tilted planes at the distances of the recording
-and is measured as the recording was. One parameter answers for one measure, in this order:
+The base sensor, with the recording's focal length, baseline and unit, captures tilted planes at the
+distances of the recording; both are measured alike. Each measure is fitted by one parameter:
 
     noise from frame to frame    stereo_exposure.speckle_sigma, the noise of the laser's light
     correlation between pixels   match_stereo.support_px, the side of the averaged region; then the
@@ -44,9 +43,9 @@ from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 from glsim.simulation.virtual_camera import VirtualCamera
 
-#: Frames that are measured. Chosen: a tile's noise in time is known to 3 % from 23 differences.
+#: Frames to measure. Chosen: 23 differences give a tile's temporal noise to 3 %.
 FRAMES = 24
-#: Groups of tiles, by distance, at whose planes noise is reproduced.
+#: Number of groups of tiles by distance; the fit simulates a plane for each group.
 _GROUPS = 3
 
 
@@ -55,15 +54,15 @@ class StereoStatistics:
     """Disparity noise and planes of one recording.
 
     Attributes:
-        frames: number of frames that were measured.
+        frames: number of measured frames.
         size: (width, height), px.
         unit_mm: step of the depth files.
         focal_baseline_px_mm: focal length times baseline.
-        lattice: of the depths; None if it was not found, and f B is the base sensor's.
-        noise: of disparity, px.
-        distances_mm: of the planes of three groups of tiles, nearest first.
-        slopes: of these in the image, px of disparity per px: noise depends on it. Medians of a
-            group, because noise alone gives a tile a slope.
+        lattice: lattice of the depths; None: not found, and f B is the base sensor's.
+        noise: noise of disparity, px.
+        distances_mm: median distance of each of three groups of tiles, nearest first.
+        slopes: slope of each group, px of disparity per px, on which noise depends; a median,
+            because noise gives single tiles a slope.
     """
 
     frames: int
@@ -81,8 +80,8 @@ def find_lattice(frames: Frames) -> Lattice | None:
     step = frames[0].step_mm
     if step <= 0:
         return None
-    found = estimate_lattice(distinct_values((f.measured_mm for f in frames), step))
-    return found if found is not None and found.accepted else None
+    lattice = estimate_lattice(distinct_values((f.measured_mm for f in frames), step))
+    return lattice if lattice is not None and lattice.accepted else None
 
 
 def measure_stereo(
@@ -91,10 +90,10 @@ def measure_stereo(
     """Measure the disparity noise of a static recording.
 
     Args:
-        frames: of one view.
-        lattice: of their depths, which gives f B; None: f B is given.
-        steps: of disparity per pixel of this kind of camera.
-        focal_baseline_px_mm: of the base sensor, for recordings without a lattice.
+        frames: frames of one view.
+        lattice: lattice of the depths, which gives f B.
+        steps: steps of disparity per pixel of this kind of camera.
+        focal_baseline_px_mm: f B of the base sensor, for recordings without a lattice.
 
     Raises:
         DatasetError: no part of the scene is plane.
@@ -128,20 +127,20 @@ def measure_stereo(
     )
 
 
-#: Bases of recordings whose depths lie on a lattice: by size, and for other sizes.
+#: Base sensor for depths on a lattice: for frames of this size, and for other sizes.
 _VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
-#: Number of frames in which a lattice is searched. Chosen: more frames add no new depths.
+#: Number of frames to find a lattice in. Chosen: more frames add no new depths.
 _LATTICE_FRAMES = 12
 #: Step and largest side of the averaged region, px.
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
-#: Lags of LAGS_PX that are compared: 1 to 8 px.
+#: Lags of LAGS_PX to compare: 1 to 8 px.
 _LAGS = slice(0, 6)
-#: Value of a parameter that is tried first, and most; rounds, and bounds of the square's growth in
-#: one. Chosen: a round divides the error by about three.
+#: First and largest value of a parameter; number of rounds, and bounds of the growth of the value's
+#: square in a round. Chosen: a round divides the error by about three.
 _FIRST, _MOST, _ROUNDS, _RATIO = 0.1, 0.8, 4, (0.1, 8.0)
-#: Frames of a plane, its albedo (that of the sheets of ``glsim validate``), steepest tilt, degrees.
+#: Frames of a plane, its albedo (as in the sheets of ``glsim validate``), steepest tilt, degrees.
 _FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
-#: Stages that expose: of two imagers, of one imager and a pattern.
+#: Stages that expose: for two imagers, for an imager and a pattern.
 _EXPOSURES = ("stereo_exposure", "pattern_exposure")
 #: Fitted parameters: the side of the averaged region, and the device's own error.
 _SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
@@ -150,12 +149,8 @@ _SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
 def stereo_base(recording: Recording, base: str | None) -> str | None:
     """Return the sensor that a fit extends; None for a time-of-flight camera.
 
-    Args:
-        recording: whose depths say what made it.
-        base: sensor that the user names; it decides.
-
-    Raises:
-        ConfigError: the named sensor does not match images.
+    ``base``, named by the user, decides; otherwise the recording's statement or its lattice does.
+    Raises ConfigError if the named sensor does not match images.
     """
     if base is not None:
         if base in BASES:
@@ -187,8 +182,8 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
 
     Args:
         recording: at least two frames of one view.
-        base: sensor that the file extends.
-        focal_px: of the recording; None: as stated, the base's, or by its baseline.
+        base: sensor that the written file extends.
+        focal_px: focal length of the recording. None: as stated, the base's, or by its baseline.
 
     Raises:
         ConfigError: the focal length is not known.
@@ -259,20 +254,20 @@ class _Fit:
         stages = {}
         for stage in self.sensor.stages:
             kinds = {f"{stage.name}.{key}": p.type for key, p in stage.spec.parameters.items()}
-            own = {
+            fitted = {
                 name.partition(".")[2]: int(v) if kinds[name] == "int" else _rounded(v)
                 for name, v in values.items()
                 if name in kinds
             }
             named = {} if stage.name == stage.spec.name else {"name": stage.name}
-            if own:
-                stages[stage.name] = {"use": stage.spec.name, **named, **own}
+            if fitted:
+                stages[stage.name] = {"use": stage.spec.name, **named, **fitted}
         title = f"fitted to a recording, from {self.sensor.name}"
         head = {"extends": self.base, "title": title}
         return sensor_toml(comments, head, table, list(stages.values()))
 
     def noise(self, name: str = "", value: float = 0.0) -> DisparityNoise:
-        """Simulate planes with the values so far, and parameter ``name`` changed; measure noise."""
+        """Simulate planes with the values so far and one changed parameter; measure their noise."""
         file = self._folder / f"trial_{self._count}.toml"
         self._count += 1
         values = self.values | ({name: value} if name else {})
@@ -282,9 +277,8 @@ class _Fit:
         product = MM_PER_M * focal * camera.rig.baseline_m
         disparity: list[Array] = []
         pairs: list[tuple[int, int]] = []
-        planes = zip(self.statistics.distances_mm, self.statistics.slopes, strict=True)
-        for z_mm, slope in planes:
-            # Disparity changes by slope, so depth by z^2 slope / (f B), over z / f beside it.
+        for z_mm, slope in zip(self.statistics.distances_mm, self.statistics.slopes, strict=True):
+            # Per pixel, z / f sideways, disparity changes by slope and depth by z^2 slope / (f B).
             steep = float(np.degrees(np.arctan(slope * z_mm * focal / product)))
             mesh = scenes.tilted(z_mm, min(steep, _MOST_TILT_DEG), _ALBEDO, half_mm=z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
@@ -296,30 +290,30 @@ class _Fit:
     def support(self) -> None:
         """Choose the matching window that gives the recording's correlation of temporal noise.
 
-        From the base's region on, larger and smaller ones are tried as long as they fit better.
+        Starting at the base's window, tries larger, then smaller windows while the fit improves.
         """
         real = self.statistics.noise
         target = np.array([real.frame_rows[_LAGS], real.frame_columns[_LAGS]])
 
         def misfit(side: int) -> float:
-            found = self.noise(_SUPPORT, side)
-            own = np.array([found.frame_rows[_LAGS], found.frame_columns[_LAGS]])
-            return float(np.nansum((own - target) ** 2)) if np.isfinite(own).any() else np.inf
+            noise = self.noise(_SUPPORT, side)
+            lags = np.array([noise.frame_rows[_LAGS], noise.frame_columns[_LAGS]])
+            return float(np.nansum((lags - target) ** 2)) if np.isfinite(lags).any() else np.inf
 
         best = start = self.own_support
         least = misfit(best)
         for step in (_SUPPORT_STEP_PX, -_SUPPORT_STEP_PX):
-            while 1 <= best + step <= _MOST_SUPPORT_PX and (own := misfit(best + step)) < least:
-                best, least = best + step, own
+            while 1 <= best + step <= _MOST_SUPPORT_PX and (next_ := misfit(best + step)) < least:
+                best, least = best + step, next_
             if best != start:
                 break
         self.values[_SUPPORT] = best
 
     def solve(self, name: str, measure: str) -> None:
-        """Find the value of a parameter with which a measure of noise is the recording's.
+        """Find the value of a parameter that makes a measure of noise equal to the recording's.
 
-        Variances grow with the square of the value, from what they are at 0. Where so few tiles are
-        full of depth that the noise is not known, it is too large.
+        The variance is its value at 0 plus a multiple of the parameter's square. Noise that cannot
+        be measured, for lack of tiles full of depth, counts as too large.
         """
         target = getattr(self.statistics.noise, measure)
         least = getattr(self.noise(name, 0.0), measure)

@@ -64,10 +64,10 @@ def fit_time_of_flight(
 
     Args:
         recording: at least two frames of one view.
-        base: one of BASES; None: the first whose filter explains the correlation of the noise.
-        albedo: of the scene, or of its brightest surfaces if there is infrared.
-        focal_px: of the recording; None: as stated, or the base sensor's.
-        map_name: file of the map of the fixed pattern, as the sensor file names it.
+        base: one of BASES. None: the first whose filter explains the correlation of the noise.
+        albedo: reflectivity of the scene; with infrared, of its brightest surfaces.
+        focal_px: focal length of the recording. None: as stated, or the base sensor's.
+        map_name: file name of the fixed pattern's map in the sensor file.
 
     Raises:
         ConfigError: the focal length is not known.
@@ -188,11 +188,11 @@ def fitted_toml(
 
     Args:
         base: name of the base sensor.
-        tree: its file; its lens distortion is dropped.
+        tree: the file of the base sensor; its lens distortion is dropped.
         values: fitted parameters.
         image: intrinsics of the recording.
         comments: lines at the top of the file.
-        pattern_map: file name of the map of the fixed pattern beside the sensor file, or "".
+        pattern_map: file name of the fixed pattern's map beside the sensor file, or "".
         waves: wiggling of the device.
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}

@@ -24,16 +24,12 @@ OFF = {"enabled": 0.0}
 #: Layers that hold the phasors of a chain with ``tof_taps``: real and imaginary part of 80 and 16
 #: MHz, and of 120 MHz.
 PHASES = ("phasor_a", "phasor_b")
-#: Change to a chain -> the stages of which it needs one, and parameters of its stages.
+#: Name of a change to a chain -> "needs": at least one of these stages; "stage": new parameters.
 _ABLATIONS = read_toml(Path(__file__).with_name("ablations.toml"))
 
 
 class Captures:
-    """A virtual camera with a cache of its captures.
-
-    Args:
-        decimated_by: as in the camera's validation sheet.
-    """
+    """A virtual camera with a cache of its captures; ``decimated_by`` as in ValidationSheet."""
 
     def __init__(self, camera: VirtualCamera, decimated_by: int = 1) -> None:
         self.camera, self.decimated_by = camera, decimated_by
@@ -45,11 +41,11 @@ class Captures:
         change = _ABLATIONS[name]
         if names.keys().isdisjoint(change["needs"]):
             return None
-        return {names[stage]: own for stage, own in change["stage"].items() if stage in names}
+        return {names[stage]: new for stage, new in change["stage"].items() if stage in names}
 
     @property
     def scene_frames(self) -> int:
-        """Number of frames to capture of scenes in which every row or pixel is a sample."""
+        """Number of frames for scenes in which every row or pixel is a sample."""
         return max(4, self.camera.frames // 2)
 
     @property

@@ -22,9 +22,8 @@ class Band:
 
     Attributes:
         key: name of the number in the measurement.
-        low: least value, in ``unit``.
-        high: largest value.
-        unit: of the number.
+        low, high: least and largest value, in ``unit``.
+        unit: unit of the number.
     """
 
     key: str
@@ -55,12 +54,12 @@ class Check:
     """A line of a validation sheet: a checked quantity and its bands.
 
     Attributes:
-        number: of the check.
+        number: number of the check in the sheet.
         description: the checked quantity.
-        bands: of its numbers.
+        bands: a band for each number of the quantity.
         source: origin of the bands.
-        kind: of that source: "measured" on devices, "datasheet" (also a decoder's source), or
-            "derived" from these or from physics.
+        kind: kind of the source: "measured" on devices, "datasheet" (also a decoder's source
+            code), or "derived" from these or from physics.
     """
 
     number: str
@@ -87,17 +86,16 @@ class Measurement:
     exception: str = ""
 
 
-#: A decorated function: takes the captures of a sensor, returns check number -> measurement.
+#: Takes the ``Captures`` of a sensor; returns check number -> measurement.
 CheckFunction = Callable[[Any], dict[str, Measurement]]
 
 
 def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a function that measures checks of a sheet.
+    """Register a CheckFunction.
 
     Args:
-        sheet: the sensor whose validation sheet has the checks.
-        checks: those that no file of ``glsim/bench/validate/sheets`` holds; the function takes the
-            ``Captures`` of a sensor and returns a measurement for the number of each check.
+        sheet: name of the sensor whose validation sheet has the checks.
+        checks: further checks, which no file of ``glsim/bench/validate/sheets`` holds.
     """
 
     def mark(function: CheckFunction) -> CheckFunction:
@@ -159,13 +157,8 @@ class CheckResult:
     def as_json(self) -> dict[str, Any]:
         """Convert the result to JSON values; a number that is not finite becomes null."""
         numbers = [
-            {
-                "key": band.key,
-                "measured": self.value(band),
-                **asdict(band),
-                "inside": band.holds(self.value(band)),
-            }
-            for band in self.bands
+            {"key": band.key, "measured": value, **asdict(band), "inside": band.holds(value)}
+            for band, value in ((band, self.value(band)) for band in self.bands)
         ]
         names = ("number", "check", "source", "kind", "state", "note")
         texts = dict(zip(names, (self.cells[k] for k in (0, 1, 4, 5, 6, 7)), strict=True))

@@ -25,7 +25,7 @@ from glsim.simulation.virtual_camera import VirtualCamera
 
 #: Files of checks, by the name of the sensor.
 _SHEETS = Path(__file__).parent / "sheets"
-#: Sheets of sensors without their own, by the number of imagers that are matched.
+#: Sheets for sensors without a sheet, by the number of matched imagers.
 _ALIKE = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
 
 
@@ -35,8 +35,8 @@ class ValidationSheet:
 
     Args:
         title: device or authors of the checks.
-        decimated_by: what librealsense's decimation divided the sides of the device's frames by;
-            the sensor's frames are decimated alike before they are measured. 1: not at all.
+        decimated_by: factor by which librealsense decimated the device's frames, and by which the
+            simulated frames are decimated before they are measured.
     """
 
     title: str
@@ -65,8 +65,8 @@ def _sheet(name: str, functions: list[Any]) -> ValidationSheet:
     decimated_by = tree.get("decimated_by", 1)
     if "extends" in tree:  # the same measurements; checks of the same number are replaced
         base = _sheet(tree["extends"], functions)
-        own = {table["number"]: _check(table) for table in tree["check"]}
-        checks = [own.get(check.number, check) for check in base.checks]
+        replaced = {table["number"]: _check(table) for table in tree["check"]}
+        checks = [replaced.get(check.number, check) for check in base.checks]
         return ValidationSheet(tree["title"], tuple(checks), base.functions, decimated_by)
     functions = [f for f in functions if f.sheet == name]
     checks = [_check(table) for table in tree["check"]]
@@ -77,7 +77,8 @@ def _sheet(name: str, functions: list[Any]) -> ValidationSheet:
 def _check(table: dict[str, Any]) -> Check:
     unit = table.get("unit", "")
     bands = tuple(
-        Band(key, low, high, *own or (unit,)) for key, (low, high, *own) in table["bands"].items()
+        Band(key, low, high, *other or (unit,))
+        for key, (low, high, *other) in table["bands"].items()
     )
     return Check(table["number"], table["check"], bands, table["source"], table["kind"])
 
@@ -91,16 +92,14 @@ def validate_sensor(
 ) -> ValidationReport:
     """Run all checks of a sensor, given by a shipped name or a .toml file.
 
-    A sensor without a sheet of its own is checked as a D435 if it has two imagers, as
-    kinect-v1-pattern if it has one, and otherwise as a Kinect V2.
-
-    Raises what simulate raises.
+    A sensor without a sheet is checked as a D435 if it has two imagers, as kinect-v1-pattern if it
+    has one, and otherwise as a Kinect V2. Raises the errors of ``simulate``.
 
     Args:
-        sensor: its name or file.
-        seed: of the device and its noise.
-        frames: number of frames of each wall; more make the numbers more precise.
-        backend: as of ``open_context``.
+        sensor: name or file.
+        seed: seed of the device and its noise.
+        frames: number of frames of each wall; more frames give more precise numbers.
+        backend: OpenGL back end, as in ``open_context``.
     """
     with borrowed_context(backend) as context:
         return run_checks(VirtualCamera(sensor, context, seed, frames))

@@ -26,27 +26,27 @@ _SHEET = "azure-kinect"
 
 #: Limits of the bins of infrared, counts, in which noise is compared.
 COUNTS = (60, 100, 150, 200, 300, 500, 1000, 3000, 9000)
-#: Infrared of the tiles whose noise's correlation is measured, counts: noise is largest there.
+#: Range of infrared in which the correlation of noise is measured, counts: noise is largest there.
 DIM = (60.0, 200.0)
 #: Rims of the mug and its handle before the walls, mm: depth of foreground and background.
 MUG_MM, BEHIND_MM = 330.0, 1300.0
-#: Side of a tile whose noise is measured, and of one whose correlation is, px.
+#: Side of a tile for noise, and for the correlation of noise, px.
 SIDE_PX, WIDE_PX = 12, 16
 #: Largest spread of depths in a tile, mm; a wider one holds an edge.
 _MOST_SPREAD_MM = 60.0
-#: Ratio of the two depths from which on a step is a rim.
+#: Least ratio of far to near depth at a rim.
 _STEP = 1.15
 #: Widest gap, px; the shadow of an emitter beside the camera is wider in few scenes.
 _MOST_GAP_PX = 25
-#: Pixels of the line of a run, counted from the rim.
+#: Pixels of a run to which its line is fitted, counted from the rim.
 _LINE_PX = (5, 10)
-#: Width, px, on each side of a step in which pixels between the surfaces are counted.
+#: Pixels on each side of a step among which pixels between the surfaces are counted.
 _BAND_PX = 3
-#: Largest root mean square about its line, mm per m of depth, of a run that counts as smooth.
+#: Largest root mean square of a smooth run about its line, mm per m of depth.
 _ROUGH_MM_PER_M = 4.0
-#: A pixel lies between if it is farther from both surfaces than this share of their distance.
+#: Least distance of a pixel between the surfaces from both, as a share of their separation.
 _BETWEEN = 0.15
-#: Distance of the wall whose infrared grows from left to right, mm.
+#: Distance of the wall with a ramp of albedo, mm.
 _RAMP_MM = 1000.0
 
 
@@ -58,7 +58,7 @@ def plane_tiles(
     Args:
         depth_mm: (H, W) depth, mm; 0 or NaN where there is none.
         infrared: (H, W) counts.
-        side_px: of a tile.
+        side_px: side of a tile.
 
     Returns:
         (N,) median infrared, counts; (N,) root mean square of the residual, mm; and the residual,
@@ -83,18 +83,18 @@ def dim_correlation(infrared: Array, residual_mm: Array) -> dict[str, float]:
     images = residual_mm[(infrared >= DIM[0]) & (infrared < DIM[1])]
     lags = {f"rows {n}": (0, n) for n in range(1, 5)}
     lags |= {f"columns {n}": (n, 0) for n in range(1, 5)}
-    found = correlation_of([lagged_sums(images, list(lags.values()))])
-    return dict(zip(lags, found, strict=True))
+    correlation = correlation_of([lagged_sums(images, list(lags.values()))])
+    return dict(zip(lags, correlation, strict=True))
 
 
 def noise_by_infrared(infrared: Array, rms_mm: Array) -> dict[str, float]:
     """Compute median tile noise / noise of the real frame (a fit within 12 %), by infrared."""
-    found = {}
+    ratios = {}
     for low, high in pairwise(COUNTS):
         inside = (infrared >= low) & (infrared < high)
         counts, rms = (np.median(v[inside]) if inside.any() else np.nan for v in (infrared, rms_mm))
-        found[f"{low}-{high}"] = float(rms / np.hypot(0.42, 84 / counts**0.75))
-    return found
+        ratios[f"{low}-{high}"] = float(rms / np.hypot(0.42, 84 / counts**0.75))
+    return ratios
 
 
 def _frame(capture: Frames) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -113,12 +113,12 @@ def noise(captures: Captures) -> dict[str, Measurement]:
     ]
     tiles = [plane_tiles(*shot)[:2] for shot in shots]
     infrared, rms_mm = (np.concatenate(parts) for parts in zip(*tiles, strict=True))
-    found = []
+    walls = []
     for shot in shots:
         counts, _, residual = plane_tiles(*shot, WIDE_PX)
         if ((counts >= DIM[0]) & (counts < DIM[1])).sum() >= 20:
-            found.append(dim_correlation(counts, residual))
-    mean = {name: float(np.mean([f[name] for f in found])) for name in (found or [{}])[0]}
+            walls.append(dim_correlation(counts, residual))
+    mean = {name: float(np.mean([w[name] for w in walls])) for name in (walls or [{}])[0]}
     return {
         "1": Measurement(noise_by_infrared(infrared, rms_mm)),
         "2": Measurement(mean, note="the real frame's holds bends of its surfaces too"),
@@ -149,10 +149,10 @@ def rims(captures: Captures) -> dict[str, Measurement]:
 def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
     """Measure checks 5 to 8 on a frame of the mug, real or simulated.
 
-    A rim is a place along a row where the farther of two successive runs is more than _STEP times
-    as far. Each run has a line fitted to its pixels 5 to 10 from the rim; the bend is how far the
-    outermost pixels lie beyond that line: negative towards the camera. Phasors of two surfaces in
-    one pixel bend it either way; a mean of depths would only draw the surfaces together.
+    A rim is a step between two successive runs of a row. The bend of a run is the distance of its
+    outermost pixels from a line through its pixels 5 to 10 from the rim, negative towards the
+    camera. A sum of the phasors of two surfaces bends runs either way; a mean of depths would only
+    draw the surfaces together.
 
     Args:
         depth_mm: (H, W) depth, mm; 0 where there is none.
@@ -189,8 +189,10 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
         "5": Measurement(middle(start - end, "lit", "shadow")),
         "6": Measurement({"share": float(between[mug].mean())}),
         "7": Measurement(
-            middle(front_bend[0], "lit", "shadow")
-            | {"lit, next": middle(front_bend[1], "lit")["lit"]}
+            {
+                **middle(front_bend[0], "lit", "shadow"),
+                "lit, next": middle(front_bend[1], "lit")["lit"],
+            }
         ),
         "8": Measurement(
             middle(back_bend[0], "shadow", "lit")
@@ -213,29 +215,18 @@ def limits(captures: Captures) -> dict[str, Measurement]:
     near = [z for z in range(140, 200, 5) if captures.valid_percent(z, 0.1) > 50]
     share = {f"{z} m": abs(captures.mean_error_mm(MM_PER_M * z)) - z for z in (0.5, 1, 2, 3)}
     noise = {f"{z} m": captures.temporal_sigma_mm(MM_PER_M * z) for z in (1, 2, 3)}
+    half = half_valid(dim.stack("infrared"), np.isfinite(dim.whole_mm), np.arange(20.0, 140.0, 4.0))
+    saturation = {
+        "brightest": float(np.percentile(steep.stack("infrared")[valid], 99.99)),
+        "infrared": float(np.median(bright.stack("infrared"))),
+        "valid": float(np.isfinite(bright.whole_mm).mean()),
+    }
+    reach = {f"{z / MM_PER_M:g} m": captures.valid_percent(z, 0.8) / 100 for z in (3800, 4000)}
     return {
         "9": Measurement({"counts m^2": float(wall.stack("infrared").mean()) * 1.5**2}),
-        "10": Measurement(
-            {
-                "brightest": float(np.percentile(steep.stack("infrared")[valid], 99.99)),
-                "infrared": float(np.median(bright.stack("infrared"))),
-                "valid": float(np.isfinite(bright.whole_mm).mean()),
-            }
-        ),
-        "11": Measurement(
-            {
-                "counts": half_valid(
-                    dim.stack("infrared"), np.isfinite(dim.whole_mm), np.arange(20.0, 140.0, 4.0)
-                )
-            }
-        ),
-        "12": Measurement(
-            {
-                "nearest": float(min(near)) if near else None,
-                "3.8 m": captures.valid_percent(3800, 0.8) / 100,
-                "4 m": captures.valid_percent(4000, 0.8) / 100,
-            }
-        ),
+        "10": Measurement(saturation),
+        "11": Measurement({"counts": half}),
+        "12": Measurement({"nearest": float(min(near)) if near else None, **reach}),
         "13": Measurement({k: max(v, 0.0) for k, v in share.items()}, note="of one device"),
         "14": Measurement(noise),
     }

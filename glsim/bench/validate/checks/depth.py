@@ -47,8 +47,8 @@ def quantisation(captures: Captures) -> dict[str, Measurement]:
 def validity(captures: Captures) -> dict[str, Measurement]:
     """Measure check 23: the amplitude at which half of the pixels are valid.
 
-    The scene is one wall at 3 m whose albedo grows from left to right; the amplitude is a pixel's
-    measured infrared over 16, noise included, as that of the real frames.
+    The scene is a wall at 3 m with a ramp of albedo; the amplitude is the measured infrared of a
+    pixel over 16, noise included, as in the real frames.
     """
     z, half_px = 3000.0, 64
     half_mm = half_px * z / captures.camera.rig.intrinsics.fx
@@ -76,9 +76,9 @@ def validity(captures: Captures) -> dict[str, Measurement]:
 def ranges(captures: Captures) -> dict[str, Measurement]:
     """Measure check 25: validity of walls just inside and outside both range limits.
 
-    The walls are at least 30 mm away from the gates, so that noise has no effect. They are so dark
-    that none saturates: paper of real frames is lost beyond 63,000 counts, a wall of albedo 0.6 at
-    530 mm, facing the camera, has 64,700.
+    The walls are at least 30 mm away from the gates, so that noise has no effect, and too dark to
+    saturate: real frames lose paper beyond 63,000 counts; a wall of albedo 0.6 at 530 mm has
+    64,700.
     """
     outside = max(captures.valid_percent(z, _DARK) for z in (300, 470, 4530, 5500))
     inside = min(captures.valid_percent(z, _DARK) for z in (530, 2000, 4470))
@@ -87,11 +87,9 @@ def ranges(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def wiggle(captures: Captures) -> dict[str, Measurement]:
-    """Measure how the mean error ripples over distance (check 26), on skin-like walls.
+    """Measure check 26: ripple of the mean error on skin-like walls, every 20 mm to 3000 mm.
 
-    The walls stand every 20 mm from 600 to 3000 mm.
-
-    other: power of the residual of a fit of all allowed periods, over the power before the fit.
+    "other" is the power of the residual after a fit of all allowed periods, over the power before.
     """
     z = np.arange(600.0, 3001.0, 20.0)
     shots = (
@@ -109,19 +107,13 @@ def wiggle(captures: Captures) -> dict[str, Measurement]:
     amplitudes, _, _ = measure.sinusoids(z, error, (*WIGGLE_PERIODS_MM, FOUR_TAP_PERIOD_MM))
     rms = float(np.sqrt((ripple**2).mean()))
     largest = float(amplitudes[:-1].max())
-    return {
-        "26": Measurement(
-            {
-                "peak": float(np.abs(ripple).max()),
-                "other": 100.0 * max(residual**2 - noise**2, 0.0) / max(rms**2, 1e-12),
-                "468 mm": 100.0 * float(amplitudes[-1] ** 2) / max(largest**2, 1e-12),
-            },
-            ", ".join(
-                f"{p:.0f} mm: {a:.2f}" for p, a in zip(WIGGLE_PERIODS_MM, amplitudes, strict=False)
-            )
-            + " (amplitudes, mm)",
-        )
+    values = {
+        "peak": float(np.abs(ripple).max()),
+        "other": 100.0 * max(residual**2 - noise**2, 0.0) / max(rms**2, 1e-12),
+        "468 mm": 100.0 * float(amplitudes[-1] ** 2) / max(largest**2, 1e-12),
     }
+    waves = (f"{p:.0f} mm: {a:.2f}" for p, a in zip(WIGGLE_PERIODS_MM, amplitudes, strict=False))
+    return {"26": Measurement(values, ", ".join(waves) + " (amplitudes, mm)")}
 
 
 @validation_check("kinect-v2")
@@ -131,11 +123,8 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
     for z in (520, 750, 1000, 1250, 1500, 1750, 2000, 2500, 3000, 3500, 4000, 4450):
         near = captures.wall(900, _SKIN).stack("infrared").mean() / _SKIN
         bright = float(near) / COUNTS_PER_AMPLITUDE * (900 / z) ** 2
-        capture = captures.camera.capture(
-            scenes.wall(z, min(1.0, 15.0 / max(bright, 15.0))),
-            captures.scene_frames,
-            scene=f"dark {z}",
-        )
+        dimmed = scenes.wall(z, 15.0 / max(bright, 15.0))
+        capture = captures.camera.capture(dimmed, captures.scene_frames, scene=f"dark {z}")
         residual = capture.residual_mm
         gross += int((np.abs(residual) > 300).sum())
         total += int(np.isfinite(residual).sum())

@@ -21,15 +21,15 @@ _EDGE_PX = 96
 #: Half the side of the square that casts shadows, and the side of the window around it, px.
 HALF_PX = 20.0
 _SHADOW_PX = 128
-#: S of bars, px per m of baseline, before a wall, and the wall's distance and reflectivities: the
-#: deciles of S of all silhouettes in 44 real frames, and what stands behind these.
+#: S of bars before a wall, px per m of baseline, and distance and albedos of the wall: the deciles
+#: of S of all silhouettes in 44 real frames, and the usual backgrounds of these silhouettes.
 _BAR_SHIFTS = (16, 40, 60, 80, 115, 155, 195, 240, 300, 400)
 _BAR_WALL_MM, _BAR_ALBEDOS = 2200.0, (0.12, 0.22, 0.35)
-#: Infrared of the backgrounds that count, counts: real gaps there depend on S alone; and a ring of
+#: Infrared of the backgrounds to measure, counts (real gaps there depend on S alone), and a ring of
 #: the image, px.
 _BACK_COUNTS, _RING_PX = (600.0, 2500.0), (150.0, 225.0)
-#: Most that depth beside a lone silhouette may differ, mm: 30 of noise, and the 61 by which the
-#: light of the lens's halo is late, as real frames show beside printed edges.
+#: Largest depth difference beside a silhouette without background, mm: 30 of noise, and 61 from
+#: light of the lens's halo, measured beside printed edges in real frames.
 _STRAY_MM = 90.0
 
 
@@ -142,14 +142,11 @@ def shadow_profile(
 
 
 def _shadow_width(place: Array, profile: Array, side: int) -> float:
-    """Compute the width of the shadow beside the square, px.
+    """Compute the width of the shadow beside the square, px; ``side``: -1 or 1.
 
-    It is the width of a sharp shadow that takes as much light: pixels beyond the darkest one count
-    by the light that they lack. Pixels between the square and the darkest one count in full, since
-    their light is the blurred rim of the square.
-
-    Args:
-        side: -1 or 1.
+    It is the width of a sharp shadow that takes as much light: pixels beyond the darkest pixel
+    count by the light they lack; pixels between it and the square count in full, since their light
+    comes from the blurred rim of the square.
     """
     out = (side * place > HALF_PX) & np.isfinite(profile)
     away, light = side * place[out] - HALF_PX, np.clip(profile[out], 0.0, 1.0)
@@ -219,13 +216,9 @@ _GAPS = ("31", "32", "33", "34")
 
 
 def gap_measurements(frames: Sequence[DepthFrame]) -> dict[str, Measurement]:
-    """Measure the gaps beside foregrounds (checks 31 to 34) in real or simulated frames.
+    """Measure checks 31 to 34, the gaps beside foregrounds, in real or simulated Kinect V2 frames.
 
-    Args:
-        frames: depth, mm, and infrared, counts, of a Kinect V2.
-
-    Returns:
-        Number of the check -> widths, px and mm, and shares, percent.
+    The frames need infrared. Returns widths, px and mm, and shares, percent.
     """
     lit, dark = measure_silhouettes(frames, light=_BACK_COUNTS).lit_and_shadow
     _, ring = measure_silhouettes(frames, _RING_PX, _BACK_COUNTS).lit_and_shadow

@@ -33,10 +33,9 @@ def v1_noise(captures: Captures) -> dict[str, Measurement]:
     sigma = {z: captures.spatial_sigma_mm(z) for z in V1_DISTANCES_MM}
     edge = capture_edge(captures, 1500)
     jitter = measure.edge_jitter(measure.edge_positions(edge.whole_mm, NEAR_MM, 1500))
+    by_distance = {f"{z / MM_PER_M:g} m": s for z, s in sigma.items()}
     return {
-        "1": Measurement(
-            {f"{z / MM_PER_M:g} m": s for z, s in sigma.items()}, "includes rounding to 1/8 px"
-        ),
+        "1": Measurement(by_distance, "includes rounding to 1/8 px"),
         "2": Measurement({"ratio": measure.ratio(sigma[4000], sigma[2000])}),
         "3": Measurement({"std": jitter}),
     }
@@ -170,13 +169,8 @@ def _measure_shadow(captures: Captures, changes: Changes) -> Measurement:
     widths: dict[str, float] = {}
     others: list[float] = []
     for far in SHADOW_M:
-        capture = captures.camera.capture(
-            scenes.occluder(NEAR_MM, MM_PER_M * far, half),
-            8,
-            144,
-            changes=changes,
-            scene=f"hole {far}",
-        )
+        square = scenes.occluder(NEAR_MM, MM_PER_M * far, half)
+        capture = captures.camera.capture(square, 8, 144, changes=changes, scene=f"hole {far}")
         hole = np.isnan(capture.whole_mm).mean(axis=0)
         middle = slice(72 - 10, 72 + 10)
         across, down = hole[middle].mean(axis=0), hole[:, middle].mean(axis=1)

@@ -1,8 +1,8 @@
 """Checks of triangulating cameras: D4xx stereo, TrueDepth, and the Kinect V1 by its dots.
 
-Rows are those of real frames (docs/explanation/stereo.md): noise of planes in disparity, what of it
-stays, its correlation, the lattice of depths, the gaps beside a foreground, holes, and pixels that
-have depth in some frames only.
+The measures are those of real frames in docs/explanation/stereo.md: disparity noise of planes, its
+static share and correlation, the lattice of depths, gaps beside a foreground, holes, and pixels
+with depth in some frames only.
 """
 
 from __future__ import annotations
@@ -55,15 +55,15 @@ def _noise_rows(
 ) -> dict[str, dict[str, float | None]]:
     """Capture tilted planes; return noise of disparity, px times ``scale``."""
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
-    found = []
+    noises = []
     for distance in distances_m:
         disparity = _plane(captures, MM_PER_M * distance)[1]
         noise = measure_disparity_noise(list(disparity), [(k, k + 1) for k in range(_FRAMES - 1)])
-        found.append(noise)
+        noises.append(noise)
         for name, row in rows.items():
             row[f"{distance:g} m"] = scale * float(getattr(noise, name))
     rows["correlation"] = {
-        f"{way} {lag}": float(np.mean([getattr(n, way)[k] for n in found]))
+        f"{way} {lag}": float(np.mean([getattr(n, way)[k] for n in noises]))
         for way in ("rows", "columns")
         for k, lag in enumerate(_LAGS)
     }
@@ -83,19 +83,19 @@ def _step_rows(
     """Capture a square before a wall; measure gaps, depths in between and left border band."""
     mesh = scenes.occluder(near_mm, far_mm, half_mm, _ALBEDO)
     _, disparity = _shot(captures, mesh, 2, f"step {near_mm} {far_mm}")
-    found = [find_steps(image.T if upright else image) for image in disparity]
-    (_, before), (behind_px, behind) = (measure_gaps(found, right) for right in (False, True))
+    steps = [find_steps(image.T if upright else image) for image in disparity]
+    (_, before), (behind_px, behind) = (measure_gaps(steps, right) for right in (False, True))
     return {
         "before": before,
         "behind": behind,
         "behind px": behind_px,
-        "between": between_share(found),
+        "between": between_share(steps),
         "band": border_band(list(disparity))[1],
     }
 
 
 def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, float]:
-    """Capture a static scene; measure its holes beside the left band, and its flips, percent."""
+    """Capture a static scene; measure its holes beside the left band, and flips, percent."""
     frames = list(_shot(captures, mesh, _FRAMES, scene)[1])
     flips = flip_share(frames, [(k, k + 1) for k in range(_FRAMES - 1)])
     return {"holes": 100 * hole_share_beside_band(frames), "flips": 100 * flips}
@@ -132,7 +132,7 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
 
 
 def _wave_px(captures: Captures) -> float:
-    """Capture a steep plane; measure the sine over the fraction of its disparity, amplitude, px."""
+    """Measure the error of a steep plane over its disparity's fraction: amplitude of a sine, px."""
     mesh = scenes.tilted(700, 30, _ALBEDO, half_mm=1400)
     shot = captures.camera.capture(mesh, 1, None, scene="steep plane")
     true = captures.focal_baseline_px_mm / shot.truth_mm

@@ -45,10 +45,9 @@ def noise_level(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def tilt(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 6: noise on walls turned about the x axis.
+    """Measure check 6: noise on walls turned about x, so that light and view have equal angles.
 
-    This axis makes the angle of the light equal to that of the view; at 80 degrees one row spans 14
-    mm of depth.
+    At 80 degrees a row spans 14 mm of depth.
     """
     flat = measure.sigma_spatial(captures.wall(900).centre(64, 8).residual_mm)
     ratios = {}
@@ -98,9 +97,9 @@ def amplitude(captures: Captures) -> dict[str, Measurement]:
 def correlations(captures: Captures) -> dict[str, Measurement]:
     """Measure checks 12 and 13, and A5 and A6: correlations and distribution of the noise."""
     frames = captures.wall(900).whole_mm
-    part = measure.temporal_part(frames)
-    correlation = measure.autocorrelation(part, (*_LAGS, (0, 8)))
-    skew, kurtosis = measure.skew_kurtosis(part)
+    noise = measure.temporal_part(frames)
+    correlation = measure.autocorrelation(noise, (*_LAGS, (0, 8)))
+    skew, kurtosis = measure.skew_kurtosis(noise)
     return {
         "12": Measurement(
             {f"({a},{b})": v for (a, b), v in zip(_LAGS, correlation, strict=False)},
@@ -123,10 +122,9 @@ def radial(captures: Captures) -> dict[str, Measurement]:
         capture = captures.camera.capture(
             scenes.wall(z), crop=40, at_mm=(z * x, z * y, z), scene=f"radial {x} {y}"
         )
-        part = capture.centre(24).whole_mm
-        if np.isfinite(part).mean() < 0.5:
-            return float("inf")
-        return measure.sigma_temporal(part)
+        depth_mm = capture.centre(24).whole_mm
+        known = np.isfinite(depth_mm).mean()
+        return float("inf") if known < 0.5 else measure.sigma_temporal(depth_mm)
 
     corner = (image.width - 20 - image.cx) / image.fx, (image.height - 20 - image.cy) / image.fy
     centre = captures.temporal_sigma_mm(1500)
@@ -144,15 +142,11 @@ def radial(captures: Captures) -> dict[str, Measurement]:
 @validation_check("kinect-v2")
 def pattern(captures: Captures) -> dict[str, Measurement]:
     """Measure check 27: fixed pattern of a wall, which must repeat in both halves of the frames."""
-    capture = captures.camera.capture(
-        scenes.wall(900), _PATTERN_FRAMES, 40, scene="pattern"
-    ).centre(32)
-    frames = capture.residual_mm
+    capture = captures.camera.capture(scenes.wall(900), _PATTERN_FRAMES, 40, scene="pattern")
+    frames = capture.centre(32).residual_mm
     _, sigma = measure.fixed_pattern(frames)
-    half = len(frames) // 2
-    first, second = (
-        measure.fixed_pattern(part)[0].ravel() for part in (frames[:half], frames[half:])
-    )
+    halves = np.array_split(frames, 2)
+    first, second = (measure.fixed_pattern(half)[0].ravel() for half in halves)
     valid = np.isfinite(first) & np.isfinite(second)
     same = 0.0
     if valid.any() and first[valid].std() > 0 and second[valid].std() > 0:
