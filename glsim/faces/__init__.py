@@ -8,14 +8,9 @@ from glsim.settings.source_settings import SourceSettings
 
 
 def open_source(settings: SourceSettings, seed: int) -> FaceSource:
-    """Open the source that a [[source]] table describes.
+    """Open the source of a [[source]] table; ``seed`` decides generated faces.
 
-    Args:
-        settings: a table of ``Settings.source``.
-        seed: decides generated faces; sources of files ignore it.
-
-    Raises:
-        ConfigError: the source cannot be opened, or holds no faces.
+    Raises ConfigError if the source cannot be opened, or holds no faces.
     """
     if not isinstance(settings, FaceSettings):
         raise ConfigError(f"source {settings.kind!r} declares no faces")

@@ -1,9 +1,8 @@
 """Facial action units of the table action_units.toml: the ARKit blend shapes that show each unit.
 
-The meanings of the shapes are those of Apple's documentation (ARFaceAnchor.BlendShapeLocation),
-those of action units the FACS manual's (P. Ekman, W. V. Friesen, J. C. Hager, 2002). ICT-FaceKit's
-README agrees but for these: it gives AU10 mouthShrugUpper, AU17 mouthShrugLower alone, AU33 the
-whole cheekPuff.
+Apple's documentation (ARFaceAnchor.BlendShapeLocation) defines the shapes, the FACS manual (P.
+Ekman, W. V. Friesen, J. C. Hager, 2002) the action units. ICT-FaceKit's README differs in three
+units: AU10 is mouthShrugUpper, AU17 mouthShrugLower alone, AU33 the whole cheekPuff.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def shapes_of(unit: str, overrides: Overrides = _AS_IN_THE_TABLE) -> dict[str, f
 
     Args:
         unit: such as "AU12", "AU12_L" or "AU12_R".
-        overrides: rows of the model that differ from the table.
+        overrides: rows of the table that a model replaces.
 
     Raises:
         ConfigError: no shape shows the action unit.
@@ -69,7 +68,7 @@ def shape_weights(
 
     Args:
         expression: action unit -> intensity.
-        overrides: as of ``shapes_of``.
+        overrides: as in ``shapes_of``.
     """
     weights: dict[str, float] = {}
     for unit, intensity in expression.items():

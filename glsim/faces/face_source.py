@@ -39,11 +39,11 @@ class FaceKey:
 class ComputedKeys(Sequence[FaceKey]):
     """A sequence of a subject's FaceKeys that computes each key from its number, on access.
 
-    No two of them have the same sequence and frame.
+    No two keys have the same sequence and frame.
 
     Args:
-        count: their number.
-        words: all that the keys depend on, besides the code.
+        count: number of keys.
+        words: all values that the keys depend on.
     """
 
     def __init__(self, count: int, *words: object) -> None:
@@ -63,7 +63,7 @@ class ComputedKeys(Sequence[FaceKey]):
     def __getitem__(self, number: int | slice) -> FaceKey | list[FaceKey]:
         """Compute a key, or a list of them."""
         if isinstance(number, slice):
-            return [self._key(one) for one in range(*number.indices(len(self)))]
+            return [self._key(position) for position in range(*number.indices(len(self)))]
         position = number + len(self) if number < 0 else number
         if not 0 <= position < len(self):
             raise IndexError(f"there are {len(self)} frames, not one at {number}")
@@ -77,11 +77,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
 @dataclass(frozen=True, eq=False)
 class WornPart:
-    """A worn mesh (hair, glasses or cloth) in the coordinate frame of the face.
-
-    Args:
-        region: the name of all its vertices in the layer of regions.
-    """
+    """A worn mesh (hair, glasses or cloth) in the frame of the face; ``region`` labels it whole."""
 
     mesh: Mesh
     region: str
@@ -92,8 +88,8 @@ class Face:
     """The meshes and metadata of one frame.
 
     Args:
-        parts: what the person wears; it is drawn with the mesh.
-        neck: how the head turns against the shoulders; None for a head that turns as a whole.
+        parts: worn meshes, rendered with the face.
+        neck: how the head turns against the shoulders; None: the whole mesh turns.
         expression: action unit or blend shape -> intensity in [0, 1], without zeros.
         notes: further metadata for the manifest (JSON values only), such as the detected unit.
     """
@@ -132,10 +128,10 @@ class Topology:
 
 
 class FaceSource(Protocol):
-    """A supplier of faces to derive from; it must be picklable, and cheap until ``load``."""
+    """A supplier of faces, to derive from; it must be picklable, and cheap until ``load``."""
 
     name: str
-    #: Whether a plan uses the meshes again for a subject that has fewer than frames are wanted.
+    #: Whether a plan repeats the meshes of a subject with too few frames.
     repeats: bool = False
 
     @property
@@ -150,7 +146,7 @@ class FaceSource(Protocol):
     def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
         """Return the FaceKeys of a subject's first ``count`` frames, in order; None: all.
 
-        A source without end returns ``ComputedKeys``: its plans are as large as anybody wants.
+        An endless source returns ``ComputedKeys``, so that large plans need no memory.
         """
         ...
 

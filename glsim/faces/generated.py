@@ -50,13 +50,9 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
     """A source of endless people "x0000", "x0001", ..., whose meshes share one topology.
 
     Each sequence, also a shorter last one, runs from neutral to neutral and includes the peak. With
-    ``frames_per_second`` it is a part of that performance instead, at a time drawn for the
-    sequence; one that is longer than the performance starts with it and ends with a neutral face.
-
-    Args:
-        seed: determines every identity and performance.
-        frames_per_sequence: length of a sequence.
-        frames_per_second: see above.
+    ``frames_per_second`` it is a part of this performance that starts at a random time; a sequence
+    longer than the performance shows all of it, then a neutral face. ``seed`` determines every
+    identity and performance.
     """
 
     #: First letter of the subjects' names.
@@ -147,7 +143,7 @@ class PerformanceKeys(ComputedKeys):
 
     def _key(self, number: int) -> FaceKey:
         sequence, frame = divmod(number, self._length)
-        if self._last[0] != sequence:  # neighbours are mostly asked for one after another
+        if self._last[0] != sequence:  # callers mostly read keys in order
             self._last = sequence, self._sequence(sequence)
         return self._last[1][frame]
 

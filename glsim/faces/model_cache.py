@@ -27,8 +27,8 @@ def cached_arrays(name: str, build: Callable[[], Arrays]) -> Arrays:
     """Map a cache's arrays read-only; an absent or damaged cache is built and written first.
 
     Args:
-        name: of the folder in ``cache_folder``, one file per array. Without such a folder the
-            arrays are built for each process.
+        name: name of a folder in ``cache_folder``, with one file per array. Without a cache folder
+            each process builds the arrays.
         build: makes the arrays, name -> array.
     """
     try:

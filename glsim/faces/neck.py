@@ -1,12 +1,11 @@
 """The neck of meshes with shoulders: the head turns, the shoulders stay; and random head motion.
 
-Between head and shoulders each vertex turns by its share of the angle about the middle of the neck,
-which keeps its thickness (a blend of two positions would make it thinner).
+Between head and shoulders each vertex turns about the middle of the neck by a share of the angle,
+which keeps the neck's thickness (a blend of two positions would make it thinner).
 
 Motion in sequences of generated faces is a pure function of (seed of the sequence, time), smooth
 and band-limited: each of the six numbers of a pose is a sum of sinusoids between 0.1 and 1.5 Hz
-whose frequencies have no common period. At time 0 it is zero: the first frame has the pose that was
-asked for.
+without a common period. At time 0 the motion is zero, so the first frame has the requested pose.
 """
 
 from __future__ import annotations
@@ -35,17 +34,17 @@ NECK_PIVOT_MM: Final = (0.0, -80.0, -95.0)
 NECK_DEG: Final = {"yaw_deg": 45.0, "pitch_deg": 32.0, "roll_deg": 26.0}
 
 #: The lowest y that follows the head entirely, as a function of z (mm): from the nape over the
-#: throat to the chin, whose lowest place is that of a wide open mouth.
+#: throat to the lowest chin, of a wide open mouth.
 HEAD_Z = (-160.0, -110.0, -60.0, -25.0, 20.0)
 HEAD_Y = (-62.0, -88.0, -106.0, -150.0, -160.0)
 NECK_MM = 72.0  # height over which the share falls from 1 to 0; the clavicles stay still
 
 #: Components: number of the pose, largest amplitude, band in Hz. Sway of the head is slow (0.34 to
 #: 0.39 Hz, 20 standing adults, "Head movement recording and significance"); 3 to 4 mm near 0.36 Hz
-#: give the path of 37 cm a minute that this study measured, more of it forwards than sideways.
-#: Angles are chosen: slow drifts of gaze and posture, turns of up to 6 and nods of up to 3 degrees.
-#: Slower drifts and quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983) are
-#: left out. Amplitudes are drawn between a third and the whole: some people keep still.
+#: give the measured path of 37 cm a minute, more of it forwards than sideways. Angles are chosen:
+#: slow drifts of gaze and posture, turns of up to 6 and nods of up to 3 degrees, without the slower
+#: drifts and quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983). Amplitudes
+#: are drawn between a third and the whole: some people keep still.
 WAVES: Final = (
     ("x_mm", 3.0, 0.25, 0.5),
     ("x_mm", 1.0, 0.5, 1.1),
@@ -67,11 +66,11 @@ class Neck:
     """A description of a mesh's neck, which bends when the head turns against the shoulders.
 
     Args:
-        head_share: vertices (N, 3), mm from the centre of the face -> (N,) share of the head's turn
-            that each follows: 1 head, 0 shoulders.
+        head_share: vertices (N, 3), mm from the centre of the face -> (N,) share of the head's
+            turn: 1 head, 0 shoulders.
         face_mm: centre of the face in the frame of the mesh.
         trunk_poses: whether ``[pose]`` turns the whole person, so that only motion bends the neck;
-            if not, the trunk stays upright as long as the neck can do the turn.
+            if not, the trunk stays upright as far as the neck can turn.
     """
 
     head_share: Callable[[NDArray[np.float32]], NDArray[np.float32]]
@@ -109,10 +108,10 @@ def bend_neck(
     """Rotate the shoulders of meshes back, so that ``pose_matrix(pose)`` turns the head only.
 
     Args:
-        meshes: of one person; those that do not move are returned themselves.
-        neck: None for a head without shoulders, which stays as it is.
-        pose: of the head, after its motion.
-        still: before it.
+        meshes: meshes of one person; meshes that do not move are returned unchanged.
+        neck: None for a head without shoulders, which stays unchanged.
+        pose: pose of the head with its motion.
+        still: pose of the head without its motion.
     """
     if neck is None:
         return [*meshes]
@@ -156,17 +155,16 @@ def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], flo
 def head_motion(seed: int, time_s: float) -> dict[str, float]:
     """Return the pose offsets of a random head motion: three angles in deg, three shifts in mm.
 
-    Args:
-        seed: of the sequence.
-        time_s: seconds since its start; all offsets are 0 at time 0.
+    ``time_s`` counts from the start of the sequence, where all offsets are 0.
     """
     rng = rng_for(seed, "head motion")
     share = rng.uniform(_LEAST_SHARE, 1.0, len(WAVES))
-    place = rng.uniform(0.0, 1.0, len(WAVES))
+    in_band = rng.uniform(0.0, 1.0, len(WAVES))
     phase = rng.uniform(0.0, 2 * np.pi, len(WAVES))
     offsets = {name: 0.0 for name, *_ in WAVES}
-    for (name, most, low_hz, high_hz), s, p, start in zip(WAVES, share, place, phase, strict=True):
-        turn = 2 * np.pi * (low_hz + p * (high_hz - low_hz)) * time_s
+    waves = zip(WAVES, share, in_band, phase, strict=True)
+    for (name, most, low_hz, high_hz), s, x, start in waves:
+        turn = 2 * np.pi * (low_hz + x * (high_hz - low_hz)) * time_s
         offsets[name] += float(most * s * (np.sin(turn + start) - np.sin(start)))
     return offsets
 
@@ -177,9 +175,9 @@ def move_pose(
     """Return a pose with motion offsets added; angles turn the head about the centre of its neck.
 
     Args:
-        pose: as in ``pose_matrix``, of the mesh's origin.
-        offsets: as from ``head_motion``.
-        neck: of the face; by default that of a head whose face is at the origin.
+        pose: pose of the mesh's origin, as in ``pose_matrix``.
+        offsets: offsets of ``head_motion``.
+        neck: neck of the face. Default: for a face at the origin.
     """
     turned = {
         name: value + (offsets.get(name, 0.0) if name.endswith("_deg") else 0.0)

@@ -1,11 +1,11 @@
 """FACS performances: the intensity over time of the action units in a sequence.
 
-Independent of the face model: names are plain strings, "AU12" for both sides, "AU12_L" or "AU12_R"
-for one side. All functions are pure functions of (seed, subject, sequence number).
+Action units are plain strings, "AU12" for both sides, "AU12_L" or "AU12_R" for one side, whatever
+the face model. All functions are pure functions of (seed, subject, sequence number).
 
-Codes are modelled on those of posed FACS data sets: single units, the pairs of the FACS manual
-(P. Ekman, W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002) and the prototypes of
-the basic emotions (EMFACS). Timing: expressions of emotion mostly last 0.5-4 s (P. Ekman,
+Codes are chosen as in posed FACS data sets: single units, the pairs of the FACS manual (P. Ekman,
+W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002) and the prototypes of the basic
+emotions (EMFACS). Timing: expressions of emotion mostly last 0.5-4 s (P. Ekman,
 "Darwin, deception, and facial expression", Ann. N.Y. Acad. Sci. 1000, 2003); smiles rise in about
 0.4-0.7 s and fall more slowly (K. L. Schmidt, J. F. Cohn, Y. Tian, Biol. Psychol. 65, 2003);
 a blink closes in about 0.1 s and opens in about 0.2 s (F. VanderWerf et al., J. Neurophysiol. 89,
@@ -128,7 +128,7 @@ def performance_for(seed: int, subject: str, number: int) -> Performance:
 def _curve(
     rng: np.random.Generator, unit: int, peak: float, duration: float, onset: float, offset: float
 ) -> Curve:
-    """Draw the curve of one action unit, given the onset and offset that all units share."""
+    """Draw the curve of one action unit; ``onset`` and ``offset`` are common to all units."""
     delay = float(rng.uniform(0.0, DELAY_SHARE))
     early = float(rng.uniform(0.0, DELAY_SHARE))
     if unit == 45:

@@ -1,8 +1,7 @@
 """Regions and landmarks of faces: one table of region names for all sources, and vertex labels.
 
 Landmarks are 68 vertices in the order of Multi-PIE (and iBUG): jaw 0-16, brows 17-26, nose 27-35,
-eyes 36-47, lips 48-67; each part starts at the side of the subject's right, the left side of the
-image.
+eyes 36-47, lips 48-67; each group starts at the subject's right, on the left of the image.
 """
 
 from __future__ import annotations
@@ -40,11 +39,8 @@ def has_regions(sources: Sequence[FaceSource]) -> bool:
 def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
     """Return the numbers of all regions of the sources, name -> number, sorted by number.
 
-    Args:
-        further: names of KNOWN_REGIONS that people may wear, or that may stand around them.
-
-    Raises:
-        ConfigError: no region or more than 255.
+    ``further``: names of KNOWN_REGIONS of clothes and rooms. Raises ConfigError for no region, or
+    more than 255.
     """
     named = {
         name
@@ -74,15 +70,12 @@ class RegionLabels:
     def of(self, source: int, vertices: int) -> NDArray[np.float32] | None:
         """Return region numbers (V,) float32 for a source's meshes; None if it has no regions.
 
+        Returns the same array each time. Raises MeshError if the source's regions are for another
+        number of vertices.
+
         Args:
             source: index of the source.
             vertices: V of the mesh.
-
-        Returns:
-            The same array each time.
-
-        Raises:
-            MeshError: the source's regions are for another number of vertices.
         """
         if source not in self._labels:
             topology = self._sources[source].topology

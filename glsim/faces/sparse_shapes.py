@@ -42,16 +42,15 @@ class SparseShapes:
 
     def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         """Return the table as arrays "PREFIX_names", "PREFIX_starts", ..., to store in a file."""
-        parts = {"names": np.array(self.names), "starts": self.starts, "points": self.points}
-        return {f"{prefix}_{name}": part for name, part in parts.items()} | {
-            f"{prefix}_mm": self.offsets_mm
-        }
+        arrays = {"names": np.array(self.names), "starts": self.starts, "points": self.points}
+        arrays["mm"] = self.offsets_mm
+        return {f"{prefix}_{name}": array for name, array in arrays.items()}
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> SparseShapes:
         """Build the table from arrays made by ``arrays`` with the same prefix."""
-        names, *parts = (arrays[f"{prefix}_{part}"] for part in ("names", "starts", "points", "mm"))
-        return cls(tuple(names.tolist()), *parts)
+        names, *table = (arrays[f"{prefix}_{name}"] for name in ("names", "starts", "points", "mm"))
+        return cls(tuple(names.tolist()), *table)
 
     @cached_property
     def _number(self) -> dict[str, int]:
@@ -63,8 +62,8 @@ class SparseShapes:
     def shape(self, name: str) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Return the points (E,) and offsets (E, 3) mm of a shape. Raises KeyError."""
         number = self._number[name]
-        part = slice(self.starts[number], self.starts[number + 1])
-        return self.points[part], self.offsets_mm[part]
+        entries = slice(self.starts[number], self.starts[number + 1])
+        return self.points[entries], self.offsets_mm[entries]
 
     def add(self, values_mm: NDArray[np.floating], weights: Mapping[str, float]) -> None:
         """Add weighted shapes to points (P, 3) mm, in place and in the order of ``weights``.

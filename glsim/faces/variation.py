@@ -1,9 +1,9 @@
 """Random variation of a face: a smooth warp of its shape, and patches of its reflectivity.
 
-A network that sees one source of faces learns its ears, necks and hair lines along with the noise,
-and reproduces them on other people. Varied heads are rendered like any other, so their noise is
-correct, but they no longer belong to a real person. Both fields are sums of plane waves over the
-canonical frame, continuous in space: surfaces that touch stay in contact.
+A network trained on one source of faces learns the source's ears, necks and hair lines along with
+the noise, and reproduces them on other people. The noise of varied heads is correct, but they no
+longer belong to a real person. Both fields are sums of plane waves over the canonical frame,
+continuous in space: touching surfaces stay in contact.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import VariationSettings
 
 #: Wavelengths, mm, from a head's width to an ear's. Amplitudes are proportional to wavelengths, so
-#: that all waves have the same slope. A warp folds space where its strain reaches -1: in 200 fields
-#: none did below 7.0 mm, and settings allow up to 6 mm.
+#: that all waves have the same slope. A strain of -1 folds space: of 200 fields none folded below
+#: 7.0 mm, and settings allow up to 6 mm.
 _WAVELENGTHS_MM: Final = (240.0, 120.0, 60.0)
 #: Waves per wavelength: enough to approximate a Gaussian field.
 _WAVES: Final = 6
@@ -50,11 +50,8 @@ def vary(face: Face, settings: VariationSettings, seeds: ScopeSeeds) -> Face:
     warp_mm = np.float32(sampled["variation.shape_mm"]) * fields[:, :3]
     albedo = np.float32(SKIN_ALBEDO) if mesh.albedo is None else mesh.albedo
     albedo = albedo * np.exp(np.float32(sampled["variation.albedo"]) * fields[:, 3])
-    varied = replace(
-        mesh,
-        vertices_mm=mesh.vertices_mm + warp_mm,
-        albedo=np.clip(albedo, _MIN_ALBEDO, _MAX_ALBEDO),
-    )
+    albedo = np.clip(albedo, _MIN_ALBEDO, _MAX_ALBEDO)
+    varied = replace(mesh, vertices_mm=mesh.vertices_mm + warp_mm, albedo=albedo)
     return replace(face, mesh=varied)
 
 

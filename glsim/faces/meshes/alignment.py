@@ -29,8 +29,8 @@ DETECTED_UNITS: Final = ("m", "dm", "cm", "mm")
 MIN_HEAD_MM: Final = 80.0  # a cropped patch with eyes, nose and mouth
 MAX_HEAD_MM: Final = 600.0  # a head with neck and shoulders
 
-#: Farthest distance of a head from its file's origin, over its size: float32 then still has steps
-#: of 2 mm on a head of 200 mm.
+#: Largest distance of a head from its file's origin, over its size: steps of float32 are then 2 mm
+#: on a head of 200 mm.
 _MAX_AWAY: Final = 1e5
 
 ORIGIN_BEHIND_NOSE_MM: Final = 45.0
@@ -53,10 +53,9 @@ class Alignment:
         origin_mm: offset subtracted after unit and axes are applied, canonical frame, mm.
         flip_winding: whether the file's triangles are clockwise and must be reversed.
         nose_match: correlation with the nose template, -1 to 1 (-1: nothing like a nose).
-        detected: which of "unit" and "axes" were detected rather than given.
+        detected: the names "unit" and "axes", if they were detected.
         doubts: problems that a person should check, one sentence each.
-        better_axes: axes that fit the face clearly better than the given ones; "" if there are
-            none.
+        better_axes: axes that fit the face clearly better than the user's; "" without.
     """
 
     unit: str
@@ -102,9 +101,9 @@ def estimate_alignment(
     axes: str = "auto",
     recentre: bool = True,
 ) -> Alignment:
-    """Detect every "auto" value and check every given one.
+    """Detect unit and axes where they are "auto", and check them where the user gives them.
 
-    Axes are chosen among all 24 rotations by the best nose; given ones are compared with them.
+    The best nose among all 24 rotations decides the axes, or is compared with the user's axes.
 
     Args:
         vertices: (V, 3) in the file's frame, each used by a triangle.
@@ -211,11 +210,7 @@ def check_axes(axes: str) -> None:
 
 
 def _find_unit(extent: float, unit: str) -> tuple[str, float]:
-    """Return name and length (mm) of the unit.
-
-    Args:
-        extent: largest side of the bounding box, in the file's unit.
-    """
+    """Return name and length (mm) of the unit; ``extent``: largest side of the bounding box."""
     check_unit(unit)
     if unit == "auto":
         for name in DETECTED_UNITS:

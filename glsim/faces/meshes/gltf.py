@@ -37,7 +37,7 @@ _KNOWN: Final = re.compile(
 def read_gltf(path: Path) -> list[tuple[_Array, _Array, _Array | None]]:
     """Return vertices (V, 3), triangles (F, 3), and colours (V, 3) or None, of each primitive.
 
-    Raises MeshError, or what a damaged file does to the parser.
+    Raises MeshError, or the parser's error for a damaged file.
     """
     data = read_bytes(path)
     chunk = b""
@@ -59,10 +59,9 @@ def read_gltf(path: Path) -> list[tuple[_Array, _Array, _Array | None]]:
 
 
 class _Scene:
-    """A glTF file: its JSON and its buffers."""
+    """A glTF file: its JSON, its buffers, and the binary chunk of a GLB."""
 
     def __init__(self, path: Path, tree: dict[str, Any], chunk: bytes) -> None:
-        """chunk: the binary chunk of a GLB."""
         self._path, self._tree = path, tree
         self._decoded: dict[int, _Array] = {}
         self._buffers = [self._buffer(entry, chunk) for entry in tree.get("buffers", ())]
@@ -93,15 +92,15 @@ class _Scene:
             number, above = left.pop()
             if number in places:
                 continue
-            node, own = self._tree["nodes"][number], np.eye(4)
+            node = self._tree["nodes"][number]
             if "matrix" in node:
-                own = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+                local = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
             else:
                 x, y, z, w = node.get("rotation", (0, 0, 0, 1))
-                own = np.asarray(quaternion_matrix((w, x, y, z)))  # type: ignore[no-untyped-call]
-                own[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
-                own[:3, 3] = node.get("translation", (0, 0, 0))
-            places[number] = product(above, own)
+                local = np.asarray(quaternion_matrix((w, x, y, z)))  # type: ignore[no-untyped-call]
+                local[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+                local[:3, 3] = node.get("translation", (0, 0, 0))
+            places[number] = product(above, local)
             left += [(child, places[number]) for child in reversed(node.get("children", ()))]
         return places
 
@@ -140,7 +139,7 @@ class _Scene:
     def _skinned(
         self, vertices: _Array, skin: dict[str, Any], names: dict[str, int]
     ) -> NDArray[np.float64]:
-        """Return the vertices where the joints are; the place of the mesh's node does not count."""
+        """Return the vertices moved by the joints; the matrix of the mesh's node does not count."""
         joints = np.stack([self._places[number] for number in skin["joints"]])
         if "inverseBindMatrices" in skin:
             inverse = self._values(skin["inverseBindMatrices"]).reshape(-1, 4, 4)

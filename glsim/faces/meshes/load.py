@@ -1,9 +1,9 @@
 """Load a mesh file of any format and align it with the canonical frame.
 
-Colour: if a file has vertex or material colours, the albedo is 0.6 times luma over the median
-luma: most of a face is skin, and skin reflects 0.6 of what a white wall does at 860 nm. This is a
-plausible ranking of light and dark, not a measurement: visible colour says little about the near
-infrared, where skins differ less. Textures and files of a single colour are ignored.
+Colour: if a file has vertex or material colours, the albedo is 0.6 times luma over the median luma,
+since most of a face is skin, which reflects 0.6 times as much as a white wall at 860 nm. This is a
+plausible ranking of light and dark, not a measurement: skins differ less in the near infrared than
+in visible light. Textures and files of a single colour are ignored.
 """
 
 from __future__ import annotations
@@ -43,9 +43,8 @@ from glsim.faces.meshes.ply_off import read_off, read_ply
 ALBEDO_RANGE: Final = (0.05, 0.95)  # hair has 0.05-0.3; nothing on a face is whiter than a wall
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
 
-#: Readers of polygons.
 _READERS: Final = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
-#: Largest spread of brightness that counts as one colour, relative to its middle. Chosen.
+#: Largest spread of luma in a file of a single colour, relative to its median. Chosen.
 _ONE_COLOUR: Final = 1e-3
 
 _LOG = logging.getLogger(__name__)
@@ -134,7 +133,7 @@ def find_alignment(
 def find_alignment_in_format(
     path: Path, file_mesh: FileMesh, *, unit: str, axes: str, format_axes: str
 ) -> Alignment:
-    """Find the alignment in a format with known axes: for "auto" these are taken and checked.
+    """Find the alignment in a format with known axes, which ``axes`` "auto" takes and checks.
 
     Raises MeshError also for a face that looks away or is upside down in the format's axes.
     """
@@ -239,35 +238,26 @@ def drop_degenerate(
     if not finite.all():
         broken = np.flatnonzero(~finite.all(axis=1))
         bad = np.flatnonzero(np.isin(faces, broken).any(axis=1))
-    else:
-        bad = np.empty(0, np.int64)
-    if len(bad):
-        raise MeshError(
-            f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
-            f"(first: triangle {bad[0]}); repair or remove them"
-        )
+        if len(bad):
+            raise MeshError(
+                f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
+                f"(first: triangle {bad[0]}); repair or remove them"
+            )
     valid = _has_area(vertices, faces)
     if not valid.any():
         raise MeshError(f"{path}: all {len(faces)} triangles are degenerate (no area)")
-    kept = faces if valid.all() else faces[valid]
+    degenerate = int(len(faces) - valid.sum())
+    faces = faces[valid] if degenerate else faces
     used = np.zeros(len(vertices), dtype=bool)
-    used[kept] = True
-    if used.all():
-        return FileMesh(vertices, kept.astype(np.int32), albedo, int(len(faces) - len(kept)))
-    number = np.cumsum(used) - 1
-    return FileMesh(
-        vertices[used],
-        number[kept].astype(np.int32),
-        None if albedo is None else albedo[used],
-        int(len(faces) - len(kept)),
-    )
+    used[faces] = True
+    if not used.all():
+        faces, vertices = (np.cumsum(used) - 1)[faces], vertices[used]
+        albedo = None if albedo is None else albedo[used]
+    return FileMesh(vertices, faces.astype(np.int32), albedo, degenerate)
 
 
 def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return (F,) whether each triangle's cross product is not 0.
-
-    Computed by column, which is twice as fast as np.cross.
-    """
+    """Return (F,) whether each triangle's cross product is not 0: twice as fast as np.cross."""
     a, b, c = (vertices.T[:, faces[:, corner]] for corner in range(3))
     with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are rejected with the unit
         (ux, uy, uz), (vx, vy, vz) = b - a, c - a
@@ -316,10 +306,7 @@ def _weld(part: _Part) -> _Part:
 
 
 def _albedo_from_colours(parts: list[_Part]) -> NDArray[np.float32] | None:
-    """Return the (V,) albedo (see the module docstring).
-
-    None if a part has no colour or all colours are equal.
-    """
+    """Return the (V,) albedo; None if a part has no colour or all colours are equal."""
     colours = [part.colours for part in parts if part.colours is not None]
     if len(colours) < len(parts):
         return None

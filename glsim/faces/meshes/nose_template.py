@@ -16,8 +16,8 @@ SCALES: Final = (0.8, 1.0, 1.25)  # children to the largest adults
 GAIN: Final = (0.5, 2.0)  # a nose is half to twice as deep as the template; others are no nose
 CLIP_MM: Final = (-45.0, 15.0)  # clips hair, ears and background, so that they do not dominate
 HOLE_MM: Final = -30.0  # depth assumed in a hole: about that of the cheek behind the nose tip
-MIN_COVERAGE: Final = 0.6  # share of template cells with surface: an open mouth has it, an edge not
-RIDGE_MM: Final = 6.0  # a nose tip is higher by more than this than the points 20 mm beside it
+MIN_COVERAGE: Final = 0.6  # share of template cells with surface: more than at an edge of the mesh
+RIDGE_MM: Final = 6.0  # least height of a nose tip over the points 20 mm beside it
 FAR_MM: Final = 25.0  # allowed distance of the tip behind the foremost point (chin, cap, fringe)
 FAR_COST: Final = 0.004  # correlation subtracted per mm beyond FAR_MM
 ASYMMETRY_COST: Final = 0.005  # subtracted per mm of left-right difference, mean over 140 mm
@@ -42,8 +42,8 @@ def sample_surface(
 ) -> NDArray[np.float64]:
     """Return (3, count) coordinates of points spread evenly by area; deterministic.
 
-    One point lies at random in each of ``count`` shares of the area: at even steps, the rows of a
-    fine mesh would beat with them and leave stripes without a point.
+    Each of ``count`` equal shares of the area gets a random point. Points at even steps would beat
+    with the rows of a fine mesh and leave empty stripes.
 
     Args:
         vertices: (V, 3).
@@ -64,7 +64,7 @@ def sample_surface(
 def find_tip(
     points_mm: NDArray[np.floating], faces: NDArray[np.integer], near_mm: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Return the nose tip: middle of the ball, and its foremost point, whatever the triangles.
+    """Return the nose tip, whatever the triangles: x and y of the ball's middle, z of its front.
 
     Args:
         points_mm: (V, 3), z out of the face.
@@ -73,7 +73,7 @@ def find_tip(
     """
     x, y, z = near_mm[0], near_mm[1], 0.0
     columns, corners = points_mm.T[:2], np.ascontiguousarray(faces.T)
-    for _ in range(4):  # the ball comes whole into the square round it
+    for _ in range(4):  # until the square holds the whole ball
         middle = np.array([x, y])
         near = np.ones(len(faces), bool)
         for column, centre in zip(columns, middle, strict=True):

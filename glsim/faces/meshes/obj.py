@@ -21,15 +21,12 @@ from glsim.core.files.regular import read_regular
 EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 """Readable formats: STL by trimesh, the others by glsim."""
 
+#: Largest number of triangles: a head in triangles of 0.3 mm, finer than any depth camera sees; its
+#: vertices need 0.4 GB.
 MAX_TRIANGLES: Final = 5_000_000
-"""Largest number of triangles: a head in 0.3 mm triangles. More would need 0.4 GB of vertices for
-detail that no depth camera sees."""
-
+#: Largest file, bytes: 200 per triangle; an OBJ with texture coordinates and normals needs 120.
 MAX_BYTES: Final = 200 * MAX_TRIANGLES
-"""Largest file size, bytes: 200 per triangle; an OBJ with texture coordinates and normals needs
-about 120."""
-
-#: Largest material file that is read, bytes: exporters write a few kB.
+#: Largest material file, bytes: exporters write a few kB.
 _MAX_MATERIAL_BYTES = 1 << 24
 
 
@@ -39,7 +36,7 @@ class PolygonFile:
 
     Args:
         vertices: (V, 3) float64.
-        colours: (V, 3) float64 red, green, blue, NaN for a vertex without; None for none at all.
+        colours: (V, 3) float64 red, green, blue, NaN = unknown; None: the file has no colours.
         corners: (C,) int64, vertex indices of all polygons, concatenated, from 0.
         counts: (P,) int64, number of corners of each polygon, 3 or more.
         materials: (P,) int64, index into ``material_names`` of each polygon.
@@ -65,7 +62,7 @@ class PolygonFile:
         return self.corners[np.stack([first, first + step + 1, first + step + 2], axis=1)], polygon
 
     def triangles(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Split polygons as ``fans``, but clip the ears of hollow ones, seen along their normal."""
+        """Split polygons as ``fans`` does, but hollow polygons by clipping their ears."""
         triangles, polygon = self.fans()
         starts, fan = np.cumsum(self.counts) - self.counts, np.cumsum(self.counts - 2)
         fan -= self.counts - 2
@@ -81,8 +78,8 @@ class PolygonFile:
             return triangles, polygon
         from mapbox_earcut import triangulate_float64  # few files have such polygons
 
-        kept = ~np.isin(polygon, hollow)
-        ears, source = [triangles[kept]], [polygon[kept]]
+        convex = ~np.isin(polygon, hollow)
+        ears, source = [triangles[convex]], [polygon[convex]]
         for number in hollow:
             corners = self.corners[starts[number] : starts[number] + self.counts[number]]
             axis = int(np.abs(whole[number]).argmax())
@@ -210,10 +207,7 @@ def _lines(path: Path, max_bytes: int = MAX_BYTES) -> list[bytes]:
 def _vertices(
     path: Path, lines: list[bytes]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Parse positions and colours of the ``v`` lines: x y z, x y z w, x y z r g b, x y z w r g b.
-
-    Vertices without a colour beside others with one have NaN.
-    """
+    """Parse ``v`` lines: x y z, x y z w, x y z r g b, x y z w r g b; a missing colour is NaN."""
     rows = [line[2:] for line in lines if line.startswith(b"v ")]
     if not any(row.strip() for row in rows):
         raise MeshError(f"{path}: no vertex lines ('v x y z'): this is not an OBJ mesh")
@@ -224,22 +218,21 @@ def _vertices(
 
 
 def parse_rows(path: Path, rows: list[bytes], sizes: Container[int]) -> NDArray[np.float64]:
-    """Parse vertex lines as (V, 12), NaN behind the end of a line. Raises MeshError.
+    """Parse vertex lines as (V, 12), NaN after the end of a line. Raises MeshError.
 
-    Args:
-        sizes: how many numbers a line may have.
+    ``sizes``: allowed numbers of values in a line.
     """
     try:
         table = np.loadtxt(rows, dtype=np.float64, ndmin=2)
-        found = {table.shape[1] if len(table) == len(rows) else 0}
-    except ValueError:  # lines of several lengths, or broken ones
+        lengths = {table.shape[1] if len(table) == len(rows) else 0}
+    except ValueError:  # lines of several lengths, or broken lines
         words = [row.split() for row in rows]
-        found = {len(line) for line in words}
+        lengths = {len(line) for line in words}
         try:
             table = np.array([line + [b"nan"] * (12 - len(line)) for line in words], np.float64)
         except ValueError as error:
             raise MeshError(f"{path}: a vertex line is broken ({error!s:.80})") from None
-    if not all(size in sizes for size in found):
+    if not all(length in sizes for length in lengths):
         raise MeshError(
             f"{path}: a vertex line is broken: it has not 3 (x y z) or 6 (with colour) numbers"
         )

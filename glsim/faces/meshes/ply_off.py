@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glsim.core.errors import MeshError
 from glsim.faces.meshes.obj import PolygonFile, check_corners, check_count, parse_rows, read_bytes
 
-#: PLY's names of types, older and newer, with the letter that struct and NumPy have for them.
+#: PLY's names of types, older and newer -> letter of struct and NumPy.
 _TYPES: Final = (
     {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"}
     | {"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"}
@@ -24,7 +24,7 @@ _TYPES: Final = (
     | {"float": "f", "double": "d"}
 )
 
-#: Name of a property, and its type; two types for a list: of its length and of its values.
+#: Name of a property, and its type; for a list, the types of its length and of its values.
 _Property = tuple[str, list[str]]
 
 #: Numbers of rows and a structured array, for each set of lengths of lists.
@@ -34,7 +34,7 @@ _Groups = list[tuple[NDArray[np.int64], NDArray[Any]]]
 def read_ply(path: Path) -> PolygonFile:
     """Read an ASCII or binary PLY of either byte order: polygons or triangle strips.
 
-    Raises MeshError, or what a damaged file does to the parser.
+    Raises MeshError, or the parser's error for a damaged file.
     """
     data = read_bytes(path)
     head = re.match(rb"ply\s.*?end_header[ \t]*(\r\n|\n|\r)", data, re.DOTALL)
@@ -86,7 +86,7 @@ def _columns(groups: _Groups, count: int, names: list[str]) -> NDArray[np.float6
 
 
 def read_off(path: Path) -> PolygonFile:
-    """Read a text OFF, with colours of vertices if it is a COFF. Errors as of ``read_ply``."""
+    """Read a text OFF, with the vertex colours of a COFF. Raises the errors of ``read_ply``."""
     text = re.sub(rb"#.*", b"", read_bytes(path)).lstrip()
     head = re.match(rb"(?:ST)?(C?)(N?)OFF(?!\s*BINARY)", text)
     if head is None:
@@ -147,7 +147,7 @@ def _read_rows(
 def _row_type(
     body: bytes, place: int, properties: list[_Property]
 ) -> tuple[np.dtype[Any], list[tuple[str, int]]]:
-    """Return NumPy's type of the row at ``place``, and its fields that are lengths of lists."""
+    """Return NumPy's type of the row at byte ``place``, and the lengths of its lists."""
     fields: list[tuple[Any, ...]] = []
     lengths: list[tuple[str, int]] = []
     for name, types in properties:
@@ -165,7 +165,7 @@ def _row_type(
 def _lists(
     groups: _Groups, count: int, properties: list[_Property]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the vertex indices of all rows, concatenated, and the number of them in each row."""
+    """Return the vertex indices of all rows, concatenated, and their number in each row."""
     lists = [name for name, types in properties if len(types) == 2]
     name = next((name for name in lists if name in ("vertex_indices", "vertex_index")), lists[0])
     counts = np.zeros(count, np.int64)
@@ -179,7 +179,7 @@ def _lists(
 
 
 def _strips(corners: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the (F, 3) triangles of strips that -1 ends; every second one is turned round."""
+    """Return the (F, 3) triangles of strips that end with -1; every second triangle is reversed."""
     number = np.arange(len(corners))
     start = np.maximum.accumulate(np.where(corners < 0, number + 1, 0))[: len(corners) - 2]
     triangles = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)

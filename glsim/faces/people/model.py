@@ -31,7 +31,7 @@ class BodyModel:
         starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times
             the coarse vertices ``sources`` from starts[v] to starts[v + 1].
         triangles: (F, 3) int32.
-        occluder: (F', 3) int32, those that cast shadows, chosen on the mean body, see ``Mesh``.
+        occluder: (F', 3) int32 triangles that cast shadows, chosen on the mean body, see ``Mesh``.
         regions: (V,) uint8 indices into REGIONS.
         rigid: number of the first fine vertices that move with the bone "head" alone.
         soft_starts, soft_bones, soft_weights: (V - rigid,), (M,) and (M, 1) float32: the weights
@@ -63,14 +63,15 @@ class BodyModel:
     @classmethod
     def of_arrays(cls, baked: Arrays, shapes: Arrays) -> BodyModel:
         """Build the model from the arrays of ``body.npz`` and of the shape cache."""
-        own: dict[str, Any] = {name: baked[name] for name in cls.__annotations__ if name in baked}
-        own["occluder"] = own["occluder"].astype(np.int32)  # half the bytes in the file
-        for array in own.values():
+        fields: dict[str, Any] = {n: baked[n] for n in cls.__annotations__ if n in baked}
+        fields["occluder"] = fields["occluder"].astype(np.int32)  # half the bytes in the file
+        for array in fields.values():
             array.setflags(write=False)
-        own |= {name: SparseShapes.of_arrays(shapes, name) for name in ("targets", "actions")}
-        own |= {"rigid": int(own["rigid"]), "chin": int(own["chin"])}
-        own |= {"bones": tuple(own["bones"].tolist()), "shares": own["shares"].astype(np.float32)}
-        return cls(**own)
+        fields |= {name: SparseShapes.of_arrays(shapes, name) for name in ("targets", "actions")}
+        fields |= {"rigid": int(fields["rigid"]), "chin": int(fields["chin"])}
+        fields["bones"] = tuple(fields["bones"].tolist())
+        fields["shares"] = fields["shares"].astype(np.float32)
+        return cls(**fields)
 
     @property
     def nose_tip(self) -> int:
@@ -80,11 +81,7 @@ class BodyModel:
     def body(self, weights: Mapping[str, float]) -> tuple[Floats, NDArray[np.float64]]:
         """Compute the fine vertices (V, 3) float32 and joints (B, 3) float64 of a body at rest, mm.
 
-        Args:
-            weights: target -> weight.
-
-        Raises:
-            KeyError: an unknown target.
+        ``weights``: target -> weight. Raises KeyError for an unknown target.
         """
         coarse = self.template_mm.copy()
         self.targets.add(coarse, weights)
@@ -101,7 +98,7 @@ class BodyModel:
         Args:
             joints_mm: (B, 3) at rest.
             turns: bone -> (3, 3) rotation relative to its parent, in the axes of the body at rest;
-                bones without one keep their angle to the parent.
+                other bones keep their angle to the parent.
         """
         moved = np.empty((len(self.bones), 3, 4))
         for bone, (name, parent) in enumerate(zip(self.bones, self.parents, strict=True)):
@@ -121,11 +118,11 @@ class BodyModel:
         moved = np.empty_like(rest_mm)
         head = transforms[self.bones.index("head")].astype(np.float32)
         moved[: self.rigid] = product(rest_mm[: self.rigid], head[:, :3].T) + head[:, 3]
-        # Each vertex by each of its bones; sums over bones by columns, which NumPy does fastest.
+        # Sums over the bones of each vertex, by columns, which NumPy does fastest.
         counts = np.diff(self.soft_starts, append=len(self.soft_bones))
         x, y, z = np.repeat(rest_mm[self.rigid :].T, counts, axis=1)
         for row, table in enumerate(transforms.astype(np.float32).transpose(1, 2, 0)):
             a, b, c, shift = table[:, self.soft_bones]
-            part = (a * x + b * y + c * z + shift) * self.soft_weights[:, 0]
-            moved[self.rigid :, row] = np.add.reduceat(part, self.soft_starts)
+            weighted = (a * x + b * y + c * z + shift) * self.soft_weights[:, 0]
+            moved[self.rigid :, row] = np.add.reduceat(weighted, self.soft_starts)
         return moved

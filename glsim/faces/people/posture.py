@@ -1,15 +1,14 @@
 """Postures and movements of people, as rotations of the bones.
 
-Directions and targets are given in the axes of the body at rest (+x its left, +y up, +z front), in
-millimetres from its own joints, so that they suit a child and a heavy man alike. Ranges of angles
-are chosen well inside those of healthy people (neck: 60 degrees of rotation, 45 of flexion to a
-side, American Academy of Orthopaedic Surgeons, 1965): people in front of a camera sit easily.
+Directions and targets are in the axes of the body at rest (+x the left, +y up, +z the front), mm
+from the person's joints, so that they suit a child and a heavy man alike. Angles stay well inside
+the ranges of healthy people (neck: 60 degrees of rotation, 45 of flexion to a side, American
+Academy of Orthopaedic Surgeons, 1965): people in front of a camera sit easily.
 
-Movements: breathing, sway, and nods of the head against the torso. The head's own rigid motion is
-added by the pipeline for all generated faces; in front of a camera on the face only what the torso
-does under the head is left here. Quiet standing sways by 0.5 to 1 degree below 1 Hz (D. A. Winter,
-Gait and Posture 3, 1995); breathing at rest is 12 to 20 a minute and lifts the chest by 4 to 12 mm
-(Sherwood, Human Physiology).
+Movements: breathing, sway, and nods of the head against the torso; the pipeline adds the rigid
+motion of the head for all generated faces. Quiet standing sways by 0.5 to 1 degree below 1 Hz (D.
+A. Winter, Gait and Posture 3, 1995); people at rest breathe 12 to 20 times a minute and lift the
+chest by 4 to 12 mm (Sherwood, Human Physiology).
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ class BodyShape:
 
     Args:
         joints: bone -> (3,) joint.
-        half_width: of the trunk between chest and hips.
+        half_width: half the width of the trunk between chest and hips.
         front: z of the trunk's front at the chest.
-        chin: (3,).
+        chin: (3,) foremost point of the chin.
     """
 
     joints: Mapping[str, Array]
@@ -52,12 +51,7 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class Posture:
-    """A standing or sitting posture of a person.
-
-    Args:
-        turns: bone -> (3, 3) rotation against its parent.
-        arms: left, right, of ARMS.
-    """
+    """A standing or sitting posture: bone -> (3, 3) rotation against its parent, arms of ARMS."""
 
     turns: Mapping[str, Array]
     sitting: bool
@@ -127,7 +121,7 @@ def _sitting_leg(
 def _arm(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float, kind: str, sitting: bool
 ) -> dict[str, Array]:
-    """Draw the rotations of one arm; its wrist reaches a target, its elbow points outwards."""
+    """Draw the rotations of one arm: the wrist reaches a target, the elbow points outwards."""
     joints = body.joints
     shoulder, elbow, wrist = (
         joints[f"{bone}.{side}"] for bone in ("upperarm01", "lowerarm01", "wrist")
@@ -168,10 +162,10 @@ def _arm(
     goal = "table" if table else kind
     target, elbow_to = np.array(targets[goal]), np.array(_TABLE["elbows"][goal]) * (sign, 1.0, 1.0)
     curl = _TABLE["fist_deg"] if kind == "chin" else curl
-    place = _elbow(shoulder, target, upper, lower, elbow_to)
-    reached = place + lower * _unit(target - place)
-    first = _between(elbow - shoulder, place - shoulder)
-    second = _between(wrist - elbow, product(first.T, reached - place))
+    bent = _elbow(shoulder, target, upper, lower, elbow_to)
+    reached = bent + lower * _unit(target - bent)
+    first = _between(elbow - shoulder, bent - shoulder)
+    second = _between(wrist - elbow, product(first.T, reached - bent))
     turns = {f"upperarm01.{side}": first, f"lowerarm01.{side}": second}
     return turns | _fingers(joints, side, curl)
 
@@ -193,9 +187,8 @@ def _fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[st
 def _elbow(shoulder: Array, target: Array, upper: float, lower: float, towards: Array) -> Array:
     """Return the elbow's position for a wrist at ``target``, or as near to it as possible."""
     along = target - shoulder
-    reach = float(
-        np.clip(norm(along), 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower))
-    )
+    least, most = 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower)
+    reach = float(np.clip(norm(along), least, most))
     along = _unit(along)
     near = (upper**2 - lower**2 + reach**2) / (2 * reach)
     side = _unit(towards - (towards * along).sum() * along)
@@ -210,10 +203,8 @@ def _about(axis: Array, degrees: float) -> Array:
     """Return the rotation (3, 3) about a unit axis (Rodrigues)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = np.radians(degrees)
-    return np.asarray(
-        np.eye(3) + np.sin(angle) * cross + product((1 - np.cos(angle)) * cross, cross)
-    )
+    sin, cos = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    return np.asarray(np.eye(3) + sin * cross + product((1 - cos) * cross, cross))
 
 
 def _between(start: Array, end: Array) -> Array:
@@ -242,7 +233,7 @@ def movement(
         start, length = rng.uniform(0.1, 1.0), rng.uniform(0.4, 0.8)
         inside = np.clip((time_s - start) / length, 0.0, 1.0)
         head[1] -= rng.uniform(3.0, 8.0) * np.sin(np.pi * inside) ** 2
-    # The neck undoes the breath, so that the head does not nod with it.
+    # The neck compensates the chest, so that the head does not nod with the breath.
     turns = {
         "spine05": rotation(*(0.5 * angle for angle in sway)),
         "spine02": rotation(0.0, chest * breath, 0.0),

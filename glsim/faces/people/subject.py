@@ -1,6 +1,6 @@
 """One person: body, reflectivity, expressions, and the frames of each sequence.
 
-Reflectivity is as in ``glsim.faces.procedural.subject``, where its sources are.
+Sources of the reflectivity are in ``glsim.faces.procedural.subject``.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ from glsim.faces.procedural.subject import (
 
 _PALE: Final = 0.03  # skin varies by this share over the body: blood and sun; chosen
 
-#: Action that closes an eye -> landmarks of its upper lid in the order of their x, and landmarks of
-#: the lower lid below them.
+#: Action that closes an eye -> landmarks of the upper lid in the order of x, and of the lower lid.
 _LIDS: Final = {"eyeBlinkRight": ((37, 38), (41, 40)), "eyeBlinkLeft": ((43, 44), (47, 46))}
 #: Overlap of closed lids, mm, as in the procedural heads, so that no gap shows. Chosen.
 _OVERLAP_MM: Final = 0.25
@@ -54,9 +53,7 @@ class BodySubject:
     ) -> Floats:
         """Compute the vertices (V, 3) float32 of a frame in canonical axes, mm.
 
-        Args:
-            framing: what lies at the origin.
-            expression: action unit -> intensity.
+        ``framing`` chooses the origin, see ``People``; ``expression``: action unit -> intensity.
         """
         model = self._model
         posture, origin = self.stance(sequence, framing)
@@ -82,19 +79,18 @@ class BodySubject:
         posture = sample_posture(self._seed, self.name, sequence, self._shape)
         bones = self._model.bones
         moved = self._model.transforms(self._joints, posture.turns)
-        place = np.einsum("bij,bj->bi", moved[:, :, :3], self._joints) + moved[:, :, 3]
+        joints = np.einsum("bij,bj->bi", moved[:, :, :3], self._joints) + moved[:, :, 3]
         if framing != "body":
-            return posture, place[bones.index("neck01")]
+            return posture, joints[bones.index("neck01")]
         posed = self._model.skinned(self.rest_mm, moved)
         middle = (posed.min(axis=0) + posed.max(axis=0)) / 2
-        root = place[bones.index("root")]
+        root = joints[bones.index("root")]
         return posture, np.array([root[0], middle[1], root[2]])
 
 
 def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> Floats:
     """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments."""
     rng = rng_for(seed, "people", "albedo", subject)
-
     skin, hair = clipped_normal(rng, *SKIN_ALBEDO), clipped_normal(rng, *HAIR_ALBEDO)
     values = {name: skin * (1.0 + float(rng.normal(0.0, _PALE))) for name in REGIONS}
     values |= {"skin": skin, "nose": skin, "lids": skin, "neck": skin}
@@ -107,10 +103,9 @@ def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> Floats
 def add_expression(model: BodyModel, rest_mm: Floats, expression: Mapping[str, float]) -> None:
     """Add an expression (action unit -> intensity) to resting vertices (V, 3) mm, in place.
 
-    At full strength the lids of an eye meet and do not cross. The data's action is that of the base
-    mesh, whose eyes are wide: it would move the upper lid of the mean person 4 mm below the lower
-    one, of other people more on one side of the eye. Lids close last: what other actions open or
-    close counts.
+    At full strength the lids of an eye meet and do not cross. The data's action closes the wide
+    eyes of the base mesh: it would move the upper lid of the mean person 4 mm below the lower lid,
+    and unevenly for other people. Lids close last, after all other actions on the eye.
     """
     weights = shape_weights(expression)
     model.actions.add(rest_mm, {n: w for n, w in weights.items() if n not in _LIDS})
@@ -129,7 +124,7 @@ def add_expression(model: BodyModel, rest_mm: Floats, expression: Mapping[str, f
 def _heights(
     points: NDArray[np.int32], offsets: Floats, vertices: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return by how many mm a shape raises each of some vertices."""
+    """Return the height, mm, by which a shape raises each of some vertices."""
     return np.array([offsets[points == vertex, 1].sum() for vertex in vertices], np.float64)
 
 

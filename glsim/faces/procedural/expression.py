@@ -24,12 +24,13 @@ JAW_LIMIT_DEG: Final = 22.0  # about 45 mm between the incisors; normal maximum 
 SIDES: Final = ("L", "R")
 
 
-def own_shapes(
+def lid_and_jaw_shapes(
     model: HeadModel, neutral: NDArray[np.float64], globes: NDArray[np.float64]
 ) -> SparseShapes:
-    """Build a subject's own blend shapes of lids and jaw.
+    """Build a subject's blend shapes of lids and jaw.
 
     Args:
+        model: the model of all heads.
         neutral: (V, 3) mm.
         globes: (2, 3) mm, centres of the left and right eyeball.
     """
@@ -69,7 +70,7 @@ def side_intensities(model: HeadModel, expression: Mapping[str, float]) -> NDArr
 def expression_weights(
     model: HeadModel, expression: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Compute the weights of ``model.pulls`` and of a subject's own shapes, without zeros.
+    """Compute the weights of ``model.pulls`` and of ``lid_and_jaw_shapes``, without zeros.
 
     Raises ConfigError for an unknown action unit.
     """
@@ -79,7 +80,7 @@ def expression_weights(
     lower = np.minimum(lower, 1.0 + 0.8 * (1.0 - upper))
     opened_deg = float((model.unit_jaw_deg * sides.max(axis=1)).sum())
     turn = np.deg2rad(min(opened_deg, JAW_LIMIT_DEG))
-    own = {"jaw_sin": float(np.sin(turn)), "jaw_cos": float(1 - np.cos(turn))}
+    jaw = {"jaw_sin": float(np.sin(turn)), "jaw_cos": float(1 - np.cos(turn))}
     lids = {
         f"lid{number}_{side}": float(value)
         for number, closed in enumerate((upper, upper**2, lower, lower**2))
@@ -88,5 +89,5 @@ def expression_weights(
     pulls = dict(zip(model.pulls.names, sides.ravel().tolist(), strict=True))
     return (
         {name: weight for name, weight in pulls.items() if weight},
-        {name: weight for name, weight in (lids | own).items() if weight},
+        {name: weight for name, weight in (lids | jaw).items() if weight},
     )

@@ -41,7 +41,7 @@ class HeadModel:
         lids: vertices of the lids.
         anchors_mm: (4, 3) float64, centres of the left and right eye, roots of the left and right
             ear: these parts are rigid.
-        rigid: per anchor, the vertices of its part and their float64 weights.
+        rigid: for each anchor, the vertices of the rigid part and their float64 weights.
         cover: (3, V) float64 weights of lips, hair and brows in [0, 1].
     """
 
@@ -66,7 +66,7 @@ class HeadModel:
         return np.isin(self.regions, [REGIONS.index(name) for name in names])
 
 
-#: Arrays that are stored in half the bytes: name -> type in memory.
+#: Arrays whose file holds a narrower type: end of the name -> type in memory.
 _NARROW: Final = {"triangles": np.int32, "occluder": np.int32, "points": np.int32}
 
 
@@ -79,12 +79,11 @@ def head_model() -> HeadModel:
         if (wide := _NARROW.get(name.rpartition("_")[2])) is not None:
             arrays[name] = array.astype(wide)
         arrays[name].setflags(write=False)
-
     points, weights = arrays["rigid_points"], arrays["rigid_weights"]
-    parts = [arrays["rigid_part"] == part for part in range(4)]
-    own = {name: array for name, array in arrays.items() if name in HeadModel.__annotations__}
-    own |= {name: SparseShapes.of_arrays(arrays, name) for name in ("identity", "pulls")}
-    own["lids"] = Lids(**{name: arrays[f"lids_{name}"] for name in Lids.__annotations__})
-    own["rigid"] = tuple((points[part], weights[part]) for part in parts)
-    own["units"] = tuple(arrays["units"].tolist())
-    return HeadModel(**own)
+    masks = [arrays["rigid_part"] == anchor for anchor in range(4)]
+    fields = {name: array for name, array in arrays.items() if name in HeadModel.__annotations__}
+    fields |= {name: SparseShapes.of_arrays(arrays, name) for name in ("identity", "pulls")}
+    fields["lids"] = Lids(**{name: arrays[f"lids_{name}"] for name in Lids.__annotations__})
+    fields["rigid"] = tuple((points[mask], weights[mask]) for mask in masks)
+    fields["units"] = tuple(arrays["units"].tolist())
+    return HeadModel(**fields)

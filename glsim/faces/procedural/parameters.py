@@ -1,8 +1,8 @@
 """Identity parameters of procedural heads, and the drawing of random identities.
 
-The table parameters.toml has their distributions with sources. Measures of one person go together:
-each parameter is a sum of what it owes to the factors of the person (``FACTORS``) and of its own
-part; the numbers in the table are the correlations with them.
+The table parameters.toml has their distributions with sources. Measures of one person correlate:
+each parameter is a weighted sum of the person's factors (``FACTORS``) and an independent number;
+the weights in the table are the correlations with the factors.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class IdentityParameter:
     """An identity parameter: a normal distribution clipped to [low, high].
 
     Args:
-        loads: its correlations with the factors, in the order of FACTORS.
+        loads: correlations with the FACTORS, in their order.
         template: value of the template head.
     """
 
@@ -65,8 +65,7 @@ def sample_identity(seed: int, subject: str) -> dict[str, float]:
     values = {}
     for p in PARAMETERS:
         loads = np.array(p.loads)
-        own = np.sqrt(max(1.0 - float((loads * loads).sum()), 0.0)) * float(rng.standard_normal())
-        values[p.name] = float(
-            np.clip(p.mean + p.sd * ((loads * factors).sum() + own), p.low, p.high)
-        )
+        rest = np.sqrt(max(1.0 - float((loads * loads).sum()), 0.0)) * float(rng.standard_normal())
+        value = p.mean + p.sd * ((loads * factors).sum() + rest)
+        values[p.name] = float(np.clip(value, p.low, p.high))
     return values

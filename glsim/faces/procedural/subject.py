@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from glsim.core.array_types import Array
 from glsim.core.products import product
 from glsim.core.seeds import rng_for
-from glsim.faces.procedural.expression import expression_weights, own_shapes
+from glsim.faces.procedural.expression import expression_weights, lid_and_jaw_shapes
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import PARAMETERS
 from glsim.faces.sparse_shapes import SparseShapes
@@ -35,35 +35,28 @@ _BALD_MM: Final = 0.8  # thickness of hair that shows the scalp
 WAVELENGTHS_MM: Final = (260.0, 150.0, 90.0)
 WAVES: Final = 4  # per wavelength: enough to approximate a Gaussian field
 #: Standard deviation of the field in each direction, mm, and its spread over people. Faces and
-#: their mirror images, registered, differ by 0.63 mm root mean square (sd 0.16) over 350
-#: adults (Cleft Palate Craniofac. J., doi 10.1597/13-353). These fields and the
-#: asymmetries in the table of parameters together give that size (test_procedural.py
-#: measures it), and landmarks on both sides that differ by 1 to 3 mm.
+#: their registered mirror images differ by 0.63 mm root mean square (sd 0.16) over 350 adults
+#: (Cleft Palate Craniofac. J., doi 10.1597/13-353). Field and asymmetric parameters together give
+#: this (test_procedural.py measures it), and landmarks whose sides differ by 1 to 3 mm.
 FIELD_MM, SPREAD = 0.42, 0.25
 LIMITS_MM: Final = (0.15, 0.8)
 
 
 @dataclass(frozen=True, eq=False)
 class HeadSubject:
-    """The neutral head of a person, with its reflectivity and its lid and jaw shapes.
-
-    Args:
-        neutral: (V, 3) float64 mm.
-        albedo: (V,) float32 in [0, 1].
-        own: the shapes of lids and jaw.
-    """
+    """The neutral head of a person (V, 3) mm, reflectivity (V,) and shapes of lids and jaw."""
 
     neutral: Array
     albedo: NDArray[np.float32]
-    own: SparseShapes
+    lids_and_jaw: SparseShapes
 
     def frame(self, expression: Mapping[str, float]) -> NDArray[np.float32]:
         """Compute the head's vertices (V, 3) float32 mm with an expression."""
         model = head_model()
-        pulls, own = expression_weights(model, expression)
+        pulls, lids_and_jaw = expression_weights(model, expression)
         head = self.neutral.astype(np.float32)
         model.pulls.add(head, pulls)
-        self.own.add(head, own)
+        self.lids_and_jaw.add(head, lids_and_jaw)
         return head
 
 
@@ -84,7 +77,7 @@ def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> HeadSubject:
             for centre, side in zip(model.anchors_mm[:2], (left, ~left), strict=True)
         ]
     )
-    return HeadSubject(neutral, albedo, own_shapes(model, neutral, globes))
+    return HeadSubject(neutral, albedo, lid_and_jaw_shapes(model, neutral, globes))
 
 
 def neutral_head(identity: Mapping[str, float]) -> Array:
@@ -98,8 +91,8 @@ def neutral_head(identity: Mapping[str, float]) -> Array:
 def asymmetry_field(seed: int, subject: str) -> Array:
     """Draw a smooth asymmetry of a head as vertex offsets (V, 3) mm.
 
-    Random plane waves minus their mirror images: the mean of a head and its mirror image is
-    unchanged. Eyeballs and ears stay rigid.
+    Random plane waves minus their mirror images, so that the mean of a head and its mirror image
+    stays. Eyeballs and ears stay rigid.
     """
     model = head_model()
     rng = rng_for(seed, "asymmetry", subject)
@@ -109,24 +102,24 @@ def asymmetry_field(seed: int, subject: str) -> Array:
     wave *= 2 * np.pi / (length * np.linalg.norm(wave, axis=0))
     phase = rng.uniform(0, 2 * np.pi, len(length))
     amplitude = rng.standard_normal((len(length), 3)) * length[:, None]
-    # a wave's mean square is half the square of its amplitude; the difference of two waves that are
-    # halved has half of it
+    # A wave's mean square is half its squared amplitude; the difference of two halved waves has
+    # half of that.
     amplitude *= 2.0 * size / np.sqrt(np.sum(length**2))
     mirror = np.array([-1.0, 1.0, 1.0])
     # By columns, (waves, V): NumPy is fast along the last axis.
-    place = np.concatenate([model.template_mm, model.anchors_mm]).T.astype(np.float32, order="C")
-    shift, size_of = phase[:, None].astype(np.float32), 0.5 * amplitude.T.astype(np.float32)
+    points = np.concatenate([model.template_mm, model.anchors_mm]).T.astype(np.float32, order="C")
+    shift, half = phase[:, None].astype(np.float32), 0.5 * amplitude.T.astype(np.float32)
     here, there = (
-        product(size_of, np.cos(product(part.T.astype(np.float32), place) + shift)).T
-        for part in (wave, mirror[:, None] * wave)
+        product(half, np.cos(product(direction.T.astype(np.float32), points) + shift)).T
+        for direction in (wave, mirror[:, None] * wave)
     )
     moved = here - there * mirror.astype(np.float32)
     field: NDArray[np.floating]
     field, anchors = np.split(moved, [len(model.template_mm)])
-    for (points, weights), anchor in zip(model.rigid, anchors, strict=True):
-        change = weights[:, None] * (anchor - field[points])
+    for (vertices, weights), anchor in zip(model.rigid, anchors, strict=True):
+        change = weights[:, None] * (anchor - field[vertices])
         field = field.astype(np.float64, copy=False)  # not before: the sums keep their last bits
-        field[points] += change
+        field[vertices] += change
     return np.asarray(field, np.float64)
 
 
@@ -138,14 +131,12 @@ def clipped_normal(
 
 
 def sample_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
-    """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments.
+    """Draw a subject's reflectivity (V,) in [0, 1], a pure function of its arguments.
 
-    Args:
-        hair_mm: thickness of the hair.
+    ``hair_mm``: thickness of the hair.
     """
     model = head_model()
     rng = rng_for(seed, "albedo", subject)
-
     skin, hair = clipped_normal(rng, *SKIN_ALBEDO), clipped_normal(rng, *HAIR_ALBEDO)
     albedo = np.full(len(model.template_mm), skin)
     # blood and glands: low-frequency patches of a few per cent
@@ -156,9 +147,8 @@ def sample_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32
     )
     albedo *= 1.0 + 0.008 * patches
     scalp = hair if hair_mm > _BALD_MM else STUBBLE_TO_SKIN * skin
-    for weight, value in zip(
-        model.cover, (LIPS_TO_SKIN * skin, scalp, min(hair, 0.28)), strict=True
-    ):
+    covers = LIPS_TO_SKIN * skin, scalp, min(hair, 0.28)
+    for weight, value in zip(model.cover, covers, strict=True):
         albedo += weight * (value - albedo)
     for name, value in FIXED_ALBEDO.items():
         albedo[model.regions == REGIONS.index(name)] = value

@@ -20,10 +20,10 @@ from glsim.faces.scans.file_tree import check_root
 
 _T = TypeVar("_T")
 
-#: Characters of an exception that are kept in a message.
+#: Largest number of characters of an exception in a message.
 _REASON_LENGTH = 120
 
-#: Extensions of the files that meshes refer to: materials of OBJ, buffers of glTF.
+#: Extensions of files that a mesh reads: materials of OBJ, buffers of glTF.
 _COMPANIONS = (".mtl", ".bin")
 
 
@@ -37,7 +37,7 @@ class FileFaces(FaceSource):
         ConfigError: an invalid setting, or a missing root.
     """
 
-    #: What a root without subjects lacks, for the message.
+    #: Text of the error for a root without subjects.
     nothing: ClassVar[str]
     repeats = True
 
@@ -46,12 +46,12 @@ class FileFaces(FaceSource):
         check_axes(axes)
         self.root = check_root(root)
         self._unit, self._axes = unit, axes
-        self._kept: dict[Any, Any] = {}  # what was read once, or its error
+        self._results: dict[Any, Any] = {}  # of read_once: a result or its error
         self._topologies: list[NDArray[np.int32]] = []
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the settings, without cached files."""
-        state = self.__dict__ | {"_kept": {}, "_topologies": []}
+        state = self.__dict__ | {"_results": {}, "_topologies": []}
         state.pop("people", None)
         return state
 
@@ -93,7 +93,7 @@ class FileFaces(FaceSource):
         """Read the face of a frame. May raise any error."""
 
     def shared(self, faces: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return triangles, as the same array as earlier if equal ones were given."""
+        """Return the earlier array with equal triangles if there is one, otherwise ``faces``."""
         for known in self._topologies:
             if np.array_equal(known, faces):
                 return known
@@ -102,23 +102,20 @@ class FileFaces(FaceSource):
 
     def read_once(self, name: Any, make: Callable[[Any], _T]) -> _T:
         """Return ``make(name)``, computed once; a MeshError is cached and raised again."""
-        if name not in self._kept:
+        if name not in self._results:
             try:
                 with one_bad_file(name):
-                    self._kept[name] = make(name)
+                    self._results[name] = make(name)
             except MeshError as error:
-                self._kept[name] = error
-        result: _T | MeshError = self._kept[name]
+                self._results[name] = error
+        result: _T | MeshError = self._results[name]
         if isinstance(result, MeshError):
             raise result
         return result
 
 
 def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
-    """Hash mesh files, and the material and buffer files in their folders: path -> hash.
-
-    Any material or buffer of a folder counts, whether a mesh names it or not.
-    """
+    """Hash mesh files, and all material and buffer files in their folders: path -> hash."""
     meshes = list(dict.fromkeys(paths))
     folders = dict.fromkeys(path.parent for path in meshes)
     beside = [folder / name for folder in folders for name in entries(folder, _COMPANIONS)[0]]
@@ -129,8 +126,8 @@ def file_contents(root: Path, paths: Iterable[Path]) -> dict[str, str]:
 def one_bad_file(file: Path | str) -> Iterator[None]:
     """Convert any exception in the block to a MeshError that names ``file``.
 
-    Errors of glsim pass. A file can do anything to the libraries that read it: ask for more memory
-    than there is, nest deeper than Python's stack, name a file that cannot exist.
+    Errors of glsim pass. A damaged file can make a library raise anything: it may need more memory
+    than there is, nest deeper than Python's stack, or name an impossible file.
     """
     try:
         yield

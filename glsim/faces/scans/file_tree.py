@@ -10,7 +10,6 @@ from typing import Final
 from glsim.core.errors import ConfigError
 
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
-
 _NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
 
 

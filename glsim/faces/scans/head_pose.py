@@ -19,13 +19,9 @@ _ROTATION_TOLERANCE: Final = 0.02
 
 @dataclass(frozen=True, eq=False)
 class HeadPose:
-    """A recorded head pose: x_camera_mm = rotation @ x_template_mm + centre_mm.
+    """A recorded head pose: x_camera_mm = rotation (3, 3) @ x_template_mm + centre_mm (3,).
 
     Camera axes: x right, y down, z away.
-
-    Args:
-        rotation: (3, 3).
-        centre_mm: (3,).
     """
 
     rotation: NDArray[np.float64]

@@ -6,8 +6,8 @@
     NN/depth.cal, NN/rgb.cal            calibrations
 
 below the root or its folder ``hpdb``. The subject is the person, not the recording: 15, 18, 21 and
-22 show F03, F05, F02 and M01 again. A frame is the template rotated as in the recording; the [pose]
-settings give its position, as for every source.
+22 show F03, F05, F02 and M01 again. A frame is the template rotated as in the recording; [pose]
+positions it, as for every source.
 """
 
 from __future__ import annotations
@@ -92,16 +92,12 @@ class Biwi(FileFaces):
             names, _ = entries(self.root / recording, (_POSE,))
             numbers = {last_number(name) or 0: name for name in names}
             first = min(numbers, default=0)
-            keys += [
-                FaceKey(
-                    subject,
-                    recording,
-                    number,
+            for number in sorted(numbers)[:: self._every]:
+                time_s, path = (
                     (number - first) / FRAMES_PER_SECOND,
                     f"{recording}/{numbers[number]}",
                 )
-                for number in sorted(numbers)[:: self._every]
-            ]
+                keys.append(FaceKey(subject, recording, number, time_s, path))
         return keys[:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:

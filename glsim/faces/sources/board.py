@@ -26,7 +26,7 @@ class BoardSettings(FaceSettings):
         return Board(self.width_mm, self.height_mm)
 
 
-#: A sequence of a board's frames; they differ by their noise and pose.
+#: Name of the sequence of a board's frames, which differ by noise and pose.
 _SEQUENCE: Final = "board"
 
 
@@ -45,9 +45,6 @@ class Board(FaceSource):
     """A source of endless identical boards "b0000", "b0001", ..., which differ in pose and noise.
 
     The board faces the front, with its middle at the origin: ``pose.distance_mm`` is its distance.
-
-    Args:
-        width_mm, height_mm: its sides.
     """
 
     name = "board"

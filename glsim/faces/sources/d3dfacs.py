@@ -7,10 +7,10 @@ Both have 60 frames per second, with +y up and +z out of the face. A folder ``d3
 below the root is used as the root. A raw frame is two half-face patches, in one OBJ or in two whose
 names distinguish left and right; each frame has its own topology. Gaps in frame numbers are kept.
 
-Peak: registrations share their topology, so the peak of a sequence is the frame whose vertices,
-without the rigid motion of the head, are farthest from those of its first frame. Raw frames cannot
-be compared in this way: their peak is the middle frame (performances run from neutral to neutral),
-and the notes say so.
+Peak: registrations share one topology, so the peak of a sequence is the frame with the largest
+deformation from the first frame, without the rigid motion of the head. The peak of raw frames,
+whose topologies differ, is the middle frame (performances run from neutral to neutral), and the
+notes say so.
 """
 
 from __future__ import annotations
@@ -103,20 +103,16 @@ class D3dfacs(Folder):
     def _choose(self, subject: str) -> list[FaceKey]:
         keys = super().frames(subject, None)
         sequences = [list(group) for _, group in groupby(keys, key=lambda key: key.sequence)]
-        return [
-            key
-            for sequence in sequences
-            for key in ([self._peak(sequence)] if self._peak_only else sequence[:: self._every])
-        ]
+        if self._peak_only:
+            return [self._peak(sequence) for sequence in sequences]
+        return [key for sequence in sequences for key in sequence[:: self._every]]
 
     def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
         """Return the keys of a subject's frames; two patches of a raw scan are one frame."""
         frames: dict[tuple[Path, str], list[Path]] = {}
         for path in files:
-            name_without_side = (
-                _SIDE.sub("", path.stem) if path.suffix.lower() == ".obj" else path.name
-            )
-            frames.setdefault((path.parent, name_without_side), []).append(path)
+            both = _SIDE.sub("", path.stem) if path.suffix.lower() == ".obj" else path.name
+            frames.setdefault((path.parent, both), []).append(path)
         for first, *others in frames.values():
             name = first.relative_to(self.root).as_posix()
             self._patches[name] = [other.relative_to(self.root).as_posix() for other in others]
@@ -124,16 +120,14 @@ class D3dfacs(Folder):
 
     def _paths(self, key: FaceKey) -> list[Path]:
         self.subjects(None)  # lists the tree, which fills _patches
-        names = [key.path, *self._patches.get(key.path, [])]
-        return [self.root / name for name in names]
+        return [self.root / name for name in (key.path, *self._patches.get(key.path, []))]
 
     def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
         unit = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
         return find_alignment_in_format(path, file_mesh, unit=unit, axes=axes, format_axes=AXES)
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
-        units = action_units(key.sequence)
-        notes: dict[str, object] = {"action_units": units}
+        notes: dict[str, object] = {"action_units": action_units(key.sequence)}
         if len(self._patches.get(key.path, [])):
             notes["patches"] = [key.path, *self._patches[key.path]]
         if self._peak_only:
@@ -147,7 +141,7 @@ class D3dfacs(Folder):
         return max(zip(self._deformations(keys), keys, strict=True), key=lambda pair: pair[0])[1]
 
     def _deformations(self, keys: Iterable[FaceKey]) -> list[float]:
-        """Measure the deformation of each frame from the first valid one; -1 if invalid."""
+        """Measure the deformation of each frame from the first valid frame; -1 if invalid."""
         first: FileMesh | None = None
         deformations = []
         for key in keys:

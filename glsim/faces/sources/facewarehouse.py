@@ -1,14 +1,15 @@
 """Reader of FaceWarehouse: 150 people with 47 blend shapes and 20 poses each.
 
-    Tester_N/Blendshape/shape.bs         all 47 meshes: int32 number of expressions (46: the neutral
-                                         face is not counted), vertices and quads, little-endian;
-                                         then (V, 3) float32 positions each, the neutral first
+    Tester_N/Blendshape/shape.bs         all 47 meshes: int32 number of expressions (46, without the
+                                         neutral face), vertices and quads, little-endian; then
+                                         (V, 3) float32 positions each, the neutral face first
     Tester_N/Blendshape/shape_K.obj      single meshes, with the topology: quads
     Tester_N/TrainingPose/pose_K.obj     20 fitted poses, 0 is neutral
 
 directly below the root or up to three folders deeper. Folders of one person in several places are
-one subject. Sequence "shapes" goes through the blend shapes in order, ``steps`` frames from one to
-the next (easing in and out); its frame K * steps is shape K. Sequence "poses" contains the poses.
+one subject. Sequence "shapes" passes through the blend shapes in order, with ``steps`` frames from
+each shape to the next (easing in and out); frame K * steps is shape K. Sequence "poses" contains
+the poses.
 
 The files have their own unit, about 100 to 125 mm; it is estimated from the width of the neutral
 face. +y is up, +z out of the face.
@@ -40,7 +41,7 @@ from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 
 SHAPES: Final = 47
-"""The neutral face and 46 expressions. A reader that takes 46 as the total loses the last one."""
+"""The neutral face and 46 expressions; the header of shape.bs counts the expressions alone."""
 
 AXES: Final = "+x+y+z"
 FRAMES_PER_SECOND: Final = 30.0
@@ -109,7 +110,7 @@ class FaceWarehouse(FileFaces):
     """The face source of FaceWarehouse in its original layout.
 
     Args:
-        steps: frames from one blend shape to the next.
+        steps: frames from a blend shape to the next.
         poses: whether to include the poses.
         unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
 
@@ -241,8 +242,7 @@ class FaceWarehouse(FileFaces):
 
     def _topology_file(self, subject: str) -> list[Path]:
         """Return an OBJ file with the triangles, another person's if needed; [] if none."""
-        own = self.files_of(subject)
-        files = [own, *self.people.values()]
+        files = [self.files_of(subject), *self.people.values()]
         return [path for f in files for path in (*f.shapes.values(), *f.poses.values())][:1]
 
     def _name(self, path: Path) -> str:
@@ -299,11 +299,8 @@ def read_blend_shapes(path: Path, numbers: Iterable[int]) -> list[NDArray[np.flo
 def mm_per_unit(vertices: NDArray[np.floating]) -> float:
     """Return the mm per unit at which the face is FACE_WIDTH_MM wide; 0 if it has no width.
 
-    The width is measured less than 0.55 widths behind the nose tip and up to 0.4 widths above it,
-    by fixed-point iteration.
-
-    Args:
-        vertices: (V, 3) of a neutral head, y up, z out of the face.
+    Only points within 0.55 widths behind and 0.4 widths above the nose tip count; this window
+    depends on the width, hence the iteration. ``vertices``: (V, 3), y up, z out of the face.
     """
     x, y, z = vertices.T
     middle, width = (x.min() + x.max()) / 2, float(np.ptp(x))

@@ -107,7 +107,7 @@ class Folder(FileFaces):
         return {}
 
     def _alignment_of(self, key: FaceKey) -> Alignment:
-        """Combine the subject's alignment with the sequence's own origin. Raises MeshError."""
+        """Combine the subject's alignment with the origin of the sequence. Raises MeshError."""
         keys = self.frames(key.subject, None)
         subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes)
         keys = [other for other in keys if other.sequence == key.sequence]
@@ -118,18 +118,18 @@ class Folder(FileFaces):
     def _first_alignment(
         self, subject: str, sequence: str, keys: list[FaceKey], unit: str, axes: str
     ) -> Alignment:
-        """Return the first valid mesh's alignment, else raise the first mesh's error."""
+        """Return the alignment of the first valid mesh; without one, raise the first error."""
 
         def first(_: object) -> Alignment:
-            error = MeshError(f"{self.root}: {subject} has no mesh")
-            for number, key in enumerate(keys):
+            errors: list[MeshError] = []
+            for key in keys:
                 path = self.root / key.path
                 try:
                     with one_bad_file(path):
                         return self._align(path, self._read(key), unit, axes)
-                except MeshError as problem:
-                    error = problem if number == 0 else error
-            raise error
+                except MeshError as error:
+                    errors.append(error)
+            raise errors[0] if errors else MeshError(f"{self.root}: {subject} has no mesh")
 
         return self.read_once((subject, sequence), first)
 

@@ -1,10 +1,10 @@
 """The source ``ict-facekit``: heads of the ICT morphable model that perform FACS sequences.
 
-``ict_facekit.npz`` says what is drawn of the model, as numbers of the vertices and triangles of its
-neutral mesh: without lacrimal fluid, lashes and iris meshes (the cornea in front of an iris is
-labelled "iris" instead) and without the third of the triangles that no picture shows, in an order
-for cache locality, with regions and landmarks. Commit c252f95 computes it from the ``usemtl``
-groups, the landmarks of vertex_indices.json and pictures of 160 people.
+``ict_facekit.npz`` lists the rendered vertices and triangles of the model's neutral mesh, in an
+order for cache locality, with regions and landmarks. Lacrimal fluid, lashes and iris meshes are
+left out (the cornea in front of an iris is labelled "iris"), and a third of the triangles, which no
+picture shows. Commit c252f95 computes it from the ``usemtl`` groups, the landmarks of
+vertex_indices.json and pictures of 160 people.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.model_cache import Arrays, cached_arrays
 
-#: Which vertices and triangles of the neutral mesh are drawn.
+#: Numbers of the rendered vertices and triangles of the neutral mesh.
 DRAWN: Final = Path(__file__).with_suffix(".npz")
 
-#: Region -> reflectivity: diffuse, 860 nm, relative to a white wall: design notes on the sensor,
-#: section 4 (skin 0.4-0.68, sclera 0.4-0.6, iris dark, lips about skin). Sockets and gums are wet
-#: mucosa, teeth are bright but shaded by the mouth, parts of the face have the albedo of skin.
+#: Region -> reflectivity: diffuse, 860 nm, relative to a white wall, with the sources of
+#: ``glsim.faces.procedural.subject`` (skin 0.4-0.68, sclera 0.4-0.6, iris dark, lips about skin).
+#: Sockets and gums are wet mucosa, teeth are bright but shaded by the mouth.
 ALBEDO: Final = {
     "face": 0.6, "lips": 0.55, "head": 0.6, "eye socket": 0.5, "mouth socket": 0.4, "gums": 0.4,
     "teeth": 0.5, "sclera": 0.5, "iris": 0.1, "forehead": 0.6, "cheek": 0.6, "chin": 0.6,
@@ -53,7 +53,7 @@ _GET: Final = "get the whole face model with 'git clone https://github.com/ICT-V
 _CACHE_VERSION: Final = "7"  # raise it when the content of the cache changes
 _MM_PER_UNIT: Final = 10.0  # the model is in centimetres
 
-#: Lips part: 4 mm of the 42 of the kit's jawOpen.
+#: AU25 parts the lips by 4 mm, of 42 mm of the kit's jawOpen.
 _OVERRIDES: Final = {"AU25": {"jawOpen": 0.1}}
 #: Shapes of the midline whose names have a side.
 _WHOLE: Final = ("jawLeft", "jawRight")
@@ -270,11 +270,11 @@ def _build(files: list[Path]) -> Arrays:
     with np.load(DRAWN) as stored:
         drawn = {name: stored[name] for name in stored.files}
     neutral = read_obj(files[0])
-    triangles, _ = neutral.fans()  # as the drawn ones were chosen
+    triangles, _ = neutral.fans()  # as for DRAWN
     if [len(neutral.vertices), len(triangles)] != drawn["size"].tolist():
         raise MeshError(f"{files[0]}: damaged or of another model; {_GET}")
-    kept = drawn["vertices"]
-    mean = neutral.vertices[kept]
+    rendered = drawn["vertices"]
+    mean = neutral.vertices[rendered]
     basis = np.empty((len(files), mean.size), dtype=np.float32)
     for row, path in enumerate(files[1:], start=1):
         vertices = read_vertices(path)
@@ -283,17 +283,17 @@ def _build(files: list[Path]) -> Arrays:
                 f"{path}: {len(vertices)} vertices, but {files[0].name} has "
                 f"{len(neutral.vertices)}; {_GET}"
             )
-        basis[row] = ((vertices[kept] - mean) * _MM_PER_UNIT).ravel()
+        basis[row] = ((vertices[rendered] - mean) * _MM_PER_UNIT).ravel()
     nose_tip = mean[np.argmax(mean[:, 2])] * _MM_PER_UNIT
     origin = nose_tip - np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM])
     basis[0] = (mean * _MM_PER_UNIT - origin).ravel()
     if not (finite := np.isfinite(basis).all(axis=1)).all():
         raise MeshError(f"{files[int(finite.argmin())]}: a vertex is NaN or infinite; {_GET}")
-    place = np.full(len(neutral.vertices), -1, dtype=np.int32)
-    place[kept] = np.arange(len(kept))
+    number = np.full(len(neutral.vertices), -1, dtype=np.int32)
+    number[rendered] = np.arange(len(rendered))
     return {
         "basis": basis,
-        "triangles": place[triangles[drawn["triangles"]]],
+        "triangles": number[triangles[drawn["triangles"]]],
         "regions": drawn["regions"],
         "landmarks": drawn["landmarks"].astype(np.int64),
     }

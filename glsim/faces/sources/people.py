@@ -21,7 +21,8 @@ from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import BodySubject
 
-#: |x| from which vertices follow the head less, and no more, mm: beside ears and hair. Chosen.
+#: |x| between which a vertex's share of the head's turn falls to 0, mm: beside ears and hair.
+#: Chosen.
 _ASIDE_MM: Final = (130.0, 190.0)
 
 
@@ -49,7 +50,7 @@ class PeopleSettings(GeneratorSettings):
 def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the share (N,) of the head's rotation at each vertex (N, 3), mm from the face.
 
-    As on the embedded heads; raised hands and shoulders, aside of the neck, do not follow.
+    As on the embedded heads, but raised hands and shoulders beside the neck do not follow.
     """
     aside = np.clip((_ASIDE_MM[1] - np.abs(vertices_mm[:, 0])) / np.diff(_ASIDE_MM)[0], 0.0, 1.0)
     share: NDArray[np.float32] = neck_share(vertices_mm) * aside.astype(np.float32)
