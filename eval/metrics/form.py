@@ -1,7 +1,7 @@
-"""How much of a surface's own form a denoiser removes: relief kept, and the systematic error.
+"""Loss of a surface's form by a denoiser: share of relief that remains, and the systematic error.
 
-An error against the truth is noise that is left and form that is lost. Noise differs from frame to
-frame and has no relation to the surface; lost form is the same in each.
+An error against the truth is remaining noise plus lost form. Noise differs from frame to frame and
+does not depend on the surface; lost form is the same in each frame.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 from glsim.core.array_types import Depth, Mask
 from glsim.eval.metrics.scored_map import ScoredMap
 
-#: Standard deviations of two Gaussians, px, whose difference passes relief of 4 to 8 px: of waves
-#: of 4, 6 and 8 px it passes 0.29, 0.51 and 0.51, of 16 px 0.24.
+#: Standard deviations of two Gaussians, px. Their difference passes relief of 4 to 8 px: 0.29, 0.51
+#: and 0.51 of waves of 4, 6 and 8 px, and 0.24 of waves of 16 px.
 _BAND_PX: Final = (1.0, 2.2)
-#: Least relief of that size, standard deviation in mm, of which a share is computed. Chosen: below
-#: it the noise that is left decides.
+#: Least standard deviation of the clean relief, mm. Chosen: below it, remaining noise decides.
 _LEAST_MM: Final = 0.1
-#: Share of pixels that tells two views apart; of faces 1 ms apart 0.0001 differ. Chosen.
+#: Largest share of different clean pixels in two frames of one view; faces 1 ms apart have 0.0001.
+#: Chosen.
 _OTHER_SHARE: Final = 0.001
 
 
 def relief_kept_pct(prediction: ScoredMap) -> float:
     """Compute the share of the clean relief of 4 to 8 px in a prediction, %; NaN without any.
 
-    It is the slope of a regression in the interior, which noise does not change on average.
+    The slope of a regression in the interior, which noise does not change on average.
     """
     truth = prediction.truth
     inside = prediction.valid & truth.parts["interior"]
@@ -45,14 +45,14 @@ def systematic_mm2(
 ) -> float:
     """Compute the mean square of the error that two frames of one view share, mm2.
 
-    The mean product of both errors, whose noise is independent: 0 on average for noise alone. NaN
-    for another view (clean maps that differ in more than 0.1 % of the pixels), and without a pixel
-    in both interiors.
+    The mean product of both errors: 0 on average for noise alone, which is independent. NaN for
+    another view (clean maps that differ in more than 0.1 % of the pixels), and without a pixel in
+    both interiors.
 
     Args:
-        prediction: of a frame.
-        earlier_mm: (H, W) prediction of the frame before, by the same method.
-        earlier_clean_mm: (H, W) its clean map.
+        prediction: map of a frame.
+        earlier_mm: (H, W) prediction of the previous frame, by the same method.
+        earlier_clean_mm: (H, W) clean map of the previous frame.
     """
     truth = prediction.truth
     if earlier_mm is None or earlier_clean_mm is None or earlier_mm.shape != truth.clean.shape:

@@ -26,9 +26,9 @@ def _all_metrics() -> dict[str, Metric]:
     def plugin(name: str) -> Any:
         return load_plugin("metrics", name, lambda value: isinstance(value, Metric))
 
-    found: dict[str, Metric] = {metric.name: metric for metric in SHIPPED_METRICS}
-    plugins = each_usable(plugin_names("metrics", found), plugin)
-    return found | {name: replace(metric, name=name) for name, metric in plugins}
+    shipped: dict[str, Metric] = {metric.name: metric for metric in SHIPPED_METRICS}
+    plugins = each_usable(plugin_names("metrics", shipped), plugin)
+    return shipped | {name: replace(metric, name=name) for name, metric in plugins}
 
 
 #: Name -> metric, in the order of the columns of rows.csv.
@@ -60,10 +60,10 @@ def score(
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
         truth: the clean frame and the input.
-        earlier_mm: prediction and clean map of the frame before, see ``systematic_mm2``.
+        earlier_mm: prediction and clean map of the previous frame, see ``systematic_mm2``.
 
     Raises:
-        DenoiserError: as ``ScoredMap``.
+        DenoiserError: for an invalid prediction, see ``ScoredMap``.
     """
     prediction = ScoredMap(prediction_mm, truth)
     scores = {m.name: m.value(prediction) for m in METRICS.values() if m.value is not None}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Array
 
-#: Region column without its "@nose" -> the whole-frame metric in ``METRICS`` that it refines.
+#: Name of a region metric, without "@nose" -> the metric of ``METRICS`` for the whole frame.
 REGION_METRICS: Final = {
     "rmse_mm": "input_interior_rmse_mm",
     "bias_mm": "input_interior_bias_mm",
@@ -27,9 +27,7 @@ class Regions:
     def errors(self, error: Array, pixels: NDArray[np.bool_]) -> dict[str, float]:
         """Return RMSE and bias of each region by column name; NaN for a region without pixels.
 
-        Args:
-            error: (N,) mm.
-            pixels: (H, W) bool, the N pixels of the errors.
+        ``error``: (N,) mm; ``pixels``: (H, W) mask of the N pixels.
         """
         labels = self.labels[pixels]
         square, mean = _means(error * error, labels), _means(error, labels)

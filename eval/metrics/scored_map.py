@@ -1,6 +1,6 @@
 """A predicted depth map with its clean frame, from which all metrics are computed.
 
-Several metrics share what is costly; it is computed once, when the first of them asks for it.
+Costly intermediate results are computed once, when the first metric needs them.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Truth:
         clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth.
         rays: (H, W, 2), x/z and y/z.
         regions: the face regions, if known.
-        offset_mm: what was subtracted from both maps; normals are those of the surface at its
-            distance from the camera, undefined for NaN (not known).
+        offset_mm: depth that was subtracted from both maps. It is added again for normals, which
+            are undefined for an unknown offset, NaN.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ScoredMap:
         truth: the clean frame and the input.
 
     Raises:
-        DenoiserError: for another shape, and for depth below 0 or that is no number.
+        DenoiserError: for another shape, and for depth that is negative or no number.
     """
 
     def __init__(self, prediction_mm: NDArray[np.generic], truth: Truth) -> None:
@@ -100,10 +100,7 @@ class ScoredMap:
     def counts(self) -> tuple[int, int, int]:
         """Numbers of valid pixels: in both maps, in the prediction, and in the clean map."""
         both = self.valid & self.truth.valid
-        hits, predicted, real = (
-            int(np.count_nonzero(m)) for m in (both, self.valid, self.truth.valid)
-        )
-        return hits, predicted, real
+        return tuple(int(np.count_nonzero(m)) for m in (both, self.valid, self.truth.valid))
 
     @cached_property
     def flips(self) -> int:
@@ -115,9 +112,9 @@ class ScoredMap:
         """Select a set of pixels and return its (N,) errors, mm, and its (H, W) mask.
 
         Args:
-            base: "both": prediction and clean valid; "filled": these, where the input is not;
-                "input": input and clean valid, with the input's error where the method has no
-                depth.
+            base: "both": prediction and clean are valid; "filled": both, but the input is not;
+                "input": input and clean are valid; errors of the input stand in for missing
+                predictions.
             part: "all", "interior" or "edge" of the clean map.
         """
         truth = self.truth

@@ -1,12 +1,11 @@
 """Structural similarity (SSIM) with explicit constants.
 
 Wang et al. 2004, equation 13, with a uniform window and sample covariances, the defaults of
-scikit-image's ``structural_similarity``; tests compare the two. It is computed here because its
-three presets share the statistics of the windows, and the maps of all denoisers those of the clean
-map: scikit-image takes 5.5 times the processor time (69 against 12.5 ms for a map of 512 x 424).
+scikit-image's ``structural_similarity``; tests compare the two. scikit-image takes 5.5 times the
+processor time (69 against 12.5 ms for a map of 512 x 424), since here three presets share window
+statistics, and all denoisers share the statistics of the clean map.
 
-The value depends so much on K1, K2 and L that it means nothing without them: PRESETS lists the
-constants we print.
+SSIM means nothing without K1, K2 and L: PRESETS lists the constants that reports print.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class Preset:
 
 
 #: paper: as Kendrick et al. print them (K a tenth of the usual). standard: K1, K2 of Wang et al.
-#: with the paper's L. 16bit: the same with the range of 16-bit files.
+#: with the paper's L. 16bit: K1, K2 of Wang et al. with the range of 16-bit files.
 PRESETS: Final[dict[str, Preset]] = {
     "paper": Preset(0.001, 0.003, 8000.0),
     "standard": Preset(0.01, 0.03, 8000.0),

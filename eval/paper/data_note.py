@@ -11,16 +11,12 @@ _NAMES = {STAND_IN: "embedded heads", **{kind: s.name for kind, s in PAPER_SOURC
 
 
 def data_note(dataset: Dataset) -> str:
-    """Describe a data set in a caption: sources, numbers of frames, absent face sets, sensor.
-
-    Args:
-        dataset: of the reproduction.
-    """
-    held = Counter(str(pair.record["source"]) for pair in dataset)
-    sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in held.items())
+    """Describe a data set in a caption: sources, numbers of frames, absent face sets, sensor."""
+    counts = Counter(str(pair.record["source"]) for pair in dataset)
+    sources = ", ".join(f"{source_name(kind)} ({count:,})" for kind, count in counts.items())
     note = f"Frames: {sources}."
-    others = " and ".join(source_name(kind) for kind in held if kind not in PAPER_SOURCES)
-    missing = missing_counts(held)
+    others = " and ".join(source_name(kind) for kind in counts if kind not in PAPER_SOURCES)
+    missing = missing_counts(counts)
     if others and missing:
         lacks = ", ".join(f"{PAPER_SOURCES[kind].name} ({n:,})" for kind, n in missing.items())
         note += f" In place of {lacks}: {others}."

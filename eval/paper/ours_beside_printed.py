@@ -1,8 +1,8 @@
 """Comparison of the paper's 39 printed values with our values in four cases, with verdicts.
 
-The paper does not say where depths are counted from, nor whether its clean maps have holes. So all
-is scored in four cases: a protocol (``glsim.core.depth_protocol``) times a mask of the clean maps,
-which are dense, or BlenSor's: without depth where the noisy map has none.
+The paper states neither the origin of its depths nor whether its clean maps have holes. So there
+are four cases: two protocols (``glsim.core.depth_protocol``) times two kinds of clean maps: dense,
+or as BlenSor's, without depth where the noisy map has none.
 """
 
 from __future__ import annotations
@@ -45,11 +45,10 @@ VERDICTS: Final[dict[Verdict, str]] = {
     "other order": "in no case they do",
     "not comparable": "not scored, or the noisy input itself, whose noise is the paper's own",
 }
-#: Standard deviations of our seeds within which a value is reproduced: 95 % of a normal one.
+#: Standard deviations of our seeds within which a value is reproduced: 95 % of a normal law.
 _SPREADS: Final = 2.0
-#: Half of the last printed digit: a smaller difference from the noisy input is none.
+#: Half of the last printed digit: smaller differences from the noisy input do not count.
 _ROUNDING: Final = 5e-5
-
 
 #: Metric -> mean over frames, of one method.
 _Means = dict[str, float]
@@ -61,9 +60,9 @@ class Case:
 
     Attributes:
         title: protocol and mask.
-        seeds: row of the paper or trivial prediction -> of each seed the means, and those of the
-            noisy input on the same frames.
-        sizes: row -> size of its network.
+        seeds: row of the paper or trivial prediction -> for each seed, the means of the method and
+            of the noisy input on the same frames.
+        sizes: row -> size of the network.
     """
 
     title: str
@@ -76,7 +75,7 @@ class Case:
 
 
 def mask_folder(out: Path, mask: str) -> Path:
-    """Return the data folder of a mask in a reproduction; dense maps lie in ``out`` itself."""
+    """Return the data folder of a mask in a reproduction; for dense maps, ``out``."""
     return out if mask == "dense" else out / f"mask_{mask}"
 
 
@@ -87,10 +86,9 @@ def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path
 
 
 def read_cases(folder: Path) -> list[Case]:
-    """Read the scores of all cases of a reproduction. Raises DatasetError for a damaged table.
+    """Read the scores of the four cases of a reproduction; a case without scores has no rows.
 
-    Returns:
-        The four cases. One without scores has no rows.
+    Raises DatasetError for a damaged table.
     """
     cases = []
     for protocol in get_args(DepthProtocol):
@@ -114,15 +112,15 @@ def _add_filters(case: Case, path: Path) -> None:
             case.seeds.setdefault(title, []).append((means[name], means["noisy"]))
 
 
-def _add_networks(case: Case, place: Path) -> None:
+def _add_networks(case: Case, folder: Path) -> None:
     """Add the scores of trained networks to a case; per row, the full size is preferred."""
-    if not (place / "table.csv").is_file():
+    if not (folder / "table.csv").is_file():
         return
     try:
-        groups = with_twins(group_by_network(find_trained_runs(place / "runs").runs))
+        groups = with_twins(group_by_network(find_trained_runs(folder / "runs").runs))
     except ConfigError:  # nothing was trained there
         return
-    means = read_means(place / "table.csv")
+    means = read_means(folder / "table.csv")
     for group in sorted(groups, key=lambda group: group.size == "full"):
         scored = [run.label for run in group.members if run.label in means]
         if group.row is not None and scored:
@@ -162,9 +160,9 @@ def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Ver
     """Judge a printed value by the rules of VERDICTS.
 
     Args:
-        row: as printed.
-        metric: ours.
-        printed: the value.
+        row: title of the row in the paper.
+        metric: name of our metric.
+        printed: the printed value.
         cases: our scores.
     """
     scored = [case for case in cases if row in case.seeds]

@@ -20,16 +20,16 @@ from glsim.eval.scoring.evaluate import Evaluation
 from glsim.eval.scoring.trained_networks import SeedGroup, TrainedRun, group_by_network
 from glsim.networks.composites import COMPOSITES
 
-#: Table -> its rows. Table 2 compares architectures, table 3 each depth with and without AR.
+#: Table -> rows. Table 2 compares architectures, table 3 each depth with and without AR.
 PAPER_ROWS: Final = {
     1: PAPER_FILTERS,
     2: ("Restormer", "UNet", "D7", "D20", "D64"),
     3: ("D7", "AR D7", "D20", "AR D20", "D64", "AR D64"),
 }
-#: Trivial predictions that no method may lose to, by their names among the trivial baselines.
+#: Names of the trivial predictions that every method must beat.
 NOTHING_LOSES_TO: Final = ("zero image", "mean face")
-#: Our metric -> heading of the printed columns. Of the readings of SSIM the one with L of 16-bit
-#: maps has values like the printed ones.
+#: Our metric -> heading of the printed columns. Of all readings of SSIM, L of 16-bit maps gives
+#: values closest to the printed values.
 PAPER_COLUMNS: Final = {
     "mse_mm2": "MSE [mm²]",
     "psnr_db": "PSNR per image [dB]",
@@ -72,9 +72,8 @@ class _Row:
 
     def cell(self, metric: str) -> str:
         """Return mean and standard deviation over seeds as text."""
-        return mean_and_spread(
-            [entries[metric].mean for entries in self.seeds], METRICS[metric].unit
-        )
+        means = [entries[metric].mean for entries in self.seeds]
+        return mean_and_spread(means, METRICS[metric].unit)
 
 
 def mean_and_spread(values: Sequence[float], unit: str) -> str:
@@ -152,8 +151,8 @@ def paper_table(
 def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     """Add rows with artefact removal that were not trained, as copies of rows without it.
 
-    The measurement operator of denoising is the identity, so that a network with and one without
-    artefact removal are equal, bit for bit.
+    The measurement operator of denoising is the identity, so that artefact removal changes no bit
+    of a network's output.
     """
     trained = {(group.row, group.size) for group in groups}
     twins = [
@@ -168,32 +167,30 @@ def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -
     """List the rows of networks: all rows of the paper, then our additional networks."""
     rows = []
     for name in (*PAPER_ROWS[which], None) if which > 1 else ():
-        found = [
-            _Row(
-                name or "-",
-                _description(group, part),
-                PRINTED_NETWORKS[name] if name else None,
-                seeds,
-            )
+        printed = PRINTED_NETWORKS[name] if name else None
+        trained = [
+            _Row(name or "-", _description(group, composite), printed, seeds)
             for group in groups
             if group.row == name
-            for part in ("", *COMPOSITES)
-            if (seeds := _entries(group, part, table))
+            for composite in ("", *COMPOSITES)
+            if (seeds := _entries(group, composite, table))
         ]
-        if name is not None and not found:
-            found = [_Row(name, "**missing**", PRINTED_NETWORKS[name], [])]
-        rows += found
+        if name is not None and not trained:
+            trained = [_Row(name, "**missing**", printed, [])]
+        rows += trained
     return rows
 
 
-def _entries(group: SeedGroup, part: str, table: ResultTable) -> list[Mapping[str, MetricMean]]:
-    labels = [f"{run.label} [{part}]" if part else run.label for run in group.members]
+def _entries(
+    group: SeedGroup, composite: str, table: ResultTable
+) -> list[Mapping[str, MetricMean]]:
+    labels = [f"{run.label} [{composite}]" if composite else run.label for run in group.members]
     return [table[label] for label in labels if label in table]
 
 
-def _description(group: SeedGroup, part: str) -> str:
+def _description(group: SeedGroup, composite: str) -> str:
     minutes = statistics.fmean(run.seconds / 60 for run in group.members)
-    name = f"{group.title} [{part}]" if part else group.title
+    name = f"{group.title} [{composite}]" if composite else group.title
     return f"{name}, {group.size}, seeds: {len(group.members)}, {minutes:.1f} min each"
 
 
@@ -206,9 +203,9 @@ def _printed_and_ours(rows: Sequence[_Row], noisy_mm2: float) -> TextTable:
     lines = []
     for row in rows:
         printed = ["-"] * 4
-        if (own := row.printed) is not None:
-            printed = [format_number(own.mse_mm2), f"{own.psnr_db:.2f}", f"{own.ssim:.4f}"]
-            printed.append(f"{own.mse_mm2 / printed_noisy:.3f}")
+        if (paper := row.printed) is not None:
+            printed = [format_number(paper.mse_mm2), f"{paper.psnr_db:.2f}", f"{paper.ssim:.4f}"]
+            printed.append(f"{paper.mse_mm2 / printed_noisy:.3f}")
         ratio = row.mean("mse_mm2") / noisy_mm2 if noisy_mm2 else math.nan
         ours = [*map(row.cell, PAPER_COLUMNS), "-" if math.isnan(ratio) else f"{ratio:.3f}"]
         pairs = [cell for pair in zip(printed, ours, strict=True) for cell in pair]

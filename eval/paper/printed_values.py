@@ -21,4 +21,4 @@ _TABLES: Final = read_toml(Path(__file__).with_suffix(".toml"))
 #: Table 1: our name of a filter -> its row.
 PRINTED_FILTERS: Final = {name: PrintedRow(*row) for name, row in _TABLES["filters"].items()}
 #: Tables 2 (Restormer, UNet) and 3 (DnCNN by depth; AR: with artefact removal).
-PRINTED_NETWORKS: Final = {row: PrintedRow(row, *own) for row, own in _TABLES["networks"].items()}
+PRINTED_NETWORKS: Final = {row: PrintedRow(row, *v) for row, v in _TABLES["networks"].items()}

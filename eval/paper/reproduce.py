@@ -1,7 +1,7 @@
 """Reproduction of the paper: data, networks, tables 1 to 3, figures, and the 39 printed values.
 
 FOLDER/data, FOLDER/runs             pairs and networks with dense clean maps, measured depth
-FOLDER/[mask_MASK/][protocol_paper/] those of the other three cases, each with its tables
+FOLDER/[mask_MASK/][protocol_paper/] pairs, networks and tables of the other three cases
 FOLDER/filters/MASK/SEED             data for table 1 alone, with PROTOCOL/ for its scores
 FOLDER/paper_figures, paper_values.* figures 1 to 6; each printed value beside ours
 """
@@ -75,9 +75,7 @@ class ReproductionPlan(TomlTable):
     def data_settings(self, mask: str, roots: Mapping[str, Path]) -> Settings:
         """Return the settings of the data set of the networks. Raises ConfigError.
 
-        Args:
-            mask: of the clean maps, a key of MASKS.
-            roots: kind of source -> folder, for the face sets of the paper that are there.
+        ``mask``: key of MASKS; ``roots``: kind of source -> folder of each present face set.
         """
         if not roots:
             return self._settings(mask, self.subjects, self.frames_per_subject)
@@ -127,12 +125,12 @@ def reproduce(
     """Run all steps of a plan (generate, train, score); steps that are complete are skipped.
 
     Args:
-        plan: what to do.
-        runner: the folder, and how progress is shown.
-        roots: kind of source -> folder, for the face sets of the paper that are there.
+        plan: the steps.
+        runner: the folder, and the display of progress.
+        roots: kind of source -> folder of each face set of the paper that is present.
 
     Returns:
-        The files of the values beside ours.
+        The files with printed values beside ours.
 
     Raises:
         GlsimError: a step failed; the message names it.
@@ -140,7 +138,7 @@ def reproduce(
     """
     out = runner.out
     cases = [(protocol, mask) for mask in plan.masks for protocol in plan.protocols]
-    trainings = {case: plan.trainings(*case) for case in cases}  # reports wrong recipes first
+    trainings = {case: plan.trainings(*case) for case in cases}  # reports wrong recipes early
     for mask in plan.masks:
         runner.generate(plan.data_settings(mask, roots or {}), mask_folder(out, mask) / "data")
     if plan.filters is not None:

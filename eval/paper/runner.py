@@ -1,7 +1,7 @@
-"""Runner of a reproduction's steps: data sets, trainings, scores. It resumes an interrupted one.
+"""Runner of a reproduction's steps (data sets, trainings, scores), which resumes.
 
-A step is skipped if its output exists and FOLDER/steps/NAME.json says that it was finished with the
-same inputs. Steps without an output run every time: scoring reuses its finished blocks by itself.
+A step is skipped if its output exists and FOLDER/steps/NAME.json records equal inputs. Steps
+without an output run every time: scoring reuses its finished blocks by itself.
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ class Runner:
         """Run a step unless it is complete.
 
         Args:
-            name: of the step, unique in the reproduction.
+            name: name of the step, unique in the reproduction.
             run: does the work.
             inputs: JSON values that the output depends on.
-            output: file or folder whose absence makes the step incomplete; None: run every time.
+            output: file or folder of the complete step; None: run every time.
 
         Returns:
-            What ``run`` returns; None for a step that was complete.
+            The result of ``run``; None for a step that was complete.
         """
         record = self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
         inputs = json.loads(json.dumps(inputs))
@@ -83,8 +83,7 @@ class Runner:
         try:
             result = run()
         except GlsimError as error:
-            message = f"{name}: {error}: the same command goes on there"
-            raise type(error)(message) from error
+            raise type(error)(f"{name}: {error}: the same command goes on there") from error
         if output is not None:
             write_atomic(to_json({"inputs": inputs}, str(record)).encode(), record)
         return result
@@ -104,9 +103,8 @@ class Runner:
     def train(self, recipe: Recipe, data: Sequence[Path], folder: Path) -> None:
         """Train a network, or continue its interrupted training.
 
-        Raises:
-            TrainError: without PyTorch, and as ``glsim.train.loop.fit``.
-            KeyboardInterrupt: for a training that a signal has stopped; it is saved.
+        Raises TrainError without PyTorch, the errors of ``glsim.train.loop.fit``, and
+        KeyboardInterrupt for a training that a signal has stopped, which is saved.
         """
 
         def run() -> None:

@@ -33,18 +33,18 @@ def score_tables(
     """Score the paper's filters, denoisers and trained networks; write the paper's tables as well.
 
     Args:
-        job: what is scored beside the paper's filters.
+        job: frames, and the denoisers beside the paper's filters.
         out: folder of the results.
         tables: numbers of the paper's tables to write as paper_table_N.md.
         runs: folder with a folder per run of ``glsim train``.
-        figures, workers, progress: as of ``score_denoisers``.
+        figures, workers, progress: as in ``score_denoisers``.
 
     Returns:
         The written files, and a line for each method that harms surfaces.
 
     Raises:
         ConfigError: an unknown table, or tables 2 and 3 without ``runs``.
-        GlsimError: as ``score_denoisers``.
+        GlsimError: the errors of ``score_denoisers``.
     """
     for number in tables:
         if number not in PAPER_ROWS:

@@ -1,12 +1,13 @@
 """Measures of a denoiser on one real frame, without clean truth: sums of five measures.
 
 A pixel is lost if its depth is gone or has moved by half of the least step of a silhouette. Lost
-pixels are counted, and keep the input's depth in the measures of surfaces; otherwise a few would
-dominate the mean.
+pixels are counted; in measures of surfaces they have the input's depth, so that a few of them do
+not dominate the mean.
 """
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Final, Literal, NamedTuple
 
 import cv2
@@ -29,15 +30,15 @@ _BINS: Final = len(BINS_M) - 1
 #: Width of the bins of the shift, mm, and their number from 0 m on.
 SHIFT_BIN_MM: Final = 100
 SHIFT_BINS: Final = int(MM_PER_M * BINS_M[-1] / SHIFT_BIN_MM)
-#: Largest movement of a pixel that is kept, mm.
+#: Largest movement of a pixel that is not lost, mm.
 _LOST_MM: Final = STEP_MM / 2
-#: Side of the tiles in which planes are looked for, pixels; share of a tile that must lie on the
-#: plane; outliers, in medians of the absolute residual (4.4: 3 sigma), and rounds of removing them;
-#: least share of the residual that a second degree leaves of a plane's; largest residual relative
-#: to the distance: beyond it a tile shows two surfaces (a D435 has 0.014 at 1.7 m). Chosen.
+#: Side of the tiles in which planes are searched, px; least share of a tile on the plane; outliers,
+#: in medians of the absolute residual (4.4: 3 sigma), and rounds of removing them; least residual
+#: of a surface of second degree over the plane's; largest residual relative to the distance: beyond
+#: it a tile shows two surfaces (a D435 has 0.014 at 1.7 m). Chosen.
 _TILE_PX: Final = 48
 _LEAST_SHARE, _OUTLIER, _ROUNDS, _STRAIGHT, _ROUGHEST = 0.85, 4.4, 3, 0.95, 0.03
-#: Least neighbours with depth, of eight, of a pixel that is not alone.
+#: Fewest of eight neighbours with depth for a pixel that is not alone.
 _COMPANY: Final = 3
 #: Names of the sums of edges, in order.
 EDGE_SUMS: Final = (
@@ -47,13 +48,13 @@ EDGE_SUMS: Final = (
 
 
 class Tally(NamedTuple):
-    """Numbers of pixels and sums of the four measures of a denoised map; the numbers come first.
+    """Sums of the measures of a denoised map; the last axis is (number of pixels, sum).
 
     Attributes:
         pair: (units, bins, 2) squared error on static pairs, by BINS_M.
         paper: (bins, 2) squared residuals of the board's paper from its plane.
         shift: (SHIFT_BINS, 2) shift of smooth surfaces, by 100 mm.
-        planes: (bins, 2) squared residuals of walls and table tops from planes of their own.
+        planes: (bins, 2) squared residuals of walls and table tops from fitted planes.
         edges: (len(EDGE_SUMS),) pixels.
     """
 
@@ -101,23 +102,22 @@ class FrameTruth:
     def _pair(self, moved: Array) -> Array:
         """Sum (denoised - partner)^2 minus the noise variance of the partner frame.
 
-        The noise of two frames is independent, so that half of (raw - partner)^2 is the variance of
-        one, for any law and correlation.
+        The variance is half of (raw - partner)^2, because the noise of two frames is independent.
         """
         if self.partner is None:
             return np.zeros((self._unit_count, _BINS, 2))
         squares = (moved - self._difference) ** 2 - 0.5 * self._difference**2
-        place = distance_bin(self.frame.measured_mm)
-        known = np.isfinite(self._difference) & (place >= 0)
-        key = self._units[known] * _BINS + place[known]
+        bins = distance_bin(self.frame.measured_mm)
+        known = np.isfinite(self._difference) & (bins >= 0)
+        key = self._units[known] * _BINS + bins[known]
         return _sums(key, squares[known], self._unit_count * _BINS).reshape(-1, _BINS, 2)
 
     def _paper(self, filled: Array) -> Array:
         sums = np.zeros((_BINS, 2))
-        if self.board is not None and (place := int(distance_bin(self.board.distance_mm))) >= 0:
-            part = self.board.paper
-            residual = plane_residual(filled, self.frame.rays, part)[part]
-            sums[place] = residual.size, (residual**2).sum()
+        if self.board is not None and (number := int(distance_bin(self.board.distance_mm))) >= 0:
+            paper = self.board.paper
+            residual = plane_residual(filled, self.frame.rays, paper)[paper]
+            sums[number] = residual.size, (residual**2).sum()
         return sums
 
     def _planes(self, filled: Array) -> Array:
@@ -126,12 +126,12 @@ class FrameTruth:
         Unlike static pairs, planes show errors that stay from frame to frame, as of stereo cameras.
         """
         sums = np.zeros((_BINS, 2))
-        for part, kept in self._tiles:
-            depth = filled[part][kept]
-            place = int(distance_bin(float(np.median(depth))))
-            if place >= 0:
-                residual = depth - 1 / _fitted(1 / depth, np.nonzero(kept), 1)
-                sums[place] += depth.size, float(residual @ residual)
+        for tile, inliers in self._tiles:
+            depth = filled[tile][inliers]
+            number = int(distance_bin(float(np.median(depth))))
+            if number >= 0:
+                residual = depth - 1 / _fitted(1 / depth, np.nonzero(inliers), 1)
+                sums[number] += depth.size, float(residual @ residual)
         return sums
 
     def _shift(self, moved: Array) -> Array:
@@ -164,35 +164,33 @@ def find_planes(depth_mm: NDArray[np.floating]) -> list[tuple[tuple[slice, slice
 
     A plane is linear in 1/depth. Outliers are removed in _ROUNDS; a tile that bends is no plane.
     """
-    found = []
+    planes = []
     height, width = depth_mm.shape
-    for top in range(0, height - _TILE_PX + 1, _TILE_PX):
-        for left in range(0, width - _TILE_PX + 1, _TILE_PX):
-            part = slice(top, top + _TILE_PX), slice(left, left + _TILE_PX)
-            tile = depth_mm[part].astype(np.float64)
-            kept = np.isfinite(tile) & (tile > 0)
-            for _ in range(_ROUNDS):
-                if kept.mean() < _LEAST_SHARE:
-                    break
-                place = np.nonzero(kept)
-                nearness = 1 / tile[place]
-                off = np.abs(nearness - _fitted(nearness, place, 1))
-                near = off <= _OUTLIER * max(float(np.median(off)), 1e-12)
-                kept[place] = near
-            if kept.mean() < _LEAST_SHARE:
-                continue
-            place = np.nonzero(kept)
-            flat, bent = (
-                float(np.std(1 / tile[place] - _fitted(1 / tile[place], place, n))) for n in (1, 2)
-            )
-            if bent > _STRAIGHT * flat and flat <= _ROUGHEST * np.mean(1 / tile[place]):
-                found.append((part, kept))
-    return found
+    corners = product(*(range(0, size - _TILE_PX + 1, _TILE_PX) for size in (height, width)))
+    for top, left in corners:
+        tile = slice(top, top + _TILE_PX), slice(left, left + _TILE_PX)
+        depth = depth_mm[tile].astype(np.float64)
+        inliers = np.isfinite(depth) & (depth > 0)
+        for _ in range(_ROUNDS):
+            if inliers.mean() < _LEAST_SHARE:
+                break
+            pixels = np.nonzero(inliers)
+            nearness = 1 / depth[pixels]
+            off = np.abs(nearness - _fitted(nearness, pixels, 1))
+            inliers[pixels] = off <= _OUTLIER * max(float(np.median(off)), 1e-12)
+        if inliers.mean() < _LEAST_SHARE:
+            continue
+        pixels = np.nonzero(inliers)
+        nearness = 1 / depth[pixels]
+        flat, bent = (float(np.std(nearness - _fitted(nearness, pixels, n))) for n in (1, 2))
+        if bent > _STRAIGHT * flat and flat <= _ROUGHEST * np.mean(nearness):
+            planes.append((tile, inliers))
+    return planes
 
 
-def _fitted(values: Array, place: tuple[NDArray[np.intp], ...], degree: Literal[1, 2]) -> Array:
-    """Fit a polynomial of rows and columns to values at pixels, and return it there."""
-    row, column = (axis / _TILE_PX - 0.5 for axis in place)
+def _fitted(values: Array, pixels: tuple[NDArray[np.intp], ...], degree: Literal[1, 2]) -> Array:
+    """Fit a polynomial of rows and columns to values at pixels; return its values there."""
+    row, column = (axis / _TILE_PX - 0.5 for axis in pixels)
     terms = [np.ones_like(row), row, column]
     terms += [row * row, row * column, column * column] if degree == 2 else []
     design = np.stack(terms, axis=1)
@@ -201,8 +199,8 @@ def _fitted(values: Array, place: tuple[NDArray[np.intp], ...], degree: Literal[
 
 def distance_bin(depth_mm: NDArray[np.floating] | float) -> NDArray[np.int64]:
     """Return the index of each depth's bin in BINS_M; -1 outside all bins and for NaN."""
-    place = np.digitize(np.nan_to_num(depth_mm), MM_PER_M * np.array(BINS_M)) - 1
-    return np.where(place < _BINS, place, -1)
+    bins = np.digitize(np.nan_to_num(depth_mm), MM_PER_M * np.array(BINS_M)) - 1
+    return np.where(bins < _BINS, bins, -1)
 
 
 def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
@@ -222,9 +220,8 @@ def rims_and_shadow(frame: DepthFrame) -> tuple[Mask, Mask, Mask]:
 
 def _neighbours(valid: Mask) -> NDArray[np.int64]:
     """Count the eight neighbours that have depth; pixels outside the image have none."""
-    counted = cv2.boxFilter(
-        valid.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT
-    )
+    image, border = valid.astype(np.float32), cv2.BORDER_CONSTANT
+    counted = cv2.boxFilter(image, -1, (3, 3), normalize=False, borderType=border)
     return np.rint(counted).astype(np.int64) - valid
 
 

@@ -19,14 +19,14 @@ from glsim.measures.static import static_pairs
 #: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
 #: most pixels of a tile share no input with the next tile.
 TILE_PX: Final = 64
-#: Least number of static scenes whose halves and intervals are over scenes; with fewer, they are
-#: over tiles of the image. Chosen.
+#: Least number of static scenes for halves and intervals over scenes instead of tiles of the image.
+#: Chosen.
 LEAST_SCENES: Final = 6
 
 
 @dataclass(frozen=True)
 class Source:
-    """The path and settings of a recording, from which a worker process reads it again."""
+    """The path and settings with which a worker process reads a recording."""
 
     path: Path
     focal_px: float | None = None
@@ -39,10 +39,10 @@ class SplitRecording:
     """A recording with its static scenes and its units, which are scenes or image tiles.
 
     Attributes:
-        source: its place.
-        frames: in order.
-        partner: frame -> another frame of its static scene.
-        scene: frame -> number of its static scene.
+        source: path and settings.
+        frames: the frames in order.
+        partner: frame -> another frame of the same static scene.
+        scene: frame -> number of the static scene.
     """
 
     source: Source

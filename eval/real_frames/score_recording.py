@@ -62,10 +62,10 @@ def _score_frame(
             text = str(error).removeprefix(f"{method.label}: ")
             raise DenoiserError(f"{method.label}: frame {truth.frame.name}: {text}") from error
         tallies |= {name: truth.tally(depth) for name, depth in maps.items()}
-    own = np.zeros(4)
+    sensor_losses = np.zeros(4)
     if truth.partner is not None and not pairs_only:
-        own = truth.edge_sums(np.nan_to_num(truth.partner.measured_mm))[:4]
-    return ScoredFrame(number, tallies, own, truth.board is not None)
+        sensor_losses = truth.edge_sums(np.nan_to_num(truth.partner.measured_mm))[:4]
+    return ScoredFrame(number, tallies, sensor_losses, truth.board is not None)
 
 
 def score_recording(
@@ -79,10 +79,10 @@ def score_recording(
     """Score denoisers and the raw frames on a recording.
 
     Args:
-        recording: to score on.
-        denoisers: specs of ``load_denoiser``.
-        scoring_half: use the half of the static pairs that ``tune_on_pairs`` has not seen.
-        workers: number of processes; default: one per core.
+        recording: the recording to score on.
+        denoisers: specifications for ``load_denoiser``.
+        scoring_half: use the half of the static pairs that ``tune_on_pairs`` does not use.
+        workers: number of processes. Default: one per core.
         progress: called after each frame.
 
     Raises:
@@ -106,22 +106,19 @@ def tune_on_pairs(
     """Choose the filter settings with the best ``pair_change`` on the tuning half of the recording.
 
     Args:
-        recording: with static pairs.
-        names: filters of ``GRIDS``; default: all.
-        workers: number of processes; default: one per core.
+        recording: a recording with static pairs; ConfigError without.
+        names: filters of ``GRIDS``. Default: all.
+        workers: number of processes. Default: one per core.
         progress: called after each frame.
 
     Returns:
-        The best setting of each filter, as on the command line, and the scores of all.
-
-    Raises:
-        ConfigError: there are no static pairs.
+        The best setting of each filter, as on the command line, and the scores of all settings.
     """
     numbers = sorted(recording.partner)
     if not numbers:
+        path = recording.source.path
         raise ConfigError(
-            f"--tune-filters: {recording.source.path} has no two frames of one static view: give "
-            "settings"
+            f"--tune-filters: {path} has no two frames of one static view: give settings"
         )
     stride = max(1, len(numbers) // _TUNING_FRAMES)
     by_name = {name: tuning_specs(name, (0,)) for name in names or GRIDS}
@@ -130,7 +127,7 @@ def tune_on_pairs(
     scored = run_frames(job, numbers[::stride], workers, progress)
     scores = add_up(recording, scored, {}, tuning_half=True)
     changes = {spec: measures.pair_change.value for spec, measures in scores.methods.items()}
-    # NaN, where nothing is known, is never the least.
+    # An unknown change, NaN, is never the least.
     best = [
         min(specs, key=lambda s: (math.isnan(changes[s]), changes[s])) for specs in by_name.values()
     ]
@@ -144,10 +141,10 @@ def run_frames(
     progress: Callable[[ScoringProgress], None] | None,
 ) -> list[ScoredFrame]:
     """Score the frames ``numbers`` in worker processes; return the scores in order."""
-    found = []
+    frames = []
     processes = min(workers or available_workers(), len(numbers))
     for frame in run_tasks(job, numbers, processes):
-        found.append(frame)
+        frames.append(frame)
         if progress is not None:
-            progress(ScoringProgress(len(found), len(numbers), 0, 0))
-    return sorted(found, key=lambda frame: frame.number)
+            progress(ScoringProgress(len(frames), len(numbers), 0, 0))
+    return sorted(frames, key=lambda frame: frame.number)

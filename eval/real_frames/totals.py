@@ -21,8 +21,8 @@ from glsim.measures.stacks import ratio
 
 #: Version of the measures; increase it with a change that alters a number.
 VERSION: Final = 2
-#: Least pixels of a bin. Derived: its mean is then known to 0.1 mm under noise of 2 mm that is
-#: alike in ten neighbours.
+#: Least pixels of a bin. Derived: the mean has an error of at most 0.1 mm under noise of 2 mm that
+#: is correlated over ten neighbours.
 _LEAST_PIXELS: Final = 1000
 #: Least number of units or boards to resample.
 _LEAST_UNITS = 5
@@ -33,7 +33,7 @@ class ScoredFrame(NamedTuple):
 
     number: int
     tallies: dict[str, Tally]
-    own: Array
+    sensor_losses: Array
     has_board: bool
 
 
@@ -52,15 +52,14 @@ class RealMeasures:
 
     Attributes:
         pair_rmse_mm: error on static pairs.
-        pair_change: geometric mean over the bins of RMSE over that of the raw frames, as a change
-            in %.
+        pair_change: geometric mean over the bins of RMSE / raw RMSE, as a change in %.
         paper_rmse_mm: residual of the board's white paper from its plane.
-        paper_change: as pair_change.
+        paper_change: change of it, computed as pair_change.
         shift_mm: mean of denoised - raw over smooth surfaces.
         shift_by_100mm: (from mm, shift mm) of bins of 100 mm.
         plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
-        plane_change: as pair_change.
-        edges: numbers of EDGES.
+        plane_change: change of it, computed as pair_change.
+        edges: values of EDGES.
     """
 
     pair_rmse_mm: list[float]
@@ -80,8 +79,8 @@ class RealMeasures:
 
 
 #: Lost shares of the first and second ring of foregrounds and of smooth surfaces, filled share of
-#: holes beside foregrounds; per frame: pixels with depth and at most two neighbours with depth,
-#: those of them without depth in the input, and dropped pixels with at least six neighbours.
+#: holes beside foregrounds; per frame: lone pixels (at most two neighbours with depth), lone pixels
+#: without depth in the input, and dropped pixels with at least six neighbours.
 EDGES: Final = (
     "ring_1_lost", "ring_2_lost", "surface_lost", "shadow_filled",
     "alone", "alone_filled", "pinholes",
@@ -100,9 +99,9 @@ class RealScores:
         static_frames: number of frames with a static partner.
         scenes: number of static scenes.
         boards: number of frames with a board.
-        by_scene: whether units are scenes, else tiles.
-        own_ring_losses: shares of both rings that another raw frame of the view has lost.
-        pixels: of the static pairs, by BINS_M.
+        by_scene: whether units are scenes; otherwise tiles.
+        own_ring_losses: shares of both rings that another raw frame of the view lacks.
+        pixels: number of pixels of the static pairs, by BINS_M.
     """
 
     title: str
@@ -137,22 +136,22 @@ def add_up(
 
     Args:
         recording: the recording.
-        scored: its frames.
+        scored: the scored frames of the recording.
         versions: label -> version of the denoiser's file.
-        tuning_half: take static pairs of the half for tuning, or of the other one; None: of all.
+        tuning_half: True: static pairs of the tuning half; False: of the scoring half; None: all.
     """
     half = recording.tuning_units()
     units = np.ones_like(half) if tuning_half is None else half == tuning_half
     totals = {}
     for name in scored[0].tallies:
         frames = zip(*(frame.tallies[name] for frame in scored), strict=True)
-        pair, paper, shift, planes, edges = (np.stack(part) for part in frames)
+        pair, paper, shift, planes, edges = (np.stack(sums) for sums in frames)
         pair, paper, planes = (
             sums[sums[..., 0].any(axis=1)] for sums in (pair.sum(axis=0)[units], paper, planes)
         )
         totals[name] = Tally(pair, paper, shift.sum(axis=0), planes, edges.sum(axis=0))
     raw = next(iter(totals.values()))
-    own = np.sum([frame.own for frame in scored], axis=0)
+    losses = np.sum([frame.sensor_losses for frame in scored], axis=0)
     return RealScores(
         title=recording.source.path.name,
         methods={name: _measures(total, raw) for name, total in totals.items()},
@@ -162,7 +161,7 @@ def add_up(
         scenes=recording.scenes,
         boards=sum(frame.has_board for frame in scored),
         by_scene=recording.by_scene,
-        own_ring_losses=(ratio(own[1], own[0]), ratio(own[3], own[2])),
+        own_ring_losses=(ratio(losses[1], losses[0]), ratio(losses[3], losses[2])),
         pixels=raw.pair[..., 0].sum(axis=0).astype(int).tolist(),
     )
 

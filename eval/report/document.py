@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Final
 from glsim.core.errors import GlsimError
 from glsim.core.files.markdown import markdown_table
 
-#: A cell that starts with a number, also a bold one: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
+#: A cell that starts with a number, bold or not: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
 _NUMBER: Final = re.compile(r"\W{0,3}\d")
-#: Cells of a column of numbers that hold none.
+#: Cells without a number in columns of numbers.
 _NO_VALUE: Final = frozenset(("", "-", "nan", "n/a", "not scored"))
 
 
@@ -29,9 +29,9 @@ class TextTable:
     rows: Sequence[Sequence[str]]
 
     def numeric_columns(self) -> list[bool]:
-        """Tell which columns hold numbers and are aligned right; the first column holds names.
+        """Return whether each column holds numbers, in at least half of its cells with a value.
 
-        At least half of their cells with a value begin with a number.
+        Such columns are aligned right; the first column holds names.
         """
         numeric = [False]
         for index in range(1, len(self.head)):
@@ -93,8 +93,8 @@ def html_page(
 ) -> str:
     """Return a complete HTML page: documents, pictures with captions, and final notes.
 
-    All text is escaped; **bold** and `code` become HTML. Brackets at the end of a cell of a table,
-    which hold an interval, are small. Raises GlsimError without Jinja2.
+    All text is escaped; **bold** and `code` become HTML. Intervals, in brackets at the end of a
+    cell, are small. Raises GlsimError without Jinja2.
     """
     return _template().render(title=title, documents=documents, pictures=pictures, notes=notes)
 
@@ -116,12 +116,9 @@ def _template() -> Template:
     def cell(text: str) -> Markup:
         return Markup(re.sub(r" (\[[-+\d., ]+\])$", r"<small>\1</small>", str(inline(text))))
 
+    loader, options = PackageLoader("glsim.eval.report", "."), {"undefined": StrictUndefined}
     environment = Environment(
-        loader=PackageLoader("glsim.eval.report", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
+        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, **options
     )
     environment.filters |= {"inline": inline, "cell": cell}
     environment.filters["base64"] = lambda data: base64.b64encode(data).decode()

@@ -105,7 +105,7 @@ def _table(
 ) -> TextTable:
     """Return a table with a row per method, without columns that hold no number.
 
-    With a column of changes the least number of each other column is bold.
+    With ``change``, the least number of each column is bold.
     """
     rows = np.array([values(measures) for measures in scores.methods.values()])
     used = ~np.isnan(rows).all(axis=0)

@@ -41,15 +41,15 @@ def write_results(
 ) -> list[Path]:
     """Write table.md, the CSV files, further pages and, with figures, report.html.
 
-    Of a network's composites tables and figures show the default; table.csv has all.
+    Tables and figures show the default composite of a network; table.csv has all composites.
 
     Args:
         evaluation: the scores.
         table: method -> metric -> mean.
-        job: what was scored.
-        out: folder.
+        job: the scored job.
+        out: folder of the results.
         pages: file name without .md -> page, which report.html shows first.
-        drawn: denoisers of the job that figures show; None: no figures and no report.html.
+        drawn: denoisers of the job in figures; None: no figures and no report.html.
 
     Returns:
         The written files.
@@ -96,20 +96,20 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
         for sheet in range(sheets):
             # Methods are spread evenly, so that no figure has a single column.
             first, last = (len(names) * edge // sheets for edge in (sheet, sheet + 1))
-            part = {
+            titled = {
                 name.replace(":", "\n", 1).replace(" [", "\n[", 1): maps[name]
                 for name in names[first:last]
             }
-            figure = method_panels(frame, part, PANEL_ROWS, title)
+            figure = method_panels(frame, titled, PANEL_ROWS, title)
             caption = "One frame denoised by every method, in the same scale."
             pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
     return pictures
 
 
 def example_frame(job: ScoringJob) -> tuple[DepthFrame, dict[str, Depth], str] | None:
-    """Denoise the middle frame of the set by every method; the title names those that fail on it.
+    """Denoise the middle frame of the set, or the next readable frame, by every method.
 
-    Takes the next readable frame; returns None if there is none.
+    The title names methods that fail. Returns None without a readable frame.
     """
     frames = job.frames()
     methods = [load_denoiser(spec) for spec in job.denoisers]

@@ -29,7 +29,7 @@ def score_denoisers(
     """Score the denoisers of a job and trained networks; write all results.
 
     Args:
-        job: what is scored; without denoisers the paper's filters, and the noisy input always.
+        job: frames and denoisers (default: the paper's filters); the noisy input is always scored.
         out: folder of the results.
         trained: networks of ``glsim train``, scored beside the denoisers.
         pages: makes further pages from the scores: file name without .md -> page.
@@ -43,7 +43,7 @@ def score_denoisers(
     Raises:
         ConfigError: a wrong denoiser.
         DatasetError: some frames could not be scored; the results of the others are written.
-        DenoiserError: a checkpoint of ``trained`` was skipped; likewise.
+        DenoiserError: a checkpoint of ``trained`` was skipped; the other results are written.
     """
     runs = [] if trained is None else trained.runs
     specs = ["noisy", *(job.denoisers or PAPER_FILTERS), *(run.spec for run in runs)]

@@ -26,7 +26,7 @@ TABLE_SECTIONS: Final[dict[str, list[str]]] = {
     title: [m.name for m in METRICS.values() if m.in_table and GROUPS[m.group] == title]
     for title in dict.fromkeys(reversed(GROUPS.values()))
 }
-#: Metric that tells whether a method harms surfaces, and the method that is the input.
+#: Metric by which a method harms surfaces, and the name of the input among the methods.
 _INSIDE, _INPUT = "input_interior_rmse_mm", "noisy"
 #: The metrics of trivial baselines in tables.
 _BASELINE_METRICS: Final = (
@@ -48,7 +48,7 @@ def format_number(value: float, unit: str = "mm") -> str:
 
 
 def best_methods(table: ResultTable, metric: Metric) -> set[str]:
-    """Return the methods with the best mean; means that are printed equally count as equal."""
+    """Return the methods with the best mean; means with equal printed digits are equal."""
     means = {name: entries[metric.name].mean for name, entries in table.items()}
     known = {name: value for name, value in means.items() if not math.isnan(value)}
     if metric.better == "neither" or len(known) < 2:
@@ -58,10 +58,9 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
 
 
 def worse_inside(table: ResultTable) -> dict[str, tuple[float, float]]:
-    """Return the methods that are farther from the truth inside surfaces than their input is.
+    """Return the methods with a larger error inside surfaces than their input.
 
-    Returns:
-        Method -> its RMSE and the input's on the input's interior pixels, mm.
+    Method -> RMSE of the method and of the input on the input's interior pixels, mm.
     """
     means = {name: entries[_INSIDE].mean for name, entries in table.items() if _INSIDE in entries}
     before = means.get(_INPUT, math.nan)

@@ -23,12 +23,11 @@ class MetricMean:
     """The mean of a metric over the set, for one method, with its interval.
 
     Attributes:
-        metric: what is averaged.
-        mean: over frames.
-        low: lower end of the 95 % interval over subjects.
-        high: upper end.
+        metric: the averaged metric.
+        mean: mean over frames.
+        low, high: ends of the 95 % interval over subjects.
         frames: number of frames where the metric is defined.
-        undefined: number of the others.
+        undefined: number of the other frames.
     """
 
     metric: Metric
@@ -41,9 +40,7 @@ class MetricMean:
 
 @dataclass
 class ScoreSummary:
-    """Adds up the scores of all frames by method and subject.
-
-    Memory grows with methods and subjects, not with frames.
+    """Sums of the scores of all frames by method and subject, in memory independent of frames.
 
     Attributes:
         metrics: name -> metric, the columns of the rows.
@@ -99,10 +96,10 @@ class ScoreSummary:
 
     def values(self, method: str, metric: str) -> SubjectSums:
         """Return the sums of a metric for a method, in the order of ``subjects``."""
-        place = list(self.metrics).index(metric)
+        column = list(self.metrics).index(metric)
         nothing = np.zeros((3, len(self.metrics)))
         tables = [self._totals[method].get(subject, nothing) for subject in self.subjects]
-        return SubjectSums(*np.stack([table[:, place] for table in tables], axis=1))
+        return SubjectSums(*np.stack([table[:, column] for table in tables], axis=1))
 
     def mean(self, method: str, metric: str) -> float:
         """Compute the mean of a metric over the frames where it is defined."""

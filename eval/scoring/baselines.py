@@ -1,4 +1,4 @@
-"""Trivial predictions, whose scores show how much an MSE is worth."""
+"""Trivial predictions: their scores are a scale for an MSE."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from glsim.core.errors import DatasetError
 
 
 def trivial_predictions(clean: Depth, mean: Depth | None) -> dict[str, Depth]:
-    """Return name -> prediction of a frame; without the mean face if its size is another."""
-    found = {"zero image": np.zeros_like(clean)}
-    return found if mean is None or mean.shape != clean.shape else found | {"mean face": mean}
+    """Return name -> prediction of a frame; without the mean face if its size differs."""
+    predictions = {"zero image": np.zeros_like(clean)}
+    if mean is not None and mean.shape == clean.shape:
+        predictions["mean face"] = mean
+    return predictions
 
 
 #: Largest number of frames, evenly spread, for baselines: only their magnitude matters.
@@ -23,9 +25,9 @@ BASELINE_FRAMES: Final = 200
 
 
 def mean_face(frames: Frames) -> Depth | None:
-    """Average clean frames where most of them have depth: (H, W) mm; None if sizes differ.
+    """Average about BASELINE_FRAMES clean frames: (H, W) mm, 0 where fewer than half have depth.
 
-    It uses about BASELINE_FRAMES frames, evenly spread; more would not change it noticeably.
+    None if sizes differ.
     """
     total: NDArray[np.float64] | None = None
     count, used = np.zeros(0), 0

@@ -1,8 +1,8 @@
 """Bias over distance: the mean error of a method per 100 mm of the truth's depth.
 
-An error that depends on distance is a device's systematic error that a network has learnt, or one
-of its own. Pixels are those of the interior where the method and its input have depth; errors
-beyond FLYING_MM are left to ``flying_px``.
+An error that depends on distance is systematic: of the training device, or of the network. It is
+measured in interior pixels where the method and its input have depth; errors beyond FLYING_MM count
+in ``flying_px`` instead.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 #: Width of a bin, mm.
 BIAS_BIN_MM: Final = 100
-#: Least pixels of a bin of the largest bias. Chosen: noise of 1.2 mm, alike in 5 neighbours, leaves
-#: 0.04 mm of a mean over so many.
+#: Least pixels of a bin that counts for the largest bias. Chosen: the mean of so many pixels with
+#: noise of 1.2 mm, correlated over 5 neighbours, has an error of 0.04 mm.
 ENOUGH_PIXELS: Final = 5000
 
 #: Bin's lower edge, mm, as text (for JSON) -> sum of errors, mm, and number of pixels.
@@ -38,10 +38,8 @@ class BiasBin:
     Attributes:
         from_mm: lower edge of the bin.
         mean_mm: mean of prediction - truth over pixels.
-        low_mm: lower end of its 95 % interval over subjects; NaN for fewer than 2.
-        high_mm: upper end.
-        pixels: their number.
-        subjects: their number.
+        low_mm, high_mm: ends of the 95 % interval over subjects; NaN for fewer than 2.
+        pixels, subjects: numbers of pixels and of subjects in the bin.
     """
 
     from_mm: int
@@ -60,14 +58,14 @@ class BiasBin:
 def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
     """Sum errors and count pixels of a frame by distance bin; depth: (H, W) mm, 0 = no depth.
 
-    Bins are by distance from the camera, or by the map's own depth if that is unknown.
+    The distance is from the camera; with an unknown offset, the depth in the map.
     """
     error = depth - truth.clean
     pixels = (depth > 0) & truth.input_valid & truth.parts["interior"]
     pixels &= np.abs(error) <= FLYING_MM
     distance_mm = truth.clean[pixels] + np.nan_to_num(truth.offset_mm)
-    place = (distance_mm / BIAS_BIN_MM).astype(np.int64)
-    sums, counts = np.bincount(place, weights=error[pixels]), np.bincount(place)
+    bins = (distance_mm / BIAS_BIN_MM).astype(np.int64)
+    sums, counts = np.bincount(bins, weights=error[pixels]), np.bincount(bins)
     return {
         str(number * BIAS_BIN_MM): [float(sums[number]), int(counts[number])]
         for number in np.flatnonzero(counts).tolist()

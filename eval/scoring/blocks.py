@@ -42,10 +42,10 @@ class ScoredBlock:
     """The scores of a block as JSON-compatible values, with None for NaN.
 
     Attributes:
-        rows: one per frame and method.
-        baselines: one per frame and trivial baseline.
-        bias: method -> subject -> see ``glsim.eval.scoring.bias``.
-        bad: frames, with the reason why they (or a method on them) could not be scored.
+        rows: a row per frame and method.
+        baselines: a row per frame and trivial baseline.
+        bias: method -> subject -> bins, see ``glsim.eval.scoring.bias``.
+        bad: frames that could not be scored, by all methods or by one method, and the reason.
     """
 
     number: int
@@ -61,14 +61,12 @@ class ScoringJob:
     """The task of an evaluation, which is sent to each worker process.
 
     Attributes:
-        denoisers: see ``glsim.load_denoiser``.
+        denoisers: specifications for ``glsim.load_denoiser``.
         truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
-        baseline_every: score trivial baselines on every n-th frame; 0 is never.
+        baseline_every: score trivial baselines on every n-th frame; 0: never.
         stride: score only every n-th frame.
-        device: sensor file whose fixed pattern and wiggling are subtracted from the input of all
-            denoisers.
-        protocol: where depths are counted from, see ``glsim.core.depth_protocol``; default: as the
-            files are stored.
+        device: sensor file; its fixed pattern and wiggling are subtracted from all inputs.
+        protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: as in the files.
     """
 
     dataset: Path
@@ -101,7 +99,7 @@ class ScoringJob:
 
 @contextmanager
 def warned_already() -> Iterator[None]:
-    """Silence warnings of denoisers within the block; the main process has logged them already."""
+    """Silence warnings of denoisers within the block: the main process has logged them."""
     logger = logging.getLogger("glsim.denoise")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -138,7 +136,7 @@ def labelled(method: Denoiser, estimate: Estimate) -> dict[str, Depth]:
 
 
 def default_composites(labels: Iterable[str]) -> list[str]:
-    """Leave out the composites of networks but the default one, given the labels of methods."""
+    """Return the labels of methods without composites of networks other than the default."""
     others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
     return [label for label in labels if not label.endswith(others)]
 
@@ -147,12 +145,12 @@ class _BlockScorer:
     def __init__(self, job: ScoringJob, frames: Frames, methods: list[Denoiser]) -> None:
         self._job, self._frames, self._methods = job, frames, methods
         self._stacks = stacks_of(frames, methods)
-        #: Row of the table -> its prediction of the frame before, and that frame's clean map.
+        #: Row of the table -> prediction and clean map of the previous frame.
         self._earlier: dict[str, tuple[Depth, Depth]] = {}
 
     def __call__(self, block: FrameBlock) -> ScoredBlock:
         result = ScoredBlock(block.number, block.frames, [], [], [])
-        self._earlier.clear()  # the same rows, whichever worker had the block before
+        self._earlier.clear()  # rows must not depend on the worker's previous block
         for number in range(block.first, block.first + block.frames):
             if number % self._job.stride:
                 continue
@@ -165,7 +163,7 @@ class _BlockScorer:
     def _score(self, number: int, result: ScoredBlock) -> None:
         frame = self._stacks.frame(number)
         key = frame.key
-        place = {"subject": key.subject, "sequence": key.sequence, "frame": key.frame}
+        names = {"subject": key.subject, "sequence": key.sequence, "frame": key.frame}
         regions = Regions(frame.regions, self._frames.regions) if "regions" in frame else None
         truth = Truth(frame.clean_mm, frame.noisy_mm, frame.rays, regions, frame.offset_mm)
         for method in self._methods:
@@ -176,18 +174,18 @@ class _BlockScorer:
                     for name, depth in maps.items()
                 }
             except Exception as error:  # any error of a third-party denoiser
-                own = isinstance(error, DenoiserError | DatasetError)
-                why = f"{error}" if own else f"{type(error).__name__}: {error}"
+                ours = isinstance(error, DenoiserError | DatasetError)
+                why = f"{error}" if ours else f"{type(error).__name__}: {error}"
                 result.bad.append({"frame": str(key), "why": f"{method.label}: {why}"})
                 continue
             for name, depth in maps.items():
                 self._earlier[name] = depth, frame.clean_mm
-                result.rows.append(place | {"method": name} | json_row(scores[name], time_ms))
+                result.rows.append(names | {"method": name} | json_row(scores[name], time_ms))
                 add_bias(result.bias, name, key.subject, bias_bins(depth, truth))
         if self._job.baseline_every and number % self._job.baseline_every == 0:
             for name, depth in trivial_predictions(frame.clean_mm, self._job.mean_face).items():
                 scored = json_row(score(depth, truth), float("nan"))
-                result.baselines.append(place | {"method": name} | scored)
+                result.baselines.append(names | {"method": name} | scored)
 
 
 def json_row(scores: dict[str, float], time_ms: float) -> Row:

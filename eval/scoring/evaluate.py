@@ -33,7 +33,7 @@ from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
 
 #: Frames in a block: few enough that a crash costs little and all cores end together.
 _BLOCK: Final = 25
-#: Version of the scores; to be increased by a change that alters the scores of a frame.
+#: Version of the scores; increase it with a change that alters the scores of a frame.
 _VERSION: Final = 3
 
 
@@ -54,8 +54,8 @@ class Evaluation:
     Attributes:
         baselines: scores of trivial predictions.
         bad: number of frames, or pairs of frame and method, that could not be scored.
-        first_bad: the first of them with reasons.
-        protocol: where depths are counted from.
+        first_bad: the first bad frames with reasons.
+        protocol: origin of depths.
     """
 
     summary: ScoreSummary
@@ -76,23 +76,25 @@ def evaluate(
 ) -> Evaluation:
     """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
 
-    Raises ConfigError for a wrong denoiser, one that was trained under another protocol, or an
-    empty set, DatasetError if no frame can be scored.
+    Raises ConfigError for a wrong denoiser, a denoiser trained under another protocol, or an empty
+    set, DatasetError if no frame can be scored.
 
     Args:
-        workers: number of processes; default: one per core.
+        job: frames and denoisers.
+        out: folder of the results.
+        workers: number of processes. Default: one per core.
         baselines: also score trivial predictions.
+        progress: called after each block.
     """
-    methods = load_methods(job.denoisers)  # reports wrong ones before scoring starts
+    methods = load_methods(job.denoisers)  # reports errors before scoring starts
     frames = job.frames()
     if len(frames) == 0:
         raise ConfigError(f"{job.dataset}: has no frames in {job.split}")
     for method in methods:
         method.check_protocol(frames.protocol)
     if baselines:
-        job = replace(
-            job, baseline_every=-(-len(frames) // BASELINE_FRAMES), mean_face=mean_face(frames)
-        )
+        every = -(-len(frames) // BASELINE_FRAMES)
+        job = replace(job, baseline_every=every, mean_face=mean_face(frames))
     identity = [_VERSION, frames.identity, job.split, job.denoisers, job.baseline_every, job.stride]
     metrics = metrics_with_regions(frames.regions)
     identity += [list(metrics), [method.version for method in methods]]
@@ -110,7 +112,7 @@ def evaluate(
 
 
 def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:
-    """Load denoisers. Raises ConfigError for a bad one, and for a repeated or ``taken`` label."""
+    """Load denoisers. Raises ConfigError for a wrong spec, and a repeated or ``taken`` label."""
     methods = [load_denoiser(spec) for spec in specs]
     labels = [*taken, *(method.label for method in methods)]
     for label in labels:
@@ -127,9 +129,9 @@ def _score_missing(
     total: int,
     progress: Callable[[ScoringProgress], None] | None,
 ) -> None:
-    found = ((block, _read(folder, block.number)) for block in blocks)
+    stored = ((block, _read(folder, block.number)) for block in blocks)
     # Bad frames may have been repaired since.
-    missing = [block for block, scored in found if scored is None or scored.bad]
+    missing = [block for block, scored in stored if scored is None or scored.bad]
     reused = done = total - sum(block.frames for block in missing)
     bad = 0
     show = progress or (lambda _: None)

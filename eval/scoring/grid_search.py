@@ -13,10 +13,10 @@ from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate, w
 
 #: Target number of tuning frames, evenly spread over the split.
 TUNING_FRAMES: Final = 150
-#: Metric that a filter's settings minimise: the interior error, on the same pixels for all methods.
-#: Silhouettes are left out: their errors are the largest, and smoothing cannot reduce them.
+#: Metric that chooses a filter's settings: the interior error, on the same pixels for all methods,
+#: without silhouettes, whose errors are the largest, and which smoothing cannot reduce.
 SURFACE: Final = "input_interior_rmse_mm"
-#: Metric that the window of the mask clean-up then minimises, with these filter settings.
+#: Metric that then chooses the window of the mask clean-up.
 SILHOUETTE: Final = "flips_px"
 
 
@@ -39,8 +39,15 @@ def tune_filters(
 ) -> list[Tuned]:
     """Score each filter's grid of settings on ``job.split``; write all trials to tuning.csv.
 
-    First choose the filter's own parameters by SURFACE with the input's mask, then the clean-up by
-    SILHOUETTE. Raises what ``evaluate`` raises.
+    First choose the parameters of the filter by SURFACE with the input's mask, then the clean-up by
+    SILHOUETTE. Raises the errors of ``evaluate``.
+
+    Args:
+        job: frames; its denoisers are ignored.
+        names: filters; those without a grid are left out.
+        out: folder of the trials.
+        workers: number of processes. Default: one per core.
+        progress: called after each block of frames.
     """
     names = [name for name in names if name in GRIDS]
     if not names:

@@ -1,8 +1,7 @@
 """Means over frames, and their confidence intervals.
 
 Frames of one subject are alike, so the bootstrap (Efron 1979) resamples subjects.
-scipy.stats.bootstrap returns NaN if one draw lacks all frames of a metric, and scoring needs no
-extra.
+scipy.stats.bootstrap returns NaN if a draw lacks all frames of a metric, and would be an extra.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Search for the trained networks in FOLDER/*/, with their recipes and results.
 
-It reads only JSON, and opens each checkpoint once, by ``glsim.load_denoiser``, to report
-truncated or foreign ones before scoring starts.
+It reads JSON, and opens each checkpoint once, by ``glsim.load_denoiser``, to report truncated and
+foreign files before scoring starts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class TrainedRun(BaseModel):
     """A run of ``glsim train`` as described by its recipe.json and run.json.
 
     Attributes:
-        checkpoint: its best checkpoint.
+        checkpoint: the best checkpoint.
         title: title of the network.
         row: row in the paper's tables; None for another network.
         size: full, small or own.
@@ -62,9 +62,9 @@ class TrainedNetworks(NamedTuple):
     """The trained networks of a folder.
 
     Attributes:
-        folder: with a folder per run of ``glsim train``.
+        folder: has a folder per run of ``glsim train``.
         runs: the networks, sorted by name.
-        refused: a reason for each checkpoint that is left out.
+        refused: a reason for each omitted checkpoint.
     """
 
     folder: Path
@@ -104,11 +104,9 @@ def find_trained_runs(folder: Path) -> TrainedNetworks:
 
 def _read(checkpoint: Path) -> TrainedRun:
     folder = checkpoint.parent
-    found = {"checkpoint": checkpoint}
-    for name in ("recipe.json", "run.json"):
-        found |= read_json(folder / name)
+    fields = read_json(folder / "recipe.json") | read_json(folder / "run.json")
     try:
-        return TrainedRun.model_validate(found)
+        return TrainedRun.model_validate({"checkpoint": checkpoint} | fields)
     except ValidationError as error:
         raise DatasetError(
             f"{folder}: recipe.json or run.json is of no run of glsim train: "

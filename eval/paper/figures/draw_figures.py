@@ -44,7 +44,7 @@ _NETWORKS: Final[dict[str, tuple[tuple[str, ...], tuple[PanelRow, ...], str]]] =
         "AR is its partner's network: depth, error, and normal maps.",
     ),
 }
-#: The row that stands for the paper's networks beside ours, and our shipped network.
+#: The paper's network in figure 6, and our shipped network.
 _THEIRS, _SHIPPED = "D20", "face"
 
 
@@ -53,9 +53,10 @@ def write_paper_figures(
 ) -> list[Path]:
     """Draw the figures from REPRODUCTION/data and REPRODUCTION/runs; return the written files.
 
-    Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and all of it in
-    paper_figures.html. Networks are those in the folder, whatever their size; a figure without any
-    of its networks is left out, and captions name missing rows. drawing: gets each figure's name.
+    Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and
+    paper_figures.html with all of them. Figures show the networks of the folder, whatever their
+    size; captions name missing networks, and a figure without networks is left out. ``drawing`` is
+    called with the name of each figure.
 
     Raises ConfigError without a data set, DatasetError, DenoiserError, and GlsimError without
     Matplotlib.
@@ -75,10 +76,8 @@ def write_paper_figures(
         drawing(name)
         pictures.append(CaptionedPng(name, f"{caption} {note}", to_png(draw())))
     out = reproduction / FOLDER
-    captions = Document(
-        "Figures after Kendrick, Yap and Tan",
-        [[f"**{p.name}.png**: {p.caption}" for p in pictures]],
-    )
+    lines = [f"**{p.name}.png**: {p.caption}" for p in pictures]
+    captions = Document("Figures after Kendrick, Yap and Tan", [lines])
     files = {f"{p.name}.png": p.png for p in pictures}
     files["captions.md"] = captions.markdown().encode()
     files["paper_figures.html"] = html_page(captions.title, [], pictures).encode()
@@ -121,8 +120,8 @@ def _figures(
             lacks = f" Missing, without a checkpoint: {', '.join(missing)}." if missing else ""
             draw = partial(_panels, example, columns, kinds, note)
             figures[name] = (caption + lacks, draw)
-    own = [(group.title.rpartition(", ")[2], group.members[0]) for group in groups if not group.row]
-    ours = {f"ours, mask-aware\n{w}, {run.steps:,} steps": run.spec for w, run in own}
+    others = [(g.title.rpartition(", ")[2], g.members[0]) for g in groups if not g.row]
+    ours = {f"ours, mask-aware\n{w}, {run.steps:,} steps": run.spec for w, run in others}
     shipped = {f"ours, {_SHIPPED}\nshipped": _SHIPPED}
     beside = _network_columns(groups, (_THEIRS,)) | ours | shipped
     figures["figure_6"] = (

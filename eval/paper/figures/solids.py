@@ -30,7 +30,7 @@ _AMBIENT: Final = 0.35
 #: Colours: seen and lit by the projector; seen in its shadow.
 _LIT, _SHADOW, _SKIN = "#e9b98a", "#7b1e3a", "#dbccbd"
 _CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072b2"
-#: Rays of light that are drawn to the shadow.
+#: Number of drawn rays of light to the shadow.
 _RAYS: Final = 9
 #: Margin around a head, mm.
 _MARGIN_MM: Final = 15.0
@@ -65,11 +65,11 @@ def frustum_figure(frame: DepthFrame, rig: SensorRig, note: str) -> Any:
     )
     whole = np.array([x.min(), -60.0, -y.max()]), np.array([x.max(), far, -y.min()])
     boxes = {"viewing frustum": whole, "the head, and the projector's shadow on it": _bounds(frame)}
-    for place, (title, (start, end)) in enumerate(boxes.items()):
-        axis = _axes_3d(figure, place, start, end, 18.0, -140.0)
+    for column, (title, (start, end)) in enumerate(boxes.items()):
+        axis = _axes_3d(figure, column, start, end, 18.0, -140.0)
         axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.02)
         _draw_surface(axis, frame.clean_mm, frame, (start, end), lit)
-        if place == 0:
+        if column == 0:
             _draw_frustum(axis, rig.intrinsics, far, _FRUSTUM)
             _draw_frustum(axis, frame.intrinsics, far, _WINDOW)
             axis.plot([0], [0], [0], marker="s", color=_CAMERA, markersize=5, linestyle="")
@@ -88,9 +88,9 @@ def surfaces_figure(frame: DepthFrame, note: str) -> Any:
     """Draw figure 3: the surfaces of a frame's clean and noisy depth maps."""
     figure = new_figure(7.6, 4.3)
     bounds = _bounds(frame)
-    for place, title in enumerate(("clean", "noisy")):
+    for column, title in enumerate(("clean", "noisy")):
         # From a little above the head, and from the side where no shadow falls.
-        axis = _axes_3d(figure, place, *bounds, 12.0, -62.0)
+        axis = _axes_3d(figure, column, *bounds, 12.0, -62.0)
         axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.0, pad=-4)
         _draw_surface(axis, frame.layer(f"{title}_mm"), frame, bounds)
     add_note(figure, note)
@@ -111,10 +111,10 @@ def _bounds(frame: DepthFrame) -> tuple[Points, Points]:
 
 
 def _axes_3d(
-    figure: Any, place: int, low: Points, high: Points, elevation_deg: float, azimuth_deg: float
+    figure: Any, column: int, low: Points, high: Points, elevation_deg: float, azimuth_deg: float
 ) -> Any:
     """Add 3D axes with equal scales and the limits of a box to a figure with two columns."""
-    axis = figure.add_subplot(1, 2, place + 1, projection="3d", computed_zorder=False)
+    axis = figure.add_subplot(1, 2, column + 1, projection="3d", computed_zorder=False)
     axis.view_init(elev=elevation_deg, azim=azimuth_deg)
     axis.set_proj_type("persp", focal_length=2.0)
     ticker = matplotlib("ticker")
@@ -136,18 +136,14 @@ def _draw_surface(
     bounds: tuple[Points, Points],
     lit: NDArray[np.floating] | None = None,
 ) -> None:
-    """Draw the surface of a depth map within a box; pixels outside the box are left out.
-
-    Args:
-        lit: (H, W) 0 where the projector's light does not reach; None: one colour for all.
-    """
+    """Draw the surface of a depth map within a box; ``lit``: (H, W), 0 = in the shadow."""
     mesh = surface(to_metres(depth_mm), SensorRig(frame.intrinsics), STEEPEST_DEG)
     if mesh is None:
         return
     points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # to the axes of the camera
     corners = to_figure_axes(points)[mesh.faces]
     inside = ((corners >= bounds[0]) & (corners <= bounds[1])).all(axis=(1, 2))
-    # Normals of the map are those of its pixels: triangles alone show each millimetre as a step.
+    # Normals come from the map: those of triangles would show each millimetre as a step.
     towards = to_figure_axes(normals(to_metres(depth_mm), frame.rays))
     column, row = np.floor(frame.intrinsics.project(points)).astype(np.int64).T
     row, column = row.clip(0, depth_mm.shape[0] - 1), column.clip(0, depth_mm.shape[1] - 1)
@@ -160,9 +156,8 @@ def _draw_surface(
     shaded = np.clip(colours * shade[:, None], 0, 1)[inside]
     collection = importlib.import_module("mpl_toolkits.mplot3d.art3d").Poly3DCollection
     # Edges in the colour of the face close the seams between triangles.
-    axis.add_collection3d(
-        collection(corners[inside], facecolors=shaded, edgecolors=shaded, linewidths=0.2)
-    )
+    faces = collection(corners[inside], facecolors=shaded, edgecolors=shaded, linewidths=0.2)
+    axis.add_collection3d(faces)
 
 
 def _image_corners(camera: Intrinsics, distance_mm: float) -> Points:

@@ -10,9 +10,9 @@ from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM
 
 _TEXT_SIZE: Final = 7
-#: A curve of bias that reaches this many times farther than the middle one leaves the axis. Chosen.
+#: A curve of bias leaves the axis beyond this many times the median curve's extent. Chosen.
 _FAR: Final = 5.0
-#: The axis of bias reaches at least to this, mm: the step of a depth file. Chosen.
+#: Least extent of the axis of bias, mm: the step of a depth file. Chosen.
 _LEAST_MM: Final = 1.0
 
 
@@ -37,7 +37,7 @@ def bias_curves(summary: ScoreSummary) -> Any | None:
         tops[method] = max(map(abs, means))
     if not tops:
         return None
-    # The axis ends where most curves do, and names those beyond: one would flatten the others.
+    # The axis fits most curves; a note names the others, which would flatten them.
     end_mm = max(_FAR * sorted(tops.values())[(len(tops) - 1) // 2], _LEAST_MM)
     far = [f"{method} to {top:.3g} mm" for method, top in tops.items() if top > end_mm]
     if far:

@@ -49,7 +49,7 @@ def method_panels(
     """Draw a column of panels for the truth and a column for each method; return the figure.
 
     Args:
-        frame: with the layer "clean_mm"; its surfaces are drawn at their distance from the camera.
+        frame: a frame with clean depth; surfaces are drawn at their distance from the camera.
         methods: title -> (H, W) millimetres, 0 = no depth; lines after the first are small.
         rows: kinds of panels.
         note: a line below the panels.

@@ -25,8 +25,8 @@ _SIDE, _FOCAL, _DISTANCE_MM = 420, 1050.0, 900.0
 #: From camera axes to x right, y up, z towards the camera.
 _TO_VIEW: Final = np.array([1.0, -1.0, -1.0])
 _VIEW: Final = Intrinsics(_SIDE, _SIDE, _FOCAL, _FOCAL, _SIDE / 2, _SIDE / 2)
-#: Triangles that the sensor saw at a larger angle are cut, degrees. Chosen by eye: at 88 cheeks and
-#: ears are bridged by fins, at 80 the noise of kinect-v2-paper tears holes into foreheads.
+#: Steepest triangle towards the sensor, degrees; steeper ones are cut. Chosen by eye: at 88, fins
+#: bridge cheeks and ears; at 80, the noise of kinect-v2-paper tears holes into foreheads.
 STEEPEST_DEG: Final = 83.0
 
 
@@ -36,13 +36,9 @@ def half_width_mm() -> float:
 
 
 def side_view(prediction: Depth, clean: Depth, intrinsics: Intrinsics) -> NDArray[np.uint8]:
-    """Draw the shaded surface turned by TURN_DEG, with flying pixels as red dots.
+    """Draw the shaded surface of (H, W) mm turned by TURN_DEG, with flying pixels as red dots.
 
-    Args:
-        prediction, clean: (H, W) millimetres.
-
-    Returns:
-        (S, S, 3) RGB.
+    Returns (S, S, 3) RGB.
     """
     picture = np.full((_SIDE, _SIDE, 3), 255, np.uint8)
     mesh = surface(to_metres(prediction), SensorRig(intrinsics), STEEPEST_DEG)

@@ -37,18 +37,18 @@ def add_note(figure: Any, text: str) -> None:
     figure.supxlabel(lines, fontsize=_NOTE_SIZE, color="#555555")
 
 
-#: Size of notes, points, and the letters of it that fit an inch.
+#: Size of notes, points, and letters of this size per inch.
 _NOTE_SIZE, _NOTE_LETTERS_PER_IN = 6, 17
-#: Colours of methods in the order of the tables: Okabe and Ito's, which colour-blind readers can
-#: tell apart. Further methods reuse them with other line styles.
+#: Colours of methods in the order of the tables: Okabe and Ito's, for colour-blind readers. Further
+#: methods reuse them with other line styles.
 _COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#999900")
 _DASHES = ("-", "--", ":")
 
 
 def method_style(number: int) -> dict[str, str]:
     """Return colour and line style of method number n, the same in every figure."""
-    rounds, place = divmod(number, len(_COLOURS))
-    return {"color": _COLOURS[place], "linestyle": _DASHES[rounds % len(_DASHES)]}
+    rounds, colour = divmod(number, len(_COLOURS))
+    return {"color": _COLOURS[colour], "linestyle": _DASHES[rounds % len(_DASHES)]}
 
 
 def to_png(figure: Any, dpi: int = 200) -> bytes:
