@@ -35,19 +35,9 @@ _NAMES = {
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
-    "Augmentation",
-    "Recipe",
-    "SimulatedPairs",
-    "StoredPairs",
-    "build_loss",
-    "build_model",
-    "fit",
-    "load_recipe",
-    "randomised",
-    "recipe_names",
-    "simulated_batches",
-    "stored_batches",
-]
+    "Augmentation", "Recipe", "SimulatedPairs", "StoredPairs", "build_loss", "build_model", "fit",
+    "load_recipe", "randomised", "recipe_names", "simulated_batches", "stored_batches",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,6 @@
 """Sources of batches: stored or simulated pairs, in an order set by seed and epoch alone.
 
-``clean_mm`` is the target of the recipe: the clean depth, or the expected one (data.target).
+``clean_mm`` is the target of the recipe: the clean or the expected depth (data.target).
 """
 
 from __future__ import annotations
@@ -90,10 +90,8 @@ class StoredBatches:
     """Batches (noisy_mm, clean_mm) of pairs with random access: float32 mm on the device.
 
     Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.networks.inputs`` as channels.
-
-    Attributes:
-        validation: pairs of the validation, without a batch axis.
-        fingerprint: plain values that identify the data.
+    ``validation``: pairs without a batch axis; ``fingerprint``: plain values that identify the
+    data.
     """
 
     def __init__(
@@ -122,7 +120,7 @@ class StoredBatches:
             num_workers=data.workers,
             persistent_workers=data.workers > 0,
             pin_memory=torch.cuda.is_available(),
-            generator=torch.Generator(),  # not the global one, whose state checkpoints hold
+            generator=torch.Generator(),  # checkpoints hold the state of the global generator
         )
         self._loader = on_device(fabric, loader)
         return len(self._sampler)
@@ -138,17 +136,7 @@ class SimulatedBatches:
     """Batches of pairs rendered on demand; each epoch continues the same stream."""
 
     def __init__(self, settings: Settings, recipe: Recipe) -> None:
-        """Render the validation frames.
-
-        Args:
-            settings: what is simulated.
-            recipe: the training.
-
-        Raises:
-            ConfigError: for settings that cannot be simulated.
-            MeshError: for a source without a usable face.
-            DeviceError: without OpenGL.
-        """
+        """Render the validation frames. Raises the errors of ``simulated_batches``."""
         self._recipe = recipe
         self._open = partial(
             SimulatedPairs,
@@ -159,9 +147,8 @@ class SimulatedBatches:
         )
         self.fingerprint = self._pairs(0, 0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
-        held_out = self._open(
-            batch=VALIDATION_BATCH, split="val", length=-(-count // VALIDATION_BATCH)
-        )
+        length = -(-count // VALIDATION_BATCH)
+        held_out = self._open(batch=VALIDATION_BATCH, split="val", length=length)
         rendered = [cast(Dataset[Batch], TensorDataset(*batch)) for batch in held_out]
         self.validation: Subset[Batch] = Subset(ConcatDataset(rendered), range(count))
         self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
@@ -239,9 +226,9 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
 
 
 def simulated_batches(recipe: Recipe) -> SimulatedBatches:
-    """Create the batches that the table [simulate] of a recipe describes.
+    """Create batches as the table [simulate] of a recipe describes.
 
-    Its settings change those of `randomised`, or the defaults of glsim if it names a sensor.
+    The table changes the settings of `randomised`, or the defaults of glsim if it names a sensor.
 
     Raises:
         ConfigError: for settings that cannot be simulated.

@@ -31,15 +31,13 @@ class RunLogs:
     """Writer of metrics.csv and TensorBoard events in a run folder.
 
     A resumed run drops the rows after its checkpoint and logs them again. Each row rewrites
-    metrics.csv, so that the file is whole at any moment.
+    metrics.csv atomically.
     """
 
     def __init__(self, folder: Path, steps: int) -> None:
         """Open the logs; ``steps`` is the number of steps done at the checkpoint."""
         self._file = folder / METRICS_FILE
-        logged: list[dict[str, str]] = []
-        if self._file.is_file():
-            logged = read_csv(self._file)
+        logged: list[dict[str, str]] = read_csv(self._file) if self._file.is_file() else []
         self._rows = [row for row in logged if int(row["step"]) <= steps]
         if len(self._rows) < len(logged):
             self._save()
@@ -83,7 +81,8 @@ def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -
     rows = []
     for frame in frames:
         noisy_m, denoised_m, clean_m = (
-            np.asarray(to_metres(part[0].float().cpu().numpy()), np.float32) for part in frame
+            np.asarray(to_metres(depth_mm[0].float().cpu().numpy()), np.float32)
+            for depth_mm in frame
         )
         height, width = clean_m.shape
         camera = Intrinsics(width, height, _FOCAL_PX, _FOCAL_PX, width / 2, height / 2)

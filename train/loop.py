@@ -56,7 +56,7 @@ class StepStatus(NamedTuple):
         fraction_done: fraction of the whole training; 0 if only patience limits it.
         seconds: training time over all resumes.
         loss: loss of this step.
-        validation: metrics, if this step ended with a validation.
+        validation: metrics, if a validation followed this step.
     """
 
     epoch: int
@@ -80,8 +80,8 @@ def fit(
 ) -> dict[str, Any]:
     """Train a network until a limit, early stopping or ``should_stop`` ends the training.
 
-    On the CPU and without a time limit, a training that was interrupted and resumed gives the same
-    bits as one that was not: it continues with the number of threads that it began with.
+    On the CPU and without a time limit, a resumed training gives the same bits as an uninterrupted
+    one: it continues with the number of threads of its beginning.
 
     Args:
         recipe: network, loss, optimiser and limits.
@@ -90,14 +90,14 @@ def fit(
         resume: continue from the last checkpoint in ``folder``, if there is one.
         on_step: called after each step.
         should_stop: called after each step; True interrupts the training.
-        announce: called with what takes long, before it: the first step and the first validation.
+        announce: called with a line before a slow part: the first step, the first validation.
 
     Returns:
         The content of FOLDER/run.json; its ``state`` is "finished" or "interrupted".
 
     Raises:
-        TrainError: for a loss or weight that is not finite, a folder in use, a checkpoint of
-            another recipe or other data, a full disk.
+        TrainError: a loss or weight is not finite, the folder is in use, its checkpoint is of
+            another recipe or other data, the disk is full.
         ConfigError: for a recipe that cannot be trained.
         DatasetError: for an unreadable frame.
     """
@@ -124,10 +124,8 @@ class TrainingRun:
         self.recipe, self.source, self.folder, self.fabric = recipe, source, folder, fabric
         self._announce = announce
         if not resume and fabric.is_global_zero and (folder / RECIPE_FILE).exists():
-            raise TrainError(
-                f"{folder}: holds a training: continue it with --resume, or name another folder "
-                "(-o)"
-            )
+            other = "continue it with --resume, or name another folder (-o)"
+            raise TrainError(f"{folder}: holds a training: {other}")
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
         weights, self.start = None, last and last.get("start")
         if last is None and (start := recipe.training.start) is not None:
@@ -153,7 +151,7 @@ class TrainingRun:
                 f"schedule.kind = {recipe.schedule.kind!r} must know the end: set "
                 "training.max_epochs, or give --steps or --minutes"
             )
-        self._since: float | None = None  # the time of set-up and of the first batch is not counted
+        self._since: float | None = None  # None: set-up and the first batch take no training time
         announce(
             f"{self.epoch_steps} batches of {limits.batch} in an epoch, {len(frames)} frames to "
             f"validate, {limits.precision} on {self.arithmetic['device']}"
@@ -202,7 +200,8 @@ class TrainingRun:
             group["lr"] = settings.lr * factor
         self.model.train()
         noisy_mm, clean_mm = (
-            part.contiguous(memory_format=torch.channels_last) for part in (noisy_mm, clean_mm)
+            depth_mm.contiguous(memory_format=torch.channels_last)
+            for depth_mm in (noisy_mm, clean_mm)
         )
         total, _ = self.state.loss(to_float32(self.model(noisy_mm)), noisy_mm[:, :1], clean_mm)
         loss = float(total.detach())
@@ -229,10 +228,9 @@ class TrainingRun:
         return loss
 
     def validate(self, logs: RunLogs | None) -> None:
-        """Compute the validation metrics; keep the best weights; log metrics and samples.
+        """Compute the validation metrics; save the best weights; log metrics and samples.
 
-        Raises:
-            TrainError: if the monitored metric is not finite.
+        Raises TrainError if the monitored metric is not finite.
         """
         progress, network = self.progress, self.state.evaluated
         if progress.best is None:
@@ -264,9 +262,9 @@ class TrainingRun:
             self._draw_samples()
 
     def _validation_batches(self) -> Iterator[Batch]:
-        """Yield the batches for a validation, the same at each validation.
+        """Yield the batches for a validation, the same each time.
 
-        With a limit in minutes they are as many as the first validation can do in a share of it.
+        With a limit in minutes, the first validation counts the batches that fit its share of time.
         """
         progress, minutes = self.progress, self.recipe.training.max_minutes
         until = time.monotonic() + _VALIDATION_SHARE * 60 * minutes if minutes else math.inf
@@ -339,7 +337,7 @@ class TrainingRun:
         return float(self.progress.seconds + running)
 
     def _header(self) -> dict[str, Any]:
-        """Entries that best.pt and last.pt have in common."""
+        """Return the common entries of best.pt and last.pt."""
         return {
             "recipe": self.recipe.model_dump(mode="json"),
             "data": self.source.fingerprint,
@@ -367,7 +365,7 @@ class TrainingRun:
         progress, frames = self.progress, self.source.validation
         indices = [len(frames) * n // _SAMPLES for n in range(min(_SAMPLES, len(frames)))]
         pairs = [frames[n] for n in indices]
-        noisy_mm, clean_mm = (torch.stack(part) for part in zip(*pairs, strict=True))
+        noisy_mm, clean_mm = (torch.stack(depths) for depths in zip(*pairs, strict=True))
         with torch.no_grad(), self.fabric.autocast():
             denoised_mm = self.state.evaluated(self.fabric.to_device(noisy_mm)).hard_mm()
         name = f"epoch_{progress.epoch:04d}" if progress.step == 0 else f"step_{progress.steps:06d}"
@@ -406,7 +404,7 @@ def validation_figures(
         mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
         interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
         flips: pixels per frame of wrong validity.
-        input_interior_rmse_mm, input_flips: the same of the noisy input.
+        input_interior_rmse_mm, input_flips: both metrics of the noisy input.
     """
 
     def surface(depth_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:

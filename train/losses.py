@@ -1,8 +1,8 @@
-"""Training losses; a loss is configured by the table [loss] of a recipe, and is a callable.
+"""Training losses: callables that the table [loss] of a recipe configures.
 
 Arguments are a prediction, the noisy and the clean depth, each (B, 1, H, W) float32 millimetres
-with 0 = no depth. Only the network sees further inputs (``glsim.networks.inputs``). Results are
-the total and its parts by name. All arithmetic is float32.
+with 0 = no depth; further inputs of the network are left out. Results are the total and its terms
+by name. All arithmetic is float32.
 """
 
 from __future__ import annotations
@@ -40,9 +40,7 @@ class Loss(BaseModel):
 def to_float32(prediction: Prediction) -> Prediction:
     """Convert a prediction made in mixed precision to float32."""
     depth_mm, *others = prediction
-    return Prediction(
-        depth_mm.float(), *(None if part is None else part.float() for part in others)
-    )
+    return Prediction(depth_mm.float(), *(None if t is None else t.float() for t in others))
 
 
 def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
@@ -50,11 +48,11 @@ def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
     return (values * weights).sum() / weights.sum().clamp_min(1)
 
 
-#: Advantage, mm, by which another candidate than the first becomes the target. Chosen: several
-#: times the noise, half of a flying pixel's least error.
+#: Least advantage over the first candidate, mm, of another candidate that becomes the target.
+#: Chosen: several times the noise, half of a flying pixel's least error.
 _SWITCH_MM: Final = 25.0
-#: With ``relative``, errors are scaled to this noise, mm; and bounds of a frame's noise, mm: what
-#: depth cameras add to a face at 0.9 m (docs/howto/any_camera.md).
+#: Noise to which ``relative`` scales errors, mm; least and largest noise of a frame, mm: the range
+#: of depth cameras on a face at 0.9 m (docs/howto/any_camera.md).
 _NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
 
 
@@ -77,8 +75,8 @@ class AllPixels(Loss):
 class Masked(Loss):
     """Loss of depth where clean has depth and the input has depth nearby, and of validity.
 
-    The weights were chosen by experiment with `small_unet` on procedural faces under kinect-v2: the
-    slope term smooths the surface, and rims, whose errors are unpredictable, have less weight.
+    The weights are chosen by experiment with `small_unet` on procedural faces under kinect-v2: the
+    slope term smooths the surface; rims have less weight, since their errors are unpredictable.
     """
 
     kind: Literal["masked"] = "masked"
@@ -110,10 +108,11 @@ class Masked(Loss):
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
     ) -> tuple[Tensor, LossParts]:
-        """Compute the total and its parts: depth; valid, choice, slope, sigma where they apply.
+        """Compute the total and its terms: depth; valid, choice, slope, sigma where they apply.
 
-        Among several candidates only the target surface's depth counts; sigma, always in mm, is
-        that of the chosen one. A pixel without a candidate near the truth shall have no depth.
+        Among several candidates only the target surface's depth counts; sigma, always in mm,
+        belongs to the chosen surface. A pixel without a candidate near the truth shall have no
+        depth.
         """
         has_depth = (clean_mm > 0).float()
         error_mm = prediction.depth_mm - clean_mm
@@ -123,8 +122,8 @@ class Masked(Loss):
             target = target_surface(errors_mm.detach())
             error_mm = errors_mm.gather(1, target)
             choice = -prediction.choice_logits.log_softmax(dim=1).gather(1, target)
-            # Farther candidates are of other surfaces: that of the pixel was not measured nearby (a
-            # wall out of range), and its error would dominate.
+            # If all candidates are far, the pixel's surface was not measured nearby (a wall out of
+            # range), and the error would dominate.
             has_depth = has_depth * (error_mm.detach().abs() < FLYING_MM)
         counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
         inside = counted * interior(clean_mm > 0, jumps(clean_mm))
@@ -166,20 +165,20 @@ class Masked(Loss):
 def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
     """Compute the RMS noise of each frame on measured interior pixels: (B, 1, 1, 1) mm.
 
-    Errors of another surface count as 25 mm.
+    Errors are clipped at 25 mm, against other surfaces.
     """
     known = inside * (noisy_mm > 0)
     squares = (noisy_mm - clean_mm).clamp(-_SWITCH_MM, _SWITCH_MM).square() * known
-    every = (1, 2, 3)
-    mean = squares.sum(every, keepdim=True) / known.sum(every, keepdim=True).clamp_min(1)
+    axes = (1, 2, 3)
+    mean = squares.sum(axes, keepdim=True) / known.sum(axes, keepdim=True).clamp_min(1)
     return mean.sqrt().clamp(_LEAST_NOISE_MM, _LARGEST_NOISE_MM)
 
 
 def target_surface(errors_mm: Tensor) -> Tensor:
     """Choose each pixel's target among K depth candidates: (B, K, H, W) errors to (B, 1, H, W).
 
-    Another than the first must be nearer to the truth by `_SWITCH_MM`: candidates on one surface
-    have one target.
+    It is the first candidate unless another is nearer to the truth by `_SWITCH_MM`, so that
+    candidates on one surface have one target.
     """
     size = errors_mm.abs()
     size = torch.cat([size[:, :1] - _SWITCH_MM, size[:, 1:]], dim=1)

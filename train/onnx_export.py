@@ -25,10 +25,8 @@ from glsim.train.models.base import DepthModel, NamedOutputs, named_outputs
 from glsim.train.models.registry import build_model
 from glsim.train.state import NOT_COPIED
 
-#: Largest accepted difference between an exported network and PyTorch, mm. Chosen: a hundredth of
-#: the step of a depth file.
+#: Largest difference of an exported network from PyTorch, mm. Chosen: 1/100 step of a depth file.
 TOLERANCE_MM: Final = 0.01
-
 #: Version of the ONNX operators: OpenCV 5, onnxruntime and onnxruntime-web read it.
 _OPSET: Final = 17
 
@@ -36,9 +34,9 @@ _OPSET: Final = 17
 def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     """Write a checkpoint's network to an ONNX file, after a check of OpenCV against PyTorch.
 
-    The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the
-    outputs of ``glsim.train.models.base``, of the same shape. Further inputs are named as
-    in ``glsim.networks.inputs``: (1, images, H, W), zeros for what is missing. H and W must be
+    The graph maps ``noisy_mm``, (1, 1, H, W) float32 millimetres with 0 = no return, to the outputs
+    of ``glsim.train.models.base``, of the same shape. Further inputs are named as in
+    ``glsim.networks.inputs``: (1, images, H, W), zeros for missing images. H and W must be
     multiples of 16 (pad with zeros).
 
     Args:
@@ -50,8 +48,8 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
 
     Raises:
         DenoiserError: for a damaged or foreign checkpoint.
-        TrainError: if the network cannot be exported, OpenCV cannot run it (Restormer), or its
-            results differ.
+        TrainError: the network cannot be exported, OpenCV cannot run it (Restormer), or the results
+            differ.
     """
     model, record = load_model(checkpoint)
     data = onnx_bytes(model.cpu().eval(), checkpoint, record)
@@ -75,7 +73,7 @@ def onnx_bytes(
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # the tracer warns of sizes that dynamic_axes frees
-        # The exporter does not know Asinh, and onnxruntime computes it element by element.
+        # The exporter lacks Asinh, which onnxruntime would compute element by element.
         torch.onnx.register_custom_op_symbolic(  # type: ignore[attr-defined]  # it is documented
             "aten::asinh", _asinh, _OPSET
         )
@@ -111,12 +109,11 @@ def _asinh(graph: Any, x: Any) -> Any:
 
 
 def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.float32]:
-    """Create test inputs of a frame, (C, height, width), whose neighbours have other noise."""
-    frames = [_test_frame(height, width, seed) for seed in range(1 + inputs.before + inputs.after)]
-    infrared = np.where(frames[0] > 0, 2e9 / np.maximum(frames[0], 1) ** 2, 0)
-    return stack_inputs(
-        inputs, frames[0], frames[1 : 1 + inputs.before], frames[1 + inputs.before :], infrared
-    )
+    """Create test inputs of a frame, (C, height, width); neighbours have other noise."""
+    seeds = range(1 + inputs.before + inputs.after)
+    frame, *others = (_test_frame(height, width, seed) for seed in seeds)
+    infrared = np.where(frame > 0, 2e9 / np.maximum(frame, 1) ** 2, 0)
+    return stack_inputs(inputs, frame, others[: inputs.before], others[inputs.before :], infrared)
 
 
 def _test_frame(height: int, width: int, seed: int) -> NDArray[np.float32]:
@@ -160,18 +157,18 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
     """Read the weights from an ONNX file of ``glsim export``, by their names in PyTorch.
 
     The file does not name its weights. A network of ``spec`` is therefore filled with random
-    numbers and exported: the tensor that holds the numbers of a weight shows its place in the file.
+    numbers and exported: equal numbers show the position of each weight in the file.
 
     Args:
-        path: the ONNX file. It may have fewer inputs than ``spec``: the result has those inputs.
+        path: the ONNX file; it may have fewer inputs than ``spec``.
         spec: the [model] table of a recipe.
 
     Returns:
-        Name -> weight; without the buffers of `NOT_COPIED` that the graph does not use.
+        Name -> weight, for the inputs of the file; without the unused buffers of `NOT_COPIED`.
 
     Raises:
-        TrainError: for a damaged file, another architecture, or weights that the exporter merged
-            (batch normalisation).
+        TrainError: a damaged file, another architecture, or weights merged by the exporter (batch
+            normalisation).
     """
     try:
         data, content = read_onnx(path)
@@ -185,19 +182,18 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
             if value.is_floating_point():
                 # In [0.5, 0.6]: the exporter folds constants such as 0 and 1.
                 value.copy_(0.5 + 0.1 * torch.rand(value.shape, generator=generator))
-    example = _tensors(onnx_bytes(model, path))
-    found = _tensors(data)
-    if [value.shape for value in found] != [value.shape for value in example]:
+    example, stored = _tensors(onnx_bytes(model, path)), _tensors(data)
+    if [value.shape for value in stored] != [value.shape for value in example]:
         raise TrainError(
             f"{path}: is another architecture, or was exported by another version of glsim: start "
             "from a network with the same [model], from its checkpoint, or without --from"
         )
-    places = {tag.numpy().tobytes(): value for tag, value in zip(example, found, strict=True)}
+    by_tag = {tag.numpy().tobytes(): value for tag, value in zip(example, stored, strict=True)}
     weights = {}
     for name, value in model.state_dict().items():
-        place = places.get(value.contiguous().numpy().tobytes())
-        if place is not None:
-            weights[name] = place.reshape(value.shape)  # a bias may have become (1, C, 1, 1)
+        weight = by_tag.get(value.contiguous().numpy().tobytes())
+        if weight is not None:
+            weights[name] = weight.reshape(value.shape)  # a bias may have become (1, C, 1, 1)
         elif name not in NOT_COPIED:
             raise TrainError(
                 f"{path}: ONNX files do not keep {name} of this architecture: start from a "

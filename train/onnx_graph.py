@@ -1,13 +1,13 @@
 """Compaction of an exported ONNX graph, which then loads faster and gives equal results.
 
 PyTorch's exporter computes the sides of every padding and the ends of every slice in the graph, and
-names no shape. onnxruntime derives them when it loads the graph, as formulas that grow from slice
-to slice, so that loading took a time that grows with the square of the number of nodes: 3 CPU s for
-the 3,900 nodes of ``face``, and 0.1 s with the shapes written down.
+names no shape. onnxruntime derives the shapes as formulas that grow from slice to slice, so that
+the time to load grows with the square of the number of nodes: 3 CPU s for the 3,900 nodes of
+``face``, 0.1 s with written shapes.
 
-The graph is evaluated for three sizes of the frame. A number that is the same for all of them is a
-constant; an end of a slice that keeps its distance from the end of the axis is that distance.
-Sides are affine in rows or columns, so that three sizes tell them apart from constants.
+The graph is evaluated for three sizes of the frame. Numbers that are equal for all sizes become
+constants; ends of slices at a constant distance from the end of the axis become this distance.
+Three sizes suffice to distinguish constants from sides, which are affine in rows or columns.
 """
 
 from __future__ import annotations
@@ -32,14 +32,10 @@ _Shapes = dict[str, tuple[int, ...]]
 
 
 def compacted(data: bytes, entries: Mapping[str, str] | None = None) -> bytes:
-    """Compact an ONNX file: short names, known shapes, and each constant stored once.
+    """Compact an ONNX file: short names, known shapes, each constant once; add metadata.
 
-    PyTorch's exporter stores the numbers of each Slice and Unsqueeze as nodes of their own, and
-    writes the path of the module into each name.
-
-    Args:
-        data: the exported file.
-        entries: metadata of the file.
+    PyTorch's exporter stores the numbers of each Slice and Unsqueeze as separate nodes, and writes
+    the path of the module into each name.
     """
     model = onnx.load_from_string(data)
     _write_shapes(model)
@@ -74,10 +70,10 @@ def _shorten(graph: onnx.GraphProto) -> None:
         node.output[:] = [short(name) for name in node.output]
     for named in (*tensors, *graph.value_info):
         named.name = short(named.name)
-    kept = helper.make_graph(
+    short_graph = helper.make_graph(
         graph.node, "glsim", graph.input, graph.output, tensors, value_info=graph.value_info
     )
-    graph.CopyFrom(kept)
+    graph.CopyFrom(short_graph)
 
 
 class _Known(NamedTuple):
@@ -98,7 +94,7 @@ def _write_shapes(model: onnx.ModelProto) -> None:
     }
     known = [_evaluate(model, dict(constants), rows, columns) for rows, columns in _SIZES]
     for name, value in known[0].values.items():
-        if value.dtype.kind == "f":  # another program may round it otherwise
+        if value.dtype.kind == "f":  # other programs may round differently
             continue
         if all(name in k.values and np.array_equal(value, k.values[name]) for k in known):
             constants.setdefault(name, value)
@@ -106,14 +102,14 @@ def _write_shapes(model: onnx.ModelProto) -> None:
     for node in graph.node:
         if constants.keys() >= {*node.output}:
             continue
-        kept = onnx.NodeProto()
-        kept.CopyFrom(node)
+        copy = onnx.NodeProto()
+        copy.CopyFrom(node)
         if node.op_type == "Slice" and node.input[2] not in constants:
-            _fix_ends(kept, known, constants)
-        nodes.append(kept)
+            _fix_ends(copy, known, constants)
+        nodes.append(copy)
     needed = {output.name for output in graph.output}
-    reached: list[onnx.NodeProto] = []
-    for node in reversed(nodes):  # those that the outputs need
+    reached: list[onnx.NodeProto] = []  # the nodes on which outputs depend
+    for node in reversed(nodes):
         if needed.intersection(node.output):
             reached.insert(0, node)
             needed.update(node.input)
@@ -164,17 +160,14 @@ def _compute(
         return True
     if not inputs or any(name not in values for name in inputs):
         return False
-    one = helper.make_graph(
-        [node],
-        "one node",
-        [
-            helper.make_tensor_value_info(
-                name, helper.np_dtype_to_tensor_dtype(values[name].dtype), values[name].shape
-            )
-            for name in dict.fromkeys(inputs)
-        ],
-        [helper.make_empty_tensor_value_info(name) for name in node.output],
-    )
+    typed = [
+        helper.make_tensor_value_info(
+            name, helper.np_dtype_to_tensor_dtype(values[name].dtype), values[name].shape
+        )
+        for name in dict.fromkeys(inputs)
+    ]
+    results = [helper.make_empty_tensor_value_info(name) for name in node.output]
+    one = helper.make_graph([node], "one node", typed, results)
     evaluator = ReferenceEvaluator(helper.make_model(one, opset_imports=model.opset_import))
     outputs = evaluator.run(None, {name: values[name] for name in inputs})
     values.update(zip(node.output, map(np.asarray, outputs), strict=True))

@@ -14,8 +14,8 @@
     [training]
     patience = 10
 
-Tables are merged over those of the extended recipe. A table that names another ``kind`` replaces
-the extended one: the parameters of one kind mean nothing to another.
+Tables are merged over the tables of the extended recipe; a table with another ``kind`` replaces the
+extended table, because kinds have different parameters.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class OptimiserSettings(TomlTable):
 class ScheduleSettings(TomlTable):
     """Learning-rate schedule, a function of the steps and of the finished fraction of training.
 
-    The whole training is its limit in steps, epochs or minutes, whichever comes first.
+    The training ends at the limit in steps, epochs or minutes, whichever comes first.
     """
 
     kind: Literal["constant", "cosine"] = Field(
@@ -173,7 +173,7 @@ class Recipe(TomlTable):
     )
 
     def difference(self, other: Recipe) -> str | None:
-        """Name the first setting that would change the training; None for equal trainings."""
+        """Name the first setting by which the trainings differ; None for equal trainings."""
         ours, theirs = (_flattened(recipe.model_dump(mode="json")) for recipe in (self, other))
         for name in sorted(ours.keys() | theirs.keys()):
             if name not in _RESUMABLE and ours.get(name) != theirs.get(name):
@@ -186,7 +186,7 @@ _RESUMABLE: Final = {
     "title",
     "description",
     "data.workers",
-    "data.protocol",  # the fingerprint of the data holds the protocol that it stands for
+    "data.protocol",  # the fingerprint of the data holds the resulting protocol
     *(f"training.{name}" for name in ("max_epochs", "max_steps", "max_minutes", "patience")),
 }
 

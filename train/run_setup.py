@@ -50,10 +50,7 @@ def computes_bfloat16() -> bool:
 def with_precision(recipe: Recipe, begun: Path | None) -> Recipe:
     """Return the recipe with a definite precision in place of "auto".
 
-    Args:
-        recipe: the training.
-        begun: recipe.json of the training that is resumed, whose precision is kept; None for a
-            new one.
+    ``begun`` is recipe.json of a resumed training, whose precision stays; None: a new training.
     """
     if recipe.training.precision != "auto":
         return recipe
@@ -66,9 +63,9 @@ def with_precision(recipe: Recipe, begun: Path | None) -> Recipe:
 
 
 def arithmetic(fabric: Fabric) -> dict[str, Any]:
-    """Return the facts besides recipe and data that decide how a training is rounded.
+    """Return the facts besides recipe and data on which the rounding of a training depends.
 
-    PyTorch divides a sum among its threads, so their number decides how it is rounded.
+    One is the number of threads, among which PyTorch divides sums.
     """
     on_gpu = fabric.device.type == "cuda"
     return {
@@ -119,7 +116,7 @@ def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[st
 
     Args:
         start: ``training.start`` of a recipe.
-        model: its table [model].
+        model: table [model] of the recipe.
 
     Returns:
         The weights, and name and CRC32 of the file, for run.json and checkpoints.
@@ -134,8 +131,8 @@ def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[st
             f"name of a shipped network ({', '.join(NETWORKS)})"
         )
     path = path if path.exists() else shipped_file(start)
-    found = file_checksum(path)
-    crc32 = None if found is None else f"{found['crc32']:08x}"
+    checksum = file_checksum(path)
+    crc32 = None if checksum is None else f"{checksum['crc32']:08x}"
     if path.suffix == ONNX_SUFFIX:
         from glsim.train.onnx_export import weights_of_onnx  # loads the exporter
 
@@ -150,10 +147,8 @@ def locked_run(folder: Path) -> Iterator[None]:
     """Create a run's folder and hold its lock. Raises TrainError if it is locked already."""
     with wrap_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    busy = TrainError(
-        f"{folder}: another training is writing here: wait until it ends, or name another folder "
-        "(-o)"
-    )
+    advice = "wait until it ends, or name another folder (-o)"
+    busy = TrainError(f"{folder}: another training is writing here: {advice}")
     with locked(folder / LOCK_FILE, busy):
         yield
 

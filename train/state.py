@@ -1,4 +1,4 @@
-"""State of a training between two steps, which a checkpoint saves and restores."""
+"""State of a training between two steps, as saved in a checkpoint."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class TrainingProgress:
         seconds: training and validation time over all resumes.
         best: best value of the monitored metric.
         best_step: step of the best value.
-        stale: validations since the best one.
+        stale: validations since the best validation.
         loss_sum: sum of the losses since the last validation.
         loss_count: number of steps since the last validation.
         validation_batches: batches of each validation, if a limit in minutes bounds them.
@@ -62,19 +62,13 @@ class TrainingState:
 
     Attributes:
         network: the network, without the wrappers of devices and compilation.
-        average: exponential average of its weights, or None.
+        average: exponential average of the weights, or None.
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric, weights: WeightsOf | None = None) -> None:
-        """Build the state before the first step.
+        """Build the state before the first step, with ``weights`` or random weights.
 
-        Args:
-            recipe: the training.
-            fabric: devices and precision.
-            weights: initial weights; None: random ones.
-
-        Raises:
-            ConfigError: for an unknown model or loss, and weights that do not fit.
+        Raises ConfigError for an unknown model or loss, and weights that do not fit.
         """
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
@@ -107,7 +101,7 @@ class TrainingState:
         return model, optimiser
 
     def dump(self) -> dict[str, Any]:
-        """State that a resumed training needs besides recipe and data."""
+        """Return the state that a resumed training needs besides recipe and data."""
         return {
             "model": self.network.state_dict(),
             "average": None if self.average is None else self.average.state_dict(),
@@ -155,36 +149,29 @@ def copy_weights(weights: Mapping[str, Tensor], network: nn.Module, where: str) 
     """Copy weights, by name and shape, into a network that has additional inputs.
 
     The weights of further input channels become 0, so that both networks give the same depth.
-
-    Args:
-        weights: weights of a network with fewer inputs, by name.
-        network: the network to fill.
-        where: the file of the weights, for messages.
-
-    Raises:
-        ConfigError: if the networks differ in more than their inputs.
+    Raises ConfigError, which names the file ``where``, if they differ in more than their inputs.
     """
-    own = network.state_dict()  # detached, and in the same memory as the parameters
-    if odd := sorted((own.keys() ^ weights.keys()) - set(NOT_COPIED)):
+    targets = network.state_dict()  # detached, and in the same memory as the parameters
+    if odd := sorted((targets.keys() ^ weights.keys()) - set(NOT_COPIED)):
         raise ConfigError(
             f"{where}: is another architecture (it {'has' if odd[0] in weights else 'lacks'} "
             f"{odd[0]}): start from a network with the same [model], or without --from"
         )
     extended = []
-    for name, target in own.items():
-        given = weights.get(name)
-        if name in NOT_COPIED or given is None:
+    for name, target in targets.items():
+        weight = weights.get(name)
+        if name in NOT_COPIED or weight is None:
             continue
-        inputs = given.shape[1] if min(given.dim(), target.dim()) > 1 else 0
-        if given.shape == target.shape:
-            target.copy_(given)
-        elif inputs and target[:, :inputs].shape == given.shape:
+        inputs = weight.shape[1] if min(weight.dim(), target.dim()) > 1 else 0
+        if weight.shape == target.shape:
+            target.copy_(weight)
+        elif inputs and target[:, :inputs].shape == weight.shape:
             target.zero_()
-            target[:, :inputs].copy_(given)
+            target[:, :inputs].copy_(weight)
             extended.append(name)
         else:
             raise ConfigError(
-                f"{where}: {name} is {tuple(given.shape)}, this network needs "
+                f"{where}: {name} is {tuple(weight.shape)}, this network needs "
                 f"{tuple(target.shape)}: start from a network with the same [model.backbone]"
             )
     if len(extended) > 1:

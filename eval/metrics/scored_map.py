@@ -99,8 +99,8 @@ class ScoredMap:
     @cached_property
     def counts(self) -> tuple[int, int, int]:
         """Numbers of valid pixels: in both maps, in the prediction, and in the clean map."""
-        both = self.valid & self.truth.valid
-        return tuple(int(np.count_nonzero(m)) for m in (both, self.valid, self.truth.valid))
+        both = int(np.count_nonzero(self.valid & self.truth.valid))
+        return both, int(np.count_nonzero(self.valid)), int(np.count_nonzero(self.truth.valid))
 
     @cached_property
     def flips(self) -> int:

@@ -116,9 +116,12 @@ def _template() -> Template:
     def cell(text: str) -> Markup:
         return Markup(re.sub(r" (\[[-+\d., ]+\])$", r"<small>\1</small>", str(inline(text))))
 
-    loader, options = PackageLoader("glsim.eval.report", "."), {"undefined": StrictUndefined}
     environment = Environment(
-        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, **options
+        loader=PackageLoader("glsim.eval.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
     )
     environment.filters |= {"inline": inline, "cell": cell}
     environment.filters["base64"] = lambda data: base64.b64encode(data).decode()

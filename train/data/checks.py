@@ -19,8 +19,8 @@ from glsim.data.reader import Dataset
 from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.settings.schema import SPLIT_NAMES
 
-#: How frames larger than the crop are cropped: not at all (an error), around their centre, or at a
-#: place drawn anew in each epoch.
+#: Cropping of frames larger than the crop: not at all (an error), around the centre, or at a random
+#: position in each epoch.
 Cut = Literal["no", "centre", "random"]
 #: Target of a network: the true depth, or the depth that the sensor expects without noise.
 Target = Literal["clean", "expected"]
@@ -32,16 +32,15 @@ def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[st
 
 
 def entries_of(**choices: str) -> dict[str, str]:
-    """Return the non-default entries of a fingerprint, so that older trainings can be resumed."""
+    """Return the non-default entries of a fingerprint: older trainings have no such entries."""
     return {name: value for name, value in choices.items() if value not in ("clean", "depth")}
 
 
 def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
     """Shift a pair to the depth protocol "paper", where the target's nearest point is at 1 mm.
 
-    Args:
-        images: (C + 1, H, W), the stack of inputs and the target. All depths are moved alike, so
-            that neighbours in time keep their distance from the frame.
+    All depths of ``images`` (C + 1, H, W), inputs and target, move alike, so that neighbours in
+    time keep their distance from the frame.
     """
     moved = subtract_offset(images, offset_to_nearest(images[-1]))
     if inputs.infrared:
@@ -74,11 +73,11 @@ def checked_split(
         dataset.require(layer)
     split_of: dict[str, str] = {}
     for pair in dataset:
-        own = str(pair.record["split"])
-        other = split_of.setdefault(pair.key.subject, own)
-        if other != own:
+        this = str(pair.record["split"])
+        other = split_of.setdefault(pair.key.subject, this)
+        if other != this:
             raise DatasetError(
-                f"{dataset}: subject {pair.key.subject} is in {other} and in {own}: scores "
+                f"{dataset}: subject {pair.key.subject} is in {other} and in {this}: scores "
                 "on it would be too good: glsim generate splits by subject"
             )
     first = (split[0].intrinsics.height, split[0].intrinsics.width)

@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from glsim.core.depth_frame import FrameKey
 from glsim.networks.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
 
-#: Infrared is multiplied by a factor within 1/4 and 4, log-uniform: light per distance and albedo
-#: differs by a factor of 5 between a real Kinect V2 and our model of it.
+#: Largest random gain of infrared, log-uniform from 1/4 to 4: light per distance and albedo differs
+#: by a factor of 5 between a real Kinect V2 and our model.
 _LARGEST_GAIN: Final = 4.0
-#: Share of frames whose infrared is left out, so that a camera without it may use the network.
+#: Share of frames without infrared, for cameras without infrared.
 _WITHOUT_INFRARED: Final = 0.1
-#: Share of frames whose neighbours are not the nearest frames: cameras drop frames.
+#: Share of frames with gaps between the neighbours in time: cameras drop frames.
 _WITH_GAPS: Final = 0.25
 
 
 class Neighbours:
     """Table of the neighbours in time of each frame, as positions in a list of frames.
 
-    A neighbour is of the same sequence and at most ``inputs.before`` frames earlier or
-    ``inputs.after`` later by its number: frames may be missing.
+    The frame number of a neighbour is at most ``inputs.before`` lower or ``inputs.after`` higher in
+    the same sequence; frames may be missing.
     """
 
     def __init__(self, keys: Sequence[FrameKey], inputs: NetworkInputs) -> None:
@@ -37,12 +37,11 @@ class Neighbours:
 
     def of(self, number: int) -> tuple[list[int], list[int]]:
         """Return the positions of the earlier and of the later neighbours, nearest first."""
-        return self._towards(number, -1, self._inputs.before), self._towards(
-            number, +1, self._inputs.after
-        )
+        _, before, after = self._inputs
+        return self._towards(number, -1, before), self._towards(number, +1, after)
 
     def _towards(self, number: int, step: int, reach: int) -> list[int]:
-        found = []
+        neighbours = []
         last = self._frame[number]
         for other in range(number + step, number + step * (reach + 1), step):
             if not 0 <= other < len(self._frame) or self._sequence[other] != self._sequence[number]:
@@ -51,8 +50,8 @@ class Neighbours:
             if not (0 < distance <= reach) or step * int(self._frame[other] - last) <= 0:
                 break
             last = self._frame[other]
-            found.append(other)
-        return found
+            neighbours.append(other)
+        return neighbours
 
 
 def vary_inputs(
@@ -60,8 +59,8 @@ def vary_inputs(
 ) -> NDArray[np.float32]:
     """Augment the inputs of a frame, (C, H, W): random infrared gain and number of neighbours.
 
-    Infrared gets a random gain or is left out. Of the neighbours that exist on each side, a random
-    number remains, the nearest ones or others, so that a network works with any number.
+    Infrared gets a random gain or is left out. A random number of neighbours remains on each side,
+    the nearest frames or others, so that a network works with any number.
     """
     varied = stack.copy()
     named = inputs.named(varied)
@@ -72,10 +71,10 @@ def vary_inputs(
         if name not in named:
             continue
         images = named[name]
-        kept = np.arange(rng.integers(len(images) + 1))
+        numbers = np.arange(rng.integers(len(images) + 1))
         if rng.random() < _WITH_GAPS:
-            kept = np.sort(rng.choice(len(images), len(kept), replace=False))
-        remaining = images[kept]
+            numbers = np.sort(rng.choice(len(images), len(numbers), replace=False))
+        remaining = images[numbers]
         images[:] = 0
-        images[: len(kept)] = remaining
+        images[: len(numbers)] = remaining
     return varied

@@ -29,7 +29,7 @@ from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
 log = logging.getLogger(__name__)
 
-#: Batches that a worker may render ahead: this evens out the load of whole blocks.
+#: Batches that a worker renders ahead, to even out the load of whole blocks.
 _PREFETCH = 8
 
 
@@ -38,8 +38,8 @@ def randomised(
 ) -> Settings:
     """Load the preset "randomised": settings to train a denoiser of a Kinect V2.
 
-    assignments and overrides: changes, as in ``glsim.load_settings``. The stages are those of
-    kinect-v2: another sensor needs its own settings. Raises ConfigError.
+    ``assignments`` and ``overrides`` change it, as in ``glsim.load_settings``. Its stages belong to
+    kinect-v2: another sensor needs other settings. Raises ConfigError.
     """
     return load_settings(None, assignments, overrides, preset="randomised")
 
@@ -47,11 +47,11 @@ def randomised(
 class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
     """Batches (noisy_mm, target_mm), each (batch, 1, H, W) float32 millimetres, 0 = no return.
 
-    With further ``inputs``, noisy_mm is the stack of all, (batch, C, H, W).
-    ``loader`` makes the DataLoader. Your own DataLoader needs ``batch_size=None`` (batches are made
-    here) and a ``multiprocessing_context`` of "forkserver" or "spawn" (OpenGL does not survive a
-    fork). The sequence of batches is a function of (settings, batch, reuse, split, seed) for any
-    number of workers; each iteration begins at batch ``start``.
+    With further ``inputs``, noisy_mm is the stack of all inputs, (batch, C, H, W). ``loader`` makes
+    the DataLoader; another DataLoader needs ``batch_size=None`` (the data set makes batches) and a
+    ``multiprocessing_context`` of "forkserver" or "spawn" (OpenGL does not survive a fork). The
+    sequence of batches is a function of (settings, batch, reuse, split, seed) for any number of
+    workers; each iteration begins at batch ``start``.
     """
 
     def __init__(
@@ -77,20 +77,19 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
         and DeviceError.
 
         Args:
-            settings: faces, poses, sensor and crop; its seed determines the people, and ``seed``
-                the choice and order of their frames and the noise.
-            inputs: what the network sees besides depth. Neighbours in time are frames of the same
-                sequence; its settings should be held within it (``redraw = "sequence"``), at the
-                frame rate of the camera (``source.frames_per_second``).
+            settings: faces, poses, sensor and crop; ``settings.seed`` determines the people, and
+                ``seed`` the choice and order of their frames and the noise.
+            inputs: inputs of the network besides depth. Neighbours in time are frames of one
+                sequence, whose settings should not change (``redraw = "sequence"``), at the frame
+                rate of the camera (``source.frames_per_second``).
             vary_inputs: as in ``Augmentation``.
-            reuse: uses of each pair. N divides the cost of rendering per batch by N, and the
-                network sees fewer new pairs. All uses of a pair lie within some hundred batches
-                (one block, see ``stream``).
+            reuse: uses of each pair, within some hundred batches (a block, see ``stream``): divides
+                the cost of rendering per batch, and the number of new pairs.
             start: number of the first batch, to resume.
             length: batches per iteration; default: endless.
             backend: as in ``glsim.simulate``.
             target: as in ``StoredPairs``.
-            protocol: as in ``StoredPairs``; default: that of ``settings.output.nearest_to_mm``.
+            protocol: as in ``StoredPairs``. Default: by ``settings.output.nearest_to_mm``.
         """
         limits = {"batch": (batch, 1), "reuse": (reuse, 1), "start": (start, 0)}
         for name, (value, least) in (limits | {"length": (length or 0, 0)}).items():
@@ -171,10 +170,9 @@ def _check_workers(workers: int) -> None:
 
 
 class _BlockRenderer:
-    """Renderer of the blocks of some lanes, which works a little ahead of their use.
+    """Renderer of the blocks of some lanes, a little ahead of their use.
 
-    Args:
-        lanes: numbers and first blocks of the lanes, in the order of their use.
+    ``lanes``: numbers and first blocks of the lanes, in the order of use.
     """
 
     def __init__(self, stream: BatchStream, lanes: list[tuple[int, int]]) -> None:
@@ -200,10 +198,7 @@ class _BlockRenderer:
                     yield task
 
     def pairs(self, place: BatchPlace) -> Sequence[NDArray[np.float32]]:
-        """Return the pairs of a batch's block, and render some frames of later blocks.
-
-        That is batch / reuse frames.
-        """
+        """Return the pairs of a batch's block, and render batch / reuse frames of later blocks."""
         block = (place.lane, place.block)
         self._pairs.pop((place.lane, place.block - 1), None)
         while block not in self._pairs:

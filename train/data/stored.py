@@ -34,7 +34,7 @@ class PairDataset(Dataset[Batch]):
     """A map-style data set whose item n is (noisy_mm, clean_mm), (C, H, W) and (1, H, W).
 
     C = 1 for depth alone, else noisy_mm is the stack of all inputs (``glsim.networks.inputs``).
-    The clean frame is the target of the recipe: the clean depth or the expected one.
+    clean_mm is the target of the recipe: the clean or the expected depth.
     """
 
     #: Whether the images lie in object storage.
@@ -82,20 +82,19 @@ CACHE_MB = 1024.0
 class Augmentation:
     """Random changes of a pair, limited to scenes that the sensor could have measured.
 
-    Offsets, rotation, scaling and added noise are wrong for depth, whose noise depends on distance
-    and pose: change the settings of the simulator instead. To shift, crop larger frames
+    Offsets, rotation, scaling and added noise are wrong for depth, because noise depends on
+    distance and pose: change the settings of the simulator instead. To shift, crop larger frames
     (``cut="random"``).
 
     Attributes:
-        flip: mirror left and right with probability 1/2. It puts shadows on the other side of the
-            face, as a camera with its emitter on the other side would: right for a network of any
-            camera, wrong for one of a single camera.
+        flip: mirror left and right with probability 1/2. Shadows change sides, as if the emitter
+            did: right for a network for any camera, wrong for a network for a single camera.
         relief_mm: add bumps and creases up to about this height to both depths.
         slope_mm_per_px: add a plane of up to this slope to both depths.
         texture: share of frames with ribs or grain, as of fabric and hair, added to both depths.
         averaged: share of frames with the noise of a mean of several frames.
-        vary_inputs: change the gain of the infrared and the number of neighbours in time, or leave
-            them out, see ``glsim.train.data.extra_inputs``.
+        vary_inputs: change or leave out infrared and neighbours in time, see
+            ``glsim.train.data.extra_inputs``.
     """
 
     flip: bool = False
@@ -130,17 +129,15 @@ class StoredPairs(PairDataset):
         """Open the split. Raises the errors of ``glsim.train.data.checks.checked_split``.
 
         Args:
-            crop: side of the square frames, px; default: whole frames, all of one size.
-            cut: how larger frames are cropped.
-            inputs: what the network sees besides depth.
+            crop: side of the square frames, px. Default: whole frames, all of one size.
+            cut: cropping of larger frames.
+            inputs: inputs of the network besides depth.
             seed: seed of ``augmentation`` and random crops.
-            target: the layer that a network learns to give; "expected" leaves the sensor's
-                systematic error.
-            protocol: where depths are counted from, see ``glsim.core.depth_protocol``; default: as
-                the data set's files.
-            cache_mb: the decoded split is kept in memory if it takes at most this (MB); 0 reads the
-                files in every epoch. Only the process that made this object has a cache: the
-                workers of a DataLoader always read, because each would hold a copy.
+            target: the layer that a network learns; "expected" contains the sensor's systematic
+                error.
+            protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: as in the files.
+            cache_mb: largest decoded split, MB, that stays in memory; 0: the files are read in each
+                epoch. Workers of a DataLoader always read files, because each would hold a copy.
         """
         super().__init__()
         self.dataset = open_dataset(dataset)
@@ -172,12 +169,10 @@ class StoredPairs(PairDataset):
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:
         """Return a pair. Raises DatasetError with the name of an unreadable image file."""
         number = range(len(self))[index]
-        images = self._images(number)
         rng = pcg_rng("augment", self._seed, int(self._epoch.item()), number)
-        images = self._cropped(images, rng)
-        if self._augmentation.flip and rng.random() < 0.5:
+        images, change = self._cropped(self._images(number), rng), self._augmentation
+        if change.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]
-        change = self._augmentation
         if change.averaged and rng.random() < change.averaged:
             images = _averaged(images, int(rng.choice(_FRAMES_AVERAGED)))
         if change.relief_mm or change.slope_mm_per_px or change.texture:
@@ -189,7 +184,7 @@ class StoredPairs(PairDataset):
         if self.protocol == "paper":
             images = moved_pair(images, self._inputs)
         noisy, target = images[:-1], images[-1:]
-        if self._augmentation.vary_inputs:
+        if change.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)
         return _tensor(noisy), _tensor(target)
 
@@ -197,15 +192,14 @@ class StoredPairs(PairDataset):
         self, target: NDArray[np.float32], rng: np.random.Generator
     ) -> NDArray[np.float32]:
         """Draw random bumps and a random slope to add to the depth, (H, W) mm."""
-        augmentation = self._augmentation
-        added_mm = np.zeros(target.shape, np.float32)
-        if augmentation.relief_mm:
-            added_mm += sample_surface_bumps(target.shape, augmentation.relief_mm, rng)
-        if augmentation.texture and rng.random() < augmentation.texture:
+        change, added_mm = self._augmentation, np.zeros(target.shape, np.float32)
+        if change.relief_mm:
+            added_mm += sample_surface_bumps(target.shape, change.relief_mm, rng)
+        if change.texture and rng.random() < change.texture:
             added_mm += sample_texture(target.shape, rng)
-        if augmentation.slope_mm_per_px and (target > 0).any():
+        if change.slope_mm_per_px and (target > 0).any():
             nearest_mm = float(target[target > 0].min())
-            added_mm += sample_slope(target.shape, augmentation.slope_mm_per_px, nearest_mm, rng)
+            added_mm += sample_slope(target.shape, change.slope_mm_per_px, nearest_mm, rng)
         return added_mm
 
     def _cropped(
@@ -223,26 +217,16 @@ class StoredPairs(PairDataset):
     def _images(self, number: int) -> NDArray[np.float32]:
         """Read a frame as (C + 1, H, W): the stack of its inputs, then the target."""
         noisy_mm, target_mm, *infrared = self._layers_of(number)
-        sides: list[list[NDArray[np.float32]]] = [[], []]
-        if self._neighbours is not None:
-            sides = [
-                [
-                    image
-                    for other in others
-                    if (image := self._layers_of(other, 1)[0]).shape == noisy_mm.shape
-                ]
-                for others in self._neighbours.of(number)
-            ]
-        stack = stack_inputs(self._inputs, noisy_mm, sides[0], sides[1], *infrared)
+        positions = ([], []) if self._neighbours is None else self._neighbours.of(number)
+        before, after = ([self._layers_of(n, 1)[0] for n in side] for side in positions)
+        before, after = ([i for i in s if i.shape == noisy_mm.shape] for s in (before, after))
+        stack = stack_inputs(self._inputs, noisy_mm, before, after, *infrared)
         return np.concatenate([stack, target_mm[None]])
 
     def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
         """Read the layers of a frame, (H, W) each: noisy and target in mm, infrared if used.
 
-        From the cache if possible.
-
-        Args:
-            count: number of layers that are needed; default: all.
+        From the cache if possible; ``count``: number of needed layers. Default: all.
         """
         cache = self._cache if get_worker_info() is None else None
         if cache is not None and number in cache:
@@ -270,8 +254,8 @@ def _tensor(images: NDArray[np.float32]) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(images))
 
 
-#: Sizes of the bumps (sigma of a Gaussian, px) and their heights relative to the largest: from
-#: creases to cheekbones at 0.9 m, 2.5 mm per pixel; all sizes are about equally steep.
+#: Sizes of bumps (sigma of a Gaussian, px) and their relative heights: from creases to cheekbones
+#: at 0.9 m, 2.5 mm per pixel; all sizes are about equally steep.
 _SIZES_PX: Final = (1.2, 2.5, 5.0, 10.0)
 _HEIGHTS: Final = (0.25, 0.5, 0.75, 1.0)
 #: Sigma of the patches that contain bumps, px: a face is not rough everywhere.
@@ -279,12 +263,13 @@ _PATCH_PX: Final = 12.0
 #: Share of frames without bumps; share of sizes drawn as creases instead of bumps.
 _UNTOUCHED, _CREASED = 0.25, 0.5
 #: Period of textures, px, and their standard deviation, mm, both log-uniform: hair, ribs of knitted
-#: cloth and of chairs, leaves and keys at 0.5 to 2 m. Chosen; finer and lower ones pass for noise.
+#: cloth and of chairs, leaves and keys at 0.5 to 2 m. Chosen; finer and lower textures look like
+#: noise.
 _PERIOD_PX: Final = (3.0, 12.0)
 _TEXTURE_MM: Final = (0.4, 4.0)
 #: Numbers of averaged frames whose noise is imitated.
 _FRAMES_AVERAGED: Final = (2, 4, 9)
-#: Share of frames without a slope, and the most of the nearest depth that a slope may take away.
+#: Share of frames without a slope, and largest approach by a slope, as a share of the least depth.
 _LEVEL, _NEARER = 0.5, 0.5
 
 
@@ -293,12 +278,9 @@ def sample_surface_bumps(
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres of bumps and creases to add to depth.
 
-    A network trained on embedded heads alone learns that skin is as smooth as they are, and smooths
-    away lids, creases and nostrils. The noise of a pair was drawn for the surface without bumps,
-    which is right to first order: noise depends on distance and tilt.
-
-    Args:
-        height_mm: upper limit of the standard deviation of the largest bumps.
+    Without them a network learns the smooth skin of embedded heads, and removes lids, creases and
+    nostrils. The noise of a pair, drawn for the surface without bumps, is right to first order: it
+    depends on distance and tilt. ``height_mm`` limits the standard deviation of the largest bumps.
     """
     total_mm = np.zeros(shape, np.float32)
     if rng.random() < _UNTOUCHED:
@@ -315,8 +297,7 @@ def sample_surface_bumps(
 def sample_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres of ribs or grain, in patches, to add to depth.
 
-    Noise has no ribs, and is not coarser in one place than in others like it: a network that has
-    not seen such surfaces smooths hair and fabric as if they were noise.
+    Without them a network smooths hair and fabric as if they were noise.
     """
     period_px, height_mm = (
         float(np.exp(rng.uniform(*np.log(limits)))) for limits in (_PERIOD_PX, _TEXTURE_MM)
@@ -326,7 +307,7 @@ def sample_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[
         down, right = np.indices(shape)
         along = np.sin(angle) * down + np.cos(angle) * right
         pattern: NDArray[Any] = np.sqrt(2) * np.sin(2 * np.pi * along / period_px + phase)
-    else:  # its spectrum falls to half at about the period
+    else:  # the spectrum falls to half at about the period
         pattern = _smooth_noise(shape, period_px / 5, rng)
     patches = np.clip(0.5 + 2 * _smooth_noise(shape, _PATCH_PX, rng), 0, 1)
     return np.asarray(height_mm * pattern * patches, np.float32)
@@ -336,7 +317,7 @@ def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
     """Divide a frame's noise by the root of a number of frames; ``images`` as in StoredPairs."""
     noisy, target = images[0], images[-1]
     error = noisy - target
-    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # others do not average out
+    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # larger errors are no noise
     averaged = images.copy()
     averaged[0] = np.where(same, target + error / np.float32(math.sqrt(frames)), noisy)
     return averaged
@@ -347,11 +328,13 @@ def sample_slope(
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres to add to depth: a random plane, 0 at the image centre.
 
-    Training frames show mostly people and walls: a network that has seen few floors bends them.
+    Training frames show mostly people and walls: without slopes a network bends floors.
 
     Args:
-        largest_mm_per_px: upper limit of its slope; small ones are more frequent.
-        nearest_mm: least depth of the frame; the slope is reduced so that half of it remains.
+        shape: (H, W), px.
+        largest_mm_per_px: largest slope; small slopes are more frequent.
+        nearest_mm: least depth of the frame, of which at least half remains.
+        rng: generator of random numbers.
     """
     if rng.random() < _LEVEL:
         return np.zeros(shape, np.float32)

@@ -1,10 +1,10 @@
 """Plan of the pairs that a training renders: people, order, and conversion to images; no torch.
 
-The order must not depend on the number of workers, and each worker must reuse the pairs that it
-rendered itself. So the sequence of batches is dealt to a fixed number of lanes, batch j to lane
-j % LANES, and each worker has whole lanes. A lane is a sequence of blocks of a few batches. All
-pairs of a block are rendered, then given ``reuse`` times, each time in a new order. The content of
-batch j follows from its number, so a training may resume anywhere.
+The order must not depend on the number of workers, and each worker can reuse only pairs that it has
+rendered. So batch j belongs to lane j % LANES, and each worker has whole lanes. A lane is a
+sequence of blocks of a few batches. All pairs of a block are rendered, then used ``reuse`` times,
+each time in a new order. The content of batch j follows from its number, so a training may resume
+anywhere.
 """
 
 from __future__ import annotations
@@ -35,14 +35,12 @@ log = logging.getLogger(__name__)
 
 #: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12
-
 #: Number of different batches in a block: large enough that two pairs seldom share a batch again,
 #: small enough that training starts soon (by experiment: 16 pairs of kinect-v2 take 0.35 s).
 BATCHES_PER_BLOCK: Final = 4
-
-#: Frames of a sequence in a row for networks that see neighbours in time: the first ones have few.
+#: Frames of a sequence in a row for networks with neighbours in time, which the first frames lack.
 FRAMES_PER_RUN: Final = 8
-#: Frames of one person in a row: making a procedural head takes 10 ms, a frame of it 0.2 ms.
+#: Frames of one person in a row: a new procedural head takes 10 ms, a further frame 0.2 ms.
 FRAMES_PER_VISIT: Final = 4
 
 
@@ -58,13 +56,13 @@ class BatchPlace(NamedTuple):
 class BatchStream:
     """Plan of an endless sequence of batches.
 
-    With inputs in time the frames of a person are consecutive ones of a sequence, of one device.
+    For neighbours in time, the frames of a person are consecutive, of one sequence and one device.
 
     Attributes:
-        sources: opened from ``settings``.
+        sources: the open sources of ``settings``.
         people: names of the split's people, for each source.
-        inputs: what the network sees besides depth.
-        vary: change the inputs as cameras and sequences differ.
+        inputs: inputs of the network besides depth.
+        vary: change the inputs, see ``vary_inputs``.
     """
 
     settings: Settings
@@ -89,12 +87,10 @@ class BatchStream:
         """Return the position of batch number n."""
         turn, lane = divmod(batch, LANES)
         block, within = divmod(turn, BATCHES_PER_BLOCK * self.reuse)
-        use, part = divmod(within, BATCHES_PER_BLOCK)
+        use, number = divmod(within, BATCHES_PER_BLOCK)
         rng = pcg_rng("order", self.seed, lane, block, use)
-        order = rng.permutation(self.block_pairs)
-        return BatchPlace(
-            lane, block, tuple(order[part * self.batch : (part + 1) * self.batch].tolist())
-        )
+        pairs = rng.permutation(self.block_pairs)[number * self.batch : (number + 1) * self.batch]
+        return BatchPlace(lane, block, tuple(pairs.tolist()))
 
     def tasks(self, lane: int, block: int) -> list[Task]:
         """Draw the frames to render for a block."""
@@ -102,17 +98,12 @@ class BatchStream:
         shares = np.array([s.weight or s.count or 1.0 for s in self.settings.source])
         shares[[not names for names in self.people]] = 0
         tasks: list[Task] = []
+        most = FRAMES_PER_RUN if self.inputs.temporal else FRAMES_PER_VISIT
         while (left := self.block_pairs - len(tasks)) > 0:
             source = int(rng.choice(len(shares), p=shares / shares.sum()))
             names = self.people[source]
-            tasks += self._visit(
-                source,
-                names[int(rng.integers(len(names)))],
-                min(left, FRAMES_PER_RUN if self.inputs.temporal else FRAMES_PER_VISIT),
-                lane,
-                block,
-                rng,
-            )
+            name = names[int(rng.integers(len(names)))]
+            tasks += self._visit(source, name, min(left, most), lane, block, rng)
         return tasks
 
     def _visit(
@@ -161,9 +152,8 @@ class BatchStream:
         frames = replace_skipped(results)
         depths = [f"{layer}_mm" for layer in pair_layers(self.target)]
         pairs = [[measured.layer(n) for n in depths] for measured in map(Frame.measured, frames)]
-        keys = [
-            FrameKey(f"{f.source}/{f.key.subject}", f.key.sequence, f.key.frame) for f in frames
-        ]
+        names = [(f"{f.source}/{f.key.subject}", f.key.sequence, f.key.frame) for f in frames]
+        keys = [FrameKey(*name) for name in names]
         neighbours = Neighbours(keys, self.inputs)
         rng = pcg_rng("inputs", self.seed, lane, block)
         images = []

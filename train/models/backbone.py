@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from glsim.core.errors import ConfigError
 from glsim.networks.record import AROUND_PX
 
-#: Bounds of the sizes that a recipe or a checkpoint may ask for, checked before anything is made:
-#: several times the largest published (Restormer: 384 channels, 8 blocks; DnCNN: 64 layers).
+#: Bounds of the sizes in a recipe or checkpoint, checked before a network is built: several times
+#: the largest published sizes (Restormer: 384 channels, 8 blocks; DnCNN: 64 layers).
 Width = Annotated[int, Field(ge=1, le=4096)]
 Depth = Annotated[int, Field(ge=2, le=512)]
 Blocks = Annotated[int, Field(ge=1, le=64)]
@@ -24,7 +24,7 @@ class Backbone(nn.Module):
 
     It has no units: a `DepthModel` wraps it and converts millimetres. With ``residual`` it adds its
     input to the output of its layers; raises ConfigError if their channels differ. Its last layer
-    is made last. Holes farther than ``margin_px`` from depth change nothing of it.
+    is created last. Holes farther than ``margin_px`` from a pixel with depth do not influence it.
     """
 
     margin_px: int = AROUND_PX
@@ -46,7 +46,7 @@ class Backbone(nn.Module):
 def pad_to_multiple(x: Tensor, multiple: int) -> Tensor:
     """Replicate the right and lower edge of (B, C, H, W) until H and W are multiples of a number.
 
-    The upper left corner stays, so a crop at a multiple meets the same grid.
+    The upper left corner stays, so that crops at multiples have the same grid.
     """
     height, width = x.shape[-2:]
     below, right = -height % multiple, -width % multiple

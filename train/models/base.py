@@ -17,12 +17,12 @@ class Prediction(NamedTuple):
 
     Attributes:
         depth_mm: (B, 1, H, W) millimetres along the axis, defined where the pixel is valid.
-        valid_logit: (B, 1, H, W) log odds of depth; None if the network codes "no depth" as 0 in
-            ``depth_mm``, as those of the paper do.
+        valid_logit: (B, 1, H, W) log odds of depth; None if "no depth" is 0 in ``depth_mm``, as in
+            the paper's networks.
         log_sigma: (B, 1, H, W) natural logarithm of the standard deviation of ``depth_mm``, mm.
-        candidates_mm: (B, K, H, W) depth of each surface, from networks that choose between
-            surfaces; ``depth_mm`` is the likeliest one.
-        choice_logits: (B, K, H, W) logits of that choice.
+        candidates_mm: (B, K, H, W) depth of each surface, if the network chooses between surfaces;
+            ``depth_mm`` is the likeliest.
+        choice_logits: (B, K, H, W) logits of the choice.
     """
 
     depth_mm: Tensor
@@ -49,9 +49,9 @@ def channels_last(module: _Module) -> _Module:
 class DepthModel(nn.Module):
     """A denoiser of depth frames of any size: ``model(noisy_mm) -> Prediction``.
 
-    The input is (B, C, H, W) float32: depth in millimetres, 0 = no return, and the model's further
-    ``inputs`` (see ``glsim.networks.inputs``). The model scales them. ``keep_clean``,
-    ``margin_px`` and ``unlikely`` are those of its ``glsim.networks.record.NetworkRecord``.
+    The input is (B, C, H, W) float32, unscaled: depth in millimetres, 0 = no return, and the
+    further ``inputs`` (see ``glsim.networks.inputs``). ``glsim.networks.record.NetworkRecord``
+    explains ``keep_clean``, ``margin_px`` and ``unlikely``.
     """
 
     inputs: NetworkInputs = DEPTH_ALONE
@@ -78,7 +78,7 @@ class PaperInput(DepthModel):
 
     @staticmethod
     def backbone_settings() -> dict[str, Any]:
-        """Arguments with which the backbone must be built."""
+        """Return the arguments of the backbone that the model sets."""
         return {"in_channels": 1, "out_channels": 1}
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
@@ -93,9 +93,9 @@ OUTPUTS: Final = ("depth_mm", "probability", "sigma_mm", "choice", "risk_mm")
 def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
     """Return the outputs of a network by name, (B, 1, H, W) each, in the order of OUTPUTS.
 
-    depth_mm: depth on the chosen surface. probability: of depth. sigma_mm: standard deviation of
-    the depth. choice: probability of the chosen surface. risk_mm: expected distance of the true
-    surface from the chosen one.
+    depth_mm: depth on the chosen surface. probability: probability that the pixel has depth.
+    sigma_mm: standard deviation of the depth. choice: probability of the chosen surface. risk_mm:
+    expected distance between the true and the chosen surface.
     """
     outputs = {"depth_mm": prediction.depth_mm}
     if prediction.valid_logit is not None:
@@ -111,10 +111,7 @@ def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
 
 
 class NamedOutputs(nn.Module):
-    """A wrapped network that returns its outputs as a tuple, in the order of OUTPUTS.
-
-    Its arguments are the inputs of the model by name, (B, images, H, W) each, in their order.
-    """
+    """A wrapped network with named inputs, (B, images, H, W) each, and a tuple of OUTPUTS."""
 
     def __init__(self, model: DepthModel) -> None:
         super().__init__()

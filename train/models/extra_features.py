@@ -1,4 +1,4 @@
-"""Input features of infrared and of neighbours in time, as local as the depth `features`."""
+"""Input features from infrared and from neighbours in time, as local as the depth `features`."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from glsim.train.models.gaussian import blurred, shrunk_mean, weighted_mean
 
 #: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
-#: Limits of the motion-compensated difference of a neighbour, of a patch's mean and of the pixel,
-#: in units of the local noise: beyond, it is not averaged. Chosen by the error of `face` on slow
-#: and fast heads: larger limits smear, smaller ones take noise for motion.
+#: Largest motion-compensated differences of an averaged neighbour, in units of the local noise: of
+#: the mean over a patch, and of the pixel. Chosen by the error of `face` on slow and fast heads:
+#: larger limits smear, smaller limits take noise for motion.
 _PATCH_LIMIT, _PIXEL_LIMIT = 3.0, 8.0
 #: Radius and sigma of a patch, px.
 _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
 #: Distance of the pixels that estimate the noise, px, where smooth noise shows too; and the least
 #: noise, mm: half of a step of whole millimetres.
 _NOISE_STEP_PX, _LEAST_NOISE_MM = 3, 0.15
-#: Scale of the robust mean, mm: the correction that a network output of 1 makes.
+#: Scale of the mean over time, mm: correction by a network output of 1.
 _RELATIVE_MM: Final = 10.0
 #: Largest difference of log infrared from its surface's mean: a factor of 20.
 _LARGEST_LOG: Final = 3.0
@@ -51,8 +51,8 @@ def infrared_features(infrared: Tensor, surface_log: Tensor) -> Tensor:
         surface_log: (B, 1, H, W) mean of log(1 + counts) over each pixel's surface.
 
     Returns:
-        (B, 2, H, W): log infrared relative to that mean (independent of the gain), and
-        log(1 + counts) / 8 (on which noise depends).
+        (B, 2, H, W): log infrared minus the surface's mean (independent of the gain), and
+        log(1 + counts) / 8 (noise depends on it).
     """
     measured = (infrared > 0).to(infrared.dtype)
     log = log_counts(infrared)
@@ -103,7 +103,7 @@ def mean_over_time(neighbours_mm: Tensor, depth_mm: Tensor) -> MeanOverTime:
 def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTime) -> Tensor:
     """Compute the features of N neighbouring frames.
 
-    Missing and invalid neighbours, and those more than 50 mm away, are 0 in every channel.
+    Every channel is 0 for missing and invalid neighbours, and for differences above 50 mm.
 
     Args:
         neighbours_mm: (B, N, H, W), 0 = no return.
@@ -133,16 +133,16 @@ def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tenso
     return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)
 
 
-#: Radius and sigma of the neighbourhood, in pixels of half the size. A larger one is better for
-#: slow heads, whose motion it knows more exactly, and worse for fast ones, whose parts differ: with
-#: 16 in place of 12 px of full size, `face` has 0.81 in place of 0.83 and 1.07 in place of 1.04 of
-#: its error on one frame (means of five frames, random cameras and a Kinect V2).
+#: Radius and sigma of the neighbourhood, in pixels of half the size. A larger neighbourhood is
+#: better for slow heads (more exact) and worse for fast heads (their parts differ): with 16 instead
+#: of 12 px of full size, the error of `face` over its error on one frame is 0.81 instead of 0.83,
+#: and 1.07 instead of 1.04 (means of five frames, random cameras and a Kinect V2).
 _RADIUS, _SIGMA = 12, 6.0
-#: Radius and sigma of the smoothing before a gradient is taken, px.
+#: Radius and sigma of the smoothing before the gradient, px.
 _SMOOTH_RADIUS, _SMOOTH_SIGMA = 3, 1.5
-#: Steeper pixels are at a step, mm a pixel: a surface at 70 degrees has 7 at 2.5 mm a pixel.
+#: Largest gradient away from steps, mm a pixel: a surface at 70 degrees has 7 at 2.5 mm a pixel.
 _STEEPEST: Final = 8.0
-#: Added to means over a neighbourhood: where little of it is known, motion is 0.
+#: Prior weight in means over a neighbourhood: motion is 0 where little is known.
 _PRIOR: Final = 0.02
 
 
@@ -154,9 +154,11 @@ def predicted_change(difference_mm: Tensor, near: Tensor, frames_mm: Tensor) -> 
     Barron, "Range Flow Estimation", CVIU 2002). u, v and w fit the neighbourhood best, as in Lucas
     and Kanade's optical flow; no intrinsics are needed.
 
-    difference_mm: (B, N, H, W) depth of the neighbours less that of the frame; near: the same
-    shape, 1 where both show one surface, else 0. frames_mm: (B, 1 + N, H, W) depth of the frame and
-    of its neighbours, mm; pixels not above 0, or not a number, are holes.
+    Args:
+        difference_mm: (B, N, H, W) depth of the neighbours minus depth of the frame.
+        near: (B, N, H, W), 1 where both show one surface, else 0.
+        frames_mm: (B, 1 + N, H, W) depth of the frame and of its neighbours; pixels not above 0,
+            or not a number, are holes.
     """
     count = int(difference_mm.shape[1])  # a plain number, also where a graph is exported
     across, down, known = _gradients(frames_mm)

@@ -1,6 +1,6 @@
 """Input features of mask-aware networks: depth differences, smoothed depth, noise, validity.
 
-Each feature depends only on a neighbourhood of its pixel: a crop has the features of its frame.
+Each feature depends only on a neighbourhood of its pixel: a crop has the features of the frame.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from glsim.train.models.gaussian import TINY, blurred, shrunk_mean, weighted_mea
 #: filter of 4 px relative to the surrounding mean, which also smooths slopes.
 FilterName = Literal["guided_1", "robust", "guided_2", "curved_3", "guided_4", "curved_5", "slopes"]
 FILTERS: Final[tuple[FilterName, ...]] = get_args(FilterName)
-#: Channels of `depth_features` besides one for each filter; the last one is validity.
+#: Number of channels of `depth_features` besides the filters' channels; the last is validity.
 OTHER_CHANNELS: Final = 5
 
 #: Hole filling: number of rounds, radius and sigma of the Gaussian, px. Chosen: closes holes of up
@@ -45,7 +45,7 @@ _MIDDLE_MM: Final = 1000.0
 _SUPPORT_STEP: Final = 6
 #: Support beyond which a pixel is away from steps and holes; a straight edge within 5 px gives 2/3.
 _EVEN_SUPPORT: Final = 0.75
-#: Distances of the pixels that estimate the noise, px: smooth noise shows at the second one only.
+#: Distances of the pixels that estimate the noise, px: smooth noise shows at the second alone.
 _NOISE_STEPS_PX: Final = (1, 3)
 #: Radius and sigma of the Gaussian that averages the noise, px.
 _NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
@@ -60,10 +60,10 @@ class Features(NamedTuple):
     """Features of a batch of frames, float32, at the frames' size.
 
     Attributes:
-        fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far ones are 0.
-        bands_mm: (B, N, H, W) differences between successive ones of N filters of increasing
-            strength, so that their sum is the correction of the last one, at most 50 mm.
-            Differences are less correlated than the filtered maps.
+        fill_mm: (B, 1, H, W) depth; holes near measured pixels are filled, far holes are 0.
+        bands_mm: (B, N, H, W) differences between successive filters of increasing strength; their
+            sum is the correction by the last filter, at most 50 mm. Differences are less correlated
+            than filtered maps.
         channels: (B, N + OTHER_CHANNELS, H, W), about -5 to 5, 0 where undefined:
             first N: asinh(bands_mm / 2 mm)
             share of the neighbourhood on the pixel's surface, 0 to 1; near 0 for a flying pixel
@@ -72,8 +72,7 @@ class Features(NamedTuple):
             validity, 0 or 1
         even: (B, 1, H, W), 1 on measured pixels away from steps and holes, else 0.
 
-    No feature holds the distance: given distance, a network learns the training cameras' bias and
-    distorts others'.
+    No feature holds the distance, from which a network would learn the bias of training cameras.
     """
 
     fill_mm: Tensor
@@ -99,7 +98,7 @@ def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) ->
     support = _support(fill_mm, depth_mm, valid)
     even = valid * (support > _EVEN_SUPPORT)
 
-    @cache  # the curve-preserving Gaussians need one, too
+    @cache  # the curve-preserving Gaussians use guided(2), too
     def guided(radius: int) -> Tensor:
         return _guided(depth_mm, valid, fill_mm, middle_mm, radius)
 
@@ -134,7 +133,7 @@ def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) ->
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     """Find the depth of the nearest and of the farthest surface within 6 px, (B, 2, H, W) mm.
 
-    Each is the mean of the samples within 50 mm of the extreme one; ``fill_mm`` without samples.
+    Each is the mean of the samples within 50 mm of the extreme sample; ``fill_mm`` without samples.
     """
     measured = noisy_mm > 0
     depth_mm = torch.where(measured, noisy_mm, torch.inf)

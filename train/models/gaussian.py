@@ -23,8 +23,8 @@ def weighted_mean(
     Args:
         depth_mm: (B, C, H, W) values.
         known: (B, C, H, W) mask, 0 or 1.
-        radius: of the window, px.
-        sigma: of the Gaussian, px.
+        radius: radius of the window, px.
+        sigma: standard deviation of the Gaussian, px.
 
     Returns:
         The mean, 0 without known pixels, and the mask (0 or 1) of windows with known pixels.

@@ -1,9 +1,9 @@
 """Denoising network with the mask of measured pixels as an input and as an output.
 
 The paper's networks read "no return" as a depth of 0 mm, which rewards flying pixels. Here
-validity is a separate input and output, and the network corrects relative depth with holes filled
-by normalised convolution (Knutsson and Westin 1993). The uncertainty is the heteroscedastic
-aleatoric one of Kendall and Gal, "What Uncertainties Do We Need in Bayesian Deep Learning for
+validity is a separate input and output, and the network corrects relative depth, whose holes are
+filled by normalised convolution (Knutsson and Westin 1993). The uncertainty is heteroscedastic and
+aleatoric, as in Kendall and Gal, "What Uncertainties Do We Need in Bayesian Deep Learning for
 Computer Vision?", NeurIPS 2017.
 """
 
@@ -51,7 +51,8 @@ def _in_order(filters: tuple[FilterName, ...]) -> tuple[FilterName, ...]:
 
 #: Filters of `depth_features`, each once and in their order.
 Filters = Annotated[tuple[FilterName, ...], Field(min_length=1), AfterValidator(_in_order)]
-#: Depth correction of a network output of 1, mm. Chosen: about that of a band's gain of 1.
+#: Depth correction by a network output of 1, mm. Chosen: about the correction by a band's gain of
+#: 1.
 _CORRECTION_MM: Final = 3.0
 #: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
 _PRIOR_LOGIT: Final = 6.0
@@ -73,23 +74,23 @@ class MaskAware(DepthModel):
     are holes.
 
     The correction is the sum of the filters' bands (`features.Features.bands_mm`), each times a
-    predicted gain, and of a predicted residual. The correction's mean over the surrounding surface
-    (24 px) is subtracted from it, so that a network cannot learn the bias of its training cameras.
-    With neighbours in time, the measured depth is first averaged with them (`mean_over_time`).
+    predicted gain, and of a predicted residual, minus the mean of this sum over the surrounding
+    surface (24 px), so that a network cannot learn the bias of its training cameras. With
+    neighbours in time, the measured depth is first averaged with them (`mean_over_time`).
 
-    With ``surfaces`` a pixel at an edge chooses the surface in front or the one behind. A single
-    predicted depth would be their mean, a flying pixel. Choosing a mode is the idea of Tosi et al.,
+    With ``surfaces`` a pixel at an edge chooses the surface in front or behind. A single predicted
+    depth would be their mean, a flying pixel. Choosing a mode is the idea of Tosi et al.,
     "SMD-Nets: Stereo Mixture Density Networks", CVPR 2021.
 
     The last layer starts at zero: an untrained network returns the measured depth and mask, and a
     sigma of 1.65 mm. Features and sums in millimetres stay float32 under autocast.
 
-    ``filters`` are some of FILTERS, in their order: fewer ones take less time. The backbone maps a
-    channel for each and 5 others (2 more with ``surfaces``) to a gain for each and 2 others (1 more
-    with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies sigma,
-    see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form
-    of surfaces, which the rule for frames without noise cannot tell apart. ``unlikely`` is chosen
-    by the wrong pixels that stay beside simulated heads (docs/howto/denoise.md).
+    ``filters`` are some of FILTERS, in their order; fewer filters take less time. The backbone maps
+    a channel per filter and 5 others (2 more with ``surfaces``) to a gain per filter and 2 others
+    (1 more with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies
+    sigma, see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form of
+    surfaces, and so like frames without noise. ``unlikely`` is chosen by the wrong pixels that
+    remain beside simulated heads (docs/howto/denoise.md).
     """
 
     sigma_scale: Tensor
@@ -126,7 +127,7 @@ class MaskAware(DepthModel):
         filters: Sequence[FilterName] = FILTERS,
         **_others: Any,
     ) -> dict[str, Any]:
-        """Arguments with which the backbone must be built."""
+        """Return the arguments of the backbone that the model sets."""
         extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
             "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,
@@ -173,25 +174,22 @@ class MaskAware(DepthModel):
         return self._with_likeliest_surface(prediction, around_mm, out[:, -4:])
 
     def _with_likeliest_surface(
-        self, own: Prediction, around_mm: Tensor, out: Tensor
+        self, single: Prediction, around_mm: Tensor, out: Tensor
     ) -> Prediction:
-        """Replace each depth by the most probable of three surfaces: own, front, back."""
-        candidates_mm = torch.cat([own.depth_mm, around_mm + _CORRECTION_MM * out[:, :2]], dim=1)
-        logits = torch.cat([torch.zeros_like(own.depth_mm), out[:, 2:] - _PRIOR_CHOICE], dim=1)
+        """Replace each depth by the most probable of three surfaces: the pixel's, front, back."""
+        depth_mm = single.depth_mm
+        candidates_mm = torch.cat([depth_mm, around_mm + _CORRECTION_MM * out[:, :2]], dim=1)
+        logits = torch.cat([torch.zeros_like(depth_mm), out[:, 2:] - _PRIOR_CHOICE], dim=1)
         # argmax over three channels would add a tenth to the time of the whole network.
         front, behind = logits[:, 1:2], logits[:, 2:]
         other = torch.where(behind > front, 2, 1)
         likeliest = torch.where(torch.maximum(front, behind) > 0, other, 0)
-        return own._replace(
-            depth_mm=candidates_mm.gather(1, likeliest),
-            candidates_mm=candidates_mm,
-            choice_logits=logits,
-        )
+        depth_mm = candidates_mm.gather(1, likeliest)
+        return single._replace(depth_mm=depth_mm, candidates_mm=candidates_mm, choice_logits=logits)
 
     def _log_sigma(self, out: Tensor) -> Tensor:
-        log_sigma = (out + math.log(_PRIOR_SIGMA_MM)).clamp(
-            math.log(_LEAST_SIGMA_MM), math.log(_LARGEST_SIGMA_MM)
-        )
+        least, largest = math.log(_LEAST_SIGMA_MM), math.log(_LARGEST_SIGMA_MM)
+        log_sigma = (out + math.log(_PRIOR_SIGMA_MM)).clamp(least, largest)
         return log_sigma + self.sigma_scale.log()
 
 
@@ -208,9 +206,9 @@ def calibrate(model: MaskAware, pairs: Iterable[tuple[Tensor, Tensor]]) -> float
     Tasks", Sensors 22, 2022). One factor keeps the order of pixels, and cannot overfit.
 
     Half of the errors are then smaller than 0.67 sigma, which describes surfaces and ignores tails.
-    Uses the pixels that have depth in both prediction and truth. Returns the factor; the mode of
-    the model (train or eval) stays. Raises ConfigError for a model without uncertainty, and if
-    there is nothing to fit: no pixel, only errors of 0, or a value that is not finite.
+    Only pixels with depth in both prediction and truth count. Returns the factor; the mode of the
+    model (train or eval) stays. Raises ConfigError for a model without uncertainty, and if there is
+    nothing to fit: no pixel, only errors of 0, or a value that is not finite.
     """
     if not model.uncertainty:
         raise ConfigError("calibration: the model predicts no sigma; set uncertainty = true")

@@ -1,4 +1,4 @@
-"""Registry of models by name, as the table ``[model]`` of a recipe uses them."""
+"""Registry of models and backbones by the names in the table ``[model]`` of a recipe."""
 
 from __future__ import annotations
 
@@ -35,19 +35,13 @@ BACKBONES: Final[dict[str, type[Backbone]]] = {
 def build_model(spec: Mapping[str, Any]) -> DepthModel:
     """Build a model from nested tables: ``{"kind": "mask_aware", "backbone": {"kind": "dncnn"}}``.
 
-    Initial weights come from torch's global generator.
-
-    Args:
-        spec: ``kind``, the parameters of its class, and the table of a backbone if it wraps one.
-
-    Raises:
-        ConfigError: for an unknown kind or parameter, a value out of range, and a parameter that
-            the wrapping model sets.
+    Initial weights come from torch's global generator. Raises ConfigError for an unknown kind or
+    parameter, a value out of range, and a parameter of the backbone that the model sets.
     """
     kind = _kind(spec, MODELS, "model")
-    own = _parameters(kind, spec, {}, "model")
-    settings = kind.backbone_settings(**own)
-    model: DepthModel = kind(_backbone(spec.get("backbone"), settings, "model.backbone"), **own)
+    values = _parameters(kind, spec, {}, "model")
+    settings = kind.backbone_settings(**values)
+    model: DepthModel = kind(_backbone(spec.get("backbone"), settings, "model.backbone"), **values)
     return model
 
 

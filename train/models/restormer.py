@@ -18,7 +18,7 @@ from glsim.core.errors import ConfigError
 from glsim.train.models.backbone import Backbone, Blocks, Width, pad_to_multiple
 
 Levels = tuple[Blocks, Blocks, Blocks, Blocks]
-#: Channels inside a feed-forward network over those at its ends, the paper's.
+#: Channels inside a feed-forward network over channels at its ends, as in the paper.
 _EXPANSION: Final = 2.66
 
 
@@ -26,8 +26,8 @@ class Restormer(Backbone):
     """Restormer with four levels; ``blocks`` and ``heads`` are listed from fine to coarse levels.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 8 does not divide are padded
-    inside. Attention compares channels over the whole image, so the result for a crop differs from
-    that for its frame. Parameters at 1 -> 1: 26,109,076; with dim 16, blocks 1-1-1-2 and one
+    inside. Attention compares channels over the whole image, so the results of a crop and of the
+    whole frame differ. Parameters at 1 -> 1: 26,109,076; with dim 16, blocks 1-1-1-2 and one
     refinement block 1,004,819.
     """
 
@@ -61,13 +61,8 @@ class Restormer(Backbone):
         self.reduce = nn.ModuleList(
             [_conv(2 * dims[2], dims[2], 1), _conv(2 * dims[1], dims[1], 1), nn.Identity()]
         )
-        self.decoder = nn.ModuleList(
-            [
-                level(dims[2], 2, blocks[2]),
-                level(dims[1], 1, blocks[1]),
-                level(2 * dims[0], 0, blocks[0]),
-            ]
-        )
+        widths = (2 * dims[0], dims[1], dims[2])
+        self.decoder = nn.ModuleList(level(widths[s], s, blocks[s]) for s in (2, 1, 0))
         self.refinement = level(2 * dim, 0, refinement)
         self.last = _conv(2 * dim, out_channels, 3)
 

@@ -18,11 +18,11 @@ class SmallUNet(Backbone):
     """U-Net with ``blocks`` residual blocks per scale and direction; skips are added.
 
     (B, in_channels, H, W) to (B, out_channels, H, W); sizes that 2^(scales - 1) does not divide are
-    padded inside. Scale s has (1 + growth * s) * ``width`` channels, fewer than twice those of the
-    scale before, which keeps the file small. 2x2 means go down, linear interpolation goes up.
+    padded inside. Scale s has (1 + growth * s) * ``width`` channels, less than doubling from scale
+    to scale, for a small file. 2x2 means go down, linear interpolation goes up.
 
-    Parameters at 14 -> 14, as `MaskAware` builds it with ``surfaces`` and ``uncertainty``: 411,102
-    with width 32, 4 scales and a growth of 0.5 (1.6 MB). Widths of 16 and multiples are fastest.
+    Parameters at 14 -> 14 (`MaskAware` with ``surfaces`` and ``uncertainty``): 411,102 with width
+    32, 4 scales and a growth of 0.5 (1.6 MB). Widths of 16 and multiples are fastest.
     """
 
     def __init__(
@@ -36,10 +36,11 @@ class SmallUNet(Backbone):
         residual: bool = True,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
-        # Measured with four and five scales, 48 and 80 px: see AROUND_PX. A scale doubles its part.
+        # Measured with four and five scales: 48 and 80 px, see AROUND_PX. Each scale doubles the
+        # rest.
         self.margin_px = max(AROUND_PX, 16 + 2 ** (scales + 1))
         widths = [round(width * (1 + growth * scale)) for scale in range(scales)]
-        # Keeps the variance about constant through so many residual blocks in a row.
+        # Keeps the variance about constant through all residual blocks in a row.
         gain = (blocks * (2 * scales - 1)) ** -0.5
 
         def level(channels: int) -> nn.Sequential:
