@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.reason import Reason
@@ -19,8 +20,6 @@ from glsim.measures.depth_noise import measure_spatial
 from glsim.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.measures.validity import measure_invalid
 from glsim.simulation.frame import Frame
-
-Array = NDArray[np.float32]
 
 #: Frames of the recording that are measured; chosen, since the page waits for them.
 _RECORDED = 16
@@ -109,7 +108,7 @@ def _number(value: float) -> float | None:
     return round(float(value), 4) if math.isfinite(value) else None
 
 
-def _by(at: Array, error: Array, width: float) -> list[list[float]]:
+def _by(at: Floats, error: Floats, width: float) -> list[list[float]]:
     """Return [middle of the bin, standard deviation of the error, pixels] for each full bin."""
     if not at.size:
         return []
@@ -130,7 +129,7 @@ def _by(at: Array, error: Array, width: float) -> list[list[float]]:
     ]
 
 
-def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
+def _histogram(values: Floats, unit_mm: float) -> dict[str, Any]:
     """Count errors in bins within four robust deviations; outliers go to the last bins.
 
     Bins are whole units of depth: others would leave every third bin empty.
@@ -148,7 +147,7 @@ def _histogram(values: Array, unit_mm: float) -> dict[str, Any]:
     return {"low_mm": -reach, "high_mm": reach, "counts": counts.tolist()}
 
 
-def _autocorrelation(error: Array, mask: NDArray[np.bool_]) -> dict[str, Any]:
+def _autocorrelation(error: Floats, mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Correlate errors with errors 0 to 8 pixels to the right, and 0 to 8 pixels below."""
     if mask.sum() < _LEAST:
         return {"row": [], "column": []}

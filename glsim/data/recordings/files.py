@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import stated_unit_mm
 from glsim.data.map_files import (
@@ -23,8 +24,6 @@ from glsim.data.map_files import (
     refuse_shifted,
 )
 from glsim.data.recordings.names import infrared_beside
-
-Array = NDArray[np.float32]
 
 #: Most maps of a set that vote, those of them that show what camera it is, and values of each
 #: that decide on the unit of floats. Chosen.
@@ -61,7 +60,7 @@ class Votes(NamedTuple):
         names_step: whether one of them states its step.
     """
 
-    maps_mm: tuple[Array, ...] = ()
+    maps_mm: tuple[Floats, ...] = ()
     step_mm: float = 1.0
     deepest_mm: float = 0.0
     names_step: bool = False
@@ -141,7 +140,7 @@ class MapFiles:
         """Whether there is an infrared image of a frame."""
         return self.files(number)[1] is not None
 
-    def depth(self, number: int) -> tuple[Array, float]:
+    def depth(self, number: int) -> tuple[Floats, float]:
         """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats.
 
         Raises DatasetError.
@@ -149,7 +148,7 @@ class MapFiles:
         place = self.places[number]
         return self._in_mm(place, self._stored(place))
 
-    def infrared(self, number: int) -> Array | None:
+    def infrared(self, number: int) -> Floats | None:
         """Read (H, W) float32 infrared counts, 0 to 65535; None without. Raises DatasetError."""
         _, file = self.files(number)
         if file is None:
@@ -160,7 +159,7 @@ class MapFiles:
     def _stored(self, place: FramePlace) -> NDArray[np.generic]:
         return read_stored(place.file, place.number, inside=place.inside, channel=self._channel)
 
-    def _in_mm(self, place: FramePlace, image: NDArray[np.generic]) -> tuple[Array, float]:
+    def _in_mm(self, place: FramePlace, image: NDArray[np.generic]) -> tuple[Floats, float]:
         metres, step_mm = self._in_metres[place.file.parent], self.step_mm
         if self._each_states:
             step_mm = stated_unit_mm(place.file, inside=place.inside) or 1.0
@@ -230,6 +229,6 @@ def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> 
     return stated or given
 
 
-def read_map_mm(file: Path, unit_mm: float | None = None) -> Array:
+def read_map_mm(file: Path, unit_mm: float | None = None) -> Floats:
     """Read one depth map, (H, W) float32 millimetres, 0 = no depth. Raises as ``MapFiles``."""
     return MapFiles([FramePlace(file.stem, file)], unit_mm).depth(0)[0]
