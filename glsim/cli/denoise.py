@@ -12,7 +12,6 @@ from glsim.cli.common import CalibratedDeviceOption, console, print_message
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 
 if TYPE_CHECKING:
-    from glsim.data.recording import Recording
     from glsim.denoise.denoiser import Denoiser
     from glsim.denoise.frames import DenoisedMaps
 
@@ -103,7 +102,13 @@ def denoise(
     )
     name, note = fitting_denoiser(denoiser, camera_of(recording))
     loaded = load_denoiser(name, device=device, composite=composite, around=around)
-    _check_images(loaded, recording, infrared, uncertainty)
+    if infrared is not None and not loaded.infrared:
+        raise ConfigError(f"--infrared: {loaded.label} does not use infrared")
+    if uncertainty is not None and not loaded.uncertain:
+        raise ConfigError(
+            f"--uncertainty: {loaded.label} does not estimate its uncertainty; networks trained "
+            "with uncertainty = true do, without --around"
+        )
     chosen = check_protocol(protocol) or loaded.protocol or "depth"
     loaded.check_protocol(chosen)
     parts = "" if loaded.device is None else " and ".join(loaded.device.parts)
@@ -121,24 +126,6 @@ def denoise(
         print_message(line)
     if failures:
         raise DatasetError(f"{failures} of {len(writer.targets)} maps could not be read")
-
-
-def _check_images(
-    denoiser: Denoiser, recording: Recording, infrared: Path | None, uncertainty: Path | None
-) -> None:
-    """Raise ConfigError for images that the denoiser does not take, needs, or does not make."""
-    if infrared is not None and not denoiser.infrared:
-        raise ConfigError(f"--infrared: {denoiser.label} does not use infrared")
-    if denoiser.infrared and (dark := recording.first_without_infrared()):
-        raise ConfigError(
-            f"{dark}: has no infrared image beside it ({dark.stem}_infrared.png), which this "
-            "denoiser uses: give one with --infrared, or choose the network face"
-        )
-    if uncertainty is not None and not denoiser.uncertain:
-        raise ConfigError(
-            f"--uncertainty: {denoiser.label} does not estimate its uncertainty; networks trained "
-            "with uncertainty = true do, without --around"
-        )
 
 
 def _advice(name: str, denoiser: Denoiser, maps: DenoisedMaps) -> Iterator[str]:

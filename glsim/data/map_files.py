@@ -201,7 +201,6 @@ def encode_map(
     form: str,
     unit_mm: float,
     option: str = "--depth-unit-mm",
-    *,
     state_unit: bool = False,
 ) -> bytes:
     """Return the file of a depth map, (H, W) metres with 0 = no depth.

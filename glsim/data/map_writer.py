@@ -63,15 +63,15 @@ class MapWriter:
             ConfigError: two outputs have one name, one would replace an input, or a step is given
                 for floats.
         """
-        self._option, self._form, self._states_step, self._out = option, form, states_step, out
+        self._option, self._states_step, self._out = option, states_step, out
         self.targets = _targets(recording, inputs, out, form)
         self._sigma: list[Path] = []
         if sigma_out is not None:
             self._sigma = _targets(recording, inputs, sigma_out, "png")
             if {*self._sigma} & {*self.targets}:
                 raise ConfigError(f"{sigma_out}: is the output of the depth: give another name")
-        forms = {form or format_of(target) for target in self.targets}
-        self._coarse_mm, self._chosen = recording.step_mm, given_mm is None
+        self._forms = [form or format_of(target) for target in self.targets]
+        forms = {*self._forms}
         self.step_mm: float | None = given_mm or recording.step_mm
         if forms <= {*FLOAT_FORMATS}:
             if given_mm is not None:
@@ -80,6 +80,8 @@ class MapWriter:
         elif given_mm is None and finest_mm is not None and forms == {"png"}:
             fits = recording.votes.deepest_mm <= DEEPEST_STEPS * finest_mm
             self.step_mm = min(recording.step_mm, finest_mm) if fits else recording.step_mm
+        coarser = [recording.step_mm] if given_mm is None and states_step else []
+        self._steps_mm = dict.fromkeys([self.step_mm or 1.0, *coarser])
 
     def write(
         self,
@@ -115,7 +117,7 @@ class MapWriter:
                 continue
             if move_mm := frame.record.get("depth_offset_mm", 0.0) - frame.offset_mm:
                 depth_mm = subtract_offset(depth_mm, move_mm, frame.step_mm or 1.0)
-            data = self._encode(frame, depth_mm, self._form or format_of(target))
+            data = self._encode(frame, depth_mm, self._forms[number])
             write_atomic(data, target, sync=alone)
             if self._sigma and "sigma_mm" in frame:
                 write_atomic(_encode_sigma(frame), self._sigma[number], sync=alone)
@@ -125,14 +127,13 @@ class MapWriter:
 
     def _encode(self, frame: DepthFrame, depth_mm: Depth, form: str) -> bytes:
         """Encode a map; one too deep for a step that nobody gave takes the step of its input."""
-        depth_m, option, states = to_metres(depth_mm), self._option, self._states_step
-        step_mm = self.step_mm or 1.0
-        try:
-            return encode_map(depth_m, form, step_mm, option, state_unit=states)
-        except DepthRangeError as error:
-            if self._chosen and step_mm < self._coarse_mm and states:
-                return encode_map(depth_m, form, self._coarse_mm, option, state_unit=True)
-            raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {error}") from None
+        depth_m, problem = to_metres(depth_mm), ""
+        for step_mm in self._steps_mm:
+            try:
+                return encode_map(depth_m, form, step_mm, self._option, self._states_step)
+            except DepthRangeError as error:
+                problem = str(error)
+        raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {problem}")
 
 
 def _encode_sigma(frame: DepthFrame) -> bytes:
@@ -146,7 +147,8 @@ def _targets(
 ) -> list[Path]:
     """Return the file of each output; where two have one name, all keep their folders."""
     outputs, sources = recording.outputs, recording.sources
-    if len(outputs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir():
+    lone = len(outputs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir()
+    if lone and (sources[0].suffix.lower() in SUFFIXES or out.suffix):
         _check_name(out, form)
         targets = [out]
     elif out.is_file():

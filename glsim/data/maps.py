@@ -158,7 +158,7 @@ def open_maps(
     return Recording(
         given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, reader.notes,
         maps.left_out, tuple(maps.outputs), maps.protocol,
-        "" if maps.records or stated.intrinsics else DEFAULT_SENSOR,
+        "" if maps.records or stated.intrinsics else DEFAULT_SENSOR, f"{kind}_mm",
     )  # fmt: skip
 
 
@@ -282,7 +282,7 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
     outputs = tuple(Path(f"{frame.name}_{kind}.png") for frame in frames)
     return Recording(
         dataset.path, "data set", frames, None, stated, dataset.path, outputs=outputs,
-        protocol=dataset.protocol,
+        protocol=dataset.protocol, layer=f"{kind}_mm",
     )  # fmt: skip
 
 
@@ -352,6 +352,7 @@ def _stream_recording(
     return Recording(
         path, stream.kind, Frames(len(stream), loader), stream, turned, file or path, notes,
         outputs=outputs, assumed="" if stated.intrinsics else stated.sensor or DEFAULT_SENSOR,
+        layer=f"{kind}_mm",
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError
 from glsim.data.recordings.camera_file import StatedCamera
 from glsim.data.recordings.files import SHOWN, VOTERS, MapFiles, Votes, spread
-from glsim.data.recordings.names import left_out_text
+from glsim.data.recordings.names import is_infrared, left_out_text
 from glsim.data.recordings.streams import FrameStream
 from glsim.measures.static import view_change
 
@@ -50,6 +50,7 @@ class Recording:
         left_out: patterns of the images of folders that are no such depth -> their number.
         outputs: relative path of each map below the input, as changed maps are named.
         protocol: where the depths of the files are counted from; frames hold them as measured.
+        layer: name of the depth in the frames, "noisy_mm" or another.
         assumed: name of the sensor whose intrinsics the frames have; "" if they are stated.
     """
 
@@ -64,6 +65,7 @@ class Recording:
     outputs: tuple[Path, ...] = ()
     protocol: DepthProtocol = "depth"
     assumed: str = ""
+    layer: str = "noisy_mm"
 
     @property
     def camera(self) -> Intrinsics | None:
@@ -81,8 +83,11 @@ class Recording:
             camera: whether the intrinsics matter.
         """
         remarks = list(self.notes)
-        if self.left_out:
-            remarks.append(f"left out {left_out_text(self.left_out)}")
+        left_out = self.left_out
+        if left_out and self.first_without_infrared() is None:  # infrared images are used
+            left_out = Counter({name: n for name, n in left_out.items() if not is_infrared(name)})
+        if left_out:
+            remarks.append(f"left out {left_out_text(left_out)}")
         if camera and self.camera is None and focal_px is None:
             taken = taken or self.assumed
             remarks.append(
@@ -118,9 +123,9 @@ class Recording:
             return self.reader.votes
         numbers = spread(len(self.frames), VOTERS)
         frames = [self.frames[number] for number in numbers]
-        deepest_mm = max(float(frame.noisy_mm.max(initial=0)) for frame in frames)
-        shown = tuple(frame.noisy_mm for frame in frames[:SHOWN])
-        return Votes(shown, frames[0].step_mm, deepest_mm)
+        maps_mm = [frame.layer(self.layer) for frame in frames]
+        deepest_mm = max(float(depth_mm.max(initial=0)) for depth_mm in maps_mm)
+        return Votes(tuple(maps_mm[:SHOWN]), frames[0].step_mm, deepest_mm)
 
     @property
     def distortion(self) -> tuple[float, ...]:

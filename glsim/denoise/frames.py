@@ -11,7 +11,7 @@ import numpy as np
 from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.depth_protocol import NEAREST_MM, DepthProtocol, offset_to_nearest
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.units import subtract_offset
 from glsim.data.recording import Recording
 from glsim.measures.static import view_change
@@ -127,7 +127,15 @@ class DenoisedMaps:
             recording: noisy maps.
             denoiser: denoises them; its device's errors are subtracted first.
             protocol: where it counts depths from.
+
+        Raises:
+            ConfigError: the denoiser needs infrared, and a map has none.
         """
+        if denoiser.infrared and (dark := recording.first_without_infrared()):
+            raise ConfigError(
+                f"{dark}: has no infrared image beside it ({dark.stem}_infrared.png), which this "
+                "denoiser uses: give one with --infrared, or choose the network face"
+            )
         self._denoiser = denoiser
         noisy = prepared_frames(recording, denoiser.device, protocol)
         self._stacks = Stacks(noisy, denoiser.before, denoiser.after)

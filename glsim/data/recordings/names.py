@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,6 +42,12 @@ def other_kind(name: str, kind: DepthKind) -> str:
     if underscore and beginning in _BEGINNINGS and ending not in ("depth", kind):
         return f"{beginning}_*.{suffix}"
     return f"*_{ending}.{suffix}" if ending in _ENDINGS and ending != kind else ""
+
+
+def is_infrared(name: str) -> bool:
+    """Return whether a file's name, or a pattern of ``other_kind``, is that of infrared images."""
+    words = re.split(r"[_.*/-]+", name.lower())
+    return not {"ir", "infrared"}.isdisjoint(words)
 
 
 def left_out_text(others: Counter[str]) -> str:
