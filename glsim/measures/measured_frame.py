@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.array_types import Floats
-from glsim.core.camera import DEFAULT_INTRINSICS, Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.measures.quadrics import Surfaces, fit_surfaces
 from glsim.measures.stacks import moments
@@ -56,37 +54,3 @@ def mean_frame(frames: Frames) -> DepthFrame:
         layers["infrared"] = np.asarray(np.mean(lights, axis=0, dtype=np.float64), np.float32)
     step_mm = frames[0].step_mm / len(frames) ** 0.5
     return DepthFrame(FrameKey("", "mean", 0), frames.intrinsics, layers, step_mm=step_mm)
-
-
-def frames_of(
-    title: str,
-    depth_mm: Iterable[NDArray[np.generic]],
-    infrared: Iterable[NDArray[np.generic]] | None = None,
-    camera: Intrinsics | None = None,
-    step_mm: float = 1.0,
-) -> Frames:
-    """Create a set of frames from depth arrays.
-
-    Args:
-        title: name of the set.
-        depth_mm: (H, W) depths, mm; 0 or NaN marks pixels without depth.
-        infrared: (H, W) counts of each frame.
-        camera: default: a Kinect V2, its principal point in the image centre if the size is not
-            its own.
-        step_mm: step of the depths.
-    """
-    depths = [np.nan_to_num(np.asarray(depth, np.float32)) for depth in depth_mm]
-    height, width = depths[0].shape
-    own = camera or DEFAULT_INTRINSICS.for_map((height, width))
-    lights = (
-        [{}] * len(depths)
-        if infrared is None
-        else [{"infrared": np.asarray(image, np.float32)} for image in infrared]
-    )
-    return Frames.of(
-        [
-            DepthFrame(FrameKey("", title, n), own, {"noisy_mm": depth, **light}, step_mm=step_mm)
-            for n, (depth, light) in enumerate(zip(depths, lights, strict=True))
-        ],
-        title,
-    )

@@ -15,8 +15,7 @@ from glsim.bench.compare.patches import surface_patches
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.data.maps import open_maps
-from glsim.measures.measured_frame import frames_of
-from tests.support.planted_frames import noisy, plane, shadowed
+from tests.support.planted_frames import frames_of, noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import write_frames
 

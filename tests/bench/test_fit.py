@@ -20,12 +20,11 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.maps import open_maps
-from glsim.measures.measured_frame import frames_of
 from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
-from tests.support.planted_frames import encoded
+from tests.support.planted_frames import encoded, frames_of
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import write_frames
 

@@ -19,12 +19,11 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.maps import open_maps
 from glsim.measures.disparity import DisparityNoise, measure_disparity_noise, to_disparity
-from glsim.measures.measured_frame import frames_of
 from glsim.measures.stacks import with_nan
 from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.sensors.sensor import load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
-from tests.support.planted_frames import encoded, noisy, plane
+from tests.support.planted_frames import encoded, frames_of, noisy, plane
 from tests.support.real_cameras import REAL_CAMERAS, box_noise, needs_real_cameras
 from tests.support.recordings import write_frames
 

@@ -22,7 +22,7 @@ from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.maps import open_maps
-from glsim.measures.measured_frame import frames_of
+from tests.support.planted_frames import frames_of
 from tests.support.real_cameras import REAL_CAMERAS, REAL_KINECT_V2, needs_real_cameras
 
 Array = NDArray[np.float32]

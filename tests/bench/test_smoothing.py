@@ -16,10 +16,9 @@ from glsim.bench.fit.smoothing import find_smoothing
 from glsim.cli import main
 from glsim.core.files.atomic import write_atomic
 from glsim.measures.correlation import LAGS
-from glsim.measures.measured_frame import frames_of
 from glsim.sensors.sensor import SENSOR_FOLDER
 from glsim.simulation.virtual_camera import VirtualCamera
-from tests.support.planted_frames import encoded
+from tests.support.planted_frames import encoded, frames_of
 from tests.support.recordings import write_frames
 
 

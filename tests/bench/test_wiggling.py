@@ -11,9 +11,8 @@ from glsim.bench.fit.fit_wiggling import fit_wiggling
 from glsim.bench.fit.recording_statistics import measure_recording
 from glsim.core.camera import Intrinsics
 from glsim.core.mesh import Mesh
-from glsim.measures.measured_frame import frames_of
 from glsim.simulation.virtual_camera import VirtualCamera
-from tests.support.planted_frames import encoded
+from tests.support.planted_frames import encoded, frames_of
 
 IMAGE = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 EMITTER_M = (0.045, 0.0, 0.0)

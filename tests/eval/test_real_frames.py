@@ -17,9 +17,8 @@ from glsim.eval.real_frames.score_recording import score_recording, tune_on_pair
 from glsim.eval.real_frames.totals import RealScores
 from glsim.eval.report.figures.real_frames import measures_figure
 from glsim.measures.boards import find_board, find_corners
-from glsim.measures.measured_frame import frames_of
 from glsim.networks.composites import DEFAULT_COMPOSITE
-from tests.support.planted_frames import noisy, plane, shadowed
+from tests.support.planted_frames import frames_of, noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.recordings import (
     BOARD_CENTRE,

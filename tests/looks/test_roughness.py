@@ -6,10 +6,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from glsim.measures.measured_frame import frames_of, lit, surfaces
+from glsim.measures.measured_frame import lit, surfaces
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
+from tests.support.planted_frames import frames_of
 from tests.support.wardrobe import heads
 
 

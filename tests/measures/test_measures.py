@@ -9,12 +9,12 @@ from glsim.core.depth_frame import DepthFrame
 from glsim.measures.correlation import LAGS
 from glsim.measures.depth_noise import measure_spatial, measure_temporal
 from glsim.measures.light import measure_light
-from glsim.measures.measured_frame import frames_of, radius_px
+from glsim.measures.measured_frame import radius_px
 from glsim.measures.pattern import measure_pattern
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import static_pairs, view_change
 from glsim.measures.validity import measure_invalid
-from tests.support.planted_frames import CAMERA, SHAPE, noisy, plane, shadowed
+from tests.support.planted_frames import CAMERA, SHAPE, frames_of, noisy, plane, shadowed
 from tests.support.real_cameras import needs_real_cameras, real_depths
 
 

@@ -11,11 +11,11 @@ from glsim.core.camera import Intrinsics
 from glsim.core.files.png import read_image
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.registry import load_denoiser
-from glsim.measures.measured_frame import frames_of
 from glsim.measures.silhouettes import find_edges
 from glsim.networks.composites import BESIDE_PX, composed
 from glsim.networks.interface import Denoised
 from glsim.networks.network import NetworkFunction
+from tests.support.planted_frames import frames_of
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.runners import Runs
 

@@ -8,8 +8,8 @@ import pytest
 
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
-from glsim.measures.measured_frame import frames_of
 from glsim.measures.silhouettes import find_edges
+from tests.support.planted_frames import frames_of
 from tests.support.tof_harness import Camera, Placed, quad
 
 FOCAL = 365.456

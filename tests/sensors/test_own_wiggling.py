@@ -116,8 +116,8 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(
     from glsim.bench.fit.fit_wiggling import fit_wiggling
     from glsim.bench.fit.recording_statistics import measure_recording
     from glsim.bench.fit.time_of_flight import fitted_toml
-    from glsim.measures.measured_frame import frames_of
     from tests.bench.test_wiggling import EMITTER_M, FRAMES, IMAGE, walls
+    from tests.support.planted_frames import frames_of
 
     changes = {"tof_fast": {"harmonic_2": 0.015, "harmonic_5": 0.0}}  # phases are drawn
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)

@@ -1,17 +1,53 @@
-"""Depth frames with known noise, patterns and shadows, for tests of glsim.measures."""
+"""Depth frames of arrays, and with known noise, patterns and shadows, for tests of measures."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.depth_frame import Frames
-from glsim.sensors.sensor import load_sensor
+from glsim.core.camera import DEFAULT_INTRINSICS, Intrinsics
+from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 
 Array = NDArray[np.float64]
 
 SHAPE = (424, 512)
-CAMERA = load_sensor("kinect-v2").rig.intrinsics
+CAMERA = DEFAULT_INTRINSICS
+
+
+def frames_of(
+    title: str,
+    depth_mm: Iterable[NDArray[np.generic]],
+    infrared: Iterable[NDArray[np.generic]] | None = None,
+    camera: Intrinsics | None = None,
+    step_mm: float = 1.0,
+) -> Frames:
+    """Create a set of frames from depth arrays.
+
+    Args:
+        title: name of the set.
+        depth_mm: (H, W) depths, mm; 0 or NaN marks pixels without depth.
+        infrared: (H, W) counts of each frame.
+        camera: default: a Kinect V2, its principal point in the image centre if the size is not
+            its own.
+        step_mm: step of the depths.
+    """
+    depths = [np.nan_to_num(np.asarray(depth, np.float32)) for depth in depth_mm]
+    height, width = depths[0].shape
+    own = camera or DEFAULT_INTRINSICS.for_map((height, width))
+    lights = (
+        [{}] * len(depths)
+        if infrared is None
+        else [{"infrared": np.asarray(image, np.float32)} for image in infrared]
+    )
+    return Frames.of(
+        [
+            DepthFrame(FrameKey("", title, n), own, {"noisy_mm": depth, **light}, step_mm=step_mm)
+            for n, (depth, light) in enumerate(zip(depths, lights, strict=True))
+        ],
+        title,
+    )
 
 
 def plane(z_mm: float, slope_x: float = 0.0, slope_y: float = 0.0) -> Array:
