@@ -28,8 +28,6 @@ glsim inspect scan.ply --unit cm
 glsim inspect recording/                    the camera, and the denoiser to take
 """
 
-#: Frames of a recording by whose values its camera is recognised.
-_FRAMES_READ = 4
 _PEOPLE = 20
 _PROBLEMS = 20
 
