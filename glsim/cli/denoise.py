@@ -130,11 +130,13 @@ def denoise(
 
 def _advice(name: str, denoiser: Denoiser, maps: DenoisedMaps) -> Iterator[str]:
     """Yield what another setting of a network would do for these maps, a line each."""
+    from glsim.networks.network import NetworkFunction
+
     if maps.unchanged:
         yield (
             f"{maps.unchanged} map(s) came back unchanged, as their noise passes for rounding and "
             f"form: -d {name}:keep_clean=0 denoises them"
         )
-    sees_one_frame = hasattr(denoiser.function, "average") and not denoiser.before
+    sees_one_frame = isinstance(denoiser.function, NetworkFunction) and not denoiser.before
     if sees_one_frame and maps.first_are_still:
         yield f"the first two maps show one still view: -d {name}:average=8 denoises their mean"

@@ -104,7 +104,7 @@ class StoredImages:
 
     def depth_mm(self, layer: str) -> NDArray[np.float32]:
         """Read a depth layer as (H, W) float32 mm from the camera, 0 = no depth."""
-        steps = np.asarray(self.read(layer))
+        steps = np.asarray(self.read(layer), np.uint16)
         return from_steps(steps, self._step_mm, float(self._record["depth_offset_mm"]))
 
     def normals(self) -> NDArray[np.float32]:
