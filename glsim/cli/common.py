@@ -127,9 +127,7 @@ def epilog(examples: str) -> str:
 SensorOption = Annotated[
     str | None,
     typer.Option(
-        "--sensor",
-        "-s",
-        help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2.",
+        "--sensor", "-s", help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2."
     ),
 ]
 SetOption = Annotated[
@@ -145,21 +143,19 @@ SeedOption = Annotated[
     int | None, typer.Option(help="Random seed; the same seed gives the same bytes. Default: 0.")
 ]
 ConfigOption = Annotated[
-    Path | None,
-    typer.Option("--config", help="Read settings from a TOML file. Default: none."),
+    Path | None, typer.Option("--config", help="Read settings from a TOML file. Default: none.")
 ]
 PresetOption = Annotated[
     str | None,
     typer.Option("--preset", help="Start from shipped settings (glsim presets). Default: none."),
 ]
 WorkersOption = Annotated[
-    str,
-    typer.Option(help="Number of worker processes; auto starts one per core."),
+    str, typer.Option(help="Number of worker processes; auto starts one per core.")
 ]
 BackendOption = Annotated[
     str | None,
     typer.Option(
-        help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works.",
+        help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works."
     ),
 ]
 

@@ -16,13 +16,7 @@ from glsim.cli.common import (
     print_table,
     print_written,
 )
-from glsim.cli.eval import (
-    DenoisersOption,
-    FiguresOption,
-    FocalOption,
-    OutOption,
-    figures_wanted,
-)
+from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption, figures_wanted
 from glsim.cli.progress import scoring_progress
 from glsim.core.errors import ConfigError
 

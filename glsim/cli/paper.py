@@ -55,8 +55,7 @@ glsim paper values reproduced                 each printed value beside ours
 """
 
 RootOption = Annotated[
-    Path | None,
-    typer.Option(help="Folder of this face set of the paper. Default: embedded heads."),
+    Path | None, typer.Option(help="Folder of this face set of the paper. Default: embedded heads.")
 ]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder of glsim paper reproduce.")]
 

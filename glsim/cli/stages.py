@@ -21,8 +21,7 @@ glsim stages tof_light --json
 
 
 def stages(
-    name: Annotated[str | None, typer.Argument()] = None,
-    as_json: JsonOption = False,
+    name: Annotated[str | None, typer.Argument()] = None, as_json: JsonOption = False
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file.
 

@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from glsim.cli.common import (
-    SeedOption,
-    console,
-    options,
-    overrides,
-    print_message,
-)
+from glsim.cli.common import SeedOption, console, options, overrides, print_message
 from glsim.core.errors import ConfigError, training_needs_torch
 
 if TYPE_CHECKING:

@@ -9,14 +9,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import (
-    ConfigOption,
-    PresetOption,
-    SeedOption,
-    SetOption,
-    console,
-    overrides,
-)
+from glsim.cli.common import ConfigOption, PresetOption, SeedOption, SetOption, console, overrides
 
 EXAMPLES = """
 glsim tune

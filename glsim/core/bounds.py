@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats
 from glsim.core.camera import SensorRig
 from glsim.core.errors import MeshError
 from glsim.core.products import product
@@ -52,8 +52,8 @@ class FieldOfView:
     """
 
     rig: SensorRig
-    columns: NDArray[np.float64]
-    rows: NDArray[np.float64]
+    columns: Array
+    rows: Array
 
     @staticmethod
     def of(rig: SensorRig) -> FieldOfView:
@@ -80,9 +80,7 @@ class FieldOfView:
         return Rect(left, top, width, height)
 
 
-def bounding_corners(
-    vertices_mm: NDArray[np.float32], view: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
     """Compute the (8, 3) corners of a mesh's bounding box, camera frame, metres.
 
     Args:
@@ -99,13 +97,11 @@ def bounding_corners(
         bad = int((~np.isfinite(vertices_mm).all(axis=1)).sum())
         raise MeshError(f"{bad} vertices are NaN or infinite: repair the mesh")
     box = np.array(list(itertools.product(*zip(low, high, strict=True))), dtype=np.float64)
-    moved: NDArray[np.float64] = product(box, view[:3, :3].T.astype(np.float64)) + view[:3, 3]
+    moved: Array = product(box, view[:3, :3].T.astype(np.float64)) + view[:3, 3]
     return moved
 
 
-def vertex_frustum(
-    vertices_mm: NDArray[np.float32], view: NDArray[np.float32], near_m: float
-) -> Frustum | None:
+def vertex_frustum(vertices_mm: Floats, view: Floats, near_m: float) -> Frustum | None:
     """Compute the frustum of a mesh's vertices; None if a vertex is not beyond ``near_m``.
 
     It can be much smaller than that of their bounding box, e.g. if hands reach forward.
@@ -124,7 +120,7 @@ def vertex_frustum(
 
 
 def bounding_frustum(
-    corners_m: NDArray[np.float64], origin_m: tuple[float, float, float], near_m: float
+    corners_m: Array, origin_m: tuple[float, float, float], near_m: float
 ) -> Frustum | None:
     """Compute the frustum of (N, 3) points seen from ``origin_m``; None if any is too near."""
     seen = corners_m - np.asarray(origin_m)
@@ -136,7 +132,7 @@ def bounding_frustum(
 
 
 def image_window(
-    corners_m: NDArray[np.float64],
+    corners_m: Array,
     field_of_view: FieldOfView,
     visible: Rect | None,
     reach_px: int = 0,
@@ -184,7 +180,7 @@ def image_window(
 
 
 def emitter_frustum(
-    corners_m: NDArray[np.float64], field_of_view: FieldOfView, origin_m: tuple[float, float, float]
+    corners_m: Array, field_of_view: FieldOfView, origin_m: tuple[float, float, float]
 ) -> Frustum:
     """Compute the frustum that an emitter must see to light everything in the image.
 

@@ -14,9 +14,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Array, Floats, Reals
 from glsim.core.errors import ConfigError
 from glsim.core.products import norm, product
 from glsim.core.rect import Rect
@@ -78,14 +77,14 @@ class Intrinsics:
         y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
         return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
 
-    def project(self, points_m: NDArray[np.floating]) -> NDArray[np.float64]:
+    def project(self, points_m: Reals) -> Array:
         """Project (N, 3) camera-frame points, metres, to (N, 2) float64 image points, pixels."""
         p = np.asarray(points_m, dtype=np.float64)
         u = self.fx * p[:, 0] / p[:, 2] + self.cx
         v = self.fy * p[:, 1] / p[:, 2] + self.cy
         return np.stack([u, v], axis=1)
 
-    def unproject(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
+    def unproject(self, depth_m: Reals) -> Floats:
         """Convert (H, W) depth, metres, to (H, W, 3) points, camera frame, metres."""
         z = np.asarray(depth_m, dtype=np.float32)
         return np.concatenate([self.rays() * z[..., None], z[..., None]], axis=-1)
@@ -149,7 +148,7 @@ class Distortion:
     k6: float = 0.0
     limit_tan: float = 0.0
 
-    def distort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
+    def distort(self, xy: Reals) -> Array:
         """Compute the distorted places (..., 2) float64 of ideal image points x/z, y/z."""
         xy = np.asarray(xy, dtype=np.float64)
         x, y = xy[..., 0], xy[..., 1]
@@ -159,7 +158,7 @@ class Distortion:
         yd = y * radial + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y
         return np.stack([xd, yd], axis=-1)
 
-    def _radial(self, r2: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radial(self, r2: Array) -> Array:
         """Compute the radial distortion factor at the squared radius r2."""
         upper = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
         if not self.is_rational:
@@ -171,7 +170,7 @@ class Distortion:
         """Whether radial distortion is a ratio of polynomials (k4, k5 or k6 is not 0)."""
         return any((self.k4, self.k5, self.k6))
 
-    def undistort(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
+    def undistort(self, xy: Reals) -> Array:
         """Compute the ideal places (..., 2) of distorted points, by fixed-point iteration.
 
         Raises ConfigError if it does not converge: the lens model folds inside the image.
@@ -191,9 +190,7 @@ class Distortion:
             )
         return ideal
 
-    def _within_limit(
-        self, target: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _within_limit(self, target: Array) -> tuple[Array, Array]:
         """Move (..., 2) distorted points into the range where the lens model can be inverted.
 
         Return them and a first guess of their undistorted places.
@@ -234,7 +231,7 @@ class Emitter:
         length = math.hypot(x, y)
         return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
 
-    def shared_points_m(self) -> list[tuple[NDArray[np.float64], float]]:
+    def shared_points_m(self) -> list[tuple[Array, float]]:
         """Return the emitter's light points (3,), metres, with their shares of the light.
 
         Each is (3,) metres; a point has its centre alone.
@@ -310,7 +307,7 @@ class ColourCamera:
     position_m: Point
     turn_deg: Point = (0.0, 0.0, 0.0)
 
-    def from_depth(self) -> NDArray[np.float64]:
+    def from_depth(self) -> Array:
         """Return the (4, 4) matrix from the depth camera's frame to this camera's, both metres."""
         import cv2
 
@@ -319,7 +316,7 @@ class ColourCamera:
         matrix[:3, 3] = -product(matrix[:3, :3], np.array(self.position_m))
         return matrix
 
-    def corner_points(self, window: Rect, z_m: float) -> NDArray[np.float64]:
+    def corner_points(self, window: Rect, z_m: float) -> Array:
         """Return (4, 3), m, depth camera's frame: a window's corners ``z_m`` before this camera."""
         i = self.intrinsics
         corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * window[2:] + window[:2]

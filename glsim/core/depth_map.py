@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats, Mask, Reals
 from glsim.core.arrays import of
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
@@ -153,9 +154,7 @@ def _surface_steps(points: Sequence[Maps], axis: int) -> list[Maps]:
     ]
 
 
-def central_normals(
-    depth: NDArray[np.floating], rays: NDArray[np.floating], at: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def central_normals(depth: Reals, rays: Reals, at: Mask) -> Array:
     """Compute (N, 3) float64 normals, not of unit length, at the N pixels of ``at`` in row order.
 
     The cross product of the central differences of the back-projected points.
@@ -167,7 +166,7 @@ def central_normals(
     """
     row, column = np.nonzero(at)
 
-    def point(dy: int, dx: int) -> tuple[NDArray[np.float64], ...]:
+    def point(dy: int, dx: int) -> tuple[Array, ...]:
         z = depth[row + dy, column + dx].astype(np.float64)
         ray = rays[row + dy, column + dx].astype(np.float64)
         return ray[:, 0] * z, ray[:, 1] * z, z
@@ -191,9 +190,7 @@ def grid_triangles(shape: tuple[int, ...]) -> NDArray[np.int32]:
     return np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
 
 
-def surface(
-    depth_m: NDArray[np.float32], rig: SensorRig, steepest_deg: float | None = None
-) -> Mesh | None:
+def surface(depth_m: Floats, rig: SensorRig, steepest_deg: float | None = None) -> Mesh | None:
     """Make a mesh of the triangles between pixel centres, cut at edges; None without triangles.
 
     Vertices are in millimetres, in camera axes with y and z negated: ``pose_matrix({})`` moves them
@@ -222,7 +219,7 @@ def surface(
     return Mesh(vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.int32))
 
 
-def lit_by_marching(depth_m: NDArray[np.float32], rig: SensorRig) -> NDArray[np.float32]:
+def lit_by_marching(depth_m: Floats, rig: SensorRig) -> Floats:
     """Compute the (H, W) share of the emitters' light that reaches each pixel, by ray marching.
 
     Reference for tests of the shadow shader; its substitute without GL. The line from a point to
@@ -290,8 +287,8 @@ def lit_share(
 
 
 def _march_shares(
-    image: Intrinsics, nearest_m: float, farthest_m: float, emitter_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    image: Intrinsics, nearest_m: float, farthest_m: float, emitter_m: Array
+) -> Array:
     """Return (S,) places along the line to the emitter, 0 to 1, at most half a pixel apart.
 
     In the image, the point at share s of a line from depth z to an emitter in the image plane lies
@@ -304,22 +301,20 @@ def _march_shares(
     return t / (1 + t)
 
 
-def _sample(
-    depth_m: NDArray[np.float32], image: Intrinsics, at: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def _sample(depth_m: Floats, image: Intrinsics, at: Array) -> Floats:
     """Return the depth at the pixels to which points (..., 3) project; 0 outside the image."""
     z = np.where(at[..., 2] > 0, at[..., 2], np.inf)
     column = np.floor(image.fx * at[..., 0] / z + image.cx).astype(np.int64)
     row = np.floor(image.fy * at[..., 1] / z + image.cy).astype(np.int64)
     height, width = depth_m.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    sampled: NDArray[np.float32] = np.where(
+    sampled: Floats = np.where(
         inside, depth_m[row.clip(0, height - 1), column.clip(0, width - 1)], np.float32(0)
     )
     return sampled
 
 
-def around(image: NDArray[_T], radius: int, at: NDArray[np.bool_], outside: float) -> NDArray[_T]:
+def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:
     """Cut the square neighbourhoods, (N, (2 radius + 1)^2), of the N pixels of ``at``.
 
     outside: the value beyond the image.

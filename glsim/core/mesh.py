@@ -13,6 +13,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats, Reals
 from glsim.core.errors import MeshError
 
 #: Default albedo of a mesh without one: diffuse reflectivity of skin at 860 nm relative to a white
@@ -42,9 +43,9 @@ class Mesh:
             ``faces``.
     """
 
-    vertices_mm: NDArray[np.float32]
+    vertices_mm: Floats
     faces: NDArray[np.int32]
-    albedo: NDArray[np.float32] | None = None
+    albedo: Floats | None = None
     occluder: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
@@ -65,9 +66,7 @@ class Mesh:
             )
 
 
-def vertex_normals(
-    points: NDArray[np.floating], triangles: NDArray[np.integer]
-) -> NDArray[np.float64]:
+def vertex_normals(points: Reals, triangles: NDArray[np.integer]) -> Array:
     """Compute (N, 3) unit normals of points as area-weighted means over their triangles.
 
     Args:
@@ -83,11 +82,11 @@ def vertex_normals(
 
 
 def reduced(
-    vertices_mm: NDArray[np.floating],
+    vertices_mm: Reals,
     faces: NDArray[np.integer],
     share: float,
     named: NDArray[np.integer] | None = None,
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32]]:
     """Reduce a mesh to a share of its triangles.
 
     Edges are collapsed by the smallest quadric error (Garland and Heckbert 1997).
@@ -121,7 +120,7 @@ def reduced(
     return places, left, nearest
 
 
-def occluder_of(vertices_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.int32]:
+def occluder_of(vertices_mm: Reals, faces: NDArray[np.integer]) -> NDArray[np.int32]:
     """Reduce a mesh's triangles for shadows to a share of ``KEPT_SHARE``: (F', 3) int32 indices.
 
     Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats
 from glsim.core.products import product
 from glsim.core.units import MM_PER_M
 
@@ -14,7 +14,7 @@ from glsim.core.units import MM_PER_M
 _FACING = np.diag([1.0, -1.0, -1.0])
 
 
-def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
+def pose_matrix(pose: Mapping[str, float]) -> Floats:
     """Compute the (4, 4) float32 matrix from canonical millimetres to camera-frame metres.
 
     The head rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it
@@ -30,15 +30,13 @@ def pose_matrix(pose: Mapping[str, float]) -> NDArray[np.float32]:
     return matrix.astype(np.float32)
 
 
-def rotation(
-    yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
-) -> NDArray[np.float64]:
+def rotation(yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Array:
     """Compute the (3, 3) rotation that turns a head to its left, then up, then tilts it left."""
     yaw, pitch, roll = np.radians(yaw_deg), np.radians(pitch_deg), np.radians(roll_deg)
     return product(product(_about(1, yaw), _about(0, -pitch)), _about(2, -roll))
 
 
-def _about(axis: int, angle: float) -> NDArray[np.float64]:
+def _about(axis: int, angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     j, k = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)

@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_Array = NDArray[Any]
+from glsim.core.array_types import Array
+
+_Numbers = NDArray[Any]
 
 _FEW = 32  # elements: fewer are added up by NumPy at once, in the same order; measured
 _SHORT = 32  # columns; measured: shorter rows are faster as columns
 _BLOCK = 32_768  # elements at a time, which stay in a processor's cache; measured
 
 
-def product(left: _Array, right: _Array) -> _Array:
+def product(left: _Numbers, right: _Numbers) -> _Numbers:
     """Compute ``left @ right``, adding the terms of each element in their order.
 
     It is meant for a few terms (K below 100). For one long row times a vector, multiply and sum.
@@ -51,12 +53,12 @@ def product(left: _Array, right: _Array) -> _Array:
     return np.asarray(out.reshape(*left.shape[:-1], right.shape[1]))
 
 
-def norm(vector: _Array) -> float:
+def norm(vector: _Numbers) -> float:
     """Compute the length of a vector (K,)."""
     return float(np.sqrt((vector * vector).sum()))
 
 
-def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def nearest_rotation(matrix: Array) -> Array:
     """Compute the rotation nearest to a (3, 3) matrix of positive determinant.
 
     Newton's iteration for the orthogonal factor of the polar decomposition (Higham 1986, SIAM J.
@@ -75,7 +77,7 @@ def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 _ITERATIONS, _CONVERGED = 30, 1e-14
 
 
-def principal_axis(points: _Array) -> NDArray[np.float64]:
+def principal_axis(points: _Numbers) -> Array:
     """Compute the unit vector (3,) of largest variance of (N, 3) points; its sign is arbitrary."""
     away = np.ascontiguousarray((points - points.mean(axis=0)).T, np.float64)
     spread = (away[:, None] * away).sum(axis=2)
@@ -90,7 +92,7 @@ def principal_axis(points: _Array) -> NDArray[np.float64]:
 _SQUARINGS = 10
 
 
-def solve(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def solve(matrix: Array, right: Array) -> Array:
     """Solve ``matrix @ x = right`` by Gaussian elimination without pivoting.
 
     Args:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Mask, Reals
+from glsim.core.array_types import Floats, Mask, Reals
 from glsim.core.errors import ConfigError
 
 _EYES: Final = ("sclera", "iris", "pupil", "eyes")
@@ -43,7 +43,7 @@ class Anatomy:
     """
 
     source: str
-    vertices_mm: NDArray[np.float32]
+    vertices_mm: Floats
     faces: NDArray[np.int32]
     regions: NDArray[np.integer[Any]]
     names: Sequence[str]

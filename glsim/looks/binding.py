@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Mask, Reals
+from glsim.core.array_types import Array, Floats, Mask, Reals, Whole
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
-Points = NDArray[np.float32]
+Points = Floats
 
 #: A skull counts as still if no point moves by this much, mm. Chosen: far below any sensor's step.
 _REST_MM = 0.02
@@ -25,8 +25,8 @@ _RIM_RINGS = 6
 class Motion(NamedTuple):
     """The rigid motion of a skull from the reference to a frame: x -> x rotation^T + shift."""
 
-    rotation: NDArray[np.float32]
-    shift: NDArray[np.float32]
+    rotation: Floats
+    shift: Floats
     is_rest: bool = False
 
     def equals(self, other: Motion) -> bool:
@@ -60,7 +60,7 @@ class Binding(Protocol):
         used: indices of the face's vertices that move the mesh.
     """
 
-    used: NDArray[np.int64]
+    used: Whole
 
     def place(self, vertices_mm: Points, motion: Motion) -> Points:
         """Compute the mesh's vertices (N, 3) float32 from a frame's face vertices (V, 3), mm."""
@@ -70,9 +70,7 @@ class Binding(Protocol):
 class Rooted:
     """A hair mesh: each vertex keeps its offset from a root on the skin, rotated with the skull."""
 
-    def __init__(
-        self, roots: Anchors, root_of: NDArray[np.int64], offsets_mm: NDArray[np.floating[Any]]
-    ) -> None:
+    def __init__(self, roots: Anchors, root_of: Whole, offsets_mm: Reals) -> None:
         """Bind hair vertices to roots on the skin.
 
         Args:
@@ -111,11 +109,7 @@ class Shell:
     """
 
     def __init__(
-        self,
-        grid: SkinGrid,
-        rest_mm: NDArray[np.floating[Any]],
-        offset_mm: NDArray[np.floating[Any]],
-        drop_mm: Points | None = None,
+        self, grid: SkinGrid, rest_mm: Reals, offset_mm: Reals, drop_mm: Points | None = None
     ) -> None:
         """Bind a layer to the skin by the offset of each grid point at rest.
 
@@ -199,7 +193,7 @@ def uncovered(faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]) 
     return free
 
 
-def _beside(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.int64]:
+def _beside(grid: SkinGrid, skin_mm: Array) -> Whole:
     """Choose a skin triangle (N, 3) beside each grid point, with the nearest vertex first.
 
     Of the triangles at that vertex it is the one whose normal is nearest to the smooth normal.

@@ -12,9 +12,8 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Reals
+from glsim.core.array_types import Floats, Mask, Reals, Whole
 from glsim.core.mesh import reduced, vertex_normals
 from glsim.core.products import norm, principal_axis, product
 from glsim.core.seeds import keyed_rng
@@ -78,7 +77,7 @@ class ClothGrid:
     """
 
     grid: SkinGrid
-    part: NDArray[np.int64]
+    part: Whole
     neck: Reals
     above_neck: Reals
 
@@ -104,7 +103,7 @@ class ClothBody:
 
     grid: SkinGrid
     rest_mm: Points
-    part: NDArray[np.int64]
+    part: Whole
     skin: Reals
     normal: Reals
     local: Reals
@@ -400,13 +399,13 @@ def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
     return np.asarray(shoes)
 
 
-def crests(places: Reals, seed: int) -> NDArray[np.float32]:
+def crests(places: Reals, seed: int) -> Floats:
     """Compute fold heights (N,) float32, -0.6 to 0.85: narrow crests, about one unit apart."""
     value = smooth_noise(places, seed) / np.float32(_CREST)
     return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
 
-def _fold_heights(piece: ClothBody, level: Reals, on_limb: NDArray[np.bool_], seed: int) -> Reals:
+def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> Reals:
     """Compute the relative heights (N,) of the folds, about -0.5 to 1.5.
 
     Three kinds: flutes, which fall to the hem and wind around limbs; short folds where cloth piles

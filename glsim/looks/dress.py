@@ -11,6 +11,7 @@ from typing import Final, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats, Whole
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.faces.face_source import Face, FaceSource, WornPart
@@ -56,7 +57,7 @@ class _Worn:
     region: str
     binding: Binding
     faces: NDArray[np.int32]
-    albedo: NDArray[np.float32]
+    albedo: Floats
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -89,7 +90,7 @@ class _Wardrobe:
     skull: Points
     faces: NDArray[np.int32]
     occluder: NDArray[np.int32] | None
-    skin: tuple[object, NDArray[np.float32]] | None = None
+    skin: tuple[object, Floats] | None = None
 
 
 class Dresser:
@@ -143,14 +144,14 @@ class Dresser:
         return Anatomy(self._source.name, vertices, faces, topology.regions, topology.region_names)
 
     @cached_property
-    def _skull(self) -> NDArray[np.int64]:
+    def _skull(self) -> Whole:
         """Indices of vertices on the back of the scalp, which move with the skull only."""
         head = self._reference
         inside = head.above_hairline_mm(head.vertices_mm) > 5
         # Not the front: raised brows pull the scalp as far back as the ears.
         inside &= head.vertices_mm[:, 2] < head.centre[2] - 25 * head.scale
         scalp = np.flatnonzero(inside & head.outside & ~head.body & ~head.is_in("ear"))
-        chosen: NDArray[np.int64] = scalp[
+        chosen: Whole = scalp[
             np.linspace(0, len(scalp) - 1, min(_SKULL_POINTS, len(scalp))).astype(int)
         ]
         return chosen
@@ -184,7 +185,7 @@ class Dresser:
             faces: NDArray[np.int32],
             albedo: float,
             pattern: Pattern = "plain",
-            light: float | NDArray[np.float64] = 1.0,
+            light: float | Array = 1.0,
         ) -> None:
             if len(faces):
                 points = binding.place(vertices, rest)
@@ -223,7 +224,7 @@ class Dresser:
             occluder = None if occluder is None else occluder[free[occluder].any(axis=1)]
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
-    def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> NDArray[np.float32] | None:
+    def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> Floats | None:
         """Return the albedo (V,) of the skin; under hair the scalp has the hair's albedo."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
             plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)

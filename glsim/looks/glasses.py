@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Reals
+from glsim.core.array_types import Floats, Mask, Reals
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.styles import STYLE_TABLE
@@ -40,8 +40,8 @@ GLASSES: Final = tuple(GlassesStyle(n, **row) for n, row in STYLE_TABLE["glasses
 
 
 def make_glasses(
-    anatomy: Anatomy, skin_mm: NDArray[np.float32], style: GlassesStyle, lens: str, seed: int
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
+    anatomy: Anatomy, skin_mm: Floats, style: GlassesStyle, lens: str, seed: int
+) -> tuple[Floats, NDArray[np.int32], Mask]:
     """Fit glasses to a subject.
 
     Args:

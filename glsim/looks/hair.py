@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Reals
+from glsim.core.array_types import Array, Floats, Reals, Whole
 from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
@@ -51,9 +51,9 @@ class Scalp(NamedTuple):
     """
 
     anchors: Anchors
-    directions: NDArray[np.float32]
-    faces: NDArray[np.int64]
-    inside_mm: NDArray[np.float32]
+    directions: Floats
+    faces: Whole
+    inside_mm: Floats
 
 
 class Hair(NamedTuple):
@@ -66,7 +66,7 @@ class Hair(NamedTuple):
 
     binding: Rooted
     faces: NDArray[np.int32]
-    light: NDArray[np.float64]
+    light: Array
 
 
 def make_scalp(anatomy: Anatomy) -> Scalp:
@@ -83,9 +83,7 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
     return Scalp(anchors, directions, grid.faces, inside)
 
 
-def make_hair(
-    anatomy: Anatomy, scalp: Scalp, skin_mm: NDArray[np.float32], style: HairStyle, seed: int
-) -> Hair:
+def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle, seed: int) -> Hair:
     """Make the hair mesh of a subject.
 
     Args:

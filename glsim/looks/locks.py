@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Mask, Reals
+from glsim.core.array_types import Floats, Mask, Reals, Whole
 from glsim.core.products import norm, product
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import ridges, smooth_noise
@@ -50,9 +49,9 @@ class Locks(NamedTuple):
         faces: (F, 3) triangles.
     """
 
-    roots: NDArray[np.int64]
+    roots: Whole
     points_mm: Reals
-    faces: NDArray[np.int64]
+    faces: Whole
 
 
 class Obstacle:
@@ -114,7 +113,7 @@ class Head(NamedTuple):
     obstacle: Obstacle
     style: HairStyle
     rng: np.random.Generator
-    directions: NDArray[np.float32]
+    directions: Floats
     base: Reals
     thickness: Reals
     ragged: Reals
@@ -175,7 +174,7 @@ def _directions(head: Head, points: Reals) -> Reals:
     return np.asarray(wanted / np.maximum(length, 0.05))
 
 
-def _paths(head: Head, root: NDArray[np.int64], length: Reals, brow: Mask) -> Reals:
+def _paths(head: Head, root: Whole, length: Reals, brow: Mask) -> Reals:
     """Compute the centre lines (rings, N, 3) mm of locks, from root to tip."""
     style, rng, scale, centre = head.style, head.rng, head.anatomy.scale, head.obstacle.centre
     rings, count = int(np.clip(style.lock[1] / _STEP_MM, *_RINGS)), len(root)
@@ -220,13 +219,7 @@ def _off_the_face(head: Head, lines: Reals) -> Reals:
 
 
 def _ribbons(
-    lines: Reals,
-    width: Reals,
-    root: NDArray[np.int64],
-    centre: Reals,
-    *,
-    closed: bool,
-    rough_mm: float = 0.0,
+    lines: Reals, width: Reals, root: Whole, centre: Reals, *, closed: bool, rough_mm: float = 0.0
 ) -> Locks:
     """Make ribbons with a ridge along lines (rings, N, 3); closed ribbons also have back faces.
 

@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Reals
+from glsim.core.array_types import Floats, Reals
 from glsim.core.seeds import keyed_rng
 
 Pattern = Literal["plain", "mottled", "stripes", "checks", "print"]
@@ -29,7 +29,7 @@ _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 _LOGISTIC, _SOFT_MEAN = 0.22, 1.02
 
 
-def smooth_noise(points: Reals, seed: int) -> NDArray[np.float32]:
+def smooth_noise(points: Reals, seed: int) -> Floats:
     """Compute smooth noise with about one bump per unit length; a pure function of the arguments.
 
     Points with whole coordinates have random values; quintic weights interpolate between them.
@@ -47,7 +47,7 @@ def smooth_noise(points: Reals, seed: int) -> NDArray[np.float32]:
     corner = low.astype(np.int64).astype(np.uint32)
     words = [[corner[:, k] * p, (corner[:, k] + np.uint32(1)) * p] for k, p in enumerate(_PRIMES)]
     start = np.uint32(seed & 0xFFFFFFFF)
-    total: NDArray[np.float32] = np.zeros(len(points), np.float32)
+    total: Floats = np.zeros(len(points), np.float32)
     for x in (0, 1):
         for y in (0, 1):
             for z in (0, 1):
@@ -59,7 +59,7 @@ def smooth_noise(points: Reals, seed: int) -> NDArray[np.float32]:
     return total
 
 
-def _mixed(bits: NDArray[np.uint32]) -> NDArray[np.float32]:
+def _mixed(bits: NDArray[np.uint32]) -> Floats:
     """Map hashed lattice coordinates to [-1, 1] (xor-shift and multiply rounds)."""
     bits = (bits ^ (bits >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
     bits = (bits ^ (bits >> np.uint32(12))) * np.uint32(0x297A2D39)
@@ -67,7 +67,7 @@ def _mixed(bits: NDArray[np.uint32]) -> NDArray[np.float32]:
     return bits.astype(np.float32) * np.float32(2.0 / 0xFFFFFFFF) - np.float32(1.0)
 
 
-def openings(points: Reals, seed: int) -> NDArray[np.float32]:
+def openings(points: Reals, seed: int) -> Floats:
     """Compute how deep light enters between fibres, (N,) float32: exponential with mean 1.
 
     Each unit of depth absorbs the same share of the light (Beer and Lambert), hence the exponential
@@ -78,7 +78,7 @@ def openings(points: Reals, seed: int) -> NDArray[np.float32]:
     return np.asarray(soft / np.float32(_SOFT_MEAN), np.float32)
 
 
-def ridges(points: Reals, seed: int) -> NDArray[np.float32]:
+def ridges(points: Reals, seed: int) -> Floats:
     """Compute heights (N,) float32, -1 to 1, with sharp crests, as of locks of hair."""
     return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
 

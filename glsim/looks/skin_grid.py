@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Mask, Reals
+from glsim.core.array_types import Array, Floats, Mask, Reals, Whole
 from glsim.core.mesh import vertex_normals
 
 
 class Anchors(NamedTuple):
     """Points on a mesh as barycentric coordinates: vertices (N, 3) and weights (N, 3) float32."""
 
-    corners: NDArray[np.int64]
-    weights: NDArray[np.float32]
+    corners: Whole
+    weights: Floats
 
-    def place(self, vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+    def place(self, vertices_mm: Floats) -> Floats:
         """Compute the points (N, 3) float32 on another mesh of the source, mm."""
         weights, corners = self.weights, self.corners
         points = weights[:, :1] * vertices_mm[corners[:, 0]]
@@ -25,7 +25,7 @@ class Anchors(NamedTuple):
         points += weights[:, 2:] * vertices_mm[corners[:, 2]]
         return points
 
-    def taken(self, chosen: NDArray[np.int64]) -> Anchors:
+    def taken(self, chosen: Whole) -> Anchors:
         """Return the anchors of the chosen points."""
         return Anchors(self.corners[chosen], self.weights[chosen])
 
@@ -38,8 +38,8 @@ class Blend(NamedTuple):
         share: (M,) position: 0 at the first, 1 at the second.
     """
 
-    first: NDArray[np.int64]
-    second: NDArray[np.int64]
+    first: Whole
+    second: Whole
     share: Reals
 
     def of(self, values: Reals) -> Reals:
@@ -58,12 +58,12 @@ class SkinGrid(NamedTuple):
         faces: (F, 3) triangles of the N points.
     """
 
-    base: NDArray[np.int64]
-    triangles: NDArray[np.int64]
+    base: Whole
+    triangles: Whole
     anchors: Anchors
-    faces: NDArray[np.int64]
+    faces: Whole
 
-    def taken(self, keep: Mask) -> tuple[SkinGrid, NDArray[np.int64]]:
+    def taken(self, keep: Mask) -> tuple[SkinGrid, Whole]:
         """Return the grid of some faces, and the indices of its points in this grid."""
         used, inverse = np.unique(self.faces[keep], return_inverse=True)
         corners = self.anchors.corners[used]
@@ -143,7 +143,7 @@ def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Reals, edge_mm: fl
         anchors, places = _blended_anchors(anchors, blend), blend.of(places)
 
 
-def _split(faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
+def _split(faces: Whole, middle: Whole) -> Whole:
     """Split triangles (F, 3) at points (F, 3) on their sides 0-1, 1-2 and 2-0; -1 for none."""
     count = (middle >= 0).sum(axis=1)
     # Rotate each triangle until its only divided, or its only undivided, side comes first.
@@ -178,7 +178,7 @@ def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
     return Anchors(*(np.take_along_axis(values, heaviest, 1) for values in (corners, weights)))
 
 
-def point_normals(grid: SkinGrid, skin_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def point_normals(grid: SkinGrid, skin_mm: Array) -> Array:
     """Compute the unit normals (N, 3) of the skin at the grid's points.
 
     Args:

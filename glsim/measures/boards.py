@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Mask
+from glsim.core.array_types import Array, Floats, Mask, Reals
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.measured_frame import SATURATED, lit
 
@@ -42,7 +41,7 @@ class Board:
     distance_mm: float
 
 
-def find_corners(infrared: NDArray[np.float32], pattern: tuple[int, int] = PATTERN) -> Array | None:
+def find_corners(infrared: Floats, pattern: tuple[int, int] = PATTERN) -> Array | None:
     """Find the inner corners of a board in an infrared image, (N, 2) px; None without a board."""
     lit = infrared[(infrared > 0) & (infrared < SATURATED)]
     if lit.size == 0:
@@ -76,7 +75,7 @@ def find_board(
     return Board(on_plane, paper, float(np.median(frame.measured_mm[paper])))
 
 
-def plane_residual(depth_mm: NDArray[np.floating], rays: NDArray[np.floating], part: Mask) -> Array:
+def plane_residual(depth_mm: Reals, rays: Reals, part: Mask) -> Array:
     """Fit a robust plane in 1 / z, with weights z^2; return the residual depth, mm.
 
     Args:

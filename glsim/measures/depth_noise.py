@@ -14,9 +14,8 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Reals
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
@@ -42,7 +41,7 @@ class Cell:
 
 
 #: Distance, mm, radius, px, and a value of pixels, of one shape; NaN values do not count.
-Sample = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
+Sample = tuple[Reals, Reals, Reals]
 
 
 def root_cells(samples: Sequence[Sample]) -> tuple[Cell, ...]:
@@ -88,7 +87,7 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
     return np.asarray(noise - mean_of(noise))
 
 
-def without_outliers(noise: Array, surface_mm: NDArray[np.floating]) -> Array:
+def without_outliers(noise: Array, surface_mm: Reals) -> Array:
     """Replace outliers (edges, people) by NaN, compared with pixels of similar distance: (H, W)."""
     noise = noise.copy()
     both = np.isfinite(noise)

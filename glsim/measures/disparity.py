@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Whole
 from glsim.measures.correlation import correlation_of, lagged_sums
 from glsim.measures.stacks import with_nan
 
@@ -72,8 +72,8 @@ class Tiles:
         sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.
     """
 
-    top: NDArray[np.int64]
-    left: NDArray[np.int64]
+    top: Whole
+    left: Whole
     level: Array
     residual: Array
     sigma: Array

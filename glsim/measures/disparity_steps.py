@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Mask, Whole
 from glsim.measures.pixel_runs import goes_on, successive_runs
 
 #: Neighbours of one surface differ by at most so many px of disparity; chosen, eight times the
@@ -51,12 +50,12 @@ class Steps(NamedTuple):
         between: those of them that lie between the surfaces.
     """
 
-    right: NDArray[np.bool_]
-    gap: NDArray[np.int64]
-    empty: NDArray[np.int64]
+    right: Mask
+    gap: Whole
+    empty: Whole
     step: Array
-    near: NDArray[np.int64]
-    between: NDArray[np.int64]
+    near: Whole
+    between: Whole
 
 
 def find_steps(disparity: Array) -> Steps:

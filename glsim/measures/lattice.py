@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Mask
 
 #: Range of K that is searched, in units of the files. Derived: 18 mm x 190 px in 1 mm units and
 #: steps of 1/8 px (27,000) to 95 mm x 650 px in 0.1 mm and 1/32 px (20 million).
@@ -68,7 +68,7 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
     return np.array(sorted(v for v in found if 0 < v < _CLIPPED), np.float64)
 
 
-def on_lattice(values: Array, constant: float) -> NDArray[np.bool_]:
+def on_lattice(values: Array, constant: float) -> Mask:
     """Tell which depths equal round(K / n) for an integer n of at least 1.
 
     Args:
@@ -149,7 +149,7 @@ def _likelihood(values: Array, constants: Array) -> Array:
     return total
 
 
-def _nearest_fits(value: float, constants: Array) -> NDArray[np.bool_]:
+def _nearest_fits(value: float, constants: Array) -> Mask:
     """Return (K,) bool: whether a lattice of that constant has a level that rounds to the depth."""
     place = np.maximum(np.rint(constants / value), 1.0)
     return np.asarray(np.abs(constants / place - value) <= _TOLERANCE)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Floats, Mask
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.measures.quadrics import Surfaces, fit_surfaces
 from glsim.measures.stacks import moments
@@ -38,7 +37,7 @@ def radius_px(frame: DepthFrame) -> Floats:
     return np.asarray(_FOCAL_PX * np.hypot(frame.rays[..., 0], frame.rays[..., 1]), np.float32)
 
 
-def lit(frame: DepthFrame) -> NDArray[np.bool_]:
+def lit(frame: DepthFrame) -> Mask:
     """Mark the (H, W) pixels whose infrared is neither 0 nor saturated; all without infrared."""
     if frame.infrared is None:
         return np.ones(frame.noisy_mm.shape, np.bool_)

@@ -7,9 +7,8 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats, Mask
+from glsim.core.array_types import Array, Floats, Mask
 from glsim.core.depth_map import FITTED_STEP
 
 #: A surface seen at more than 70 degrees from its normal is not used.
@@ -39,7 +38,7 @@ class Surfaces:
 
 
 @lru_cache(maxsize=4)
-def quadric_basis(size: int) -> NDArray[np.float64]:
+def quadric_basis(size: int) -> Array:
     """Compute orthonormal images of 1, x, y, x^2, xy, y^2 in size x size px, (size^2, 6)."""
     y, x = np.mgrid[:size, :size] - 0.5 * (size - 1)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6)
@@ -87,17 +86,15 @@ def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
     )
 
 
-def _filter(image: NDArray[np.float64], kernel: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filter(image: Array, kernel: Array) -> Array:
     return np.asarray(cv2.filter2D(image, cv2.CV_64F, kernel, borderType=cv2.BORDER_REFLECT))
 
 
-def _masked(values: NDArray[np.float64], mask: Mask) -> Floats:
+def _masked(values: Array, mask: Mask) -> Floats:
     return np.where(mask, values, np.nan).astype(np.float32)
 
 
-def _cosine(
-    z: NDArray[np.float64], slope_x: NDArray[np.float64], slope_y: NDArray[np.float64], rays: Floats
-) -> NDArray[np.float64]:
+def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:
     """Compute the cosine between ray and normal of z(u, v), from slopes in mm per pixel."""
     step_x = np.abs(np.gradient(rays[..., 0].astype(np.float64), axis=1))
     step_y = np.abs(np.gradient(rays[..., 1].astype(np.float64), axis=0))
@@ -112,9 +109,7 @@ def _cosine(
         return np.asarray(z / (length * ray))
 
 
-def local_planes(
-    values: NDArray[np.float64], known: Mask, window: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def local_planes(values: Array, known: Mask, window: Array) -> tuple[Array, Array]:
     """Fit a plane to the known values around every pixel.
 
     Args:
@@ -130,12 +125,12 @@ def local_planes(
     offset = float(values[known].mean())
     ones, d = known.astype(np.float32), np.where(known, values - offset, 0.0).astype(np.float32)
 
-    def moment(image: Floats, x: int, y: int) -> NDArray[np.float64]:
+    def moment(image: Floats, x: int, y: int) -> Array:
         border = cv2.BORDER_CONSTANT
         total = cv2.sepFilter2D(image, cv2.CV_32F, powers[x], powers[y], borderType=border)
         return np.asarray(total, np.float64) / weight
 
-    weight: NDArray[np.float64] = np.ones(values.shape)
+    weight: Array = np.ones(values.shape)
     weight = np.maximum(moment(ones, 0, 0), 1e-12)
     mean_x, mean_y, mean = moment(ones, 1, 0), moment(ones, 0, 1), moment(d, 0, 0)
     xx, yy = moment(ones, 2, 0) - mean_x**2 + 0.05, moment(ones, 0, 2) - mean_y**2 + 0.05

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Floats, Mask, Whole
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import MEASURED_STEP
 from glsim.core.units import MM_PER_M
@@ -64,9 +63,9 @@ class Edges:
         back_counts: infrared of the background beside the gap, counts; 0 without infrared.
     """
 
-    side: NDArray[np.int64]
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
+    side: Whole
+    row: Whole
+    column: Whole
     width: Array
     invalid: Array
     band_invalid: Array
@@ -74,7 +73,7 @@ class Edges:
     front_mm: Array
     back_mm: Array
     shift_px_per_m: Array
-    radius_px: NDArray[np.float32]
+    radius_px: Floats
     back_counts: Array
 
 
@@ -179,7 +178,7 @@ def find_edges(frame: DepthFrame) -> Edges:
 def _side(
     found: Sequence[Edges], number: int, ring_px: tuple[float, float], light: tuple[float, float]
 ) -> Side:
-    def column(name: str, of: NDArray[np.bool_] | slice = slice(None)) -> Array:
+    def column(name: str, of: Mask | slice = slice(None)) -> Array:
         return np.asarray(np.concatenate([getattr(e, name) for e in found])[of])
 
     shift, radius, counts = map(column, ("shift_px_per_m", "radius_px", "back_counts"))

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Mask, Reals
 from glsim.core.depth_map import central_normals
 from glsim.measures.correlation import correlation_of, lagged_sums
 
@@ -60,7 +60,7 @@ def temporal_part(frames: Array) -> Array:
     return np.asarray((frames - mean) * scale)
 
 
-def moments(frames: Sequence[NDArray[np.floating]] | Array) -> tuple[Array, Array, Array]:
+def moments(frames: Sequence[Reals] | Array) -> tuple[Array, Array, Array]:
     """Compute (H, W) numbers of valid frames, means and unbiased variances over time.
 
     Mean and variance are 0 without valid frames.
@@ -214,9 +214,7 @@ def crossing(x: Array, share: Array, level: float) -> float:
     return float(x[i] + t * (x[i + 1] - x[i]))
 
 
-def half_valid(
-    level: NDArray[np.floating], valid: NDArray[np.bool_], edges: NDArray[np.floating]
-) -> float:
+def half_valid(level: Reals, valid: Mask, edges: Reals) -> float:
     """Interpolate the level from which half of the pixels are valid; NaN if they never are.
 
     Args:
@@ -229,7 +227,7 @@ def half_valid(
     return crossing(means, shares, 0.5)
 
 
-def normals(depth_mm: Array, rays: NDArray[np.floating]) -> Array:
+def normals(depth_mm: Array, rays: Reals) -> Array:
     """Compute (H, W, 3) unit normals by central differences; NaN if a neighbour has no depth.
 
     rays: (H, W, 2), x/z and y/z of each pixel.
@@ -247,7 +245,7 @@ def angular_error_deg(first: Array, second: Array) -> float:
     return mean_of(np.degrees(np.arccos(cosine)))
 
 
-def eroded(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+def eroded(mask: Mask, steps: int) -> Mask:
     """Erode a mask by ``steps`` pixels (8 neighbours); pixels outside the image count as unset."""
     kernel = np.ones((2 * steps + 1,) * 2, np.uint8)
     return np.asarray(cv2.erode(mask.astype(np.uint8), kernel, borderValue=0) > 0)
@@ -261,7 +259,7 @@ def steps_mm(depth_mm: Array) -> Array:
     return np.asarray(np.nan_to_num(np.maximum(high - depth_mm, depth_mm - low)))
 
 
-def longest_run(mask: NDArray[np.bool_]) -> int:
+def longest_run(mask: Mask) -> int:
     """Return the length of the longest run of set pixels along a row."""
     best = current = np.zeros(mask.shape[0], np.int64)
     for column in range(mask.shape[1]):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.correlation import lagged_sums
 from glsim.measures.stacks import ratio
@@ -57,13 +57,13 @@ def view_change(first: DepthFrame, second: DepthFrame) -> str:
     return _change(*_thinned(first.measured_mm), _thinned(second.measured_mm)[0])
 
 
-def _thinned(depth_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
+def _thinned(depth_mm: Floats) -> tuple[Floats, int]:
     """Subsample large depth maps for the comparison; return the pixels and _APART_PX in them."""
     step = _EVERY_PX if depth_mm.size > _THINNED_FROM else 1
     return depth_mm[::step, ::step], _APART_PX // step
 
 
-def _change(first: NDArray[np.float32], lag: int, second: NDArray[np.float32]) -> str:
+def _change(first: Floats, lag: int, second: Floats) -> str:
     change = second.astype(np.float64) - first
     known = change[np.isfinite(change)]
     seen = min(int(np.isfinite(first).sum()), int(np.isfinite(second).sum()))
@@ -81,7 +81,7 @@ def _change(first: NDArray[np.float32], lag: int, second: NDArray[np.float32]) -
     return f"{100 * share:.1f} % of the view moved" if share > _MOST_MOVED else ""
 
 
-def _moved_share(change_mm: NDArray[np.float64]) -> float:
+def _moved_share(change_mm: Array) -> float:
     """Compute the share of blocks with depth that moved as one, as a person before a wall does."""
     height, width = (size - size % _BLOCK for size in change_mm.shape)
     shape = height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Reals
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.measured_frame import radius_px
 
@@ -29,7 +29,7 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
     )
 
 
-def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
+def hole_share_beside_band(images: Sequence[Reals]) -> float:
     """Compute the share of holes to the right of the left border band, over all images.
 
     The band of a stereo camera is as wide as the disparity there: what a room holds decides it, not
@@ -48,7 +48,7 @@ def hole_share_beside_band(images: Sequence[NDArray[np.floating]]) -> float:
     return holes / pixels
 
 
-def flip_share(images: Sequence[NDArray[np.floating]], pairs: Sequence[tuple[int, int]]) -> float:
+def flip_share(images: Sequence[Reals], pairs: Sequence[tuple[int, int]]) -> float:
     """Compute the share of pixels with depth (not NaN) in exactly one frame of a pair.
 
     Args:

@@ -18,6 +18,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
+
 #: Most neighbours on each side. Chosen: noise falls only with the root of their number.
 MAX_NEIGHBOURS: Final = 4
 #: Names of the inputs of exported networks, in the order of the stack.
@@ -67,7 +69,7 @@ def stack_inputs(
     before_mm: Sequence[NDArray[Any]] = (),
     after_mm: Sequence[NDArray[Any]] = (),
     infrared: NDArray[Any] | None = None,
-) -> NDArray[np.float32]:
+) -> Floats:
     """Stack depth, infrared and neighbours in time of a frame as a network's input.
 
     Args:

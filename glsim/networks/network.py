@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Depth, Mask, Probability
+from glsim.core.array_types import Depth, Floats, Mask, Probability
 from glsim.core.errors import DenoiserError
 from glsim.networks.composites import calibrated
 from glsim.networks.inputs import NetworkInputs, stack_inputs
@@ -169,5 +168,5 @@ class NetworkFunction(DepthFunction):
             )
         return outputs
 
-    def _validity(self, probability: NDArray[np.float32]) -> Mask | Probability:
+    def _validity(self, probability: Floats) -> Mask | Probability:
         return probability > self._min_probability if self._min_probability else probability

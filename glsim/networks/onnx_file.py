@@ -214,10 +214,7 @@ def _record(text: Mapping[str, str]) -> NetworkRecord:
     protocol = check_protocol(str(given["protocol"]), "protocol")
     assert protocol is not None
     record = NetworkRecord(
-        protocol,
-        bool(int(given["keep_clean"])),
-        int(given["margin_px"]),
-        float(given["unlikely"]),
+        protocol, bool(int(given["keep_clean"])), int(given["margin_px"]), float(given["unlikely"])
     )
     if record.margin_px < DEFAULT_RECORD.margin_px or not 0 < record.unlikely < DOUBT:
         raise ValueError(f"has the settings {', '.join(f'{k}={v}' for k, v in text.items()):.60}")

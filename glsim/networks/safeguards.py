@@ -11,9 +11,8 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Depth, Mask
+from glsim.core.array_types import Array, Depth, Mask
 from glsim.core.depth_map import JUMP_MM
 
 #: Frames in whole millimetres whose estimated noise is below both bounds, mm, between adjacent
@@ -133,7 +132,7 @@ def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:
     return float(_noise_of(np.sqrt(size[inner]).mean()))
 
 
-def noise_share(spectrum: NDArray[np.float64]) -> float:
+def noise_share(spectrum: Array) -> float:
     """Compute the share of correlated noise that ``estimate_noise_mm`` measures between neighbours.
 
     Args:

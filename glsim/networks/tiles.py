@@ -45,7 +45,7 @@ _HEAD_MARGIN_PX: Final = 32
 Box = tuple[slice, slice]
 
 
-def box_around(mask: NDArray[np.bool_], margin_px: int = AROUND_PX) -> Box | None:
+def box_around(mask: Mask, margin_px: int = AROUND_PX) -> Box | None:
     """Return the box around a (H, W) mask plus a margin, on a grid of 16 px; None if empty.
 
     It ends at the frame.

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError
 from glsim.core.seeds import stable_seed
 from glsim.noise.frame_context import FrameContext, Layers
@@ -42,7 +42,7 @@ def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
 
 def run_array_stages(
     stages: Sequence[Stage],
-    layers: dict[str, NDArray[np.float32]],
+    layers: dict[str, Floats],
     frame: FrameContext,
     values: StageValues,
     *,
@@ -111,7 +111,7 @@ def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
 
 def _earlier_depth(
     stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
-) -> NDArray[np.float32]:
+) -> Floats:
     """Simulate the depth of earlier frames, (h, w, N) metres, oldest first. Raises ConfigError.
 
     Frame k before this one is exposed with a seed that is a function of (seed of this frame, k).
@@ -128,7 +128,7 @@ def _earlier_depth(
     for before in range(int(values[matcher.name]["earlier_frames"]), 0, -1):
         at = replace(frame, seed=stable_seed("earlier frame", frame.seed, before))
         exposed = twin(at.view(exposure.name), layers, values[exposure.name])
-        seen: Mapping[str, NDArray[np.float32]] = {**layers, **exposed}
+        seen: Mapping[str, Floats] = {**layers, **exposed}
         written = matcher.spec.function(at.view(matcher.name), seen, values[matcher.name])
         depths.append(written["depth"])
     return np.stack(depths, axis=-1)

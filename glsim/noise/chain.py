@@ -7,9 +7,8 @@ from contextlib import contextmanager
 from functools import partial
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.rect import Rect
@@ -184,7 +183,7 @@ class ShaderChain:
         *,
         infrared: bool = True,
         expected: bool = False,
-        images: Mapping[str, NDArray[np.float32]] | None = None,
+        images: Mapping[str, Floats] | None = None,
         linked: LinkedStages | None = None,
     ) -> None:
         self._context = context

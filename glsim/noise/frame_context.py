@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from glsim.core.array_types import Floats
 from glsim.core.camera import Distortion, Point, SensorRig
 from glsim.core.rect import Rect
 from glsim.core.seeds import stage_seed
 
 #: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
-Layers = Mapping[str, NDArray[np.float32]]
+Layers = Mapping[str, Floats]
 
 _ORIGIN: Point = (0.0, 0.0, 0.0)
 

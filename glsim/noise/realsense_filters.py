@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats, Whole
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext, Layers
@@ -21,7 +22,7 @@ from glsim.noise.stage import array_stage
 
 __all__ = ["hole_filling", "spatial_filter", "temporal_filter", "threshold_filter"]
 
-Image = NDArray[np.float32]
+Image = Floats
 _Depth = TypeVar("_Depth", bound=np.number)
 
 #: Disparities count 1/32 px: librealsense's disparity-transform.h has 5 bits behind the point.
@@ -232,7 +233,7 @@ def fill_holes(depth: Image, mode: int) -> Image:
         return _carried(depth, depth.shape[-1])
     # The bits of floats above 0 are ordered as the floats are. Parts of a row begin with the pixels
     # that do not look to their left; a part's number stands above the 33 bits of its values.
-    bits: NDArray[np.int64] = np.ascontiguousarray(depth).view(np.int32).astype(np.int64)
+    bits: Whole = np.ascontiguousarray(depth).view(np.int32).astype(np.int64)
     nothing, sign = (np.int64(0), 1) if mode == 1 else (np.int64(2**31), -1)
     for row in range(1, len(bits) - 1):
         above, here, below = bits[row - 1], bits[row], bits[row + 1]

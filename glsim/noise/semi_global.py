@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Array, Floats
 
 Disparities = NDArray[np.int32]
 Matched = NDArray[np.int16]
@@ -99,7 +99,7 @@ def _even_contrast(image: Floats, side_px: int, floor_counts: float) -> NDArray[
     return clipped
 
 
-def _local_moments(image: Floats, side_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _local_moments(image: Floats, side_px: int) -> tuple[Array, Array]:
     """Compute the mean (counts) and the variance (counts^2) of the window around each pixel."""
     import cv2
 

@@ -20,9 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.gl.declarations import Parameter, slider_of
 from glsim.gl.shader_source import ShaderSource
@@ -31,9 +29,7 @@ from glsim.settings.distribution import Distribution, ScopeSeeds, constant
 
 #: A stage on arrays: takes the view of the frame, its layers and the parameters' values; returns
 #: the layers that it writes.
-ArrayFunction = Callable[
-    [FrameContext, Layers, Mapping[str, float]], Mapping[str, NDArray[np.float32]]
-]
+ArrayFunction = Callable[[FrameContext, Layers, Mapping[str, float]], Mapping[str, Floats]]
 
 #: How far around a pixel a stage on arrays reads, pixels, as a function of its parameters' values.
 Reach = Callable[[Mapping[str, float]], int]

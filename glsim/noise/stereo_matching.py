@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Floats, Mask
 from glsim.core.camera import Point
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -113,9 +113,7 @@ def _reach_px(p: Mapping[str, float]) -> int:
         "temporal_filter runs, each for two thirds of a frame's time; it looks back at 8",
     ),
 )  # fmt: skip
-def match_stereo(
-    view: FrameContext, layers: Layers, p: Mapping[str, float]
-) -> dict[str, NDArray[np.float32]]:
+def match_stereo(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> dict[str, Floats]:
     """Matches two infrared images (or an image and a pattern) into depth: f B / disparity."""
     second = "infrared_right" if "infrared_right" in layers else "reference"
     turn = _Turn(view.second_view_m)
@@ -194,7 +192,7 @@ def _device_error(
     fine_px: float,
     patches: float,
     fine_across_px: float,
-) -> NDArray[np.float32]:
+) -> Floats:
     """Draw an (h, w) float32 smooth standard normal field, the same in every frame of a device.
 
     Args:
@@ -224,7 +222,7 @@ def _device_error(
     return field
 
 
-def _smooth(white: NDArray[np.float32], grain_px: tuple[float, float], reach: int) -> Floats:
+def _smooth(white: Floats, grain_px: tuple[float, float], reach: int) -> Floats:
     """Smooth white noise by a Gaussian that keeps its variance, without ``reach`` px of border."""
     import cv2
 
@@ -244,8 +242,8 @@ _HIDDEN_SHARE = 0.02
 
 
 def match_reasons(
-    view: FrameContext, layers: Layers, depth_m: NDArray[np.float32], p: Mapping[str, float]
-) -> NDArray[np.float32]:
+    view: FrameContext, layers: Layers, depth_m: Floats, p: Mapping[str, float]
+) -> Floats:
     """Return the reason codes of the pixels after matching.
 
     Args:
@@ -268,9 +266,7 @@ def match_reasons(
     return reason
 
 
-def is_other_surface(
-    view: FrameContext, clean_m: NDArray[np.float32], depth_m: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+def is_other_surface(view: FrameContext, clean_m: Floats, depth_m: Floats) -> Mask:
     """Return where measured and clean depth differ by more than 1 px of disparity.
 
     Args:
@@ -279,11 +275,11 @@ def is_other_surface(
     fb = np.float32(view.focal_baseline_px_m)
     both = (clean_m > 0) & (depth_m > 0)
     found_px, true_px = (fb / np.where(both, d, 1) for d in (depth_m, clean_m))
-    other: NDArray[np.bool_] = both & (np.abs(found_px - true_px) > _OTHER_SURFACE_PX)
+    other: Mask = both & (np.abs(found_px - true_px) > _OTHER_SURFACE_PX)
     return other
 
 
-def _hidden(view: FrameContext, layers: Layers, true_px: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _hidden(view: FrameContext, layers: Layers, true_px: Floats) -> Mask:
     """Return where the second imager does not see the surface, hidden or outside its image."""
     right, clean = layers["right_clean"], layers["clean"]
     height, width = clean.shape
@@ -293,7 +289,7 @@ def _hidden(view: FrameContext, layers: Layers, true_px: NDArray[np.float32]) ->
     row = np.rint(row - axis_px[1] * true_px).astype(np.int64)
     beside = (column < 0) | (column >= width) | (row < 0) | (row >= height)
     there = right[row.clip(0, height - 1), column.clip(0, width - 1)]
-    hidden: NDArray[np.bool_] = beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
+    hidden: Mask = beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
     return hidden
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats
 from glsim.core.arrays import of
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import offset_to_nearest
@@ -85,7 +86,7 @@ def assemble_frame(
     )
 
 
-def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
+def seen_landmarks(points_m: Array, frame: Frame) -> Landmarks:
     """Project the landmarks (68, 3), camera-frame metres, into a frame and test their visibility.
 
     One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
@@ -101,7 +102,7 @@ def seen_landmarks(points_m: NDArray[np.float64], frame: Frame) -> Landmarks:
     return Landmarks(points_m, pixels, inside & (clean > 0) & (np.abs(clean - depth) < 0.005))
 
 
-def _cut(layer: NDArray[np.float32], window: Rect, inside: tuple[slice, slice]) -> Any:
+def _cut(layer: Floats, window: Rect, inside: tuple[slice, slice]) -> Any:
     """Crop a layer to a part of ``window``, also if the layer's pixels are finer."""
     factor = max(layer.shape[1] // window.width, 1)
     rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.products import norm, product
 from glsim.core.seeds import rng_for
@@ -67,7 +68,7 @@ def color_image(layers: Layers, numbers: Mapping[str, int], seeds: ScopeSeeds) -
     return encoded
 
 
-def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, NDArray[np.float64]]:
+def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, Array]:
     """Return number -> linear colour of each region; 0 is skin."""
     person = rng_for(seeds.subject, "colours")
     skin = _between(_SKIN, person.uniform())
@@ -89,7 +90,7 @@ def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, NDArray
     return colors
 
 
-def _between(ends: tuple[_Color, _Color], share: float) -> NDArray[np.float64]:
+def _between(ends: tuple[_Color, _Color], share: float) -> Array:
     """Interpolate two colours by the logarithm, as pigment darkens."""
     low, high = np.log(ends)
     return np.asarray(np.exp(low + share * (high - low)))

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.core import depth_map
+from glsim.core.array_types import Floats, Reals
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.rect import Rect
@@ -88,7 +88,7 @@ class MapEngine:
             self._opened.context.release()
         self._opened = None
 
-    def frame(self, depth_m: NDArray[np.float32], key: FaceKey, seeds: ScopeSeeds) -> Frame:
+    def frame(self, depth_m: Floats, key: FaceKey, seeds: ScopeSeeds) -> Frame:
         """Simulate the frame of a map of ``surface_depth``. Raises ConfigError."""
         sampled, values = sample_values(self.sensor.stages, seeds)
         whole = self.rig.intrinsics
@@ -130,7 +130,7 @@ class MapEngine:
         )
 
     def _context(
-        self, window: Rect, seeds: ScopeSeeds, depth_m: NDArray[np.float32], nearest_m: float
+        self, window: Rect, seeds: ScopeSeeds, depth_m: Floats, nearest_m: float
     ) -> FrameContext:
         # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with
         # the square of the distance.
@@ -146,7 +146,7 @@ class MapEngine:
             supersample=1,  # a map has no samples
         )
 
-    def _array_layers(self, depth_m: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+    def _array_layers(self, depth_m: Floats) -> dict[str, Floats]:
         """Compute the input layers of a noise chain in NumPy, without GL."""
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
@@ -163,7 +163,7 @@ class MapEngine:
         }
 
 
-def noise_name(depth_mm: NDArray[np.float32]) -> str:
+def noise_name(depth_mm: Floats) -> str:
     """Return the name of a map's noise: the same for the same depths in any format and place.
 
     Rounding to 1/64 mm makes metres and steps alike: no step of 0.05 mm or more, and none of a
@@ -173,7 +173,7 @@ def noise_name(depth_mm: NDArray[np.float32]) -> str:
     return f"{stable_seed(depth_mm.shape, zlib.crc32(steps.tobytes())):x}"
 
 
-def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.float32]:
+def surface_depth(depth: Reals, far_m: float) -> Floats:
     """Return depth as float32 metres with 0 for NaN, for values up to 0, and beyond ``far_m``.
 
     Simulators use any of these for the empty background. Memory is shared where nothing changes.
@@ -184,9 +184,7 @@ def surface_depth(depth: NDArray[np.floating[Any]], far_m: float) -> NDArray[np.
     return np.where(seen, depth, 0).astype(np.float32)
 
 
-def depth_batch(
-    depth: Any, shape: tuple[int, int]
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], Callable[[], Any]]:
+def depth_batch(depth: Any, shape: tuple[int, int]) -> tuple[Reals, Reals, Callable[[], Any]]:
     """View an array or tensor of float depth as a batch of maps of ``shape`` (height, width).
 
     PyTorch is not imported: its tensors are known by their type's module.

@@ -22,6 +22,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Reals
 from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, require_package
 from glsim.core.seeds import stable_seed
@@ -222,9 +223,7 @@ class DepthNoise:
             sequence, frame = self._next(map_shape(depth_m, self._size)[1])
         return self._on_tensors(depth_m, frame, sequence, seeds, expected=True, **given)[1]
 
-    def corrupt_depth(
-        self, depth_m: NDArray[np.floating[Any]], *, frame: int = 0, sequence: str = ""
-    ) -> Frame:
+    def corrupt_depth(self, depth_m: Reals, *, frame: int = 0, sequence: str = "") -> Frame:
         """Return the whole Frame (infrared, reasons, parameters) for one (H, W) map in metres.
 
         The noise is that of a call with ``frame``, not by "torch". Raises ConfigError.

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats, Mask, Reals
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Layer
 from glsim.core.errors import ConfigError, did_you_mean
@@ -33,7 +34,7 @@ LAYERS = ("clean", "noisy", "infrared", "reason")
 WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right", "color")
 
 
-def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: float) -> None:
+def refuse_millimetres(depth: Reals, near_m: float, far_m: float) -> None:
     """Raise ConfigError if depths that should be metres look like millimetres.
 
     In metres they would be beyond the sensor's far plane, and the result empty without a word. A
@@ -55,13 +56,13 @@ def refuse_millimetres(depth: NDArray[np.floating[Any]], near_m: float, far_m: f
         )
 
 
-def encode_normals(normals: NDArray[np.floating], seen: NDArray[np.bool_]) -> NDArray[np.uint16]:
+def encode_normals(normals: Reals, seen: Mask) -> NDArray[np.uint16]:
     """Encode unit normals (..., 3) as uint16; pixels where ``seen`` is False become 0, 0, 0."""
     codes = np.rint(np.clip(normals, -1, 1) * _STEPS) + _ZERO
     return np.where(seen[..., None], codes, 0).astype(np.uint16)
 
 
-def decode_normals(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+def decode_normals(codes: NDArray[np.uint16]) -> Floats:
     """Decode uint16 codes to float32 unit normals (..., 3), 0 where there is no surface."""
     seen = codes.any(axis=-1, keepdims=True)
     normals = (codes.astype(np.float32) - _ZERO) / _STEPS
@@ -69,7 +70,7 @@ def decode_normals(codes: NDArray[np.uint16]) -> NDArray[np.float32]:
     return np.where(seen, normals / np.where(seen, length, 1), 0).astype(np.float32)
 
 
-def _encode_counts(counts: NDArray[np.float32]) -> NDArray[np.uint16]:
+def _encode_counts(counts: Floats) -> NDArray[np.uint16]:
     """Round infrared counts to uint16, clipped at 65535."""
     encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, UINT16_MAX).astype(np.uint16)
     return encoded
@@ -86,9 +87,9 @@ class Landmarks:
         visible: (68,) whether the clean depth at the pixel is that of the point.
     """
 
-    points_m: NDArray[np.float64]
-    pixels: NDArray[np.float64]
-    visible: NDArray[np.bool_]
+    points_m: Array
+    pixels: Array
+    visible: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,19 +132,19 @@ class Frame:
     seed: int
     intrinsics: Intrinsics
     window: Rect
-    clean_m: NDArray[np.float32]
-    noisy_m: NDArray[np.float32]
-    infrared_counts: NDArray[np.float32]
+    clean_m: Floats
+    noisy_m: Floats
+    infrared_counts: Floats
     reason_codes: NDArray[np.uint8]
     region_codes: NDArray[np.uint8] | None = None
-    expected_m: NDArray[np.float32] | None = None
-    normal: NDArray[np.float32] | None = None
+    expected_m: Floats | None = None
+    normal: Floats | None = None
     color_rgb: NDArray[np.uint8] | None = None
-    infrared_right_counts: NDArray[np.float32] | None = None
-    head_to_camera: NDArray[np.float64] | None = None
+    infrared_right_counts: Floats | None = None
+    head_to_camera: Array | None = None
     landmarks: Landmarks | None = None
     region_numbers: Mapping[str, int] = field(default_factory=dict)
-    extra: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    extra: Mapping[str, Floats] = field(default_factory=dict)
     depth_unit_mm: float = 1.0
     depth_offset_mm: float = 0.0
     pose: Mapping[str, float] = field(default_factory=dict)
@@ -256,7 +257,7 @@ class Frame:
             name=name,
         )
 
-    def _depth_mm(self, layer: str, rounded: bool) -> NDArray[np.float32]:
+    def _depth_mm(self, layer: str, rounded: bool) -> Floats:
         if rounded:
             return from_steps(getattr(self, layer), self.depth_unit_mm, self.depth_offset_mm)
         depth_mm = to_mm(self._paste(getattr(self, f"{layer}_m")))

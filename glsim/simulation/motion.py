@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from glsim.core.array_types import Floats
 from glsim.core.bounds import union
 from glsim.core.camera import SensorRig, SubExposure
 from glsim.core.errors import ConfigError
@@ -142,7 +140,7 @@ class MovingFrames:
         return dict(zip(LIGHT_LAYERS, sums, strict=True))
 
 
-def settle_reasons(layers: dict[str, NDArray[np.float32]]) -> None:
+def settle_reasons(layers: dict[str, Floats]) -> None:
     """Match the reasons of a rolling-shutter frame to the still scene's depth, in place.
 
     Args:

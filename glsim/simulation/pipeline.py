@@ -26,6 +26,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.products import product
 from glsim.core.seeds import stable_seed
@@ -72,7 +73,7 @@ class _InFlight:
     frame: FrameContext
     values: dict[str, dict[str, float]]
     sampled: dict[str, float]
-    true: dict[str, NDArray[np.float32]]
+    true: dict[str, Floats]
     rolled: bool = False
 
 
@@ -338,7 +339,7 @@ class Simulator:
         self._chain.run(rendered, frame, values, readback, owner)
         return _InFlight(readback, task, scene, frame, values, sampled, self._seen_in_colour(scene))
 
-    def _seen_in_colour(self, scene: FrameScene) -> dict[str, NDArray[np.float32]]:
+    def _seen_in_colour(self, scene: FrameScene) -> dict[str, Floats]:
         """Draw the crop of a scene in the colour camera's view; {} if no such view is delivered."""
         colour = self.sensor.rig.registered
         if self._colour is None or colour is None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats, Whole
 from glsim.core.camera import ColourCamera, Intrinsics
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -23,7 +23,7 @@ _MOST_PX: Final = 64
 
 def register(
     noisy: Layers, window: Rect, image: Intrinsics, colour: ColourCamera, true: Layers, crop: Rect
-) -> dict[str, NDArray[np.float32]]:
+) -> dict[str, Floats]:
     """Return the layers of a frame in the colour camera's view.
 
     Args:
@@ -49,16 +49,14 @@ def register(
     return layers
 
 
-def _taken(
-    layer: NDArray[np.float32], source: NDArray[np.int64], other: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _taken(layer: Floats, source: Whole, other: Floats) -> Floats:
     """Return the layer's values at flat indices ``source``, and ``other`` where these are -1."""
     return np.where(source >= 0, layer.ravel()[source], other)
 
 
 def _land(
-    depth_m: NDArray[np.float32], window: Rect, image: Intrinsics, colour: ColourCamera, crop: Rect
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    depth_m: Floats, window: Rect, image: Intrinsics, colour: ColourCamera, crop: Rect
+) -> tuple[Whole, Floats]:
     """Return per pixel of ``crop`` the flat index of the nearest depth pixel, or -1, and its depth.
 
     The depth is that along the colour camera's axis, metres; 0 = none.
@@ -94,9 +92,7 @@ def _land(
     return index.reshape(crop.height, crop.width), depth.reshape(crop.height, crop.width)
 
 
-def _span(
-    one: NDArray[np.float64], other: NDArray[np.float64], size: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _span(one: Array, other: Array, size: int) -> tuple[Whole, Whole]:
     """Return the first pixels that spans along an axis touch, and those after the last ones."""
     first = np.floor(np.minimum(one, other)).clip(0, size).astype(np.int64)
     end = np.floor(np.maximum(one, other)).clip(-1, size - 1).astype(np.int64) + 1

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats
 from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
@@ -45,13 +45,13 @@ class FrameScene:
     """
 
     face: Face
-    meshes: Sequence[tuple[Mesh, NDArray[np.float32]]]
-    labels: Sequence[NDArray[np.float32] | None]
+    meshes: Sequence[tuple[Mesh, Floats]]
+    labels: Sequence[Floats | None]
     crop: Rect
     pose: Mapping[str, float]
     sampled: Mapping[str, float]
-    head_to_camera_m: NDArray[np.float64]
-    landmarks_m: NDArray[np.float64] | None
+    head_to_camera_m: Array
+    landmarks_m: Array | None
 
 
 class FrameScenes:
@@ -138,7 +138,7 @@ class FrameScenes:
         check_behind(scenery, person, view)
         others = loader.others.props(task.source, seeds, scenery) if body is not None else []
         further = [*scenery.props, *others]
-        labels: list[NDArray[np.float32] | None] = []
+        labels: list[Floats | None] = []
         if self._labels is not None:
             named: list[WornPart | Prop] = [*face.parts, *further]
             labels = [
@@ -168,7 +168,7 @@ class FrameScenes:
         )
 
 
-def _as_seen(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh:
+def _as_seen(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh:
     """Return a mesh as a far camera sees it: with the triangles that cast its shadows."""
     pixel_mm = MM_PER_M * float(view[2, 3]) / rig.intrinsics.fx
     if mesh.occluder is None or pixel_mm < _FAR_PIXEL_MM:

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import require_package
 from glsim.core.files.regular import MOST_HELD
 
@@ -35,7 +36,7 @@ def require_exr(what: str) -> None:
     require_package("OpenEXR", what, "formats")
 
 
-def encode_exr(depth_m: NDArray[np.float32]) -> bytes:
+def encode_exr(depth_m: Floats) -> bytes:
     """Return an OpenEXR file with the (H, W) float32 channel Y; the same bytes each time.
 
     Y is luminance: programs read a file with this channel alone as one grey image.

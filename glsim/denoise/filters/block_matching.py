@@ -13,9 +13,8 @@ from importlib.util import find_spec
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Depth, Mask
+from glsim.core.array_types import Array, Depth, Mask
 from glsim.core.errors import require_package
 from glsim.denoise.filters.masked import Masked
 from glsim.denoise.filters.windows import fill
@@ -73,7 +72,7 @@ class BlockMatching(Masked):
         return estimate
 
 
-def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> NDArray[np.float64]:
+def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> Array:
     """Compute the (H, W) power spectrum, of mean 1, of noise of variance 1, in FFT order.
 
     It is white noise under a Gaussian of ``correlation_px`` and _WHITE of it without.

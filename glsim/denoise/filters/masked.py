@@ -13,9 +13,8 @@ from typing import ClassVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Depth, Mask
+from glsim.core.array_types import Array, Depth, Mask
 from glsim.core.depth_map import around
 from glsim.denoise.filters.frame_filter import FrameFilter
 from glsim.denoise.filters.windows import clean_up, fill
@@ -177,7 +176,7 @@ def local_polynomial(
     middle = float(np.median(depth_mm[support]))
     masked = np.where(support, depth_mm - middle, 0.0)
 
-    def moment(image: NDArray[np.float64], p: int, q: int) -> NDArray[np.float64]:
+    def moment(image: Array, p: int, q: int) -> Array:
         row, column = bell * offset**p, bell * offset**q
         full = cv2.sepFilter2D(image, cv2.CV_64F, row, column, borderType=cv2.BORDER_CONSTANT)
         return np.asarray(full[wanted], np.float64)

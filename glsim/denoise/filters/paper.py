@@ -83,9 +83,4 @@ class NonLocalMeans(FrameFilter):
 
 
 #: Name on the command line -> filter.
-FILTERS = {
-    "noisy": Unchanged,
-    "median": Median,
-    "bilateral": Bilateral,
-    "nlm": NonLocalMeans,
-}
+FILTERS = {"noisy": Unchanged, "median": Median, "bilateral": Bilateral, "nlm": NonLocalMeans}

@@ -13,14 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glsim.looks.room.furniture import (
-    catalogue,
-    choose,
-    coat,
-    curtain,
-    make_thing,
-    sample_albedo,
-)
+from glsim.looks.room.furniture import catalogue, choose, coat, curtain, make_thing, sample_albedo
 from glsim.looks.room.shapes import Shape, bounds_mm, box, moved, plate, rod
 
 Rng = np.random.Generator

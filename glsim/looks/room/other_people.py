@@ -6,8 +6,8 @@ from collections import OrderedDict
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.camera import SensorRig
 from glsim.core.products import product
 from glsim.core.seeds import pcg_rng, stable_seed
@@ -102,7 +102,7 @@ class OtherPeople:
                 return self._dressers[source].dress(varied, seeds), body.floor_mm
         return None
 
-    def _place(self, source: int, number: int, place: NDArray[np.float32]) -> list[Prop]:
+    def _place(self, source: int, number: int, place: Floats) -> list[Prop]:
         """Return the visible meshes of a background person at a place."""
         face, floor_mm = self._faces.get((source, number)) or (None, 0.0)
         if face is None:

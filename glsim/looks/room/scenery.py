@@ -11,8 +11,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.camera import SensorRig
 from glsim.core.errors import MeshError
 from glsim.core.mesh import Mesh
@@ -58,7 +58,7 @@ class Prop(NamedTuple):
     """
 
     mesh: Mesh
-    view: NDArray[np.float32]
+    view: Floats
     region: str = ""
 
 
@@ -76,7 +76,7 @@ class Scenery(NamedTuple):
     props: tuple[Prop, ...] = ()
     sampled: Mapping[str, float] = {}
     tilt_deg: float = 0.0
-    places: tuple[NDArray[np.float32], ...] = ()
+    places: tuple[Floats, ...] = ()
 
 
 class Body(NamedTuple):
@@ -157,7 +157,7 @@ def build_scenery(
     return Scenery((wall,), {"scene.wall_mm": wall_mm})
 
 
-def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: NDArray[np.float32]) -> None:
+def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: Floats) -> None:
     """Raise MeshError unless the plain wall lies behind the whole face.
 
     Args:
@@ -240,7 +240,7 @@ def _visible_room(
     tilt_deg: float,
     rig: SensorRig,
     albedo: float,
-) -> tuple[tuple[Prop, ...], tuple[NDArray[np.float32], ...]]:
+) -> tuple[tuple[Prop, ...], tuple[Floats, ...]]:
     """Build a room, cut it to the view; return its meshes and the positions of other people."""
     room, people = build_room(numbers)
     view = room_view(np.asarray(camera_mm), tilt_deg)

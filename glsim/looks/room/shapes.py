@@ -14,9 +14,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glsim.core.array_types import Array
 from glsim.core.products import norm, product
 
-Points = NDArray[np.float64]
+Points = Array
 Triangles = NDArray[np.int32]
 
 

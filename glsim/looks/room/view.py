@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Floats, Mask
 from glsim.core.bounds import FieldOfView
 from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
@@ -23,7 +23,7 @@ _BESIDE = 0.16
 _NEAREST_M = 0.3
 
 
-def tilted(view: NDArray[np.float32], tilt_deg: float) -> NDArray[np.float32]:
+def tilted(view: Floats, tilt_deg: float) -> Floats:
     """Rotate an object's view matrix (4, 4), mm to camera m, for a camera that is tilted up.
 
     The object keeps its position in the image; its vertical axis turns.
@@ -66,7 +66,7 @@ def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
     return 0.0 if abs(tilt) < 1e-9 else float(np.clip(tilt, -_MAX_TILT_DEG, _MAX_TILT_DEG))
 
 
-def room_view(camera_mm: Points, tilt_deg: float) -> NDArray[np.float64]:
+def room_view(camera_mm: Points, tilt_deg: float) -> Array:
     """Return the matrix (4, 4) from room axes, mm, to camera axes, m."""
     matrix = np.eye(4)
     matrix[:3, :3] = _rotation(tilt_deg) / MM_PER_M
@@ -81,7 +81,7 @@ def _rotation(tilt_deg: float) -> Points:
 
 
 def visible_mesh(
-    shapes: Sequence[Shape], view: NDArray[np.float64], rig: SensorRig, factor: float = 1.0
+    shapes: Sequence[Shape], view: Array, rig: SensorRig, factor: float = 1.0
 ) -> Mesh | None:
     """Join the visible part of shapes to one mesh; None if nothing is visible.
 
@@ -111,7 +111,7 @@ def visible_mesh(
     return Mesh(np.ascontiguousarray(unique[:, :3]), faces, np.ascontiguousarray(unique[:, 3]))
 
 
-def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh | None:
+def visible_part(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh | None:
     """Remove triangles that face away or lie outside of the view; None if no triangle is left.
 
     Triangles at the border of the view stay whole. All arrays are new.
@@ -133,7 +133,7 @@ def visible_part(mesh: Mesh, view: NDArray[np.float32], rig: SensorRig) -> Mesh 
     return Mesh(mesh.vertices_mm[used], index.reshape(-1, 3).astype(np.int32), albedo)
 
 
-def _towards(triangles: Points, rig: SensorRig) -> NDArray[np.bool_]:
+def _towards(triangles: Points, rig: SensorRig) -> Mask:
     """Mark the triangles (T, 3, 3) m that face a camera or an emitter, (T,)."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     towards = np.zeros(len(triangles), bool)

@@ -41,10 +41,7 @@ def pixels(window: Rect, like: Any = 0) -> tuple[Words, Words]:
     """
     left, top, width, height = window
     xp = of(like)
-    return (
-        xp.range(left, left + width, like)[None, :],
-        xp.range(top, top + height, like)[:, None],
-    )
+    return (xp.range(left, left + width, like)[None, :], xp.range(top, top + height, like)[:, None])
 
 
 def fetch(layer: Image, window: Rect, x: Words, y: Words) -> Image:

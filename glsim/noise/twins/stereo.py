@@ -54,10 +54,7 @@ def pattern_exposure(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     noise, gain = _noise_and_gain(view)
     left = _blurred(view, layers["light_left"], p)
     level = p["reference_counts"] * _blurred(view, layers["light_right"], p)
-    return {
-        "infrared": _counts(view, left, noise[0], gain[0], p),
-        "reference": _whole(level, p),
-    }
+    return {"infrared": _counts(view, left, noise[0], gain[0], p), "reference": _whole(level, p)}
 
 
 def _key(view: FrameContext) -> Words:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.arrays import of
 from glsim.core.depth_map import lit_share
 from glsim.noise.frame_context import FrameContext
@@ -34,7 +34,7 @@ _MOST_TURNS, _FARTHEST_PX = 64, 128
 Light = tuple[Image, Image, Image]
 
 
-def frequencies(view: FrameContext) -> NDArray[np.float32]:
+def frequencies(view: FrameContext) -> Floats:
     """Return the three modulation frequencies, float32 MHz."""
     return np.asarray(view.modulation_mhz, np.float32)
 
@@ -45,7 +45,7 @@ def phases(real: Image, imaginary: Image) -> Image:
     return turns - of(real).floor(turns)
 
 
-def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image, Image]:
+def unwrapped_cycles(phase: Image, f: Floats) -> tuple[Image, Image, Image]:
     """Unwrap (..., 3) phases, 0 to 1, to whole and broken cycles of each of the frequencies f."""
     xp, (f0, _, f2) = of(phase), f.tolist()
     ratio, turns_of_third = float(f[0] / f[1]), f[2] / f[1]
@@ -64,7 +64,7 @@ def unwrapped_cycles(phase: Image, f: NDArray[np.float32]) -> tuple[Image, Image
     return fast, slow, phase[..., 2] + xp.floor(fast * f2 / f0 - phase[..., 2] + 0.5)
 
 
-def distance_of(fast: Image, slow: Image, third: Image, f: NDArray[np.float32]) -> Image:
+def distance_of(fast: Image, slow: Image, third: Image, f: Floats) -> Image:
     """Compute half the length of the path emitter, surface, camera, m.
 
     Args:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glsim.core.array_types import Array, Whole
 from glsim.core.seeds import stable_seed
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -62,7 +62,7 @@ def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
     return {name: SPLIT_NAMES[split] for name, split in zip(names, chosen, strict=True)}
 
 
-def _search_all(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequence[int]:
+def _search_all(sizes: Whole, target: Array) -> Sequence[int]:
     """Return the split number of each person in the best of all possible assignments."""
 
     def cost(chosen: tuple[int, ...]) -> tuple[int, float]:
@@ -76,7 +76,7 @@ def _search_all(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequen
     return min(itertools.product(range(3), repeat=len(size_list)), key=cost)
 
 
-def _search_locally(sizes: NDArray[np.int64], target: NDArray[np.float64]) -> Sequence[int]:
+def _search_locally(sizes: Whole, target: Array) -> Sequence[int]:
     """Assign people greedily, largest first; then move or swap people while this improves it."""
     images = np.zeros(3)
     chosen = np.zeros(len(sizes), np.int64)
@@ -100,11 +100,7 @@ _PAIRS: Final = tuple(itertools.combinations(range(3), 2))
 
 
 def _best_swap(
-    sizes: NDArray[np.int64],
-    missing: NDArray[np.float64],
-    chosen: NDArray[np.int64],
-    a: int,
-    b: int,
+    sizes: Whole, missing: Array, chosen: Whole, a: int, b: int
 ) -> tuple[float, list[tuple[int, int]]]:
     """Return the best swap of splits a and b: its cost change and [(person, new split)]."""
     persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
