@@ -15,9 +15,11 @@ Floats = NDArray[np.float32]
 Reals = NDArray[np.floating[Any]]
 #: Whole numbers: indices, labels, counts.
 Whole = NDArray[np.int64]
+#: (F, 3) indices of the vertices of triangles.
+Triangles = NDArray[np.int32]
 #: (H, W) millimetres along the optical axis; 0 = no depth.
 Depth = NDArray[np.float32]
-#: (H, W) marked pixels, such as those with depth.
+#: Marked pixels, (H, W), such as those with depth; marked points, (N,).
 Mask = NDArray[np.bool_]
 #: (H, W) in [0, 1]: probability that a pixel has depth.
 Probability = NDArray[np.floating[Any]]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glsim.core.array_types import Array, Floats
+from glsim.core.array_types import Array, Floats, Reals
 from glsim.core.camera import SensorRig
 from glsim.core.errors import MeshError
 from glsim.core.products import product
@@ -81,14 +81,9 @@ class FieldOfView:
 
 
 def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
-    """Compute the (8, 3) corners of a mesh's bounding box, camera frame, metres.
+    """Compute the (8, 3) corners, camera metres, of the box around (V, 3) canonical millimetres.
 
-    Args:
-        vertices_mm: (V, 3) canonical millimetres.
-        view: (4, 4), canonical mm to camera m.
-
-    Raises:
-        MeshError: a vertex that is NaN or infinite.
+    ``view`` is the (4, 4) matrix from these to those. Raises MeshError for NaN and infinity.
     """
     # By column: NumPy reduces (V, 3) along its long axis ten times slower.
     columns = np.ascontiguousarray(vertices_mm.T)
@@ -104,30 +99,25 @@ def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
 def vertex_frustum(vertices_mm: Floats, view: Floats, near_m: float) -> Frustum | None:
     """Compute the frustum of a mesh's vertices; None if a vertex is not beyond ``near_m``.
 
-    It can be much smaller than that of their bounding box, e.g. if hands reach forward.
-
-    Args:
-        vertices_mm: (V, 3).
-        view: (4, 4), canonical mm to camera m.
+    It can be much smaller than that of their bounding box, e.g. if hands reach forward. Arguments
+    as for ``bounding_corners``.
     """
-    x, y, z = product(view[:3, :3], vertices_mm.T) + view[:3, 3:]
-    nearest = float(z.min())
-    if nearest <= near_m:
-        return None
-    x, y = x / z, y / z
-    seen = (x.min(), y.min(), x.max(), y.max(), nearest, z.max())
-    return Frustum(*(float(value) for value in seen))
+    return _frustum(product(view[:3, :3], vertices_mm.T) + view[:3, 3:], near_m)
 
 
 def bounding_frustum(
     corners_m: Array, origin_m: tuple[float, float, float], near_m: float
 ) -> Frustum | None:
     """Compute the frustum of (N, 3) points seen from ``origin_m``; None if any is too near."""
-    seen = corners_m - np.asarray(origin_m)
-    z = seen[:, 2]
+    return _frustum((corners_m - np.asarray(origin_m)).T, near_m)
+
+
+def _frustum(points_m: Reals, near_m: float) -> Frustum | None:
+    """Compute the frustum of (3, N) points; None if any is not beyond ``near_m``."""
+    x, y, z = points_m
     if z.min() <= near_m:
         return None
-    x, y = seen[:, 0] / z, seen[:, 1] / z
+    x, y = x / z, y / z
     return Frustum(*(float(v) for v in (x.min(), y.min(), x.max(), y.max(), z.min(), z.max())))
 
 
@@ -140,16 +130,13 @@ def image_window(
 ) -> Rect:
     """Compute the window of the image that a mesh can touch, with a margin.
 
-    It is the whole image if the mesh crosses the near plane.
+    It is the whole image if the mesh crosses the near plane. Raises MeshError out of view.
 
     Args:
         corners_m: (8, 3), the mesh's bounding box.
         visible: the crop that is delivered, or None.
         reach_px: how far around the crop stages look, besides the margin.
         around: a smaller frustum around the mesh than that of its box, or None.
-
-    Raises:
-        MeshError: the mesh is out of view.
     """
     image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
@@ -187,10 +174,8 @@ def emitter_frustum(
     It holds the directions of the points that the camera and the imagers see: what shadows them
     lies there too. A crop does not narrow it, because the edges of shadows depend on the grid of
     the shadow map. If the mesh reaches the camera (the legs of a person who looks up), the emitter
-    is in its box: the frustum is then that of the camera's view beyond the near plane.
-
-    Raises:
-        MeshError: the emitter is inside a scene before the camera.
+    is in its box: the frustum is then that of the camera's view beyond the near plane. Raises
+    MeshError for an emitter inside a scene before the camera.
     """
     reached_m = field_of_view.rig.near_m
     near_m = reached_m / 2  # an emitter may stand before the camera

@@ -31,7 +31,6 @@ _UNDISTORT_ITERATIONS = 30
 #: is wrong by less than 1e-6.
 _RADII = 4096
 
-
 #: Captures of a time-of-flight frame that measure: three taps of each of three frequencies.
 TAPS, FREQUENCIES = 3, 3
 
@@ -101,14 +100,8 @@ class Intrinsics:
     ) -> Intrinsics:
         """Return the intrinsics of an uncalibrated depth map that may be a crop of this image.
 
-        Args:
-            shape: (height, width) of the map.
-            focal_px: default: this camera's.
-            centre_px: principal point; default: this camera's if the sizes are equal, else the
-                map's centre.
-
-        Raises:
-            ConfigError: for a focal length that is not above 0.
+        By default it has this camera's focal lengths, and its principal point if the sizes are
+        equal, else the map's centre. Raises ConfigError for a focal length that is not above 0.
         """
         height, width = shape
         if centre_px is None:
@@ -191,10 +184,7 @@ class Distortion:
         return ideal
 
     def _within_limit(self, target: Array) -> tuple[Array, Array]:
-        """Move (..., 2) distorted points into the range where the lens model can be inverted.
-
-        Return them and a first guess of their undistorted places.
-        """
+        """Move (..., 2) distorted points to where the model can be inverted; guess their ideal."""
         ideal_r = np.linspace(0.0, self.limit_tan, _RADII)
         distorted_r = ideal_r * self._radial(ideal_r**2)
         if (np.diff(distorted_r) <= 0).any():
@@ -232,9 +222,9 @@ class Emitter:
         return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
 
     def shared_points_m(self) -> list[tuple[Array, float]]:
-        """Return the emitter's light points (3,), metres, with their shares of the light.
+        """Return two ends and the centre, (3,) m each, with their shares of the light.
 
-        Each is (3,) metres; a point has its centre alone.
+        An emitter without spread gives its centre, with share 1.
         """
         centre, end = np.array(self.position_m), np.array([*self.end_m, 0.0])
         if not end.any():
@@ -434,11 +424,7 @@ class SensorRig:
     def reach_of_views(self, nearest_m: float) -> tuple[int, int, int, int]:
         """Compute the margin around a window in which the other views show its surfaces, pixels.
 
-        Args:
-            nearest_m: a lower bound of the depths in the scene.
-
-        Returns:
-            (left, top, right, bottom).
+        It is (left, top, right, bottom); ``nearest_m`` is a lower bound of the scene's depths.
         """
         if not self.imagers_m:
             return (0, 0, 0, 0)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Floats, Mask, Reals
+from glsim.core.array_types import Array, Floats, Mask, Reals, Triangles
 from glsim.core.arrays import of
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.mesh import Mesh
@@ -131,12 +131,7 @@ def normals(depth_m: Maps, rays: Maps) -> Maps:
 def _surface_steps(points: Sequence[Maps], axis: int) -> list[Maps]:
     """Compute the mean step to neighbours on the same surface; without one, the unit vector.
 
-    Args:
-        points: x, y, z of each pixel, (..., H, W) each.
-        axis: -1 along rows of the image, -2 along columns.
-
-    Returns:
-        x, y, z of the steps, (..., H, W) each.
+    ``points`` and the steps are x, y, z, (..., H, W) each. Axis -1 runs along rows.
     """
     z = points[2]
     xp, last = of(z), z.shape[axis] - 1
@@ -157,12 +152,8 @@ def _surface_steps(points: Sequence[Maps], axis: int) -> list[Maps]:
 def central_normals(depth: Reals, rays: Reals, at: Mask) -> Array:
     """Compute (N, 3) float64 normals, not of unit length, at the N pixels of ``at`` in row order.
 
-    The cross product of the central differences of the back-projected points.
-
-    Args:
-        depth: (H, W), any unit.
-        rays: (H, W, 2), x/z and y/z of each pixel.
-        at: (H, W), False on the image's border.
+    They are the cross products of the central differences of the back-projected points: (H, W)
+    depth in any unit times (H, W, 2) x/z and y/z. ``at`` is False on the image's border.
     """
     row, column = np.nonzero(at)
 
@@ -176,13 +167,10 @@ def central_normals(depth: Reals, rays: Reals, at: Mask) -> Array:
     return np.stack([by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax], axis=-1)
 
 
-def grid_triangles(shape: tuple[int, ...]) -> NDArray[np.int32]:
-    """Return the triangles between neighbouring pixels of an image, (T, 3) flat pixel indices.
+def grid_triangles(shape: tuple[int, ...]) -> Triangles:
+    """Return the triangles between neighbouring pixels of an (H, W) image, (T, 3) flat indices.
 
     They are counter-clockwise seen from the camera.
-
-    Args:
-        shape: (H, W) of the image.
     """
     height, width = shape
     index = np.arange(height * width, dtype=np.int32).reshape(height, width)
@@ -195,12 +183,8 @@ def surface(depth_m: Floats, rig: SensorRig, steepest_deg: float | None = None) 
 
     Vertices are in millimetres, in camera axes with y and z negated: ``pose_matrix({})`` moves them
     back to where they were seen. Seen from elsewhere, triangles across a jump in depth are fins
-    between two surfaces; by default steps of up to 9 % of the depth are bridged, so that a head
-    casts a shadow without gaps.
-
-    Args:
-        depth_m: (H, W) metres.
-        steepest_deg: cut what the camera would see at a larger angle of incidence.
+    between two surfaces: those that the camera would see at more than ``steepest_deg`` are cut. By
+    default steps of up to 9 % of the depth are bridged: a head casts a shadow without gaps.
     """
     if steepest_deg is None:
         largest_share = 3 * EDGE_SHARE
@@ -315,10 +299,7 @@ def _sample(depth_m: Floats, image: Intrinsics, at: Array) -> Floats:
 
 
 def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:
-    """Cut the square neighbourhoods, (N, (2 radius + 1)^2), of the N pixels of ``at``.
-
-    outside: the value beyond the image.
-    """
+    """Cut (N, (2 radius + 1)^2) windows around the N pixels of ``at``; ``outside`` is a number."""
     padded = np.pad(image, radius, constant_values=outside)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2)
     return windows[at].reshape(int(np.count_nonzero(at)), (2 * radius + 1) ** 2)

@@ -1,16 +1,4 @@
-"""The exceptions that glsim raises on purpose.
-
-    GlsimError
-    |- ConfigError    a setting, a parameter or a sensor file is wrong (CLI exit status 2)
-    |- ShaderError    a GLSL file does not parse, compile or link
-    |- DeviceError    no OpenGL context of the requested kind, or no camera, is available
-    |- MeshError      a face cannot be read or cannot be rendered
-    |- DatasetError   a data set on disk is invalid, or cannot be written
-    |- TrainError     a training cannot start, continue or be saved
-    |- DenoiserError  a denoiser cannot be loaded, or returns an invalid depth map
-
-Every message says in one line what is wrong, where, and how to fix it.
-"""
+"""The exceptions that glsim raises on purpose: one line says what is wrong, where, and the cure."""
 
 from __future__ import annotations
 
@@ -34,8 +22,7 @@ class GlsimError(Exception):
     """The base class of all errors of glsim.
 
     Its text is one line of bounded length, whatever a file or a name put into the message: control
-    characters are escaped, and the middle of a long one is left
-    out.
+    characters are escaped, and the middle of a long one is left out.
     """
 
     def __str__(self) -> str:
@@ -46,7 +33,7 @@ class GlsimError(Exception):
 
 
 class ConfigError(GlsimError):
-    """The error of a wrong setting, parameter or sensor file."""
+    """The error of a wrong setting, parameter or sensor file (CLI exit status 2)."""
 
 
 class DepthRangeError(ConfigError):

@@ -13,7 +13,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Floats, Reals
+from glsim.core.array_types import Array, Floats, Reals, Triangles
 from glsim.core.errors import MeshError
 
 #: Default albedo of a mesh without one: diffuse reflectivity of skin at 860 nm relative to a white
@@ -44,9 +44,9 @@ class Mesh:
     """
 
     vertices_mm: Floats
-    faces: NDArray[np.int32]
+    faces: Triangles
     albedo: Floats | None = None
-    occluder: NDArray[np.int32] | None = None
+    occluder: Triangles | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and sizes of the arrays. Raises MeshError if they cannot be rendered."""
@@ -69,9 +69,7 @@ class Mesh:
 def vertex_normals(points: Reals, triangles: NDArray[np.integer]) -> Array:
     """Compute (N, 3) unit normals of points as area-weighted means over their triangles.
 
-    Args:
-        points: (N, 3). One without a triangle has the normal 0.
-        triangles: (F, 3), counter-clockwise seen from outside.
+    Triangles are (F, 3), counter-clockwise seen from outside; a point without one has the normal 0.
     """
     a, b, c = (points[triangles[:, k]] for k in range(3))
     facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
@@ -86,7 +84,7 @@ def reduced(
     faces: NDArray[np.integer],
     share: float,
     named: NDArray[np.integer] | None = None,
-) -> tuple[Floats, NDArray[np.int32], NDArray[np.int32]]:
+) -> tuple[Floats, Triangles, Triangles]:
     """Reduce a mesh to a share of its triangles.
 
     Edges are collapsed by the smallest quadric error (Garland and Heckbert 1997).
@@ -120,16 +118,14 @@ def reduced(
     return places, left, nearest
 
 
-def occluder_of(vertices_mm: Reals, faces: NDArray[np.integer]) -> NDArray[np.int32]:
+def occluder_of(vertices_mm: Reals, faces: NDArray[np.integer]) -> Triangles:
     """Reduce a mesh's triangles for shadows to a share of ``KEPT_SHARE``: (F', 3) int32 indices.
 
     Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles.
-    The occluder has the mesh's own vertices: one list of triangles serves all blends of a model.
-
-    Args:
-        vertices_mm: (V, 3), the mean shape of the meshes that share ``faces``, (F, 3).
+    The occluder has the mesh's own vertices: one list of triangles serves all blends of a model,
+    whose mean shape is ``vertices_mm``.
     """
     _, left, nearest = reduced(vertices_mm, faces, KEPT_SHARE)
-    occluder: NDArray[np.int32] = nearest[left]
+    occluder: Triangles = nearest[left]
     occluder.setflags(write=False)
     return occluder

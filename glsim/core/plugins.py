@@ -59,11 +59,9 @@ def _module(folder: str) -> str:
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
-    """Collect the entries in all modules of a folder of glsim, in order, without repetition.
+    """Collect the ``wanted`` objects in all modules of a folder of glsim, in order, each once.
 
-    Args:
-        folder: below glsim, such as "data/export/formats".
-        wanted: tells whether an object is an entry. Tuples of entries are looked into.
+    A folder is such as "data/export/formats". Tuples of objects are looked into.
     """
     found: dict[int, Any] = {}
     for name in module_names(folder):
@@ -91,12 +89,7 @@ def _entry_points(group: str) -> Mapping[str, EntryPoint]:
 def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
     """Return the names of a group's installed plug-ins, sorted, without importing them.
 
-    Args:
-        group: one of GROUPS.
-        shipped: glsim's own names, which a plug-in may not take.
-
-    Raises:
-        ConfigError: a name stands twice.
+    Raises ConfigError if two have one name, or if one takes a ``shipped`` name of glsim.
     """
     found = _entry_points(group)
     for name in set(shipped) & set(found):
@@ -108,15 +101,9 @@ def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
 
 
 def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
-    """Import the object of a plug-in's entry point.
+    """Import the object of a plug-in's entry point, one of ``plugin_names(group)``.
 
-    Args:
-        group: one of GROUPS.
-        name: one of ``plugin_names(group)``.
-        valid: tells whether an object is what the group holds.
-
-    Raises:
-        ConfigError: the import fails, or gives something else.
+    Raises ConfigError if the import fails, or gives no ``valid`` object of the group.
     """
     entry = _entry_points(group)[name]
     try:
@@ -138,12 +125,7 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
 
 
 def each_usable(names: Iterable[str], load: Callable[[str], _T]) -> Iterator[tuple[str, _T]]:
-    """Yield each name with what ``load`` gives for it, but broken plug-ins: a warning names them.
-
-    Args:
-        names: of entries of a registry.
-        load: returns the entry of a name, and raises GlsimError for a broken plug-in.
-    """
+    """Yield each name with its entry by ``load``; a warning names those that raise GlsimError."""
     for name in names:
         try:
             yield name, load(name)
@@ -167,8 +149,8 @@ def plugin_code(group: str, name: str) -> dict[str, Path]:
         return {}
     package = import_module(entry.module.split(".")[0])
     if not hasattr(package, "__path__"):
-        files = [Path(str(package.__file__))]
-        return {file.name: file for file in files}
+        file = Path(str(package.__file__))
+        return {file.name: file}
     return {
         f"{package.__name__}/{file.relative_to(folder).as_posix()}": file
         for folder in map(Path, package.__path__)

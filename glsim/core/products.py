@@ -22,16 +22,9 @@ _BLOCK = 32_768  # elements at a time, which stay in a processor's cache; measur
 
 
 def product(left: _Numbers, right: _Numbers) -> _Numbers:
-    """Compute ``left @ right``, adding the terms of each element in their order.
+    """Compute (..., K) @ (K, N), or (..., K) @ (K,), adding the terms of each element in order.
 
     It is meant for a few terms (K below 100). For one long row times a vector, multiply and sum.
-
-    Args:
-        left: (..., K) rows.
-        right: (K, N) matrix, or (K,) vector.
-
-    Returns:
-        (..., N), or (...) for a vector.
     """
     if right.ndim == 1:
         return product(left, right[:, None])[..., 0]
@@ -93,14 +86,9 @@ _SQUARINGS = 10
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Solve ``matrix @ x = right`` by Gaussian elimination without pivoting.
+    """Solve (N, N) @ x = (N, M) by Gaussian elimination without pivoting: (N, M).
 
-    Args:
-        matrix: (N, N), whose diagonal dominates each row.
-        right: (N, M).
-
-    Returns:
-        (N, M).
+    The matrix's diagonal dominates each row.
     """
     both = np.concatenate([matrix, right], axis=1)
     for row in range(len(both)):

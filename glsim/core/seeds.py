@@ -44,10 +44,5 @@ def pcg_rng(*words: object) -> np.random.Generator:
 
 
 def device_key(seed: int, device: int) -> int | None:
-    """Compute the seed of a virtual device's own properties; None for device 0, the typical one.
-
-    Args:
-        seed: of the settings.
-        device: number of the virtual device.
-    """
+    """Compute the seed of a virtual device's own properties; None for device 0, the typical one."""
     return stable_seed("device", seed, device) if device else None

@@ -17,17 +17,11 @@ log = logging.getLogger(__name__)
 
 
 def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | None]:
-    """Import an object of a module or a Python file; a warning names the code before it runs.
+    """Import an object of a module or a Python file, and return it with the file of its code.
 
-    Args:
-        target: "module:object", also of a module in the working directory, or "file.py:object".
-        folder: the folder that paths of files start from; default: the working directory.
-
-    Returns:
-        The object, and the file of its code if it has one.
-
-    Raises:
-        ConfigError: the code cannot be imported, or has no such object.
+    A warning names the code before it runs. ``target`` is "module:object", also of a module in the
+    working directory, or "file.py:object" in a folder, by default the working directory. Raises
+    ConfigError if the code cannot be imported or has no such object.
     """
     code, _, name = target.rpartition(":")
     try:

@@ -21,7 +21,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any
 
 import numpy as np
@@ -63,10 +62,7 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 def to_json(value: object, where: str) -> str:
     """Encode a value as one line of JSON; NumPy numbers and arrays become numbers and lists.
 
-    Raises DatasetError for NaN and for other types.
-
-    Args:
-        where: names the value in error messages.
+    Raises DatasetError, which begins with ``where``, for NaN and for other types.
     """
     try:
         return _encode(value)
@@ -97,10 +93,7 @@ def without_nan(value: Any) -> Any:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a file that holds a JSON object, of up to 67 MB.
-
-    Raises DatasetError for anything else.
-    """
+    """Read a file that holds a JSON object, of up to 67 MB. Raises DatasetError for others."""
     try:
         return parse_json(read_regular(path, MOST_HELD), path)
     except OSError as error:
@@ -210,12 +203,7 @@ class AtomicFile:
     def __enter__(self) -> AtomicFile:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         complete = False
         try:
             with wrap_write_errors(self.path):
@@ -270,12 +258,9 @@ def _temporary_name() -> str:
 
 @contextmanager
 def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
-    """Make a temporary folder that is deleted at the end of the block, also after an error.
+    """Make a temporary folder, by default the system's, for a block; an error deletes it, too.
 
     What killed processes left beside it is removed. Raises DatasetError if it cannot be made.
-
-    Args:
-        inside: the folder that holds it; by default the system's for temporary files.
     """
     with wrap_write_errors(inside or Path(os.environ.get("TMPDIR", "/tmp"))):
         parent = Path(tempfile.gettempdir()) if inside is None else inside

@@ -39,17 +39,15 @@ def require_exr(what: str) -> None:
 def encode_exr(depth_m: Floats) -> bytes:
     """Return an OpenEXR file with the (H, W) float32 channel Y; the same bytes each time.
 
-    Y is luminance: programs read a file with this channel alone as one grey image.
-
-    Raises ConfigError without the library.
+    Y is luminance: programs read a file with this channel alone as one grey image. Raises
+    ConfigError without the library.
     """
     require_exr("writing OpenEXR files")
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     data = io.BytesIO()
-    rows = np.ascontiguousarray(depth_m, np.float32)
-    with OpenEXR.File(header, {"Y": rows}) as file:
+    with OpenEXR.File(header, {"Y": np.ascontiguousarray(depth_m, np.float32)}) as file:
         file.write(data)
     return data.getvalue()
 
@@ -71,11 +69,8 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     """Return the channels of an OpenEXR file by name; None if it is too large.
 
     It may have ``max_px`` pixels, and MOST_HELD numbers in all channels: the library reads
-    all. In files of several parts the name of the part comes first.
-
-    Raises:
-        ConfigError: without the library.
-        ValueError: it is no readable file.
+    all. In files of several parts the name of the part comes first. Raises ConfigError without the
+    library, ValueError for an unreadable file.
     """
     require_exr("reading OpenEXR files")
     import OpenEXR

@@ -29,10 +29,8 @@ def natural(name: str | Path) -> tuple[list[str | int], str]:
 def entries(folder: Path, ends: tuple[str, ...] = ("",)) -> tuple[list[str], list[str]]:
     """Return the names of the visible files with one of these ends, and of the sub-folders.
 
-    Both in natural order. Ends are in lower case and match names in any case.
-
-    Raises:
-        ConfigError: the folder cannot be read, or holds more than MOST_FILES of these files.
+    Both in natural order. Ends are in lower case and match names in any case. Raises ConfigError
+    for a folder that cannot be read, or holds more than MOST_FILES of these files.
     """
     files: list[str] = []
     folders: list[str] = []
@@ -66,13 +64,8 @@ def files_below(
 ) -> Iterator[Path]:
     """Yield the files of a folder and its sub-folders, as ``entries`` lists them.
 
-    Args:
-        folder: the top.
-        ends: of the names.
-        seen: real paths of folders that are passed over; those that are visited are added.
-
-    Raises:
-        ConfigError: as by ``entries``, and for more than _MOST_FOLDERS folders.
+    ``seen`` holds the real paths of folders to pass over; those that are visited are added. Raises
+    ConfigError as ``entries``, and for more than _MOST_FOLDERS folders.
     """
     seen = set() if seen is None else seen
     if (real := os.path.realpath(folder)) in seen:

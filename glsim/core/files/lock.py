@@ -18,10 +18,8 @@ def locked(
 ) -> Iterator[None]:
     """Hold a file lock during a block; the kernel frees it if the process dies.
 
-    Raises ``busy`` if another process holds it, DatasetError if it cannot be made.
-
     Args:
-        file: created if it is not there, and left there.
+        file: created if it is not there (DatasetError if it cannot be), and left there.
         busy: raised if another process holds the lock.
         wait: wait until others free it, instead of raising ``busy``.
         shared: hold it together with others that do so; it excludes those that hold it alone.

@@ -6,12 +6,6 @@ from collections.abc import Sequence
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a Markdown table: head, rule and rows.
-
-    Cells are Markdown already, without ``|``.
-    """
-    return [_line(head), "|---" * len(head) + "|", *map(_line, rows)]
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    """Return the lines of a table: head, rule and rows, whose cells are Markdown without ``|``."""
+    first, *others = (f"| {' | '.join(cells)} |" for cells in (head, *rows))
+    return [first, "|---" * len(head) + "|", *others]

@@ -14,16 +14,9 @@ from glsim.core.files.regular import open_regular
 
 
 def map_npy(file: Path) -> NDArray[Any]:
-    """Map an array of real numbers from the disk, read-only: no memory is taken.
+    """Map an array of real numbers of any shape and type from the disk; no memory is taken.
 
-    Args:
-        file: a .npy file.
-
-    Returns:
-        The array, of any shape and any type of real numbers; check both before it is copied.
-
-    Raises:
-        OSError: there is no such file, or it is no such array; ``strerror`` says why.
+    It is read-only. Raises OSError, whose ``strerror`` says why, for what is no such array.
     """
     open_regular(file).close()  # a pipe would wait for a writer for ever
     try:

@@ -56,12 +56,7 @@ def encode_png(
 ) -> bytes:
     """Encode (H, W) uint16 or uint8 as a grey PNG file, (H, W, 3) as an RGB one.
 
-    The same image gives the same bytes.
-
-    Args:
-        image: the pixels.
-        depth_unit_mm: step of a depth map, mm, to be stated in the file; ``stated_unit_mm`` reads
-            it.
+    The same image gives the same bytes. The file states the step of a depth map, mm, if given.
     """
     height, width = image.shape[:2]
     samples = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8)
@@ -75,15 +70,14 @@ def encode_png(
     stream = isal_zlib.compress(rows, _ISAL_LEVEL)
     chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
     if depth_unit_mm is not None:
-        text = UNIT_KEYWORD + b"\0" + f"{depth_unit_mm:g}".encode()
-        chunks.insert(1, _chunk(b"tEXt", text))
+        chunks.insert(1, _chunk(b"tEXt", UNIT_KEYWORD + b"\0" + f"{depth_unit_mm:g}".encode()))
     return b"".join([_SIGNATURE, *chunks])
 
 
 def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
     """Return the step that a depth PNG of glsim states, mm; None for a file that states no step.
 
-    Raises DatasetError if what it states is no step. inside: a folder that no link may lead out of.
+    Raises DatasetError if what it states is no step. No link may lead out of the folder ``inside``.
     """
     try:
         with open_regular(path, inside=inside) as file:
@@ -202,9 +196,8 @@ def _is_whole_png(data: bytes) -> bool:
 def read_image(path: Path, *, inside: Path | None = None) -> NDArray[Any]:
     """Read a PNG or TIFF file of at most MAX_MAP_PX pixels, see ``decode_png``.
 
-    Grey PNG files that state fewer significant bits (sBIT) are shifted down to them.
-
-    Raises DatasetError. inside: a folder that no link may lead out of.
+    Grey PNG files that state fewer significant bits (sBIT) are shifted down to them. Raises
+    DatasetError, also for a link that leads out of the folder ``inside``.
     """
     data = read_data(path, 2 * MAX_IMAGE_BYTES, inside=inside)
     image = decode_png(data, MAX_MAP_PX)

@@ -25,22 +25,14 @@ MOST_HELD = 1 << 26
 def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = None) -> IO[bytes]:
     """Open a file for reading. Raises OSError for a pipe, a device, a folder or a NUL in its name.
 
-    Args:
-        limit: largest size, bytes; a larger file is an OSError.
-        inside: a folder that the file must lie in when all links are followed. A pipe would wait
-            for a writer for ever and a device has no end, so the kind is known before the file is
-            opened.
+    Also for more than ``limit`` bytes, and for links out of the folder ``inside``. The kind is
+    known before the file is opened: a pipe would wait for ever, and a device has no end.
     """
     return os.fdopen(_open(path, limit, inside), "rb")
 
 
 class BoundedFile:
-    """A file that a library reads as far as the file says, but never more than ``left`` bytes.
-
-    Args:
-        file: to read; it ends there, and ``left`` is then below 0.
-        left: bytes that may yet be read.
-    """
+    """A file that ends, for a library that reads it, once ``left`` would become negative."""
 
     def __init__(self, file: Any, left: int) -> None:
         self._file, self.left = file, left
@@ -83,10 +75,7 @@ def read_data(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Read the rows of a CSV without a byte order mark, empty lines and lines of comment (#).
-
-    Raises OSError or UnicodeDecodeError.
-    """
+    """Read a CSV's rows but empty lines and comments (#). Raises OSError or UnicodeDecodeError."""
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     return list(csv.DictReader(line for line in lines if not line.lstrip().startswith("#")))
 

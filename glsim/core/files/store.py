@@ -95,10 +95,8 @@ class Store:
     def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
         """Return a local file with the bytes of ``name``; a remote file is copied.
 
-        Args:
-            name: the file.
-            expected: its size and CRC32; a copy that has them is used again.
-            key: names the version of the data set whose copies are kept together.
+        A copy with the ``expected`` size and CRC32 is used again; ``key`` names the version of the
+        data set whose copies are kept together.
         """
         return self.root / name
 
@@ -121,9 +119,7 @@ class Store:
     def create(self, name: str, *, sync: bool = True) -> AbstractContextManager[AtomicFile]:
         """Open a new file for writing, which gets its name when the block ends without an error.
 
-        Args:
-            name: the file; one of that name is replaced.
-            sync: flush it to the disk at once, and not by ``flush``.
+        One of that name is replaced. ``sync`` flushes it to the disk at once, without ``flush``.
         """
         path = self.root / name
         if self._temporary is None:
@@ -167,14 +163,7 @@ class Store:
     def lock(
         self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
     ) -> AbstractContextManager[None]:
-        """Hold a file lock during a block.
-
-        Args:
-            name: the file of the lock.
-            busy: raised if another process holds it.
-            wait: wait for the other process instead.
-            shared: hold it together with others that do so. Object storage holds no locks.
-        """
+        """Hold a file lock during a block, see ``lock.locked``. Object storage holds no locks."""
         file = self.root / name
         with wrap_write_errors(self.root):
             file.parent.mkdir(parents=True, exist_ok=True)
