@@ -48,12 +48,10 @@ def run_array_stages(
     *,
     twins: bool = False,
 ) -> None:
-    """Run the array stages on ``layers``, in place.
+    """Run the array stages on ``layers``, in place; with ``twins`` the whole chain.
 
-    Raises ConfigError for a stage that returns a layer of another shape, or without a twin.
-
-    Args:
-        twins: run the whole chain; the NumPy twins replace the shaders.
+    The NumPy twins then replace the shaders. Raises ConfigError for a stage that returns a layer of
+    another shape, or without a twin.
     """
     if twins:
         layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
@@ -82,21 +80,19 @@ def run_array_stages(
 
 
 def _twin_of(stage: Stage) -> ArrayFunction | None:
-    """Return the NumPy twin of a shipped shader stage; None for a shader file of the user.
+    """Return the NumPy twin of a shipped shader stage; None for a shader file of the user."""
+    return find_twin(stage.spec.name) if _is_shipped(stage) else None
 
-    A user's file may have the name of a shipped stage.
-    """
-    ours = shipped_stage(stage.spec.name) is stage.spec
-    return find_twin(stage.spec.name) if ours else None
+
+def _is_shipped(stage: Stage) -> bool:
+    return shipped_stage(stage.spec.name) is stage.spec  # a user's file may have the same name
 
 
 def without_tensors(stages: Sequence[Stage]) -> Stage | None:
     """Return the first stage that may run and does not take tensors of PyTorch, else None."""
     for stage in stages:
-        ours = shipped_stage(stage.spec.name) is stage.spec
-        if stage.settings[ENABLED].bounds()[1] > 0 and not (
-            ours and takes_tensors(stage.spec.name)
-        ):
+        lacking = not (_is_shipped(stage) and takes_tensors(stage.spec.name))
+        if lacking and stage.settings[ENABLED].bounds()[1] > 0:
             return stage
     return None
 

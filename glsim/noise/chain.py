@@ -35,11 +35,7 @@ _REASON = Layer("reason", "float")
 
 
 def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError if stages do not fit together or do not fit the rig.
-
-    Args:
-        where: the sensor file, for messages.
-    """
+    """Raise ConfigError, which names the sensor file, if stages do not fit together or the rig."""
     layers = {*INITIAL_LAYERS, *FINE_LAYERS, *IMAGE_CONSTANTS}
     if rig.imagers_m:
         layers |= {n for n in IMAGER_LAYERS if len(rig.imagers_m) > 1 or n.startswith("left")}
@@ -117,9 +113,8 @@ class StageLayers:
     ) -> dict[str, Target]:
         """Return the layers of the stage ``name``; draw them again only if its inputs changed.
 
-        Args:
-            inputs: all that they depend on, besides the rendering and the frame. Mappings count by
-                their values, stages and targets by identity.
+        Inputs are all that they depend on, besides the rendering and the frame. Mappings count by
+        their values, stages and targets by identity.
         """
         known = self._stages.get(name)
         if known is None or not all(map(_same, known[0], inputs)):
@@ -236,13 +231,12 @@ class ShaderChain:
     ) -> None:
         """Draw all stages over the rendered layers, and request the copy of the result to memory.
 
+        Raises ConfigError for a stage that reads a layer of a stage that is switched off.
+
         Args:
             owner: of the targets that the stages draw; default: they are given back at the end.
             light: LIGHT_LAYERS of a frame that moves, instead of those of the light stages.
             truth: layers to read back instead of the rendered ones.
-
-        Raises:
-            ConfigError: a stage that reads a layer of a stage that is switched off.
         """
         owner = owner or StageLayers()
         with owner.run(rendered, frame):
@@ -269,12 +263,8 @@ class ShaderChain:
     @property
     def _light_stages(self) -> int:
         """The number of stages up to and including the last that writes light."""
-        writers = [
-            number
-            for number, step in enumerate(self._passes, 1)
-            if {layer.name for layer in step.source.writes} & {*LIGHT_LAYERS}
-        ]
-        return max(writers, default=0)
+        writes = [{layer.name for layer in step.source.writes} for step in self._passes]
+        return max((n for n, names in enumerate(writes, 1) if {*LIGHT_LAYERS} & names), default=0)
 
     def _draw(
         self,
@@ -285,11 +275,7 @@ class ShaderChain:
         stages: int | None = None,
         light: Mapping[str, Target] | None = None,
     ) -> dict[str, Target]:
-        """Draw all stages, or only the first ``stages``; return all layers by name.
-
-        Args:
-            light: replaces the light of the stages that write it.
-        """
+        """Draw all stages, or the first ``stages``, with other ``light``; return all layers."""
         pool, silhouette = rendered.pool, rendered.silhouette
         layers = {
             **rendered.layers,

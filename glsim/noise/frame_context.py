@@ -74,11 +74,7 @@ class FrameContext:
 
     @classmethod
     def for_frame(cls, rig: SensorRig, **given: Any) -> Self:
-        """Make the context of a frame of ``rig``.
-
-        Args:
-            given: fields that the rig does not decide, and those to have in place of the rig's.
-        """
+        """Make the context of a frame of ``rig``; ``given`` are further fields, or replace its."""
         image = rig.intrinsics
         of_rig = {
             "width": image.width,

@@ -134,14 +134,11 @@ def threshold_filter(
 
 
 def smooth_disparity(disparity: Image, alpha: float, delta: float, iterations: int) -> Image:
-    """Smooth disparities by passes to the right, left, down and up, ``iterations`` times.
+    """Smooth (..., H, W) disparities by passes right, left, down and up, ``iterations`` times.
 
     In a pass, a pixel becomes alpha times itself plus 1 - alpha times its filtered neighbour, if
-    both had a disparity before the pass that differed by less than ``delta``.
-
-    Args:
-        disparity: (..., H, W) float32, 1/32 px; 0 = hole, which stays one.
-        delta: 1/32 px.
+    both had a disparity before the pass that differed by less than ``delta``. Disparities are
+    float32 in 1/32 px, as ``delta`` is; 0 = hole, which stays one.
     """
     result = disparity.copy()
     own, kept = np.float32(alpha), np.float32(1.0) - np.float32(alpha)
@@ -168,16 +165,11 @@ def _carried(image: Image, below_px: int) -> Image:
 
 
 def smooth_in_time(disparity: Image, alpha: float, delta: float, persistence: int) -> Image:
-    """Average disparities over time, each pixel for itself.
+    """Average (T, H, W) disparities, float32 in 1/32 px, over time, each pixel for itself.
 
     A pixel becomes alpha times itself plus 1 - alpha times its last result, if the two differ by
-    less than ``delta``; otherwise it starts anew. A hole takes the last result if enough of the
-    eight frames before agreed.
-
-    Args:
-        disparity: (T, H, W) float32, 1/32 px, in order of time; 0 = hole.
-        delta: 1/32 px.
-        persistence: 0 to 8, see ``temporal_filter``.
+    less than ``delta``, 1/32 px; otherwise it starts anew. A hole (0) takes the last result if
+    enough of the eight frames before agreed, by the ``persistence`` of ``temporal_filter``.
     """
     needed, among = _PERSISTENCE[persistence]
     bits = np.arange(256, dtype=np.uint8)[:, None]
@@ -223,11 +215,8 @@ def fill_holes(depth: Image, mode: int) -> Image:
     """Fill holes from neighbours in reading order, so that depth spreads to the right and down.
 
     Modes 1 and 2 look at the pixels above, above left, left, below left and below, and leave the
-    first and the last row and the first column. Mode 2 keeps a hole below a hole.
-
-    Args:
-        depth: (H, W) float32, any unit, 0 = hole.
-        mode: 0 left, 1 farthest, 2 nearest.
+    first and the last row and the first column. Mode 2 keeps a hole below a hole. Depth is (H, W)
+    float32 in any unit, 0 = hole; modes: 0 left, 1 farthest, 2 nearest.
     """
     if mode == 0:
         return _carried(depth, depth.shape[-1])
@@ -252,14 +241,10 @@ def fill_holes(depth: Image, mode: int) -> Image:
 
 
 def decimate(depth: NDArray[_Depth], factor: int) -> NDArray[_Depth]:
-    """Shrink depth maps as librealsense's decimation by 2 or 3 does.
+    """Shrink (..., H, W) depth maps in any unit as librealsense's decimation by 2 or 3 does.
 
-    Args:
-        depth: (..., H, W), any unit, 0 = none; what is left of a last block is cut off.
-        factor: side of the blocks, px; 1 changes nothing.
-
-    Returns:
-        (..., H // factor, W // factor) lower median of each block's pixels with depth; 0 without.
+    To (..., H // factor, W // factor): the lower median of each block's pixels with depth, 0
+    without. Blocks at the right and lower edge that are not whole are cut off.
     """
     height, width = (size // factor for size in depth.shape[-2:])
     cut = depth[..., : height * factor, : width * factor]

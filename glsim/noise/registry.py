@@ -56,14 +56,10 @@ def stage_names() -> list[str]:
 
 
 def find_stage(use: str, beside: Path | None = None) -> StageSpec:
-    """Return the stage for the word ``use`` of a sensor file.
+    """Return the stage for the word ``use`` of a sensor file. Raises ConfigError, ShaderError.
 
-    Args:
-        use: a shipped stage or a plug-in's, the path of a .glsl file, or "module:function".
-        beside: the folder that relative paths start from; default: the working directory.
-
-    Raises:
-        ConfigError, ShaderError: there is no such stage, or it is wrong.
+    It names a shipped stage or a plug-in's, a .glsl file, or "module:function". Relative paths
+    start from ``beside``, by default the working directory.
     """
     if (shipped := shipped_stage(use)) is not None:
         return shipped
@@ -94,11 +90,9 @@ def describe_stage(use: str) -> StageSpec:
 
 
 def shader_stage(file: Path, text: str | None = None) -> StageSpec:
-    """Make the stage of a GLSL file. Raises ShaderError with file and line.
+    """Make the stage of a GLSL file, named as the file. Raises ShaderError with file and line.
 
-    Args:
-        file: its name without suffix is the stage's; includes are searched beside it.
-        text: GLSL that need not be on disk; default: what the file holds.
+    Includes are searched beside the file. A ``text`` of GLSL replaces what the file holds.
     """
     source = load_source(file) if text is None else parse_source(text, file)
     if not source.writes:

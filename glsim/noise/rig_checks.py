@@ -32,11 +32,7 @@ def _whole(modulation_mhz: Sequence[float]) -> list[int]:
 
 
 def check_rig(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError if a stage needs light, emitters or imagers that the rig does not have.
-
-    Args:
-        where: the sensor file, for messages.
-    """
+    """Raise ConfigError if a stage needs light, emitters or imagers that the rig does not have."""
     for stage in stages:
         if {"near_mm", "far_mm"} <= stage.settings.keys():
             near, far = stage.settings["near_mm"].bounds()[1], stage.settings["far_mm"].bounds()[0]

@@ -32,14 +32,10 @@ _EVEN_COUNTS = 40
 
 
 def match(left: Floats, right: Floats, p: Mapping[str, float]) -> Disparities:
-    """Match two rectified images; the second camera stands to the right of the first.
+    """Match two rectified images of whole counts by the parameters of ``match_stereo``.
 
-    Args:
-        left, right: (H, W) whole counts.
-        p: parameters of the stage ``match_stereo``.
-
-    Returns:
-        (H, W) int32 disparities of ``left`` in 1/256 px, -1 without a match.
+    The second camera stands to the right of the first. Returns (H, W) int32 disparities of ``left``
+    in 1/256 px, -1 without a match.
     """
     import cv2
 
@@ -112,11 +108,9 @@ def _local_moments(image: Floats, side_px: int) -> tuple[Array, Array]:
 
 
 def reject_unlit(found: Disparities, pattern: Floats, window: int) -> None:
-    """Reject, in place, pixels matched with a window of the pattern that is constant.
+    """Reject, in place, disparities (1/256 px) that were matched with a constant window.
 
-    Args:
-        found: (H, W) in 1/256 px.
-        pattern: (H, W) counts; a projector's image need not fill the view.
+    The pattern is (H, W) counts: a projector's image need not fill the view.
     """
     row, column = np.nonzero(found >= 0)
     there = np.maximum(column - (found[row, column] + STEPS_PER_PX // 2) // STEPS_PER_PX, 0)
@@ -208,12 +202,8 @@ def _interpolated(
 ) -> tuple[Disparities, Disparities]:
     """Interpolate counts (times 2 x 16^3) and slope (times 2 x 16^2) between pixels of a row.
 
-    By Catmull and Rom's cubic through the two pixels before and the two after.
-
-    Args:
-        image: (H, W) counts.
-        first: (H, W) column of the last pixel before.
-        share: (H, W) how far behind it, 1/16 px.
+    By Catmull and Rom's cubic through the two pixels before and the two after. ``first`` is the
+    column of the last pixel before, and ``share`` the distance behind it, 1/16 px, both (H, W).
     """
     height, width = image.shape
     flat = image.ravel()

@@ -113,14 +113,10 @@ def array_stage(
 
 
 def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Parameter:
-    """Make the declared parameter of a stage on arrays.
+    """Make the parameter of a stage on arrays that is declared in a line of a file.
 
-    Args:
-        spec: type, default, low, high, unit, help, and perhaps what is for sliders.
-        file, line: where it is declared.
-
-    Raises:
-        ShaderError, TypeError, ValueError: ``spec`` has other words.
+    ``spec`` holds type, default, low, high, unit, help, and perhaps what is for sliders. Raises
+    ShaderError, TypeError or ValueError for other words.
     """
     kind, default, low, high, unit, help, *slider = spec
     default, low, high = float(default), float(low), float(high)
@@ -132,11 +128,7 @@ def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Pa
 def make_stage(
     name: str, spec: StageSpec, settings: Mapping[str, Distribution], where: str
 ) -> Stage:
-    """Make a stage: check its settings against its declaration, add defaults. Raises ConfigError.
-
-    Args:
-        where: the place of the settings, for error messages.
-    """
+    """Make a stage: check its settings, read at ``where``, and add defaults. Raises ConfigError."""
     if not _NAME.fullmatch(name):
         raise ConfigError(
             f"{where}: {name!r:.80} is no name of a stage: take letters, digits, _ and -, with "

@@ -84,10 +84,7 @@ class StagePass:
     ) -> dict[str, Target]:
         """Draw the frame's window; return name -> written layer. Raises ConfigError.
 
-        The caller gives the targets back.
-
-        Args:
-            within: skip the pixels outside this silhouette.
+        The caller gives the targets back. Pixels outside the silhouette ``within`` are skipped.
         """
         view = frame.view(self.name)
         for name in self._bound:

@@ -244,12 +244,9 @@ _HIDDEN_SHARE = 0.02
 def match_reasons(
     view: FrameContext, layers: Layers, depth_m: Floats, p: Mapping[str, float]
 ) -> Floats:
-    """Return the reason codes of the pixels after matching.
+    """Return the reason codes of the pixels after matching by the parameters of ``match_stereo``.
 
-    Args:
-        layers: clean; for two imagers also right_clean. All of the window, metres.
-        depth_m: (h, w) after matching, 0 = none.
-        p: parameters of the stage ``match_stereo``.
+    Layers are clean, and right_clean for two imagers, (h, w) metres as ``depth_m``, 0 = none.
     """
     clean = layers["clean"]
     surface, found = clean > 0, depth_m > 0
@@ -258,8 +255,7 @@ def match_reasons(
     reason = layers["reason"].copy()
     lost = surface & ~found
     reason[lost] = float(Reason.WINDOW)
-    nearest_px = p["largest_px"]
-    reason[lost & (true_px > nearest_px)] = float(Reason.OUT_OF_RANGE)
+    reason[lost & (true_px > p["largest_px"])] = float(Reason.OUT_OF_RANGE)
     if "right_clean" in layers:
         reason[lost & _hidden(view, layers, true_px)] = float(Reason.SHADOW)
     reason[is_other_surface(view, clean, depth_m)] = float(Reason.MOVED)
@@ -267,11 +263,7 @@ def match_reasons(
 
 
 def is_other_surface(view: FrameContext, clean_m: Floats, depth_m: Floats) -> Mask:
-    """Return where measured and clean depth differ by more than 1 px of disparity.
-
-    Args:
-        clean_m, depth_m: (h, w) metres, 0 = none; where either is, the answer is no.
-    """
+    """Return where both of two (h, w) depth maps, m, have depth and differ by over 1 px."""
     fb = np.float32(view.focal_baseline_px_m)
     both = (clean_m > 0) & (depth_m > 0)
     found_px, true_px = (fb / np.where(both, d, 1) for d in (depth_m, clean_m))
@@ -297,14 +289,8 @@ def warp_to_camera(depth_m: Floats, imager_m: Point, focal_px: float) -> Floats:
     """Project an imager's depth map to a camera at the origin, on the same pixel grid.
 
     Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each is
-    drawn into the two pixels that it falls between, so that a slanted surface has no cracks.
-
-    Args:
-        depth_m: (H, W) seen by the imager, metres, 0 = none.
-        imager_m: its place, with z = 0.
-
-    Returns:
-        (H, W) metres, 0 where nothing is seen: what the imager does not see stays empty.
+    drawn into the two pixels that it falls between, so that a slanted surface has no cracks. Maps
+    are (H, W) metres, 0 = none: what the imager, in the plane z = 0, does not see stays empty.
     """
     height, width = depth_m.shape
     row, column = np.nonzero(depth_m)

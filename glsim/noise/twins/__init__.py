@@ -32,7 +32,6 @@ Twin = Callable[[FrameContext, Layers, Mapping[str, Any]], dict[str, Image]]
 
 _MODULES = (values, edges, stereo, tof_light, tof_decode, any_camera, single_view)
 
-
 #: Stages whose twins gather single dots by indices of NumPy.
 _NUMPY_ONLY = ("correlation_window", "dot_spread")
 

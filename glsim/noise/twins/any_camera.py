@@ -173,12 +173,7 @@ def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -
 
 
 def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Mask]:
-    """Compare surface normals with the rays.
-
-    Returns:
-        Cosine of the angle of incidence; squared length of the ray at z = 1; whether the pixel has
-        a normal.
-    """
+    """Compute cosine of incidence, squared ray length at z = 1, and mask of pixels with normal."""
     x, y, (a, b, c) = rays[..., 0], rays[..., 1], (normal[..., k] for k in range(3))
     squared = x * x + y * y + 1.0
     facing = -(a * x + b * y + c)
@@ -287,10 +282,7 @@ def _node(word: Words) -> Image:
 def lattice_noise(view: FrameContext, spacing_px: tuple[float, float], seed: Any) -> Image:
     """Return an (h, w) smooth random field of variance 1, interpolated between lattice nodes.
 
-    Args:
-        view: names the window.
-        spacing_px: distance of the nodes along x and along y, px.
-        seed: of the field; wraps at 2^32.
+    ``spacing_px`` is their distance along x and y. The seed wraps at 2^32.
     """
     xp, blends, nodes = of(seed), [], []
     key = pcg_word(xp.words(seed, seed))

@@ -46,15 +46,11 @@ def seed_word(seed: int) -> int:
 
 
 def map_words(seed: int, seeds: Any, frames: Any) -> tuple[Words, Words]:
-    """Compute the random words of a batch of maps.
+    """Compute the random words of a batch of maps, from the settings' seed.
 
-    Args:
-        seed: seed of the settings.
-        seeds: (B,) seed of each map, an array or a tensor of integers; wraps at 2^32.
-        frames: (B,) frame number of each map; wraps at 2^32.
-
-    Returns:
-        (B,) words that change from frame to frame, and (B,) words that all frames of a map share.
+    ``seeds`` and ``frames`` are (B,) seeds and frame numbers of the maps, arrays or tensors of
+    integers that wrap at 2^32. Returns (B,) words that change from frame to frame, and (B,) words
+    that all frames of a map share.
     """
     xp = of(seeds)
     held = pcg_word(pcg_word(xp.words(seeds)) ^ xp.word(seed_word(seed)))
@@ -62,12 +58,9 @@ def map_words(seed: int, seeds: Any, frames: Any) -> tuple[Words, Words]:
 
 
 def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Image:
-    """Sample a number per map, (B,), from a distribution that is not constant.
+    """Sample a number per map, (B,), of "stage.parameter" from a distribution, not a constant one.
 
-    Args:
-        setting: the distribution.
-        name: "stage.parameter".
-        words: the results of ``map_words``, by the scopes "frame" and "held".
+    ``words`` holds the results of ``map_words``, by the scopes "frame" and "held".
     """
     word = words["frame" if setting.per == "frame" else "held"]
     xp = of(word)
@@ -90,12 +83,8 @@ def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Imag
 def beside_camera(point_m: Sequence[float]) -> tuple[int, int, float]:
     """Locate a light (x, y, z), m, that is straight beside, above or below the camera.
 
-    Returns:
-        The image axis towards the light (-1 for x, -2 for y), the direction along the axis (1 or
-        -1), and the distance from the camera, m.
-
-    Raises:
-        ConfigError: the light is elsewhere.
+    Returns the image axis towards it (-1 for x, -2 for y), the direction along the axis (1 or -1),
+    and its distance from the camera, m. Raises ConfigError for a light elsewhere.
     """
     x, y, z = point_m
     axis, along, across = (-1, x, y) if abs(x) >= abs(y) else (-2, y, x)

@@ -35,9 +35,7 @@ KERNEL_UNIT = 2.99791
 def pixels(window: Rect, like: Any = 0) -> tuple[Words, Words]:
     """Return columns (1, w) and rows (h, 1) of a window's pixels, counted in the whole frame.
 
-    Args:
-        window: part of the frame.
-        like: a tensor, for tensors on its device; default: arrays of NumPy.
+    They are tensors on the device of ``like``, or arrays of NumPy.
     """
     left, top, width, height = window
     xp = of(like)
@@ -191,14 +189,7 @@ def disparity_px(depth_m: Image, focal_baseline_px_m: float) -> Image:
 
 
 def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) -> dict[str, Image]:
-    """Return the layer depth, moved first by pixels of disparity, then by millimetres.
-
-    Args:
-        view: names focal length times baseline.
-        layers: with the depth.
-        by_mm: added to depth, mm.
-        by_px: added to disparity, px.
-    """
+    """Return the layer depth, moved first by pixels of disparity, then by millimetres."""
     depth, fb = layers["depth"], view.focal_baseline_px_m
     xp = of(depth)
     moved = fb / xp.maximum(disparity_px(depth, fb) + by_px, 1e-3)

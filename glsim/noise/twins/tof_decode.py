@@ -213,11 +213,9 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Mask]:
-    """Blur the light by the optics.
+    """Blur the light by the optics: (..., 7) phasors of three frequencies and the amplitude.
 
-    Returns:
-        (..., 7) phasors of three frequencies and the amplitude; and whether a pixel or one of its 8
-        neighbours has light.
+    Returns also the mask of pixels that have light, or one of whose 8 neighbours has.
     """
     a, b = layers["light_a"], layers["light_b"]
     xp = of(a)
@@ -361,14 +359,7 @@ def tof_floor(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: Image) -> Image:
-    """Compute the variance of the noise that does not depend on the light, mm^2.
-
-    Args:
-        view: names the focal length.
-        layers: normal and rays.
-        p: parameters of the stage.
-        depth_m: depth, m.
-    """
+    """Compute the variance of the noise that does not depend on the light, mm^2."""
     normal, rays, xp = layers["normal"], layers["rays"], of(depth_m)
     facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
     aside = xp.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
@@ -469,13 +460,9 @@ def _at_steps(
 ) -> list[Any]:
     """Blur, filter and add noise to the phasors of pixels beside depth steps.
 
-    Args:
-        p: parameters of the stage.
-        there: three functions (dx, dy) -> real part, imaginary part, amplitude at that offset.
-        random: column, row and seed of the noise.
-
-    Returns:
-        Real and imaginary parts, amplitude, standard deviation of the parts, and the edge mask.
+    ``there`` are three functions (dx, dy) -> real part, imaginary part, amplitude at that offset;
+    ``random`` is column, row and seed of the noise. Returns real and imaginary parts, amplitude,
+    standard deviation of the parts, and the edge mask.
     """
     xp = of(there[2](0, 0))
     blurred: list[Any] = [0.0, 0.0, 0.0]

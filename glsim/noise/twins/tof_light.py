@@ -65,12 +65,7 @@ def unwrapped_cycles(phase: Image, f: Floats) -> tuple[Image, Image, Image]:
 
 
 def distance_of(fast: Image, slow: Image, third: Image, f: Floats) -> Image:
-    """Compute half the length of the path emitter, surface, camera, m.
-
-    Args:
-        fast, slow, third: unwrapped cycles of the three frequencies.
-        f: (3,) frequencies, MHz.
-    """
+    """Compute half the path emitter, surface, camera, m, from unwrapped cycles; f: (3,) MHz."""
     return (fast + slow + third) * HALF_WAVE_M_MHZ / float(f.sum())
 
 
@@ -241,12 +236,9 @@ def surface_light(
 
 
 def device_harmonics(view: FrameContext, p: Parameters) -> list[Image]:
-    """Sample the second and the fifth harmonic of a device.
+    """Sample real and imaginary part of a device's second, then its fifth harmonic, (..., 3) each.
 
     The parameters state the sizes and the mean phases; each device differs in phase.
-
-    Returns:
-        Real and imaginary part of the second, then of the fifth harmonic, (..., 3) each.
     """
     seed = view.device_seed
     xp = of(seed)

@@ -186,12 +186,7 @@ def _gradient(bits: Words, offset: Vector) -> Image:
 
 
 def perlin_at(at: Vector, seed: Any) -> Image:
-    """Compute Perlin noise on a cubic lattice, about -1 to 1.
-
-    Args:
-        at: position, float32 lattice cells.
-        seed: of the field; wraps at 2^32.
-    """
+    """Compute Perlin noise on a cubic lattice, about -1 to 1, at float32 lattice cells."""
     xp = of(at[0])
     whole = [xp.floor(part) for part in at]
     f = [part - start for part, start in zip(at, whole, strict=True)]
@@ -216,12 +211,7 @@ def _total(vector: Vector, factor: float) -> Image:
 
 
 def simplex_at(at: Vector, seed: Any) -> Image:
-    """Compute simplex noise on a lattice of tetrahedra, about -1 to 1.
-
-    Args:
-        at: position, float32 lattice cells.
-        seed: of the field; wraps at 2^32.
-    """
+    """Compute simplex noise on a lattice of tetrahedra, about -1 to 1, at float32 cells."""
     xp = of(at[0])
     skew = _total(at, 1 / 3)
     cell = [xp.floor(part + skew) for part in at]
@@ -254,10 +244,7 @@ def field_position(
 ) -> Vector:
     """Return the position of each pixel of the window in the noise field, in lattice cells.
 
-    Args:
-        view: names window, seeds and time.
-        lattice_x_px, lattice_y_px: size of a lattice cell, px.
-        drift_hz: cells per second along z; 0 for a field of each frame.
+    It drifts by ``drift_hz`` cells a second along z; with 0 each frame has a field of its own.
     """
     seed = field_seed(view, drift_hz)
     xp, (x, y) = of(seed), pixels(view.window, seed)
