@@ -110,12 +110,7 @@ def _cut(layer: Floats, window: Rect, inside: tuple[slice, slice]) -> Any:
 
 
 def reconcile_reasons(clean_m: Image, noisy_m: Image, reason: Image) -> Image:
-    """Return Reason codes that agree with the depths, even if no stage set a reason.
-
-    Args:
-        clean_m, noisy_m: metres, 0 = none; arrays or tensors.
-        reason: codes, float32. All of one shape, which is returned.
-    """
+    """Return float32 Reason codes that agree with the depths, m, even if no stage set a reason."""
     xp = of(reason)
     reason = xp.where(reason > max(Reason) + 0.5, float(Reason.DROPPED), xp.round(reason))
     seen, found, expects = clean_m > 0, noisy_m > 0, has_depth(reason)

@@ -43,11 +43,9 @@ _AMBIENT, _MEAN = 0.45, 0.22
 def color_image(layers: Layers, numbers: Mapping[str, int], seeds: ScopeSeeds) -> NDArray[np.uint8]:
     """Return an (h, w, 3) uint8 sRGB image, red first, 0 where there is no surface.
 
-    Args:
-        layers: (h, w) clean, metres; (h, w, 4) normal, unit vectors of the camera frame and albedo;
-            optionally (h, w) region.
-        numbers: of the regions, name -> number. Surfaces without a region have the colour of skin.
-        seeds: colours of skin, hair and cloth depend on the subject, the lamp on the sequence.
+    Layers are (h, w) clean, metres; (h, w, 4) normal, unit vectors of the camera frame and albedo;
+    optionally (h, w) region, of ``numbers``. Surfaces without a region have the colour of skin.
+    Colours of skin, hair and cloth depend on the subject's seed, the lamp on the sequence's.
     """
     seen, normal = layers["clean"] > 0, layers["normal"]
     region = layers.get("region")

@@ -189,9 +189,6 @@ def depth_batch(depth: Any, shape: tuple[int, int]) -> tuple[Reals, Reals, Calla
 
     PyTorch is not imported: its tensors are known by their type's module.
 
-    Args:
-        depth: as of ``map_shape``.
-
     Returns:
         (B, H, W) view of the maps, a copy only of a tensor on a GPU and of rows that are not
         contiguous; (B, H, W) view of the array to return, unset; and a function that gives that
@@ -210,12 +207,9 @@ def depth_batch(depth: Any, shape: tuple[int, int]) -> tuple[Reals, Reals, Calla
 def map_shape(depth: Any, size: tuple[int, int] | None = None) -> tuple[tuple[int, int], int]:
     """Return (height, width) and the number of maps of an array or tensor of float depth.
 
-    Args:
-        depth: (H, W), (B, H, W), more leading axes, and any of them with a last axis of length 1.
-        size: (height, width) that the maps must have.
-
-    Raises:
-        ConfigError: for whole numbers, for another size and for what is no array.
+    It is (H, W), (B, H, W), with more leading axes, and any of them with a last axis of length 1.
+    Raises ConfigError for whole numbers, for another (height, width) than ``size`` and for what is
+    no array.
     """
     full = tuple(int(side) for side in getattr(depth, "shape", ()))
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")

@@ -237,11 +237,8 @@ class DepthNoise:
     def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
         """Add noise to depth (H, W) uint16 in steps of depth_unit_mm, 0 = none; return a Frame.
 
-        Args:
-            name: of the map; the noise is a function of it and the seed.
-
-        Raises:
-            ConfigError: another type or shape.
+        The noise is a function of the map's name and the seed. Raises ConfigError for another type
+        or shape.
         """
         if clean.dtype != np.uint16 or clean.ndim != 2:
             raise ConfigError(

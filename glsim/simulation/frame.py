@@ -39,10 +39,6 @@ def refuse_millimetres(depth: Reals, near_m: float, far_m: float) -> None:
 
     In metres they would be beyond the sensor's far plane, and the result empty without a word. A
     background at one distance is none: simulators put their far plane there.
-
-    Args:
-        depth: of any shape.
-        near_m, far_m: the sensor's clip planes.
     """
     seen = depth[(depth > 0) & (depth < np.inf)]
     if not seen.size:
@@ -225,14 +221,10 @@ class Frame:
     def measured(self, name: str = "", *, rounded: bool = True) -> DepthFrame:
         """Convert to a depth frame of the whole delivered image, in millimetres from the camera.
 
-        Args:
-            name: of the depth frame; default: its key.
-            rounded: depths are whole steps and infrared whole counts, as in files; else both are
-                as they left the noise stages.
-
-        Returns:
-            A frame with noisy_mm, clean_mm, infrared, reason, and whatever else was requested;
-            each layer is computed when it is first used.
+        It has noisy_mm, clean_mm, infrared, reason, and whatever else was requested; each layer is
+        computed when it is first used. Depths are whole steps and infrared whole counts, as in
+        files, if ``rounded``; else both are as they left the noise stages. The default name is the
+        frame's key.
         """
         layers: dict[str, Layer] = {
             "noisy_mm": partial(self._depth_mm, "noisy", rounded),
@@ -281,11 +273,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A frame that could not be made, with the reason.
-
-    Attributes:
-        why: the reason, one line.
-    """
+    """A frame that could not be made, with the reason in one line."""
 
     key: FaceKey
     source: str

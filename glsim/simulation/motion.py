@@ -141,11 +141,7 @@ class MovingFrames:
 
 
 def settle_reasons(layers: dict[str, Floats]) -> None:
-    """Match the reasons of a rolling-shutter frame to the still scene's depth, in place.
-
-    Args:
-        layers: (h, w) clean and depth, metres, and reason.
-    """
+    """Match the reasons of a rolling-shutter frame to the still scene's depth, in place."""
     surface, depth = layers["clean"] > 0, layers["depth"] > 0
     reason = layers["reason"].copy()
     reason[depth & ~surface] = Reason.GROWN

@@ -112,14 +112,9 @@ def simulate(
 def frames(
     settings: Settings, tasks: Iterable[Task] | None = None, **options: Any
 ) -> Iterator[Frame]:
-    """Yield Frames as ``simulate`` does, with the same arguments, but never a Skipped.
+    """Yield Frames as ``simulate`` does, with the same options, but never a Skipped.
 
-    Args:
-        options: sources, backend, context, layers and extra_layers, as of ``simulate``.
-
-    Raises:
-        MeshError: a face cannot be rendered, whatever ``settings.strict`` says.
-        ConfigError, ShaderError, DeviceError: as ``simulate``.
+    Raises MeshError if a face cannot be rendered, whatever ``settings.strict`` says.
     """
     strict = settings.model_copy(update={"strict": True})
     for frame in simulate(strict, tasks, **options):
@@ -222,11 +217,9 @@ class Simulator:
     def with_values(self, values: Mapping[str, Any]) -> Simulator:
         """Return a simulator with changed settings, named as in ``--set``.
 
+        For instance {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
         Raises ConfigError for an unknown name or a value out of range, and for a change of the
         source, which needs another Simulator.
-
-        Args:
-            values: {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
         """
         return self._like(settings=with_assignments(self._settings, values))
 
@@ -265,16 +258,13 @@ class Simulator:
 
     def _like(self, **changed: Any) -> Simulator:
         """Return a simulator with some arguments of ``__init__`` changed."""
-        given: dict[str, Any] = {
-            "settings": self._settings,
-            "extra_layers": self._extra,
-            "layers": self._layers,
-            "changes": self._changes,
-            **changed,
-        }
-        if given["settings"].source != self._settings.source:
+        settings = changed.pop("settings", self._settings)
+        if settings.source != self._settings.source:
             raise ConfigError("source: other faces need another Simulator")
-        return Simulator(sources=self._sources, context=self._context, cache=self._cache, **given)
+        kept = {"extra_layers": self._extra, "layers": self._layers, "changes": self._changes}
+        return Simulator(
+            settings, self._sources, self._context, cache=self._cache, **{**kept, **changed}
+        )
 
     def frames(self, tasks: Iterable[Task]) -> Iterator[Frame | Skipped]:
         """Yield one Frame or Skipped per task, in order."""

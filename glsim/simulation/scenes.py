@@ -60,10 +60,8 @@ class FrameScenes:
     def __init__(self, loader: FaceLoader, *, regions: bool) -> None:
         """Prepare region labels if asked for. Raises ConfigError if the sources have none."""
         settings, self.loader, self.regions = loader.settings, loader, regions
-        further = [
-            *scene_regions(settings.scene),
-            *worn_regions(settings.appearance, loader.sources),
-        ]
+        worn = worn_regions(settings.appearance, loader.sources)
+        further = [*scene_regions(settings.scene), *worn]
         self._labels = RegionLabels(loader.sources, further) if regions else None
         self._last: tuple[Task, FrameScene] | None = None
 
@@ -84,10 +82,7 @@ class FrameScenes:
         return scene
 
     def moved(self, task: Task, face: Face, times_s: Sequence[float]) -> list[FrameScene] | None:
-        """Build the scenes at other times of the exposure, seconds; None if nothing moves.
-
-        Raises MeshError as ``build``.
-        """
+        """Build the scenes at other times, s, as ``build`` does; None if nothing moves."""
         speeds = {SPEEDS[n.removeprefix("motion.")]: v for n, v in self.speeds(task).items()}
         follows = generates(self.loader.sources[task.source].name)
         if not follows and not any(speeds.values()):
@@ -150,15 +145,10 @@ class FrameScenes:
             chosen = landmark_vertices(source)
             landmarks_m = to_camera(person[0].vertices_mm[chosen], head_to_camera)
         head_to_camera[:3, :3] *= 1000.0  # the view takes millimetres, this matrix metres
+        placed = [*((mesh, view) for mesh in person), *((x.mesh, x.view) for x in further)]
         return FrameScene(
             face=face,
-            meshes=tuple(
-                (_as_seen(mesh, place, rig), place)
-                for mesh, place in (
-                    *((mesh, view) for mesh in person),
-                    *((prop.mesh, prop.view) for prop in further),
-                )
-            ),
+            meshes=tuple((_as_seen(mesh, place, rig), place) for mesh, place in placed),
             labels=labels,
             crop=crop_window(rig, still, settings.output.crop),
             pose=pose,
@@ -179,8 +169,7 @@ def _as_seen(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh:
 def crop_window(rig: SensorRig, pose: Mapping[str, float], side: int | None) -> Rect:
     """Return the delivered square: centred on the face, then shifted to lie in the image.
 
-    Args:
-        side: pixels; None delivers the whole image.
+    A ``side`` of None delivers the whole image.
     """
     image = rig.delivered
     if side is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -38,13 +38,8 @@ _CAMERA, _SURFACE = ("fx", "fy", "cx", "cy"), ("normal", "albedo")
 def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tensors that a chain starts from, by name, on the device of the maps.
 
-    Args:
-        maps: (B, H, W) float32 metres.
-        given: seeds, frames, fx, fy, cx, cy: numbers or (B,); normal: (B, H, W, 3); albedo:
-            (B, H, W).
-
-    Raises:
-        ConfigError: another name or shape.
+    Maps are (B, H, W) float32 metres. Given are seeds, frames, fx, fy, cx, cy: numbers or (B,);
+    normal: (B, H, W, 3); albedo: (B, H, W). Raises ConfigError for another name or shape.
     """
     count, device = len(maps), maps.device
     known = (*_CAMERA, *_SURFACE)
@@ -75,12 +70,8 @@ def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 class TensorEngine:
     """The noise chain of a sensor for maps of one size, by the twins of its shader stages.
 
-    Args:
-        sensor: all of its stages that may run need twins that take tensors.
-        rig: its rig for maps of this size.
-
-    Raises:
-        ConfigError: a stage that needs OpenGL or NumPy.
+    ``rig`` is the sensor's for maps of this size. Raises ConfigError for a stage that may run and
+    needs OpenGL or NumPy.
     """
 
     def __init__(self, sensor: Sensor, rig: SensorRig) -> None:
@@ -206,8 +197,7 @@ class TensorEngine:
     ) -> dict[str, Any]:
         """Run the chain; return depth, reasons that agree with it, infrared and expected depth.
 
-        Args:
-            words: of frames, sequences and devices, (B,) or (1,).
+        Words are those of frames, sequences and devices, (B,) or (1,).
         """
         maps = inputs["maps"]
         clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
@@ -254,7 +244,7 @@ class TensorEngine:
                     layer = torch.where(runs > 0, layer, layers[name])
                 layers[name] = layer
         depth = layers["depth"].clamp(min=0.0)
-        codes: Any = reconcile_reasons(cast(Any, clean), depth, layers["reason"])
+        codes: Any = reconcile_reasons(layers["clean"], depth, layers["reason"])
         reason = codes.to(torch.uint8)
         more = {n: layers[n] for n in ("infrared", EXPECTED_LAYER) if n in layers}
         return {"clean": clean, "depth": depth, "reason": reason, **more}

@@ -41,12 +41,9 @@ class VirtualCamera:
         rig: Mapping[str, Any] | None = None,
         assignments: Sequence[str] = (),
     ) -> None:
-        """Load the sensor and prepare the camera. Raises ConfigError.
+        """Load the sensor, with other keys of [rig], and prepare the camera. Raises ConfigError.
 
-        Args:
-            frames: default number of a capture.
-            rig: keys of the sensor's [rig] to override.
-            assignments: settings as of ``--set``, "fixed_pattern.enabled=0".
+        Assignments are as of ``--set``: "fixed_pattern.enabled=0".
         """
         self.name, self.seed, self.frames = sensor, seed, frames
         self._assignments = tuple(assignments)
@@ -96,12 +93,8 @@ class VirtualCamera:
             "output": {} if crop is None else {"crop": crop},
             "rig": self._own_rig,
         }
-        settings = load_settings(
-            None,
-            self._assignments,
-            overrides,
-            {"subjects": 1, "frames_per_subject": frames or self.frames},
-        )
+        source_tables = {"subjects": 1, "frames_per_subject": frames or self.frames}
+        settings = load_settings(None, self._assignments, overrides, source_tables)
         canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL
         source = _Scene(Mesh(canonical, mesh.faces, mesh.albedo), scene)
         key = f"{overrides} {tuple(extra)}"

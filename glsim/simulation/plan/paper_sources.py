@@ -45,10 +45,8 @@ def paper_counts(images: int) -> dict[str, int]:
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
     """Count how many images of each source kind are missing from the paper's mix.
 
-    Kinds short by at most one image, which is rounding, are left out.
-
-    Args:
-        held: kind of the source -> images, of all sources.
+    ``held`` are the images of each kind. Kinds short by at most one, which is rounding, are left
+    out.
     """
     wanted = paper_counts(sum(held.values()))
     lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}
@@ -58,14 +56,8 @@ def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
 def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]]:
     """Return the [[source]] tables of a data set of ``images`` in the paper's proportions.
 
-    A set that is absent, or has fewer images than its share, is filled up with embedded heads, as
-    many people as are missing.
-
-    Args:
-        roots: kind of the source -> folder, of the sets that are there.
-
-    Raises:
-        ConfigError: a folder that holds no such set.
+    A set without a folder in ``roots``, or with fewer images than its share, is filled up with
+    embedded heads, as many people as are missing. Raises ConfigError for a folder without the set.
     """
     tables: list[dict[str, Any]] = []
     for kind, count in paper_counts(images).items():

@@ -42,23 +42,17 @@ def split_subjects(
 
 
 def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
-    """Assign subjects to splits so that image counts approach the paper's: subject -> split.
+    """Assign subjects of so many frames to splits, near the paper's counts: subject -> split.
 
     The image counts approach the paper's numbers, scaled to the total. The sum of the three
     differences is minimal for up to nine people; for more, neither moving a person nor swapping two
     lowers it. Three people or more leave no split empty. ``seed`` breaks ties.
-
-    Args:
-        frames: subject -> number of images.
     """
     names = sorted(frames, key=lambda name: (-frames[name], stable_seed("split", seed, name)))
     sizes = np.array([frames[name] for name in names], dtype=np.int64)
     target = np.array(PAPER_IMAGES) / sum(PAPER_IMAGES) * sizes.sum()
-    chosen = (
-        _search_all(sizes, target)
-        if len(names) <= _MAX_EXACT_PEOPLE
-        else _search_locally(sizes, target)
-    )
+    search = _search_all if len(names) <= _MAX_EXACT_PEOPLE else _search_locally
+    chosen = search(sizes, target)
     return {name: SPLIT_NAMES[split] for name, split in zip(names, chosen, strict=True)}
 
 
@@ -84,10 +78,8 @@ def _search_locally(sizes: Whole, target: Array) -> Sequence[int]:
         chosen[person] = int(np.argmax(target - images))
         images[chosen[person]] += size
     while True:
-        change, moves = min(
-            (_best_swap(sizes, target - images, chosen, a, b) for a, b in _PAIRS),
-            key=lambda change_and_moves: change_and_moves[0],
-        )
+        swaps = (_best_swap(sizes, target - images, chosen, a, b) for a, b in _PAIRS)
+        change, moves = min(swaps, key=lambda swap: swap[0])
         if change > -1e-6:
             return [int(split) for split in chosen]
         for person, split in moves:

@@ -69,8 +69,7 @@ def _sequence(key: FaceKey, repeat: int) -> str:
 class PersonFrames(NamedTuple):
     """A person's run of consecutive tasks in a Plan: ``frames`` tasks from ``first`` on.
 
-    Attributes:
-        name: the person's name in the source; the other fields are those of Task.
+    ``name`` is the person's in the source; the other fields are those of Task.
     """
 
     split: str
