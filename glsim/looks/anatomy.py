@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats, Mask, Reals
+from glsim.core.array_types import Floats, Mask, Reals, Triangles
 from glsim.core.errors import ConfigError
 
 _EYES: Final = ("sclera", "iris", "pupil", "eyes")
@@ -34,17 +34,11 @@ _LINE_Y: Final = (-70.0, -66.0, -52.0, -18.0, -8.0, -2.0, 18.0, 36.0, 48.0, 57.0
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A reference head with the region of each vertex.
-
-    Args:
-        vertices_mm: (V, 3) of the reference.
-        faces: (F, 3).
-        regions: (V,) indices into names.
-    """
+    """A reference head, (V, 3) mm, with the region of each vertex, (V,) indices into ``names``."""
 
     source: str
     vertices_mm: Floats
-    faces: NDArray[np.int32]
+    faces: Triangles
     regions: NDArray[np.integer[Any]]
     names: Sequence[str]
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Floats, Mask, Reals, Whole
+from glsim.core.array_types import Array, Floats, Mask, Reals, Triangles, Whole
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
@@ -56,8 +55,7 @@ def skull_motion(reference: Points, moved: Points) -> Motion:
 class Binding(Protocol):
     """The protocol of a mesh that follows the face mesh of a source.
 
-    Args:
-        used: indices of the face's vertices that move the mesh.
+    ``used`` are the indices of the face's vertices that move the mesh.
     """
 
     used: Whole
@@ -71,13 +69,7 @@ class Rooted:
     """A hair mesh: each vertex keeps its offset from a root on the skin, rotated with the skull."""
 
     def __init__(self, roots: Anchors, root_of: Whole, offsets_mm: Reals) -> None:
-        """Bind hair vertices to roots on the skin.
-
-        Args:
-            roots: points on the skin.
-            root_of: (N,) index of each vertex's root.
-            offsets_mm: (N, 3) from the root to the vertex, at rest.
-        """
+        """Bind hair vertices to roots: (N,) index of each vertex's root, (N, 3) offset at rest."""
         self.used, corners = np.unique(roots.corners, return_inverse=True)
         self._roots = Anchors(corners.reshape(-1, 3), roots.weights)
         self._root_of, self._offsets = root_of, offsets_mm.astype(np.float32)
@@ -156,9 +148,7 @@ class Shell:
 def _axes(a: Reals, b: Reals, c: Reals) -> tuple[Reals, Reals, Reals]:
     """Compute the axes of triangles: unit vectors (3, N) along an edge, across it, and the normal.
 
-    Args:
-        a, b, c: (3, N) mm, the corners. Coordinates come first, which NumPy computes several times
-            faster.
+    Corners are (3, N) mm: with coordinates first NumPy is several times faster.
     """
     along = b - a
     along /= np.maximum(np.sqrt((along * along).sum(axis=0)), 1e-9)
@@ -173,14 +163,8 @@ def _crossed(first: Reals, second: Reals) -> Reals:
     return np.stack([first[i] * second[j] - first[j] * second[i] for i, j in pairs])
 
 
-def uncovered(faces: NDArray[np.int32], vertices: int, shells: Sequence[Shell]) -> Mask:
-    """Mark the vertices of a mesh that no shell hides.
-
-    Args:
-        faces: (F, 3) triangles of the mesh.
-        vertices: their number.
-        shells: the layers over it.
-    """
+def uncovered(faces: Triangles, vertices: int, shells: Sequence[Shell]) -> Mask:
+    """Mark the vertices, of their number, of a mesh that no shell hides; triangles are (F, 3)."""
     corners, free = np.ascontiguousarray(faces.T), np.ones(vertices, bool)
     for shell in shells:
         seen, left = np.ones(vertices, bool), corners

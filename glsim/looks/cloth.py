@@ -120,11 +120,9 @@ class ClothBody:
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
     def cut(self, opening: Reals, inside: Reals) -> ClothBody:
-        """Cut the body to the skin that a garment covers.
+        """Cut the body to the skin below the ``opening`` of a garment and inside its other edges.
 
-        Args:
-            opening: (N,) mm below the garment's top edge.
-            inside: (N,) mm inside its other edges.
+        Both are (N,) distances, mm, negative beyond the edge.
         """
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
@@ -318,9 +316,7 @@ def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
     """Return a function that averages (N,) or (k, N) values over each point's neighbours.
 
-    Args:
-        piece: the points.
-        hang: weight of neighbours above over those below: 0 for equal weights.
+    ``hang`` weighs neighbours above over those below: 0 for equal weights.
     """
     edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     first, second = np.ascontiguousarray(edges.T)
@@ -410,12 +406,7 @@ def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> R
 
     Three kinds: flutes, which fall to the hem and wind around limbs; short folds where cloth piles
     up, at waist, elbows, knees and cuffs; lines of tension from the armpits to the opposite hip.
-
-    Args:
-        piece: the covered skin.
-        level: (N,) 0 at the top of the garment, 1 at its hem or cuffs.
-        on_limb: (N,) mask.
-        seed: of the folds.
+    The (N,) ``level`` is 0 at the top of the garment, 1 at its hem or cuffs.
     """
     local = piece.local + np.outer(piece.part, (1e3, 0.0, 0.0))  # limbs fold differently
     warp = 22.0 * smooth_noise(local / 120.0, seed + 6)[:, None]
@@ -447,12 +438,8 @@ def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> R
 def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, share: float) -> Shell:
     """Straighten the edges of a garment, and add its hems and its collar.
 
-    Args:
-        piece: the covered skin.
-        garment: its type.
-        surface: (N, 3) mm, points of the cloth; its edge is moved in place.
-        scale: size of the subject relative to a mean adult.
-        share: share of the triangles that is drawn.
+    ``surface`` are the (N, 3) points of the cloth, mm; its edge is moved in place. ``scale`` and
+    ``share`` as for ``_garment``.
     """
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -520,31 +507,18 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, shar
 
 
 def _rows(profile: Profile, thick: float, normal: Reals, away: Reals) -> Reals:
-    """Compute the rows of points of a hem along an edge of P points.
+    """Compute the (R, P, 3) offsets, mm, of a hem's rows of points from an edge of P points.
 
-    Args:
-        profile: for each of R rows, mm away from the cloth, and along the normal as multiple of the
-            thickness and in mm.
-        thick: thickness of the cloth, mm.
-        normal, away: (P, 3) unit vectors, along the normal and out of the cloth.
-
-    Returns:
-        (R, P, 3) offsets from the edge, mm.
+    The profile has for each row mm away from the cloth, and along the normal as multiple of the
+    thickness and in mm. ``normal`` and ``away`` from the cloth are (P, 3) unit vectors.
     """
     return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
 
 
 def _collar(garment: Garment, away: Reals, normal: Reals, beside: Reals, scale: float) -> Reals:
-    """Compute the rows of points of a collar along the neck opening's edge of P points.
+    """Compute the rows of points of a collar along the neck opening's edge, as ``_rows`` does.
 
-    Args:
-        garment: names the collar.
-        away, normal: (P, 3) unit vectors, out of the cloth and along its normal.
-        beside: (P, 3) mm, the edge relative to the neck.
-        scale: size of the subject relative to a mean adult.
-
-    Returns:
-        (R, P, 3) offsets from the edge, mm.
+    ``beside`` is (P, 3) mm, the edge relative to the neck; ``scale`` as for ``_garment``.
     """
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)

@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import Final, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Floats, Whole
+from glsim.core.array_types import Array, Floats, Triangles, Whole
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.faces.face_source import Face, FaceSource, WornPart
@@ -56,7 +55,7 @@ class _Worn:
 
     region: str
     binding: Binding
-    faces: NDArray[np.int32]
+    faces: Triangles
     albedo: Floats
     last: tuple[Points, Motion, WornPart] | None = None
 
@@ -88,8 +87,8 @@ class _Wardrobe:
     outfit: Outfit
     worn: list[_Worn]
     skull: Points
-    faces: NDArray[np.int32]
-    occluder: NDArray[np.int32] | None
+    faces: Triangles
+    occluder: Triangles | None
     skin: tuple[object, Floats] | None = None
 
 
@@ -120,20 +119,17 @@ class Dresser:
         mesh = face.mesh
         motion = skull_motion(wardrobe.skull, mesh.vertices_mm[self._skull])
         parts = tuple(thing.place(mesh.vertices_mm, motion) for thing in wardrobe.worn)
+        skin = self._skin(wardrobe, mesh)
         return replace(
             face,
-            mesh=Mesh(
-                mesh.vertices_mm, wardrobe.faces, self._skin(wardrobe, mesh), wardrobe.occluder
-            ),
+            mesh=Mesh(mesh.vertices_mm, wardrobe.faces, skin, wardrobe.occluder),
             notes={**face.notes, **wardrobe.outfit.words},
             parts=(*face.parts, *parts),
         )
 
     def sampled(self, face: Face, seeds: ScopeSeeds) -> dict[str, float]:
         """Return the sampled values of an outfit for the manifest: "appearance.name" -> value."""
-        if not self.is_on:
-            return {}
-        return dict(self._wardrobe(face, seeds).outfit.numbers)
+        return dict(self._wardrobe(face, seeds).outfit.numbers) if self.is_on else {}
 
     @cached_property
     def _reference(self) -> Anatomy:
@@ -151,10 +147,8 @@ class Dresser:
         # Not the front: raised brows pull the scalp as far back as the ears.
         inside &= head.vertices_mm[:, 2] < head.centre[2] - 25 * head.scale
         scalp = np.flatnonzero(inside & head.outside & ~head.body & ~head.is_in("ear"))
-        chosen: Whole = scalp[
-            np.linspace(0, len(scalp) - 1, min(_SKULL_POINTS, len(scalp))).astype(int)
-        ]
-        return chosen
+        every = np.linspace(0, len(scalp) - 1, min(_SKULL_POINTS, len(scalp))).astype(int)
+        return np.asarray(scalp[every])
 
     def _grid(self, make: Callable[[Anatomy], _Grid]) -> _Grid:
         """Make a grid of hair, beard, brows or cloth on the source at its first use."""
@@ -180,13 +174,9 @@ class Dresser:
         shells: list[Shell] = []
 
         def wear(
-            region: str,
-            binding: Binding,
-            faces: NDArray[np.int32],
-            albedo: float,
-            pattern: Pattern = "plain",
-            light: float | Array = 1.0,
-        ) -> None:
+            region: str, binding: Binding, faces: Triangles, albedo: float,
+            pattern: Pattern = "plain", light: float | Array = 1.0,
+        ) -> None:  # fmt: skip
             if len(faces):
                 points = binding.place(vertices, rest)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats, Mask, Reals
+from glsim.core.array_types import Floats, Mask, Reals, Triangles
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.styles import STYLE_TABLE
@@ -22,11 +21,9 @@ _CLEARANCE_MM: Final = 1.5
 
 @dataclass(frozen=True)
 class GlassesStyle:
-    """A style of glasses; lengths in mm.
+    """A style of glasses: size of a lens and rim, mm, and ``power``, the outline's exponent.
 
-    Args:
-        width, height: size of a lens.
-        power: exponent of its outline: 2 is round, 5 nearly square.
+    2 is round, 5 nearly square.
     """
 
     name: str
@@ -41,7 +38,7 @@ GLASSES: Final = tuple(GlassesStyle(n, **row) for n, row in STYLE_TABLE["glasses
 
 def make_glasses(
     anatomy: Anatomy, skin_mm: Floats, style: GlassesStyle, lens: str, seed: int
-) -> tuple[Floats, NDArray[np.int32], Mask]:
+) -> tuple[Floats, Triangles, Mask]:
     """Fit glasses to a subject.
 
     Args:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Floats, Reals, Whole
+from glsim.core.array_types import Array, Floats, Reals, Triangles, Whole
 from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
@@ -59,13 +58,11 @@ class Scalp(NamedTuple):
 class Hair(NamedTuple):
     """The hair mesh of a subject, rooted on the scalp.
 
-    Args:
-        faces: (F, 3) int32.
-        light: (N,) share of the light that returns from between the strands.
+    ``light`` is the (N,) share of the light that returns from between the strands.
     """
 
     binding: Rooted
-    faces: NDArray[np.int32]
+    faces: Triangles
     light: Array
 
 

@@ -41,13 +41,7 @@ CROWN: Final = np.array([0.0, 0.86, -0.51])
 
 
 class Locks(NamedTuple):
-    """A mesh of locks, each vertex with its root on the scalp.
-
-    Args:
-        roots: (N,) index of the scalp's point from which each vertex grows.
-        points_mm: (N, 3) vertices.
-        faces: (F, 3) triangles.
-    """
+    """A mesh of locks: (N, 3) vertices, (F, 3) triangles, and each vertex's root on the scalp."""
 
     roots: Whole
     points_mm: Reals
@@ -75,12 +69,9 @@ class Obstacle:
         self._radius = np.where(filled, radius, radius[filled][near]).astype(np.float32)
 
     def push_out(self, points: Reals, least_mm: Reals, most_mm: Reals | None = None) -> Reals:
-        """Move points (N, 3) mm radially out of the head.
+        """Move points (N, 3) mm radially out of the head, to an (N,) least height over the skin.
 
-        Args:
-            points: to move.
-            least_mm: (N,) least height over the skin afterwards.
-            most_mm: (N,) largest height over the skin above the ears, where hair lies on the head.
+        Above the ears, where hair lies on the head, ``most_mm`` is the largest height.
         """
         out = points - self.centre
         length = np.linalg.norm(out, axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Final, Literal
 
 import numpy as np
@@ -23,23 +24,16 @@ _PRINT_LEFT: Final = 0.3
 #: Odd 32-bit multipliers that spread lattice coordinates over all bits; chosen, prime.
 _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 
-
 #: Scale of a logistic distribution as wide as the noise: the noise's standard deviation, 0.40
 #: (measured), times sqrt(3) / pi; and the mean of the scaled noise's soft plus (measured).
 _LOGISTIC, _SOFT_MEAN = 0.22, 1.02
 
 
 def smooth_noise(points: Reals, seed: int) -> Floats:
-    """Compute smooth noise with about one bump per unit length; a pure function of the arguments.
+    """Compute smooth noise, (N,) float32 from -1 to 1, with about one bump per unit length.
 
-    Points with whole coordinates have random values; quintic weights interpolate between them.
-
-    Args:
-        points: (N, 3).
-        seed: its low 32 bits count.
-
-    Returns:
-        (N,) float32, -1 to 1.
+    Of (N, 3) points, those with whole coordinates have random values; quintic weights interpolate
+    between them. The low 32 bits of the seed count.
     """
     low = np.floor(points)
     away = (points - low).astype(np.float32)
@@ -48,14 +42,12 @@ def smooth_noise(points: Reals, seed: int) -> Floats:
     words = [[corner[:, k] * p, (corner[:, k] + np.uint32(1)) * p] for k, p in enumerate(_PRIMES)]
     start = np.uint32(seed & 0xFFFFFFFF)
     total: Floats = np.zeros(len(points), np.float32)
-    for x in (0, 1):
-        for y in (0, 1):
-            for z in (0, 1):
-                bits = _mixed(words[0][x] ^ words[1][y] ^ words[2][z] ^ start)
-                weight = np.ones(len(points), np.float32)
-                for k, high in enumerate((x, y, z)):
-                    weight *= fade[:, k] if high else 1 - fade[:, k]
-                total += weight * bits
+    for x, y, z in product((0, 1), repeat=3):
+        bits = _mixed(words[0][x] ^ words[1][y] ^ words[2][z] ^ start)
+        weight = np.ones(len(points), np.float32)
+        for k, high in enumerate((x, y, z)):
+            weight *= fade[:, k] if high else 1 - fade[:, k]
+        total += weight * bits
     return total
 
 
@@ -84,15 +76,10 @@ def ridges(points: Reals, seed: int) -> Floats:
 
 
 def pattern_factors(pattern: Pattern, points: Reals, seed: int) -> Reals:
-    """Compute the reflectivity of patterned cloth relative to its mean.
+    """Compute the reflectivity of patterned cloth, (N,) factors that are about 1 on average.
 
-    Args:
-        pattern: kind of pattern.
-        points: (N, 3) mm at rest; x to the subject's left, y up, z forward.
-        seed: of widths, positions and contrasts.
-
-    Returns:
-        (N,) factors, about 1 on average.
+    Points are (N, 3) mm at rest: x to the subject's left, y up, z forward. The seed decides widths,
+    positions and contrasts.
     """
     factors = 1 + _PATCHES * smooth_noise(points / _PATCH_MM, seed).astype(np.float64)
     rng = keyed_rng(seed, "pattern")

@@ -58,13 +58,8 @@ def sample_outfit(
 ) -> Outfit:
     """Sample the outfit of a subject; a pure function of the arguments.
 
-    Each choice has a random generator of its own, so that a changed setting changes one choice.
-
-    Args:
-        settings: shares of people with hair, beards, glasses, ...
-        seeds: of the frame.
-        notes: of the face; "age_years" and "woman", where known, decide on beards, bald heads and
-            grey hair.
+    Each choice has a random generator of its own, so that a changed setting changes one choice. The
+    face's notes "age_years" and "woman", where known, decide on beards, bald heads and grey hair.
     """
     age, woman = _person(notes or {})
     words: dict[str, str] = {}

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Floats, Mask, Reals, Whole
+from glsim.core.array_types import Array, Floats, Mask, Reals, Triangles, Whole
 from glsim.core.mesh import vertex_normals
 
 
@@ -31,12 +30,7 @@ class Anchors(NamedTuple):
 
 
 class Blend(NamedTuple):
-    """Points on the edges of a grid, each between two grid points.
-
-    Args:
-        first, second: (M,) indices of grid points.
-        share: (M,) position: 0 at the first, 1 at the second.
-    """
+    """M points between two points of a grid, (M,) indices: ``share`` is 0 at the first of them."""
 
     first: Whole
     second: Whole
@@ -77,13 +71,9 @@ class SkinGrid(NamedTuple):
         return SkinGrid(self.base[base], number[touched], anchors, inverse.reshape(-1, 3)), used
 
     def clipped(self, inside: Reals) -> tuple[SkinGrid, Blend]:
-        """Cut the grid along the zero line of a value.
+        """Cut the grid along the zero line of the points' (N,) values; the side above 0 remains.
 
-        Args:
-            inside: (N,) value of each point; the side above 0 remains.
-
-        Returns:
-            The cut grid, and its points as blends of this grid's points.
+        Returns the cut grid, and its points as blends of this grid's points.
         """
         kept = inside[self.faces] > 0
         whole = self.faces[kept.all(axis=1)]
@@ -111,7 +101,7 @@ class SkinGrid(NamedTuple):
         return left, Blend(first[used], second[used], share[used])
 
 
-def make_grid(faces: NDArray[np.int32], chosen: Mask, points: Reals, edge_mm: float) -> SkinGrid:
+def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> SkinGrid:
     """Make a grid of the chosen triangles; edges longer than ``edge_mm`` are split in halves.
 
     Args:
@@ -179,11 +169,6 @@ def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
 
 
 def point_normals(grid: SkinGrid, skin_mm: Array) -> Array:
-    """Compute the unit normals (N, 3) of the skin at the grid's points.
-
-    Args:
-        grid: the points.
-        skin_mm: (B, 3) mm, vertices of the grid's base.
-    """
+    """Compute the unit normals (N, 3) of the skin at the grid's points; ``skin_mm`` is its base."""
     normal = grid.anchors.place(vertex_normals(skin_mm, grid.triangles))  # type: ignore[arg-type]
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.float64)

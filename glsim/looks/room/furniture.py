@@ -135,12 +135,8 @@ def _solid(name: str, number: int) -> Shape:
     """Make a part of fixed dimensions, with mirror images and copies, before scaling."""
     part = catalogue()["things"][name]["parts"][number]
     if "box" in part:
-        shape = box(
-            part["box"],
-            edge_mm=part.get("edge", 0.0),
-            cells=part.get("cells", 3),
-            plump_mm=part.get("plump", 0.0),
-        )
+        edge_mm, plump_mm = part.get("edge", 0.0), part.get("plump", 0.0)
+        shape = box(part["box"], edge_mm=edge_mm, cells=part.get("cells", 3), plump_mm=plump_mm)
     elif "rod" in part:
         first, last = np.broadcast_to(part["r"], 2)
         start, end = part["rod"]
@@ -226,13 +222,7 @@ def _leaves(rng: Rng, part: Part) -> Shape:
 
 
 def curtain(rng: Rng, width_mm: float, top_mm: float, bottom_mm: float) -> list[Shape]:
-    """Make a folded curtain in front of a wall at z = 0.
-
-    Args:
-        rng: samples folds and albedo.
-        width_mm: width, centred on x = 0.
-        top_mm, bottom_mm: heights of its ends.
-    """
+    """Make a folded curtain, centred on x = 0, in front of a wall at z = 0."""
     folds = width_mm / rng.uniform(90, 150)  # chosen: a fold each 90 to 150 mm
     x, drop = np.linspace(-0.5, 0.5, int(folds * 10) + 2)[None], np.linspace(0, 1, 6)[:, None]
     phase, second = rng.uniform(0, 2 * np.pi, 2)
@@ -259,13 +249,7 @@ def coat(rng: Rng) -> list[Shape]:
 
 
 def make_seat(rng: Rng, kind: str, seat: Sequence[float]) -> list[Shape]:
-    """Make a chair for a sitting person.
-
-    Args:
-        rng: samples the chair.
-        kind: kind of room, which has its types of chairs.
-        seat: height of the seat above the floor, and z of the backrest, mm.
-    """
+    """Make a chair of a kind of room; ``seat`` is its height and z of the backrest, mm."""
     height_mm, back_z = seat
     name = choose(rng, catalogue()["rooms"][kind]["seats"])
     return moved(make_thing(rng, name, fit_mm=(None, height_mm)), z=back_z + BACKREST_MM - 15.0)

@@ -22,13 +22,7 @@ Span = tuple[float, float, float]
 
 
 class Opening(NamedTuple):
-    """A door or a window in a wall, mm.
-
-    Args:
-        kind: "door" or "window".
-        left, right: its ends along the wall.
-        low, high: its heights above the floor.
-    """
+    """A "door" or "window": its ends along the wall, and its heights above the floor, mm."""
 
     kind: str
     left: float
@@ -40,10 +34,7 @@ class Opening(NamedTuple):
 class Wall(NamedTuple):
     """A wall in its own axes (plane z = 0, x from 0 to ``length``, facing +z), placed in a room.
 
-    Args:
-        start: (x, z) of its left end in the room, mm.
-        turn_deg: rotation about the vertical axis.
-        openings: doors and windows.
+    Its left end is at ``start``, (x, z) mm; ``turn_deg`` is about the vertical axis.
     """
 
     name: str
@@ -60,14 +51,9 @@ class Wall(NamedTuple):
 def sample_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
-    """Sample doors and windows of a wall, without overlap.
+    """Sample up to so many doors and windows of a wall, mm, without overlap.
 
     Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
-
-    Args:
-        rng: samples positions and sizes.
-        length, height: of the wall, mm.
-        doors, windows: their numbers, if there is room.
     """
     openings: list[Opening] = []
     for kind in ["door"] * doors + ["window"] * windows:
@@ -90,11 +76,7 @@ def sample_openings(
 def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]:
     """Make the shapes of a wall with its doors, windows and skirting, in room axes.
 
-    Args:
-        rng: samples doors and materials.
-        wall: its position and openings.
-        height: of the room, mm.
-        paint: albedo of the wall.
+    ``height`` is the room's, mm; ``paint`` is an albedo.
     """
     shapes: list[Shape] = []
     columns = sorted({0.0, wall.length, *(x for o in wall.openings for x in (o.left, o.right))})
@@ -164,17 +146,10 @@ class FloorPlan:
 
 
 def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Make the furniture along a wall and the pictures and coats on it.
+    """Make the furniture along a wall and the pictures and coats on it, in room axes.
 
-    Args:
-        rng: samples them.
-        kind: kind of room.
-        wall: the wall.
-        plan: reserves the floor.
-        clutter: share of the possible objects, 0 to 1.
-
-    Returns:
-        Shapes in room axes.
+    ``kind`` is that of the room, ``plan`` reserves the floor, and ``clutter`` is the share of the
+    possible objects, 0 to 1.
     """
     shapes: list[Shape] = []
     spans: list[Span] = []
@@ -260,14 +235,7 @@ def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> lis
 
 
 def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Make the furniture in the middle of a room, in room axes.
-
-    Args:
-        rng: samples it.
-        kind: kind of room.
-        plan: reserves the floor.
-        clutter: share of the possible furniture, 0 to 1.
-    """
+    """Make the furniture in the middle of a room, with arguments as for ``furnish_wall``."""
     shapes: list[Shape] = []
     left, back, right, front = plan.extent
     choices = catalogue()["rooms"][kind]["free"]

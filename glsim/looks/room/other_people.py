@@ -47,12 +47,7 @@ class OtherPeople:
         self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
     def load(self, source: int, seeds: ScopeSeeds) -> None:
-        """Load the background people of a frame's room; the caller holds the lock of the sources.
-
-        Args:
-            source: number of the frame's source in the settings.
-            seeds: of the frame.
-        """
+        """Load the background people of a frame's room; the caller holds the sources' lock."""
         if self._most == 0 or not self._settings.source[source].endless:
             return
         for number in self._numbers(seeds, self._most):
@@ -76,14 +71,10 @@ class OtherPeople:
     def _numbers(self, seeds: ScopeSeeds, count: int) -> list[int]:
         """Sample the numbers of ``count`` different background people for a room."""
         rng = pcg_rng("other people", getattr(seeds, self._settings.scene.per))
-        order: list[int] = rng.permutation(STRANGERS)[:count].tolist()
-        return order
+        return [int(number) for number in rng.permutation(STRANGERS)[:count]]
 
     def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
-        """Load a standing person: the dressed face and the floor's height y, mm.
-
-        Returns None if the source has heads without bodies.
-        """
+        """Load a standing person, dressed, and the floor's height y, mm; None without a body."""
         settings = self._settings.source[source]
         known = settings.subjects or 0
         name = self._sources[source].subjects(known + STRANGERS)[known + number]

@@ -49,13 +49,7 @@ _SCOPES = ("frame", "sequence", "subject", "device")
 
 
 class Prop(NamedTuple):
-    """A mesh of the scenery, with its view matrix and region.
-
-    Args:
-        mesh: millimetres.
-        view: (4, 4) float32, the mesh's millimetres to camera metres.
-        region: name in the layer of regions; "" for none.
-    """
+    """A mesh of the scenery, its (4, 4) matrix from mm to camera m, and its region or ""."""
 
     mesh: Mesh
     view: Floats
@@ -80,12 +74,7 @@ class Scenery(NamedTuple):
 
 
 class Body(NamedTuple):
-    """The floor and the seat of a whole person, canonical mm.
-
-    Args:
-        floor_mm: y of the floor.
-        seat_mm: y of the seat and z of the backrest; None for a standing person.
-    """
+    """A person's y of the floor, and y of the seat and z of the backrest, None if standing."""
 
     floor_mm: float
     seat_mm: tuple[float, float] | None = None
@@ -131,19 +120,12 @@ def scene_regions(settings: SceneSettings) -> tuple[str, ...]:
 
 
 def build_scenery(
-    settings: SceneSettings,
-    pose: PoseSettings,
-    seeds: ScopeSeeds,
-    rig: SensorRig,
+    settings: SceneSettings, pose: PoseSettings, seeds: ScopeSeeds, rig: SensorRig,
     body: Body | None = None,
-) -> Scenery:
+) -> Scenery:  # fmt: skip
     """Build the scenery of a frame; a pure function of the arguments.
 
-    Args:
-        settings, pose, seeds: of the frame.
-        rig: the sensor's cameras and emitters.
-        body: floor and seat of the person; None for a head without a body, whose eyes are at
-            ``scene.eye_mm``.
+    A head without a ``body`` has its eyes at ``scene.eye_mm``.
     """
     if settings.room != "none":
         return _room_scenery(settings, pose, seeds, rig, body)
@@ -158,12 +140,9 @@ def build_scenery(
 
 
 def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: Floats) -> None:
-    """Raise MeshError unless the plain wall lies behind the whole face.
+    """Raise MeshError unless the plain wall lies behind the whole face and its worn meshes.
 
-    Args:
-        scenery: with the wall.
-        meshes: the face and its worn meshes.
-        view: (4, 4) matrix from their canonical mm to camera m.
+    ``view`` is the (4, 4) matrix from their canonical mm to camera m.
     """
     wall_mm = scenery.sampled.get("scene.wall_mm")
     if wall_mm is None:

@@ -12,25 +12,17 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Triangles
 from glsim.core.products import norm, product
 
 Points = Array
-Triangles = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A mesh with one albedo and one region.
-
-    Args:
-        vertices_mm: (V, 3) float64 vertices.
-        faces: (F, 3) int32 triangles.
-        albedo: at 860 nm, relative to a white wall.
-        region: name in the layer "regions".
-    """
+    """A mesh with one albedo at 860 nm, relative to a white wall, and one region."""
 
     vertices_mm: Points
     faces: Triangles
@@ -40,12 +32,7 @@ class Shape:
     def moved(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, turn_deg: float = 0.0
     ) -> Shape:
-        """Return the shape rotated, then shifted.
-
-        Args:
-            x, y, z: shift, mm.
-            turn_deg: rotation about the vertical axis, +z towards +x.
-        """
+        """Return the shape rotated about the vertical axis, +z towards +x, then shifted, mm."""
         return replace(self, vertices_mm=turned(self.vertices_mm, turn_deg) + np.array([x, y, z]))
 
     def leaned(self, degrees: float) -> Shape:
@@ -151,12 +138,9 @@ def _grid(rows: int, columns: int) -> Triangles:
 
 
 def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 12) -> Shape:
-    """Make a body of revolution about the y axis.
+    """Make a body of revolution about the y axis, with a number of sides (segments).
 
-    Args:
-        profile_mm: (radius, height) of each ring, from bottom to top; radius 0 closes an end.
-        albedo: at 860 nm, relative to a white wall.
-        segments: number of sides.
+    The profile is (radius, height) of each ring, from bottom to top; radius 0 closes an end.
     """
     radius, height = np.asarray(profile_mm, np.float64).T
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)

@@ -40,10 +40,7 @@ def tilted(view: Floats, tilt_deg: float) -> Floats:
 def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float) -> Points:
     """Return the camera's position (3,) mm in room axes, origin on the floor below the face.
 
-    Args:
-        face_camera_mm: position of the face in camera axes (x right, y down, z forward).
-        eye_mm: height of the face above the floor.
-        tilt_deg: upward tilt of the camera.
+    The face is at a height above the floor, and seen in camera axes (x right, y down, z forward).
     """
     face = product(_rotation(tilt_deg).T, np.asarray(face_camera_mm, np.float64))
     return np.asarray(np.array([0.0, eye_mm, 0.0]) - face)
@@ -54,11 +51,9 @@ _MAX_TILT_DEG = 40.0
 
 
 def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
-    """Compute the upward tilt, degrees, of a camera that sees a face at a given height.
+    """Compute the upward tilt, degrees, of a camera that sees a face, above it by ``above_mm``.
 
-    Args:
-        face_camera_mm: position of the face in camera axes (x right, y down, z forward).
-        above_mm: height of the face above the camera.
+    The face is seen in camera axes (x right, y down, z forward).
     """
     _, y, z = face_camera_mm
     sine = float(np.clip(above_mm / np.hypot(y, z), -1, 1))
@@ -85,13 +80,8 @@ def visible_mesh(
 ) -> Mesh | None:
     """Join the visible part of shapes to one mesh; None if nothing is visible.
 
-    The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``.
-
-    Args:
-        shapes: of a room.
-        view: (4, 4) matrix from their mm to camera m.
-        rig: cameras and emitters that see them.
-        factor: of all albedos, which end at 1.
+    The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``. ``view``
+    is the matrix from the shapes' mm to camera m; ``factor`` scales all albedos, up to 1.
     """
     points = np.concatenate([s.vertices_mm[s.faces] for s in shapes])
     albedo = np.concatenate([np.full(len(s.faces), min(1.0, factor * s.albedo)) for s in shapes])
@@ -114,12 +104,8 @@ def visible_mesh(
 def visible_part(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh | None:
     """Remove triangles that face away or lie outside of the view; None if no triangle is left.
 
-    Triangles at the border of the view stay whole. All arrays are new.
-
-    Args:
-        mesh: the mesh.
-        view: (4, 4) matrix from its mm to camera m.
-        rig: cameras and emitters that see it.
+    Triangles at the border of the view stay whole. All arrays are new. ``view`` is the matrix from
+    the mesh's mm to camera m.
     """
     points = product(mesh.vertices_mm, view[:3, :3].T) + view[:3, 3]
     triangles = points[mesh.faces].astype(np.float64)
@@ -148,9 +134,8 @@ def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
     columns, rows, rig = sight.columns, sight.rows, sight.rig
     if rig.registered is not None:  # what its colour camera sees beside it, from 0.5 m on
         image = Rect(0, 0, rig.delivered.width, rig.delivered.height)
-        ends = np.concatenate(
-            [rig.registered.corner_points(image, z_m) for z_m in (0.5, rig.far_m)]
-        )
+        seen = [rig.registered.corner_points(image, z_m) for z_m in (0.5, rig.far_m)]
+        ends = np.concatenate(seen)
         columns = np.append(columns, ends[:, 0] / ends[:, 2])
         rows = np.append(rows, ends[:, 1] / ends[:, 2])
     left, right = columns.min() - _BESIDE, columns.max() + _BESIDE
