@@ -31,12 +31,10 @@ class Board:
     A time-of-flight camera measures dark print some mm too far, so that only the paper is plane.
 
     Attributes:
-        on_plane: (H, W) pixels of the board with depth.
-        paper: (H, W) the white ones of them.
+        paper: (H, W) white pixels of the board with depth.
         distance_mm: median depth of the paper.
     """
 
-    on_plane: Mask
     paper: Mask
     distance_mm: float
 
@@ -72,19 +70,13 @@ def find_board(
     paper = on_plane & _bright(frame, inside > 0)
     if paper.sum() < LEAST_PIXELS:
         return None
-    return Board(on_plane, paper, float(np.median(frame.measured_mm[paper])))
+    return Board(paper, float(np.median(frame.measured_mm[paper])))
 
 
 def plane_residual(depth_mm: Reals, rays: Reals, part: Mask) -> Array:
-    """Fit a robust plane in 1 / z, with weights z^2; return the residual depth, mm.
+    """Fit a robust plane in 1 / z, with weights z^2; return (H, W) depth minus plane, mm.
 
-    Args:
-        depth_mm: (H, W) depth, finite in ``part``.
-        rays: (H, W, 2) x/z and y/z of the pixels.
-        part: (H, W) pixels of the plane; outliers among them are left out of the fit.
-
-    Returns:
-        (H, W) depth minus plane, mm.
+    Depth is finite in ``part``, the pixels of the plane, whose outliers are left out of the fit.
     """
     z = depth_mm.astype(np.float64)
     design = np.concatenate([np.ones((*z.shape, 1)), rays.astype(np.float64)], axis=-1)

@@ -16,15 +16,11 @@ LAGS = ((0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0), (1, 1))
 def lagged_sums(
     images: Array, lags: Sequence[tuple[int, int]] = LAGS, *, both_axes: bool = False
 ) -> Array:
-    """Sum the products of pixels at each lag, and the squares of the same pixels.
+    """Sum the products of pixels at each lag, and the squares of the same pixels, (..., L, 2).
 
-    Args:
-        images: (..., H, W) noise of mean 0; NaN marks unknown pixels.
-        lags: (rows, columns) >= 0. A diagonal is averaged with its mirror image.
-        both_axes: average each lag with that of swapped rows and columns.
-
-    Returns:
-        (..., L, 2) sums; their ratio is the correlation, see ``correlation_of``.
+    Their ratio is the correlation, see ``correlation_of``. Images are (..., H, W) noise of mean 0;
+    NaN marks unknown pixels. Lags are (rows, columns) >= 0: a diagonal is averaged with its mirror
+    image, and each lag with that of swapped rows and columns if ``both_axes``.
     """
     sums = np.zeros((*images.shape[:-2], len(lags), 2))
     for number, (down, right) in enumerate(lags):
@@ -55,13 +51,11 @@ def correlation_of(sums: Iterable[Array]) -> tuple[float, ...]:
     return tuple(float(p / s) if s > 0 else float("nan") for p, s in total)
 
 
-def without_local_mean(noise: Array, size: int = 31) -> Array:
-    """Subtract the mean of known pixels in a size x size window, to remove slow drift."""
-    known = np.isfinite(noise)
+def without_local_mean(noise: Array) -> Array:
+    """Subtract the mean of known pixels in a 31 x 31 window, to remove slow drift."""
+    known, border = np.isfinite(noise), cv2.BORDER_CONSTANT
     total, count = (
-        cv2.boxFilter(
-            image, cv2.CV_64F, (size, size), normalize=False, borderType=cv2.BORDER_CONSTANT
-        )
+        cv2.boxFilter(image, cv2.CV_64F, (31, 31), normalize=False, borderType=border)
         for image in (np.where(known, noise, 0.0), known.astype(np.float64))
     )
     return np.where(known, noise - total / np.maximum(count, 1.0), np.nan)

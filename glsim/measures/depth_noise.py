@@ -71,15 +71,10 @@ _DRIFT_BIN_MM = 100.0
 
 
 def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
-    """Compute the temporal noise of one frame from a static pair.
+    """Compute the temporal noise of one frame from two frames of one static view.
 
-    Args:
-        first: a frame.
-        second: a frame of the same view.
-
-    Returns:
-        (H, W) difference over sqrt 2, mm, without its mean (drift); its variance is that of one
-        frame, rounding included. NaN off smooth surfaces and for outliers.
+    It is the (H, W) difference over sqrt 2, mm, without its mean (drift); its variance is that of
+    one frame, rounding included. NaN off smooth surfaces and for outliers.
     """
     noise = (second.measured_mm.astype(np.float64) - first.measured_mm) / np.sqrt(2.0)
     both = surfaces(first).smooth & surfaces(second).smooth

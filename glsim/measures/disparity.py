@@ -80,14 +80,9 @@ class Tiles:
 
 
 def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
-    """Convert depth, mm, to disparity, px, or to inverse depth, 1/m.
+    """Convert depth, mm, 0 or NaN = none, to disparity, px; without focal length and baseline 1/m.
 
-    Args:
-        depth_mm: any shape, 0 or NaN = no depth.
-        focal_baseline_px_mm: focal length times baseline, px mm; None: it is not known.
-
-    Returns:
-        Disparity of the same shape, px, or 1 / depth in 1/m; NaN = no depth.
+    Their product is in px mm. The disparity is NaN where there is no depth.
     """
     scale = 1000.0 if focal_baseline_px_mm is None else focal_baseline_px_mm
     return np.asarray(scale / with_nan(depth_mm))
@@ -136,26 +131,29 @@ def _plane_residual(values: Array) -> Array:
         inside = np.where(used, residual, np.nan)
         if inside.size == 0:
             break
-        # A third of the rms is the least deviation: of quantised planes the median is often 0.
-        spread = np.fmax(
-            1.4826 * np.nanmedian(np.abs(inside), axis=1),
-            np.sqrt(np.nanmean(inside**2, axis=1)) / 3.0,
-        )
-        closer = known & (np.abs(residual) <= _CLIP * spread[:, None] + 1e-12)
+        closer = known & (np.abs(residual) <= _CLIP * _spread(np.abs(inside), 1) + 1e-12)
         if (closer == used).all():
             break
         used = closer
     return np.where(used, residual, np.nan)
 
 
+def _spread(away: Array, axis: int | tuple[int, int]) -> Array:
+    """Compute the robust deviation along axes, which stay with length 1.
+
+    A third of the rms is the least: of quantised planes the median is often 0.
+    """
+    middle = np.nanmedian(away, axis=axis, keepdims=True)
+    rms = np.sqrt(np.nanmean(away**2, axis=axis, keepdims=True))
+    return np.fmax(1.4826 * middle, rms / 3.0)
+
+
 def measure_disparity_noise(
     disparity: Sequence[Array], pairs: Sequence[tuple[int, int]] = ()
 ) -> DisparityNoise:
-    """Measure the disparity noise of frames.
+    """Measure the disparity noise of frames, (H, W) each, NaN = none.
 
-    Args:
-        disparity: (H, W) of each frame, NaN = none.
-        pairs: numbers of two frames of one view each, as ``static_pairs`` finds them.
+    Pairs are numbers of two frames of one view each, as ``static_pairs`` finds them.
     """
     tiles = [find_tiles(image) for image in disparity]
     sigma = np.concatenate([t.sigma for t in tiles])
@@ -183,10 +181,8 @@ def measure_disparity_noise(
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Compute the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns.
 
-    Args:
-        tiles: their noise; NaN = unknown.
-        pooled: of all tiles together; else the mean of the tiles, each of which counts alike, so
-            that a few that are no planes do not decide.
+    Of all tiles together if ``pooled``; else it is the mean of the tiles, each of which counts
+    alike, so that a few that are no planes do not decide.
     """
     found = []
     for lags in ([(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]):
@@ -211,11 +207,7 @@ def _pair_tiles(first: Array, second: Array, tiles: Tiles) -> tuple[Array, Array
     parts = difference[rows, columns]
     parts = parts[np.isfinite(parts).mean(axis=(1, 2)) >= LEAST_SHARE**2]
     away = np.abs(parts - np.nanmedian(parts, axis=(1, 2), keepdims=True))
-    spread = np.fmax(
-        1.4826 * np.nanmedian(away, axis=(1, 2), keepdims=True),
-        np.sqrt(np.nanmean(away**2, axis=(1, 2), keepdims=True)) / 3.0,
-    )
-    parts = np.where(away <= _CLIP_DIFFERENCE * spread + 1e-12, parts, np.nan)
+    parts = np.where(away <= _CLIP_DIFFERENCE * _spread(away, (1, 2)) + 1e-12, parts, np.nan)
     squares = parts - np.nanmean(parts, axis=(1, 2), keepdims=True)
     count = np.maximum(np.isfinite(squares).sum(axis=(1, 2)) - 1, 1)
     return np.sqrt(np.nansum(squares**2, axis=(1, 2)) / count), squares

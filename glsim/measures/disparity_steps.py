@@ -59,11 +59,9 @@ class Steps(NamedTuple):
 
 
 def find_steps(disparity: Array) -> Steps:
-    """Find disparity steps along the rows that continue in the rows above and below.
+    """Find disparity steps, (H, W) px, NaN = none, that continue in the rows above and below.
 
-    Args:
-        disparity: (H, W) px, NaN = none. Transpose it for the steps along columns: left is then
-            above, right below.
+    Transpose the image for the steps along columns: left is then above, right below.
     """
     known = np.isfinite(disparity)
     joined = known[:, 1:] & known[:, :-1] & (np.abs(np.diff(disparity, axis=1)) <= _SAME_PX)
@@ -99,13 +97,8 @@ def find_steps(disparity: Array) -> Steps:
 def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
     """Measure the gaps on one side of foregrounds, except gaps that contain other surfaces.
 
-    Args:
-        found: the steps of each frame.
-        right: which side.
-
-    Returns:
-        Medians of the width, px, and of the width over the difference of disparity; NaN with fewer
-        than LEAST_STEPS steps.
+    Returns medians of the width, px, and of the width over the difference of disparity; NaN with
+    fewer than LEAST_STEPS steps.
     """
     use = [(s.right == right) & (s.gap == s.empty) for s in found]
     width = np.concatenate([s.gap[u] for s, u in zip(found, use, strict=True)])
@@ -123,14 +116,10 @@ def between_share(found: Sequence[Steps]) -> float:
 
 
 def border_band(disparity: Sequence[Array]) -> tuple[float, float]:
-    """Measure the band without disparity at the left border.
+    """Measure the band without disparity (px, NaN) at the left border; flip columns for the right.
 
-    Args:
-        disparity: (H, W) of each frame, px, NaN = none. Flip the columns for the right border.
-
-    Returns:
-        Medians over the rows of the band's width, px, and of its width minus the disparity of the
-        surface there; NaN with fewer than LEAST_ROWS rows.
+    Returns medians over the rows of the band's width, px, and of its width minus the disparity of
+    the surface there; NaN with fewer than LEAST_ROWS rows.
     """
     rows = np.concatenate(disparity)
     first = np.isfinite(rows).argmax(axis=1)

@@ -55,12 +55,7 @@ class Lattice:
 
 
 def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0) -> Array:
-    """Return the sorted distinct values of depth files, in file units.
-
-    Args:
-        frames: (H, W) depths each, mm, 0 or NaN = no depth.
-        unit_mm: step of the files.
-    """
+    """Return the sorted distinct values of (H, W) depths, mm, 0 or NaN = none, in file units."""
     found: set[int] = set()
     for frame in frames:
         steps = np.rint(np.nan_to_num(np.asarray(frame, np.float64)) / unit_mm).astype(np.int64)
@@ -69,12 +64,7 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
 
 
 def on_lattice(values: Array, constant: float) -> Mask:
-    """Tell which depths equal round(K / n) for an integer n of at least 1.
-
-    Args:
-        values: depths, units of the files.
-        constant: K.
-    """
+    """Tell which depths, file units, equal round(K / n) for a constant K and an integer n >= 1."""
     middle = np.rint(constant / values)
     fits = np.zeros(values.shape, np.bool_)
     for step in (-1, 0, 1):  # the next whole number may round to the value as well
@@ -92,16 +82,10 @@ def lattice_share(values: Array, constant: float) -> float:
 
 
 def estimate_lattice(values: Array) -> Lattice | None:
-    """Estimate the lattice of a recording from its depths alone.
+    """Estimate the lattice of a recording from its ``distinct_values``; None for too few.
 
-    The constant of the largest likelihood wins: multiples of K fit as well, but would fit by chance
-    more often.
-
-    Args:
-        values: different depths, units of the files, see ``distinct_values``.
-
-    Returns:
-        The likeliest lattice, accepted or not; None if there are too few depths.
+    The constant of the largest likelihood wins, accepted or not: multiples of K fit as well, but
+    would fit by chance more often.
     """
     if values.size < LEAST_TELLING:
         return None

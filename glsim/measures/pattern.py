@@ -93,9 +93,8 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     )
     rest = halves - np.nan_to_num(own_rows)[:, :, None] - np.nan_to_num(own_columns)[:, None, :]
     total = _covariance(rest[0], rest[1])
-    side = 0.5 * (
-        _covariance(rest[0, :, 1:], rest[1, :, :-1]) + _covariance(rest[0, :, :-1], rest[1, :, 1:])
-    )
+    there, back = (_covariance(rest[a, :, 1:], rest[1 - a, :, :-1]) for a in (0, 1))
+    side = 0.5 * (there + back)
     # Half the step from even to odd rows: its mean in bands, and its local mean over 41 rows.
     half_steps = own_rows * np.where(np.arange(shape[0]) % 2 == 1, 1.0, -1.0)
     bands = np.array_split(half_steps.mean(axis=0), BANDS)
@@ -105,11 +104,8 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     other = _covariance(own_rows[0], own_rows[1]) - alternating
     rms = np.sqrt(max(alternating, 0.0)) / _LEFT_ALTERNATION
     likeness = side / total if total > 0 else nan
-    left = np.interp(
-        np.nan_to_num(likeness),
-        (_CORRELATION_WHITE, _CORRELATION_SMOOTH),
-        (_LEFT_WHITE, _LEFT_SMOOTH),
-    )
+    known = (_CORRELATION_WHITE, _CORRELATION_SMOOTH), (_LEFT_WHITE, _LEFT_SMOOTH)
+    left = np.interp(np.nan_to_num(likeness), *known)
     return FixedPattern(
         len(frames),
         float(np.sqrt(rms**2 + max(other, 0.0) / _LEFT_ROWS)),

@@ -8,16 +8,11 @@ from glsim.core.array_types import Mask, Whole
 
 
 def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Whole:
-    """Find the pairs of successive runs in each row.
+    """Find the pairs of successive runs of at least ``least_px`` in each row.
 
-    Args:
-        joined: (H, W - 1) whether a pixel and the next one of its row are of one surface.
-        least_px: fewest pixels of a run; shorter ones are left out.
-        most_gap_px: most pixels between the runs of a pair.
-
-    Returns:
-        (5, N) row, first pixel of the left run, pixel after its last one, and the same of the
-        right run.
+    ``joined`` is (H, W - 1): whether a pixel and the next one of its row are of one surface.
+    Returns (5, N): row, first pixel of the left run, pixel after its last one, and the same of the
+    right run.
     """
     padded = np.pad(joined, ((0, 0), (1, 1)))
     row, start = np.nonzero(padded[:, 1:] & ~padded[:, :-1])
@@ -28,16 +23,9 @@ def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Whole:
 
 
 def goes_on(right: Mask, row: Whole, column: Whole, most_px: int) -> Mask:
-    """Tell which steps continue, within ``most_px`` columns, in the rows above and below.
+    """Tell which steps continue, within ``most_px`` columns, in the row above and below, (2, N).
 
-    Args:
-        right: (N,) whether the farther surface is on the right.
-        row: (N,) row of the step.
-        column: (N,) its column.
-        most_px: most columns from row to row.
-
-    Returns:
-        (2, N): in the row above, in the row below.
+    ``right`` says of each of the N steps whether the farther surface is on the right.
     """
     key = (right.astype(np.int64) << 40) + (row << 20) + column
     ordered = np.sort(key)

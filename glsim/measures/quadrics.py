@@ -47,12 +47,9 @@ def quadric_basis(size: int) -> Array:
 
 
 def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
-    """Fit a quadric around every pixel whose window has no hole and no step.
+    """Fit a quadric around every pixel whose window, of odd ``size``, has no hole and no step.
 
-    Args:
-        depth_mm: (H, W) depth, NaN where there is none.
-        rays: (H, W, 2) x/z and y/z of the pixels.
-        size: side of the window, px, odd.
+    Depth is (H, W), NaN where there is none; rays are (H, W, 2) x/z and y/z of the pixels.
     """
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)
@@ -110,15 +107,10 @@ def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:
 
 
 def local_planes(values: Array, known: Mask, window: Array) -> tuple[Array, Array]:
-    """Fit a plane to the known values around every pixel.
+    """Fit a plane to the known (H, W) values around every pixel.
 
-    Args:
-        values: (H, W).
-        known: (H, W) pixels that count.
-        window: (2 n + 1,) weights along rows and along columns.
-
-    Returns:
-        (H, W) plane at its own pixel, and the known share of the weights.
+    ``window`` are (2 n + 1,) weights along rows and along columns. Returns the (H, W) plane at its
+    own pixel, and the known share of the weights.
     """
     away = np.arange(len(window)) - len(window) // 2
     powers = [window / window.sum() * away**power for power in range(3)]

@@ -124,10 +124,8 @@ def measure_silhouettes(
 ) -> Silhouettes:
     """Measure the gaps on both sides; NaN for a side with fewer than 50 edges.
 
-    Args:
-        frames: real or simulated.
-        ring_px: distances from the principal point, px of a Kinect V2, of the edges that count.
-        light: infrared of their backgrounds, counts; frames without infrared have 0.
+    Edges count whose distance from the principal point, px of a Kinect V2, and whose background's
+    infrared, counts, are in these ranges. Frames without infrared have 0 counts.
     """
     found = [find_edges(frame) for frame in frames]
     left, right = (_side(found, number, ring_px, light) for number in (0, 1))

@@ -109,7 +109,7 @@ def ratio(first: float, second: float) -> float:
 
 
 def fixed_pattern(frames: Array) -> tuple[Array, float]:
-    """Compute the (H, W) mean of each pixel minus the best plane, and its standard deviation.
+    """Compute each pixel's mean over time minus the best plane, (H, W), and its deviation.
 
     The variance that temporal noise leaves in a mean of T frames is subtracted.
     """
@@ -217,9 +217,7 @@ def crossing(x: Array, share: Array, level: float) -> float:
 def half_valid(level: Reals, valid: Mask, edges: Reals) -> float:
     """Interpolate the level from which half of the pixels are valid; NaN if they never are.
 
-    Args:
-        level, valid: of the pixels, of one shape.
-        edges: of the bins whose means are compared.
+    ``edges`` are those of the bins whose means are compared.
     """
     place = np.digitize(level, edges)
     used = [k for k in range(1, len(edges)) if (place == k).any()]

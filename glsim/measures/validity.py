@@ -23,21 +23,15 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
         missing += np.histogram(radius[~np.isfinite(frame.measured_mm)], RINGS_PX)[0]
         pixels += np.histogram(radius, RINGS_PX)[0]
     share = np.where(pixels > 0, missing / np.maximum(pixels, 1), np.nan)
-    return tuple(
-        (inner, outer, float(s))
-        for (inner, outer), s in zip(pairwise(RINGS_PX), share, strict=True)
-    )
+    return tuple((*ring, float(s)) for ring, s in zip(pairwise(RINGS_PX), share, strict=True))
 
 
 def hole_share_beside_band(images: Sequence[Reals]) -> float:
     """Compute the share of holes to the right of the left border band, over all images.
 
-    The band of a stereo camera is as wide as the disparity there: what a room holds decides it, not
-    the matcher. It is what stands before the first pixel with depth of each row; a row without any
-    counts as holes.
-
-    Args:
-        images: (H, W) depth or disparity of each frame, NaN = none.
+    Images are (H, W) depth or disparity, NaN = none. The band of a stereo camera is as wide as the
+    disparity there: the room decides it, not the matcher. It ends at the first pixel with depth of
+    each row; a row without any counts as holes.
     """
     holes, pixels = 0, 0
     for image in images:
@@ -49,14 +43,9 @@ def hole_share_beside_band(images: Sequence[Reals]) -> float:
 
 
 def flip_share(images: Sequence[Reals], pairs: Sequence[tuple[int, int]]) -> float:
-    """Compute the share of pixels with depth (not NaN) in exactly one frame of a pair.
+    """Compute the share of pixels with depth (not NaN) in exactly one frame of a static pair.
 
-    Args:
-        images: (H, W) depth or disparity of each frame.
-        pairs: numbers of two frames of one view each.
-
-    Returns:
-        The mean over the pairs; NaN without pairs.
+    It is the mean over the pairs, which are numbers of two images; NaN without pairs.
     """
     if not pairs:
         return float("nan")
