@@ -145,7 +145,7 @@ def _spread(away: Array, axis: int | tuple[int, int]) -> Array:
     """
     middle = np.nanmedian(away, axis=axis, keepdims=True)
     rms = np.sqrt(np.nanmean(away**2, axis=axis, keepdims=True))
-    return np.fmax(1.4826 * middle, rms / 3.0)
+    return np.asarray(np.fmax(1.4826 * middle, rms / 3.0))
 
 
 def measure_disparity_noise(
