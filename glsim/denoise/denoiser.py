@@ -75,19 +75,16 @@ class Denoiser:
         composite: str | None = DEFAULT_COMPOSITE,
         around: str | None = None,
     ) -> None:
-        """Make a denoiser of a function.
+        """Make a denoiser of a filter, a network, or a function of the user (``UserFunction``).
+
+        Raises DenoiserError for something that cannot be called; ConfigError for an unknown
+        composite or place, or an unusable device.
 
         Args:
-            label: its name.
-            function: a filter, a network, or a function of the user: see ``UserFunction``.
-            version: of the function's file.
+            label, version, composite: see the class.
+            function: what denoises.
             device: sensor file whose fixed pattern and wiggling are subtracted first.
-            composite: see the class.
             around: "face": only around the nearest head, see ``tiles.head_box``.
-
-        Raises:
-            DenoiserError: for something that cannot be called.
-            ConfigError: for an unknown composite or place, or an unusable device.
         """
         if composite is not None:
             check_composite(composite, "composite")
@@ -161,16 +158,11 @@ class Denoiser:
     def estimate(
         self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
     ) -> Estimate:
-        """Denoise a frame of a sequence; the function gets copies, so it may change its arguments.
+        """Denoise frame ``now`` of a sequence; the function gets copies, so it may change them.
 
-        Args:
-            noisy_mm: (T, H, W) millimetres, 0 = no return, as measured: no device is subtracted.
-            now: index of the frame.
-            infrared: (H, W) counts of the frame, for denoisers that use them.
-
-        Raises:
-            DenoiserError: if the result is not two images of the frame's size (three of one that
-                predicts its uncertainty), and for errors of the user's own code.
+        The sequence is (T, H, W) mm, 0 = no return, as measured: no device is subtracted. Infrared
+        is (H, W) counts. Raises DenoiserError if the result is not two images of the frame's size
+        (three of one that predicts its uncertainty), and for errors of the user's own code.
         """
         if not self._around_head:
             return self._estimate(noisy_mm, now, infrared)

@@ -74,12 +74,10 @@ class NetworkOptions:
         1, 1, 30, "denoise the mean of this many frames, up to this one, where nothing moves"
     )
     keep_clean: int | None = parameter(
-        None,
-        0,
-        1,
-        "1: a frame whose noise rounding and the form of surfaces explain comes back unchanged; "
-        "0: every frame is denoised; default: as the network was trained, 0 for face-stereo",
-    )
+        None, 0, 1, "1: a frame whose noise rounding and the form of surfaces explain comes back "
+        "unchanged; 0: every frame is denoised; default: as the network was trained, 0 for "
+        "face-stereo",
+    )  # fmt: skip
 
 
 def denoiser_names() -> list[str]:
@@ -155,8 +153,8 @@ def _resolve(text: str, spec: str, label: str) -> tuple[Any, str]:
         options = build(NetworkOptions, _assignments(tail, spec), spec)
         return _from_file(shipped_file(name), label, options)
     if name in _plugins():
-        found = _filter(name)
-        return _own_code(f"{found.__module__}:{found.__name__}", tail, spec, label)
+        plugin = _filter(name)
+        return _own_code(f"{plugin.__module__}:{plugin.__name__}", tail, spec, label)
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
         return _own_code(f"{name}:{function}", parameters, spec, label)

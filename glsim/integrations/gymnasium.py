@@ -53,9 +53,8 @@ class NoisyDepth(gymnasium.ObservationWrapper):  # type: ignore[misc]  # it has 
                 "another by key=, or let the environment observe one"
             )
         noisy = Box(0.0, np.inf, image.shape, image.dtype.type)
-        self.observation_space = (
-            Dict({**space.spaces, key: noisy}) if isinstance(space, Dict) else noisy
-        )
+        alone = self._key is None
+        self.observation_space = noisy if alone else Dict({**space.spaces, key: noisy})
         self._devices = np.random.default_rng(self._noise.settings.seed)
         self._device, self._frame = 0, 0
 

@@ -133,7 +133,6 @@ def _safetensors() -> Any:
     try:
         import safetensors.torch
     except ImportError:
-        raise TrainError(
-            f"{SAFETENSORS} files need safetensors: pip install 'glsim[train]'"
-        ) from None
+        cure = "pip install 'glsim[train]'"
+        raise TrainError(f"{SAFETENSORS} files need safetensors: {cure}") from None
     return safetensors.torch

@@ -53,12 +53,9 @@ def check_composite(name: str, where: str) -> None:
 def composed(
     denoised: tuple[Depth, Mask | Probability], noisy_mm: Depth, composite: str
 ) -> NDArray[Any]:
-    """Compute a composite depth map, (H, W) mm, 0 = none; a bool mask is applied in any case.
+    """Compute one of COMPOSITES, (H, W) mm, 0 = none, of denoised depth and mask or probability.
 
-    Args:
-        denoised: (H, W) depth, mm, and its mask or probability.
-        noisy_mm: (H, W) the input.
-        composite: one of COMPOSITES.
+    A bool mask is applied in any case. ``noisy_mm`` is the input.
     """
     depth, valid = denoised
     none = depth.dtype.type(0)
@@ -77,17 +74,9 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
 
     A measured pixel beside a hole is dropped if it is unlikely (UNLIKELY). Another doubtful one
     stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its denoised depth if that is on
-    the same surface, else with its measured depth. A hole of at most
-    REACH_PX inside the image is filled where the denoiser is sure and all depths around lie on one
-    surface.
-
-    Args:
-        depth_mm: (H, W) denoised depth.
-        probability: (H, W) of depth; 0 where ``glsim.networks.safeguards`` reject the depth.
-        noisy_mm: (H, W) the input, 0 = no return.
-
-    Returns:
-        (H, W) millimetres of the type of ``depth_mm``, 0 = none.
+    the same surface, else with its measured depth. A hole of at most REACH_PX inside the image is
+    filled where the denoiser is sure and all depths around lie on one surface. The probability is 0
+    where ``glsim.networks.safeguards`` reject the depth. Depths are (H, W) mm, 0 = none.
     """
     measured = noisy_mm > 0
     sure = probability > DOUBT
@@ -110,14 +99,9 @@ def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
 
 
 def calibrated(probability: Probability, unlikely: float) -> Probability:
-    """Rescale a network's probabilities of depth so that its bound ``unlikely`` becomes UNLIKELY.
+    """Rescale a network's probabilities, float32, so that its bound for pixels beside holes fits.
 
-    Args:
-        probability: float32, any shape.
-        unlikely: the network's bound for pixels beside holes, in (0, 1/2).
-
-    Returns:
-        Probabilities of the same shape and order, float32; 0, 1/2 and 1 stay.
+    ``unlikely``, in (0, 1/2), becomes UNLIKELY. Order is kept; 0, 1/2 and 1 stay.
     """
     if unlikely == UNLIKELY:
         return probability

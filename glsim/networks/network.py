@@ -54,13 +54,10 @@ class NetworkFunction(DepthFunction):
     """
 
     def __init__(self, network: Runner, name: str, min_probability: float = 0.0) -> None:
-        """Make a denoising function of a network.
+        """Make a denoising function of a network, named in messages, such as by its file.
 
-        Args:
-            network: runs the network on a padded frame.
-            name: for messages, such as the path of the file.
-            min_probability: keep a pixel if P(depth on the chosen surface) exceeds this; 0: return
-                the probability of depth instead of a mask.
+        A pixel is kept if P(depth on the chosen surface) exceeds ``min_probability``; with 0 the
+        probability of depth is returned instead of a mask.
         """
         self._network, self._name, self._min_probability = network, name, min_probability
         self.infrared, self.earlier, self.after = network.inputs
@@ -69,12 +66,9 @@ class NetworkFunction(DepthFunction):
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
 
     def configure(self, earlier: int, average: int, keep_clean: bool | None) -> None:
-        """Choose how the network is used.
+        """Choose most earlier frames, and of how many the mean is denoised where nothing moves.
 
-        Args:
-            earlier: use at most so many earlier frames.
-            average: denoise the mean of so many frames, where nothing moves.
-            keep_clean: whether frames without noise stay unchanged; None: as it was trained.
+        ``keep_clean``: whether frames without noise stay unchanged; None: as it was trained.
         """
         self.earlier, self.average = min(self.earlier, earlier), average
         self.before = max(self.earlier, average - 1)
@@ -88,21 +82,9 @@ class NetworkFunction(DepthFunction):
 
         With a probability of depth, ``glsim.networks.safeguards`` apply: frames without noise are
         returned unchanged if ``keep_clean``, and pixels outside ``trusted_mask`` have probability
-        0, measured ones if their probability is above UNLIKELY.
-
-        Args:
-            noisy_mm: (T, H, W) float32 millimetres, 0 = no return.
-            valid: (T, H, W) bool mask of returns.
-            now: index of the frame.
-            infrared: (H, W) counts, if the network uses them.
-
-        Returns:
-            (H, W) float32 depth in millimetres, and the probability of depth, float32; a bool mask
-            if ``min_probability`` is set or the network codes "no depth" as 0. If ``uncertain``,
-            also the standard deviation, (H, W) float32 millimetres.
-
-        Raises:
-            DenoiserError: if the network returns NaN or infinity.
+        0, measured ones if their probability is above UNLIKELY. A bool mask stands for the
+        probability if ``min_probability`` is set or the network codes "no depth" as 0. Raises
+        DenoiserError if the network returns NaN or infinity. Arguments as of ``DepthFunction``.
         """
         frames = np.where(valid, noisy_mm, 0)
         if self.average > 1:

@@ -93,13 +93,8 @@ def load_onnx(
 ) -> NetworkFunction:
     """Load the network of a file of ``glsim export`` as a denoising function.
 
-    Args:
-        path: the file.
-        min_probability: see ``NetworkFunction``.
-        runtime: default: onnxruntime if it is installed, else opencv.
-
-    Raises:
-        DenoiserError: as ``read_onnx``, and for a network that does not run on a frame of zeros.
+    The default runtime is onnxruntime if it is installed, else opencv. Raises DenoiserError as
+    ``read_onnx``, and for a network that does not run on a frame of zeros.
     """
     data, content = read_onnx(path)
     try:
@@ -135,9 +130,8 @@ class OpenCvNetwork:
 
     def __init__(self, data: bytes, content: OnnxContent) -> None:
         self.inputs, self.record = content
-        self._net = cv2.dnn.readNetFromONNX(
-            np.frombuffer(data, np.uint8), engine=cv2.dnn.ENGINE_NEW
-        )
+        graph = np.frombuffer(data, np.uint8)
+        self._net = cv2.dnn.readNetFromONNX(graph, engine=cv2.dnn.ENGINE_NEW)
         self.outputs = tuple(self._net.getUnconnectedOutLayersNames())
 
     def __call__(self, stack: Depth) -> Mapping[str, Depth]:
@@ -165,9 +159,8 @@ class OnnxRuntimeNetwork:
         # a stream on two cores: 49 instead of 45 ms alone, 59 instead of 111 ms with one core busy.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.log_severity_level = 3  # errors; warnings would go to stderr
-        self._session = onnxruntime.InferenceSession(
-            data, options, providers=["CPUExecutionProvider"]
-        )
+        on_cpu = ["CPUExecutionProvider"]
+        self._session = onnxruntime.InferenceSession(data, options, providers=on_cpu)
         self.outputs = tuple(output.name for output in self._session.get_outputs())
 
     def __call__(self, stack: Depth) -> Mapping[str, Depth]:
@@ -207,10 +200,8 @@ def read_content(data: bytes) -> OnnxContent:
 
 def _record(text: Mapping[str, str]) -> NetworkRecord:
     """Parse the record of a network from text. Raises ValueError for a value out of range."""
-    given = {
-        name: text.get(f"{_PREFIX}{name}", default)
-        for name, default in DEFAULT_RECORD._asdict().items()
-    }
+    known = DEFAULT_RECORD._asdict().items()
+    given = {name: text.get(f"{_PREFIX}{name}", default) for name, default in known}
     protocol = check_protocol(str(given["protocol"]), "protocol")
     assert protocol is not None
     record = NetworkRecord(

@@ -8,14 +8,9 @@ from glsim.core.array_types import Depth
 
 
 def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:
-    """Average the last frame with earlier ones, as far back as the depth of a pixel stays the same.
+    """Average the last of (T, H, W) frames, mm, 0 = no return, with earlier ones: (H, W) mm.
 
-    Args:
-        depths_mm: (T, H, W) millimetres, 0 = no return.
-        threshold_mm: a larger change of depth counts as motion.
-
-    Returns:
-        (H, W) millimetres.
+    As far back as the depth of a pixel changes by at most ``threshold_mm``: more is motion.
     """
     here = depths_mm[-1]
     total, count, still = here.copy(), np.ones_like(here), here > 0

@@ -89,8 +89,7 @@ def clean_noise_mm(depth_mm: Depth) -> float | None:
 def value_step_mm(depth_mm: Depth) -> float:
     """Return the smallest difference between two depths of an (H, W) map, mm, at most 1.
 
-    It is the step of the sensor or of the file, whichever is coarser; close to 0 for unrounded
-    maps.
+    It is the coarser step of sensor and file; close to 0 for unrounded maps.
     """
     gaps_mm = np.diff(np.unique(depth_mm[depth_mm > 0]))
     return float(gaps_mm.min(initial=1.0, where=gaps_mm > SAME_MM))
@@ -116,15 +115,10 @@ def is_dithered(depth_mm: Depth, step_mm: float) -> bool:
 
 
 def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:
-    """Estimate the standard deviation of the noise on the surfaces of a depth map.
+    """Estimate the standard deviation of the noise on the surfaces of an (H, W) depth map, mm.
 
-    Args:
-        depth_mm: (H, W) millimetres, 0 = no return.
-        step_px: distance of the compared pixels: larger ones also show smooth noise, but are more
-            affected by curvature.
-
-    Returns:
-        Millimetres; None if too few pixels have depth without an edge.
+    None if too few pixels have depth without an edge. Larger distances of the compared pixels
+    (step_px) also show smooth noise, but are more affected by curvature.
     """
     size, inner = _second_differences(depth_mm, step_px)
     if np.count_nonzero(inner) < LEAST_WINDOWS:
@@ -135,8 +129,7 @@ def estimate_noise_mm(depth_mm: Depth, step_px: int = 1) -> float | None:
 def noise_share(spectrum: Array) -> float:
     """Compute the share of correlated noise that ``estimate_noise_mm`` measures between neighbours.
 
-    Args:
-        spectrum: (H, W) power spectrum of the noise, of mean 1, as ``numpy.fft.fft2`` orders it.
+    The noise has an (H, W) power spectrum of mean 1, as ``numpy.fft.fft2`` orders it.
     """
     seen = np.abs(np.fft.fft2(_KERNEL, spectrum.shape)) ** 2
     return float(np.sqrt((seen * spectrum).mean()) / GAIN)
@@ -145,9 +138,7 @@ def noise_share(spectrum: Array) -> float:
 def local_noise_mm(depth_mm: Depth, otherwise_mm: float) -> Depth:
     """Estimate the noise around each pixel of a depth map, (H, W) float32 mm.
 
-    Args:
-        depth_mm: (H, W) millimetres, 0 = no return.
-        otherwise_mm: where a third of the window has no surface.
+    It is ``otherwise_mm`` where less than a third of the window has a surface.
     """
     size, inner = _second_differences(depth_mm, 1)
     share = cv2.blur(inner.astype(np.float32), _LOCAL_PX)
@@ -181,14 +172,9 @@ def _noise_of(mean_root: Any) -> Any:
 
 
 def trusted_mask(depth_mm: Depth, risk_mm: Depth | None) -> Mask:
-    """Mark the pixels to trust, which are near measured depth and have a low risk.
+    """Mark the pixels to trust, which are near measured depth and have a low risk, (H, W).
 
-    Args:
-        depth_mm: (H, W) measured depth, 0 = no return.
-        risk_mm: (H, W) expected error of the chosen surface, from networks that choose.
-
-    Returns:
-        (H, W) bool.
+    The risk is the expected error of the chosen surface, from networks that choose.
     """
     side = 2 * REACH_PX + 1
     measured = depth_mm > 0

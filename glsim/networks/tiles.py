@@ -46,10 +46,7 @@ Box = tuple[slice, slice]
 
 
 def box_around(mask: Mask, margin_px: int = AROUND_PX) -> Box | None:
-    """Return the box around a (H, W) mask plus a margin, on a grid of 16 px; None if empty.
-
-    It ends at the frame.
-    """
+    """Return the box around a mask plus a margin, in the frame, on a grid of 16 px, or None."""
     box = []
     for axis, size in ((1, mask.shape[0]), (0, mask.shape[1])):
         (found,) = np.nonzero(mask.any(axis=axis))
@@ -66,9 +63,6 @@ def head_box(depth_mm: Depth) -> Box | None:
 
     The nearest piece of surface that is large enough is taken for a person, and what is within a
     head's height of its top for the head: live streams need no detector.
-
-    Args:
-        depth_mm: (H, W) millimetres, 0 = no depth.
     """
     coarse = np.ascontiguousarray(depth_mm[::_COARSE_PX, ::_COARSE_PX])
     labels = _pieces(coarse, coarse > 0)
@@ -122,18 +116,9 @@ def run_tiled(
 ) -> dict[str, Depth]:
     """Run a network on a frame, in overlapping tiles if it has more than ``tile_px``^2 pixels.
 
-    The result equals that of the whole frame, up to rounding, for a network that sees at most
-    ``margin_px`` to each side. All sizes are multiples of
-    ``glsim.networks.network.SIZE_MULTIPLE_PX``.
-
-    Args:
-        network: the network.
-        noisy_mm: (H, W), or the (C, H, W) stack of all inputs.
-        tile_px: side of a tile.
-        margin_px: width of the discarded borders of tiles.
-
-    Returns:
-        Output name -> (H, W) float32.
+    The result, output name -> (H, W) float32, equals that of the whole frame, up to rounding, for a
+    network that sees at most ``margin_px`` to each side, the discarded borders of tiles. The frame
+    is (H, W), or the (C, H, W) stack of all inputs; all sizes are multiples of SIZE_MULTIPLE_PX.
     """
     height, width = frame_mm.shape[-2:]
     if height * width <= tile_px**2:

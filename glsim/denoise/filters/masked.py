@@ -152,26 +152,18 @@ class Guided(Masked):
 def local_polynomial(
     depth_mm: Depth, support: Mask, wanted: Mask, sigma_px: float, degree: int
 ) -> Depth:
-    """Fit polynomials at the N pixels of ``wanted`` to the pixels of ``support``, both (H, W).
+    """Fit polynomials at the N pixels of ``wanted`` to the pixels of ``support``: (N,) mm, or 0.
 
-    Around each pixel a polynomial in the offsets (u, v) is fitted by least squares, weighted by a
-    Gaussian times the mask; its constant term is the estimate. The normal equations need only the
-    sums of w u^p v^q and w u^p v^q z, which are separable convolutions of the mask and of the
-    masked depth (Fan and Gijbels 1996; Farnebaeck 2002 for images with certainties).
-
-    Args:
-        depth_mm: (H, W).
-        degree: 0 mean, 1 plane, 2 quadric.
-
-    Returns:
-        (N,) millimetres, 0 without support.
+    Around each pixel a polynomial in the offsets (u, v), of degree 0, 1 or 2, is fitted by least
+    squares, weighted by a Gaussian times the mask; its constant term is the estimate. The normal
+    equations need only the sums of w u^p v^q and w u^p v^q z, which are separable convolutions of
+    the mask and of the masked depth (Fan and Gijbels 1996; Farnebaeck 2002 for images with
+    certainties).
     """
     radius = max(1, math.ceil(_REACH * sigma_px))
     offset = np.arange(-radius, radius + 1) / radius
     bell = np.exp(-0.5 * (offset * radius / sigma_px) ** 2)
-    powers = [
-        (p, q) for order in range(degree + 1) for p in range(order, -1, -1) for q in [order - p]
-    ]
+    powers = [(p, order - p) for order in range(degree + 1) for p in range(order, -1, -1)]
     mask = support.astype(np.float64)
     middle = float(np.median(depth_mm[support]))
     masked = np.where(support, depth_mm - middle, 0.0)
@@ -183,9 +175,8 @@ def local_polynomial(
 
     needed = {(a + c, b + d) for a, b in powers for c, d in powers}
     weights = {power: moment(mask, *power) for power in needed}
-    left = np.stack(
-        [np.stack([weights[a + c, b + d] for c, d in powers], -1) for a, b in powers], -2
-    )
+    rows = [np.stack([weights[a + c, b + d] for c, d in powers], -1) for a, b in powers]
+    left = np.stack(rows, -2)
     right = np.stack([moment(masked, p, q) for p, q in powers], -1)
     total = weights[0, 0]
     # Without support the sums are 0 up to rounding; the smallest real weight is far larger.

@@ -60,9 +60,8 @@ class Bilateral(FrameFilter):
 
     def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter in float32, because OpenCV's filter takes no 16-bit images."""
-        return _with_depth(
-            cv2.bilateralFilter(noisy_mm, self.diameter, self.sigma_mm, self.sigma_px)
-        )
+        smooth = cv2.bilateralFilter(noisy_mm, self.diameter, self.sigma_mm, self.sigma_px)
+        return _with_depth(smooth)
 
 
 @dataclass(frozen=True)
