@@ -34,11 +34,8 @@ def make_console(
 ) -> Console:
     """Create a console that prints text unchanged: paths may contain [brackets] and :colons:.
 
-    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead.
-
-    Args:
-        width: columns where the output is no terminal.
-        soft_wrap: never break lines.
+    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead. ``width`` are columns
+    where the output is no terminal; ``soft_wrap`` never breaks lines.
     """
     plain = functools.partial(
         Console, stderr=stderr, highlight=False, markup=False, emoji=False, soft_wrap=soft_wrap
@@ -352,10 +349,7 @@ def check_outputs(*files: Path | None) -> None:
 
 
 def write_json(content: object, file: Path) -> list[Path]:
-    """Write a JSON value to a file or stdout; return the written files.
-
-    Raises DatasetError if writing fails.
-    """
+    """Write a JSON value to a file or stdout; return the written files. Raises DatasetError."""
     if file == STDOUT:
         print_json(content)
         return []

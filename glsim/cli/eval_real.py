@@ -92,8 +92,7 @@ def evaluate_real(
         print_json(scores.as_json())
     else:
         _print_summary(scores)
-    paths = write_real_frames(scores, out, pictures, remarks)
-    print_written(paths)
+    print_written(write_real_frames(scores, out, pictures, remarks))
 
 
 def _pattern(text: str) -> tuple[int, int]:

@@ -45,37 +45,25 @@ def export(
         split: Only train, val or test. Default: all.
         frames: Only the first N frames. Default: all.
     """
-    chosen = any(option is not None for option in (to, layers, split, frames))
     if source.is_dir() or cloud_url(source) is not None:
-        _export_frames(source, out, to, layers, split, frames)
-        return
-    if not source.exists():
+        from glsim.data.export import export_dataset
+        from glsim.data.reader import open_dataset
+
+        if out.exists() and not out.is_dir():
+            raise DatasetError(f"-o {out}: is a file: give a folder")
+        formats, kept = split_names(to) or ["npz"], split_names(layers)
+        done = export_dataset(
+            open_dataset(source), out, formats, layers=kept, split=split, count=frames
+        )
+        print_message(f"wrote {done} frame(s) as {', '.join(formats)} to {out}")
+    elif not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
-    if chosen:
+    elif any(option is not None for option in (to, layers, split, frames)):
         raise ConfigError(
             f"{source}: is no data set: --to, --layers, --split and --frames need one"
         )
-    _export_network(source, out)
-
-
-def _export_frames(
-    source: Path,
-    out: Path,
-    to: str | None,
-    layers: str | None,
-    split: str | None,
-    frames: int | None,
-) -> None:
-    from glsim.data.export import export_dataset
-    from glsim.data.reader import open_dataset
-
-    if out.exists() and not out.is_dir():
-        raise DatasetError(f"-o {out}: is a file: give a folder")
-    formats = split_names(to) or ["npz"]
-    done = export_dataset(
-        open_dataset(source), out, formats, layers=split_names(layers), split=split, count=frames
-    )
-    print_message(f"wrote {done} frame(s) as {', '.join(formats)} to {out}")
+    else:
+        _export_network(source, out)
 
 
 def _export_network(checkpoint: Path, out: Path) -> None:

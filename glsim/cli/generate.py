@@ -217,9 +217,8 @@ def _measured_cost(settings: Settings, sources: Sequence[FaceSource], plan: Plan
     layers, sizes = settings.output.layers, []
     first, later = list[float](), list[float]()
     begun = last = perf_counter()
-    for task, frame in zip(
-        tasks, simulate(settings, tasks, sources=sources, layers=layers), strict=True
-    ):
+    drawn = simulate(settings, tasks, sources=sources, layers=layers)
+    for task, frame in zip(tasks, drawn, strict=True):
         if not isinstance(frame, Skipped):
             images = (encode_png(frame.image(layer)) for layer in layers)
             sizes.append(sum(map(len, images)) + _RECORD_BYTES)

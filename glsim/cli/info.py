@@ -47,9 +47,7 @@ def info(as_json: JsonOption = False) -> None:
     if as_json:
         print_json({"versions": versions, "backends": found, "egl_devices": devices})
     else:
-        out.print(
-            ", ".join(f"{name} {number}" for name, number in versions.items()), soft_wrap=True
-        )
+        out.print(", ".join(f"{name} {n}" for name, n in versions.items()), soft_wrap=True)
         print_table(table)
         for number, device in enumerate(devices):
             out.print(f"EGL device {number}: {device}", soft_wrap=True)

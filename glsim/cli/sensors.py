@@ -65,13 +65,10 @@ def sensors(
     print_table(table)
 
 
-def _switched_off(sensor: Sensor) -> set[str]:
-    return {s.name for s in sensor.stages if s.settings["enabled"].bounds() == (0.0, 0.0)}
-
-
 def _described(sensor: Sensor) -> dict[str, Any]:
     """Return the content of the table as JSON values with units in their names."""
-    image, off = sensor.rig.intrinsics, _switched_off(sensor)
+    image = sensor.rig.intrinsics
+    off = {s.name for s in sensor.stages if s.settings["enabled"].bounds() == (0.0, 0.0)}
     return {
         "name": sensor.name,
         "title": sensor.title,

@@ -33,19 +33,20 @@ def stages(
     from glsim.core.plugins import each_usable
     from glsim.noise.registry import describe_stage, find_stage, stage_names
 
+    if name is None:
+        specs = [spec for _, spec in each_usable(stage_names(), find_stage)]
+    else:
+        specs = [describe_stage(name)]
     if as_json:
-        specs = (
-            each_usable(stage_names(), find_stage) if name is None else [("", describe_stage(name))]
-        )
-        print_json([_described(spec) for _, spec in specs])
+        print_json([_described(spec) for spec in specs])
         return
     if name is None:
         table = Table("stage", "what it does", box=None)
-        for _, spec in each_usable(stage_names(), find_stage):
+        for spec in specs:
             table.add_row(spec.name, spec.title.removeprefix(f"{spec.name}: "))
         print_table(table)
         return
-    spec = describe_stage(name)
+    (spec,) = specs
     if spec.source is not None and name.endswith(".glsl"):
         from glsim.gl.context import borrowed_context
         from glsim.gl.program import link
@@ -62,7 +63,8 @@ def stages(
     for p in spec.parameters.values():
         bounds = "" if p.type == "bool" else f"{p.low:g} to {p.high:g}"
         where = f"{p.file}:{p.line}"
-        table.add_row(p.name, p.type, f"{p.default:g}", bounds, _unit(p.unit), p.help, where)
+        unit = "" if p.unit == "1" else p.unit
+        table.add_row(p.name, p.type, f"{p.default:g}", bounds, unit, p.help, where)
     table.add_row("enabled", "bool", "1", "", "", "0 switches the stage off", "every stage")
     print_table(table)
 
@@ -81,7 +83,3 @@ def _described(spec: StageSpec) -> dict[str, Any]:
             for p in spec.parameters.values()
         ],
     }  # fmt: skip
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit

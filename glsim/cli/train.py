@@ -130,10 +130,7 @@ def stopping() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | None]:
-    """Show a progress bar and a line per validation, or only lines without a terminal.
-
-    None if --quiet.
-    """
+    """Show a bar and a line per validation, or only lines without a terminal; None if --quiet."""
     if options.quiet:
         yield None
         return
@@ -153,10 +150,8 @@ def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | Non
 
         def update(now: StepStatus) -> None:
             nonlocal next_line_s
-            place = (
-                f"step {now.steps}/{now.total_steps}" if now.total_steps else f"step {now.steps}"
-            )
-            place += f", epoch {now.epoch}"
+            of = f"/{now.total_steps}" if now.total_steps else ""
+            place = f"step {now.steps}{of}, epoch {now.epoch}"
             minutes = f"{now.seconds / 60:.1f} min"
             if now.validation is not None:
                 metrics = _METRICS.format(**now.validation)

@@ -19,12 +19,8 @@ glsim verify data --deep --repair
 
 #: Problems that are printed; a folder that was lost makes thousands.
 _SHOWN = 200
-#: Settings of ``generate`` that have their own option in ``glsim import``: name -> option.
-_IMPORT_OPTIONS = {
-    "every": "--every",
-    "subjects": "--subjects",
-    "frames_per_subject": "--frames-per-subject",
-}
+#: Settings of ``generate`` that have their own option in ``glsim import``.
+_IMPORT_OPTIONS = ("every", "subjects", "frames_per_subject")
 
 
 def verify(
@@ -100,17 +96,14 @@ def _command(dataset: Path, header: Mapping[str, Any]) -> str:
     source = tree["source"][0]
     if (source["kind"], sensor) in (("biwi", "biwi"), ("kinect2", "recording")):
         words = ["glsim", "import", source["kind"], source.get("root", ""), "-o", str(dataset)]
-        for name, option in _IMPORT_OPTIONS.items():
-            if name in source:
-                words += [option, str(source[name])]
+        for name in (name for name in _IMPORT_OPTIONS if name in source):
+            words += [f"--{name.replace('_', '-')}", str(source[name])]
         if tree["split"] != default["split"]:
             shares = tree["split"]
             words += ["--split", shares if isinstance(shares, str) else ",".join(map(str, shares))]
         # The header does not hold these two: they are in the depth files that it holds.
-        more = (
-            " # and --depth-unit-mm and --mirror as before" if source["kind"] == "kinect2" else ""
-        )
-        return shlex.join(words) + more
+        more = " # and --depth-unit-mm and --mirror as before"
+        return shlex.join(words) + (more if source["kind"] == "kinect2" else "")
     for name, value in tree.items():
         if value != default.get(name):
             words += ["--set", f"{name}={toml_value(value)}"]
