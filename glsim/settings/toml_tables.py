@@ -6,6 +6,7 @@ Settings (``schema``), sensors, recipes and plans each have a model of their own
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -20,6 +21,11 @@ from glsim.core.files.regular import read_regular
 #: Largest TOML file, bytes; those that glsim ships have 4,000.
 _MAX_BYTES = 1 << 20
 
+_BACKSLASH = (
+    "a backslash in double quotes starts a special character; write a path in single quotes: "
+    "'C:\\scans'"
+)
+
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -32,7 +38,11 @@ class TomlTable(BaseModel):
 def read_toml(file: Path) -> dict[str, Any]:
     """Read a TOML file as nested dicts. Raises ConfigError with the file's name."""
     try:
-        return tomllib.loads(read_regular(file, _MAX_BYTES).decode("utf-8-sig"))
+        text = read_regular(file, _MAX_BYTES).decode("utf-8-sig")
+        for number, line in enumerate(text.splitlines(), 1):
+            if re.match(r'[^#"]*"[A-Za-z]:\\(?!\\)', line):
+                raise ConfigError(f"{file}: line {number}: {_BACKSLASH}")
+        return tomllib.loads(text)
     except FileNotFoundError:
         raise ConfigError(f"{file}: no such file") from None
     except OSError as error:
@@ -43,7 +53,11 @@ def read_toml(file: Path) -> dict[str, Any]:
         line = error.object[: error.start].count(b"\n") + 1
         raise ConfigError(f"{file}: line {line} is no UTF-8 text: save the file as UTF-8") from None
     except ValueError as error:  # no TOML, a number of thousands of digits
-        raise ConfigError(f"{file}: {' '.join(str(error).split())[:200]}") from None
+        reason = " ".join(str(error).split())[:200]
+        place = re.search(r"at line (\d+)", reason)
+        if place and re.search(r'"[^"]*\\', text.splitlines()[int(place[1]) - 1]):
+            reason = f"line {place[1]}: {_BACKSLASH}"
+        raise ConfigError(f"{file}: {reason}") from None
 
 
 def split_assignment(text: str, example: str) -> tuple[list[str], Any]:

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
+from glsim.core.errors import ConfigError
+from glsim.settings.toml_tables import read_toml
 
 SENSOR = """title = "tiny"
 [rig]
@@ -97,3 +99,13 @@ def test_the_sheet_of_inspect_may_be_a_folder(
         (tmp_path / "folder").mkdir(exist_ok=True)
         assert main(["inspect", str(tmp_path / "scans"), "-o", str(tmp_path / out), "-q"]) == 0
         assert (tmp_path / out / "inspect.png").is_file()
+
+
+@pytest.mark.parametrize("path", [r"C:\Users\me", r"C:\new\tables", r"..\user\scans", r"C:/a\d"])
+def test_a_path_with_backslashes_is_asked_for_in_single_quotes(tmp_path: Path, path: str) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text(f'# "C:\\\\a"\nroot = "{path}"\n')
+    with pytest.raises(ConfigError, match=r"line 2: a backslash .* in single quotes"):
+        read_toml(file)
+    file.write_text(f"root = '{path}'\nname = \"a\\tb\"\n")
+    assert read_toml(file) == {"root": path, "name": "a\tb"}

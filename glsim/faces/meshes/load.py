@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -44,6 +45,7 @@ ALBEDO_RANGE: Final = (0.05, 0.95)  # hair has 0.05-0.3; nothing on a face is wh
 LUMA: Final = (0.2126, 0.7152, 0.0722)  # Rec. 709, on the file's display values
 
 _READERS: Final = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
+_MATERIAL_FILES: Final = re.compile(r"\"[^\"]+\"|'[^']+'|.+?\.mtl(?=\s|$)|\S+", re.IGNORECASE)
 #: Largest spread of luma in a file of a single colour, relative to its median. Chosen.
 _ONE_COLOUR: Final = 1e-3
 
@@ -51,11 +53,12 @@ _LOG = logging.getLogger(__name__)
 
 
 class _Part(NamedTuple):
-    """One geometry: (V, 3) vertices, (F, 3) faces, (V, 3) RGB (NaN: without) or None."""
+    """One geometry: (V, 3) vertices, (F, 3) faces, (V, 3) RGB (NaN: without) or None, a doubt."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
     colours: NDArray[np.float64] | None
+    doubt: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +70,14 @@ class FileMesh:
         faces: (F, 3) int32, none degenerate.
         albedo: (V,) float32 or None.
         degenerate: number of triangles without area that were dropped.
+        doubts: problems of the file that a person should check, one sentence each.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     albedo: NDArray[np.float32] | None
     degenerate: int
+    doubts: tuple[str, ...] = ()
 
     def to_mesh(self, alignment: Alignment) -> Mesh:
         """Return the mesh in the canonical frame."""
@@ -163,7 +168,8 @@ def manifest_notes(file_mesh: FileMesh, alignment: Alignment) -> dict[str, objec
     """Return the manifest's notes on a mesh."""
     degenerate = file_mesh.degenerate
     dropped = {"degenerate_triangles_dropped": degenerate} if degenerate else {}
-    return {**alignment.notes(), **dropped}
+    doubts = [*alignment.doubts, *file_mesh.doubts]
+    return {**alignment.notes(), "doubts": doubts, **dropped}
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -197,7 +203,8 @@ def read_mesh(path: Path) -> FileMesh:
     if len(faces) == 0:
         raise MeshError(f"{path}: no triangles ({len(vertices)} points); export the surface too")
     check_count(path, len(faces))
-    return drop_degenerate(path, vertices, faces, _albedo_from_colours(parts))
+    file_mesh = drop_degenerate(path, vertices, faces, _albedo_from_colours(parts))
+    return replace(file_mesh, doubts=tuple(part.doubt for part in parts if part.doubt))
 
 
 def merge_patches(patches: Sequence[FileMesh]) -> FileMesh:
@@ -273,11 +280,16 @@ def _read_polygons(path: Path) -> list[_Part]:
     if file.colours is not None or file.materials is None:
         return [_Part(file.vertices, triangles, file.colours)]
     colours: dict[str, tuple[float, float, float]] = {}
+    missing: list[str] = []
     for library in file.libraries:
-        colours |= read_material_colours(path.parent / Path(library.replace("\\", "/")).name)
+        libraries, unknown = _material_files(path.parent, library)
+        missing += unknown
+        for material_file in libraries:
+            colours |= read_material_colours(material_file)
     materials = file.materials[polygon]
     if any(file.material_names[index] not in colours for index in np.unique(materials)):
-        return [_Part(file.vertices, triangles, None)]
+        doubt = f"{', '.join(missing)} of its mtllib is not found: no albedo" if missing else ""
+        return [_Part(file.vertices, triangles, None, doubt)]
     # A vertex on the border of two materials gets the colour of the later triangle.
     by_material = np.array([colours.get(name, (0.0, 0.0, 0.0)) for name in file.material_names])
     vertex_colours = np.zeros((len(file.vertices), 3))
@@ -285,11 +297,47 @@ def _read_polygons(path: Path) -> list[_Part]:
     return [_Part(file.vertices, triangles, vertex_colours)]
 
 
+def _material_files(folder: Path, library: str) -> tuple[list[Path], list[str]]:
+    """Return the files that the rest of a ``mtllib`` line names, and the names of no file.
+
+    A line holds one name with spaces, or several names; each may be in quotes.
+    """
+    names = [name.strip(" '\"") for name in _MATERIAL_FILES.findall(library)]
+    found = [(name, _file_below(folder, name)) for name in names]
+    if not any(file for _, file in found) and (whole := _file_below(folder, library.strip("'\""))):
+        return [whole], []
+    return [file for _, file in found if file], [name for name, file in found if not file]
+
+
+def _file_below(folder: Path, name: str) -> Path | None:
+    """Return the file of a relative path, or of its last part alone; upper case as lower case."""
+    parts = name.replace("\\", "/").split("/")
+    for tail in (parts, parts[-1:]):
+        place: Path | None = folder
+        for part in tail:
+            beside = sorted(place.iterdir()) if place and place.is_dir() else []
+            same = [entry for entry in beside if entry.name.casefold() == part.casefold()]
+            place = next((e for e in same if e.name == part), same[0] if same else None)
+        if place is not None and place.is_file():
+            return place
+    return None
+
+
 def _read_stl(path: Path) -> list[_Part]:
     import trimesh  # takes 0.2 s, and only some sources need it
 
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise it prints to stderr
-    scene: Any = trimesh.load_scene(io.BytesIO(read_bytes(path)), file_type="stl", process=False)
+    data = read_bytes(path)
+    promised = int.from_bytes(data[80:84], "little")
+    complete = (len(data) - 84) // 50  # a binary triangle has 50 bytes
+    text = data.lower() if data[:5].lower() == b"solid" and b"facet" in data[:1000].lower() else b""
+    if text:
+        promised, complete = text.count(b"facet normal"), text.count(b"endfacet")
+    if complete < promised:
+        raise MeshError(
+            f"{path}: cut short: it has {max(complete, 0)} triangles of the {promised} it promises"
+        )
+    scene: Any = trimesh.load_scene(io.BytesIO(data), file_type="stl", process=False)
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
     return [_Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), None) for mesh in meshes]
 

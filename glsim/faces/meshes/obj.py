@@ -41,7 +41,7 @@ class PolygonFile:
         counts: (P,) int64, number of corners of each polygon, 3 or more.
         materials: (P,) int64, index into ``material_names`` of each polygon.
         material_names: names in ``usemtl`` lines; the first is "" (before any ``usemtl``).
-        libraries: file names in ``mtllib`` lines.
+        libraries: what follows ``mtllib``, one text a line.
     """
 
     vertices: NDArray[np.float64]
@@ -87,8 +87,13 @@ class PolygonFile:
             plane = seen if whole[number, axis] > 0 else seen[:, ::-1]
             ends = np.array([len(corners)], dtype=np.uint32)
             clipped = triangulate_float64(np.ascontiguousarray(plane), ends).reshape(-1, 3)
-            ears.append(corners[clipped])
-            source.append(np.full(len(clipped), number))
+            new = corners[clipped]
+            a, b, c = (self.vertices[new[:, corner]] for corner in range(3))
+            missing = np.cross(b - a, c - a).sum(axis=0) - whole[number]
+            if np.abs(missing).max() > 1e-6 * np.abs(whole[number]).max():  # a bent one lost an ear
+                new = triangles[polygon == number]
+            ears.append(new)
+            source.append(np.full(len(new), number))
         return np.concatenate(ears), np.concatenate(source)
 
 
@@ -141,6 +146,10 @@ def read_obj(path: Path) -> PolygonFile:
         elif line.startswith(b"mtllib"):
             libraries[_text(line[6:])] = None
     sizes = np.array([len(line.split()) for line in faces], dtype=np.int64)
+    for number in np.flatnonzero((sizes == 1) | (sizes == 2)):  # a triangle without area
+        words = faces[number].split()
+        faces[number] = b" ".join([*words, *words[-1:] * (3 - len(words))])
+        sizes[number] = 3
     check_count(path, int(sizes.sum()) - 2 * len(sizes))
     corners = re.sub(rb"/[^ ]*", b"", b" ".join(faces)).split()
     try:
@@ -148,7 +157,7 @@ def read_obj(path: Path) -> PolygonFile:
     except (ValueError, OverflowError):
         raise MeshError(f"{path}: a face line holds something else than vertex numbers") from None
     if len(sizes) and sizes.min() < 3:
-        raise MeshError(f"{path}: a face line has {sizes.min()} corners; the file is cut short")
+        raise MeshError(f"{path}: a face line has no corners; the file is cut short")
     relative = np.repeat(np.array(vertices_before, dtype=np.int64), sizes)
     numbers = np.where(numbers < 0, numbers + relative, numbers - 1)
     check_corners(path, numbers, len(vertices), first=1)
@@ -191,9 +200,16 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     return data.removeprefix(codecs.BOM_UTF8)
 
 
+def plain_nan(text: bytes) -> bytes:
+    """Write the C library's names of no number, ``-nan(ind)`` and ``-1.#IND``, as ``nan``."""
+    if b".#" in text or b"nan(" in text.lower():
+        text = re.sub(rb"(?i)[-+]?(nan\(\w*\)|\b1\.#(ind|[qs]nan|inf)\d*)", b"nan", text)
+    return text
+
+
 def _lines(path: Path, max_bytes: int = MAX_BYTES) -> list[bytes]:
     """Read the lines without comments, joined at backslashes, tabs as spaces. Raises MeshError."""
-    data = read_bytes(path, max_bytes).replace(b"\t", b" ").replace(b"\r\n", b"\n")
+    data = plain_nan(read_bytes(path, max_bytes)).replace(b"\t", b" ").replace(b"\r\n", b"\n")
     if b"\\\n" in data:  # one that ends a comment joins nothing
         data = re.sub(rb"(?m)^([vf ][^#\n]*)?#.*", rb"\1", data).replace(b"\\\n", b" ")
     lines = data.splitlines()

@@ -6,6 +6,7 @@ trimesh reads no binary PLY of mixed polygons, and splits hollow polygons into f
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from struct import calcsize, unpack_from
 from typing import Any, Final
@@ -14,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
-from glsim.faces.meshes.obj import PolygonFile, check_corners, check_count, parse_rows, read_bytes
+from glsim.faces.meshes.obj import (
+    PolygonFile,
+    check_corners,
+    check_count,
+    parse_rows,
+    plain_nan,
+    read_bytes,
+)
 
 #: PLY's names of types, older and newer -> letter of struct and NumPy.
 _TYPES: Final = (
@@ -43,7 +51,7 @@ def read_ply(path: Path) -> PolygonFile:
     elements, encoding = _header(head[0].decode("latin-1"))
     body = data[head.end() :]
     if encoding == "ascii":
-        body = np.array(body.split(), dtype="<f8").tobytes()
+        body = _declared_numbers(path, plain_nan(body), data.count(b"\n", 0, head.end()), elements)
     vertices, colours = np.empty((0, 3)), None
     corners, counts = np.empty(0, np.int64), np.empty(0, np.int64)
     place = 0
@@ -59,6 +67,42 @@ def read_ply(path: Path) -> PolygonFile:
             corners = _strips(_lists(groups, count, properties)[0]).ravel()
             counts = np.full(len(corners) // 3, 3)
     return _polygon_file(path, vertices, colours, corners, counts)
+
+
+def _declared_numbers(
+    path: Path, body: bytes, before: int, elements: list[tuple[str, int, list[_Property]]]
+) -> bytes:
+    """Return the numbers of an ASCII body as float64, without those behind a row's declared ones.
+
+    Line breaks mean nothing unless there are more numbers than declared, such as the colours that
+    MeshLab writes behind a face: then each row is a line. Raises MeshError naming the line.
+    """
+    numbers = np.array(body.split(), dtype="<f8").tobytes()
+    with suppress(Exception):
+        place = 0
+        for _, count, properties in elements:
+            _, place = _read_rows(numbers, place, count, properties)
+        if place == len(numbers):
+            return numbers
+    lines = enumerate(body.splitlines(), before + 1)
+    rows = iter([(number, words) for number, line in lines if (words := line.split())])
+    kept: list[bytes] = []
+    for name, count, properties in elements:
+        for _ in range(count):
+            number, words = next(rows, (0, []))
+            if not words:
+                raise MeshError(f"{path}: cut short: it has fewer lines than its header promises")
+            end = 0
+            for _, types in properties:
+                listed = len(types) == 2 and end < len(words)
+                end += 1 + (int(words[end]) if listed else 0)
+            if end > len(words):
+                raise MeshError(
+                    f"{path}: line {number}, of element {name!r}, has {len(words)} numbers and the "
+                    f"header declares {end}: cut short or damaged; export it again"
+                )
+            kept += words[:end]
+    return np.array(kept, dtype="<f8").tobytes()
 
 
 def _header(text: str) -> tuple[list[tuple[str, int, list[_Property]]], str]:
@@ -87,7 +131,7 @@ def _columns(groups: _Groups, count: int, names: list[str]) -> NDArray[np.float6
 
 def read_off(path: Path) -> PolygonFile:
     """Read a text OFF, with the vertex colours of a COFF. Raises the errors of ``read_ply``."""
-    text = re.sub(rb"#.*", b"", read_bytes(path)).lstrip()
+    text = re.sub(rb"#.*", b"", plain_nan(read_bytes(path))).lstrip()
     head = re.match(rb"(?:ST)?(C?)(N?)OFF(?!\s*BINARY)", text)
     if head is None:
         raise MeshError(f"{path}: damaged or no text OFF of 3D points; export it as PLY")

@@ -300,3 +300,78 @@ def test_draco_is_decoded_or_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "DracoPy", None)
     with pytest.raises(MeshError, match="needs DracoPy for the glTF extension KHR_draco"):
         read_mesh(path)
+
+
+CORNER_OBJ = "v 0 0 0\nv 9 0 0\nv 9 9 0\nv 0 9 0\nusemtl skin\nf 1 2 3\nusemtl eye\nf 3 4 1\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "missing"),
+    [
+        ("a.mtl b.mtl", ""),
+        ("'a.mtl' \"b.mtl\"", ""),
+        ("my colours.mtl", ""),
+        ("C:\\work\\MY Colours.MTL", ""),
+        ("a.mtl sub/B.MTL", ""),
+        ("a.mtl none.mtl", "none.mtl"),
+        ("../a.mtl ../../x/b.mtl", ""),
+        ("none here.mtl", "none here.mtl"),
+    ],
+)
+def test_all_material_files_are_found_or_named(tmp_path: Path, line: str, missing: str) -> None:
+    skin, eye = "newmtl skin\nKd 0.8 0.8 0.8\n", "newmtl eye\nKd 0.2 0.2 0.2\n"
+    (tmp_path / "sub").mkdir()
+    texts = {"a": skin, "b": eye, "sub/b": eye, "my colours": skin + eye}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.mtl").write_text(text)
+    (tmp_path / "m.obj").write_text(f"mtllib {line}\n{CORNER_OBJ}")
+    mesh = read_mesh(tmp_path / "m.obj")
+    assert (mesh.albedo is None) == bool(missing)
+    said = f"{missing} of its mtllib is not found: no albedo"
+    assert mesh.doubts == ((said,) if missing else ())
+
+
+@pytest.mark.parametrize("word", ["-nan(ind)", "-1.#IND", "1.#QNAN0", "nan", "-nan"])
+def test_values_that_are_not_used_may_be_no_numbers(tmp_path: Path, word: str) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    head += "property float z\nproperty float nx\nelement face 1\n"
+    path = tmp_path / "a.ply"
+    path.write_text(
+        f"{head}property list uchar int vertex_index\nend_header\n"
+        f"0 0 0 {word}\n1 0 0 {word}\n0 1 0 0\n3 0 1 2\n"
+    )
+    assert len(read_mesh(path).faces) == 1
+    path = tmp_path / "a.obj"
+    path.write_text(f"v 0 0 0 {word} 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nvn {word} 0 0\nf 1 2 3\n")
+    assert len(read_mesh(path).faces) == 1
+    path.write_text(f"v {word} 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(MeshError, match="have a vertex at NaN or infinity"):
+        read_mesh(path)
+
+
+def test_an_ascii_ply_may_hold_more_than_its_header_declares(tmp_path: Path) -> None:
+    path, text = tmp_path / "a.ply", _ply("ascii").decode()
+    path.write_text(text.replace(" -1\n", " -1 9 1 1 1 0 0 0 1 1 1\n"))
+    assert _area(path) == pytest.approx(AREA)
+    path.write_text(text.replace(" -1\n", " -1 9 1\n", 1).replace("5 7 8 9 10 11", "7 7 8 9"))
+    with pytest.raises(MeshError, match=r"line 31, of element 'face', has 8 numbers .* 10"):
+        read_mesh(path)
+
+
+def test_small_faults_of_polygons_lose_no_triangle(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("v -5 0 5\nv 5 0 5\nv 5 0 -5\nv -5 0 -5\nv 0 5 -5\nf 1 2 3 4 5\n")
+    assert len(read_mesh(path).faces) == 3  # its last corner lies outside the plane of the others
+    path.write_text("v 0 0 0\nv 5 0 0\nv 5 5 0\nv 0 5 0\nf 1 2\nf 1 2 3\nf 3\nf 1 3 4\n")
+    mesh = read_mesh(path)
+    assert (len(mesh.faces), mesh.degenerate) == (2, 2)
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+@pytest.mark.parametrize("lost", [20, 60, 90])
+def test_an_stl_cut_short_says_so(tmp_path: Path, kind: str, lost: int) -> None:
+    data = trimesh.Trimesh(SQUARE, [CORNERS[:3], CORNERS[3:]]).export(file_type=kind)
+    path = tmp_path / "a.stl"
+    path.write_bytes((data.encode() if isinstance(data, str) else data)[: -lost - 10])
+    with pytest.raises(MeshError, match="cut short"):
+        read_mesh(path)
