@@ -41,12 +41,15 @@ class Mesh:
             None for SKIN_ALBEDO.
         occluder: (F', 3) int32 fewer triangles that cast the shadows (``occluder_of``), or None for
             ``faces``.
+        two_sided: whether triangles are drawn from behind too. Those of files are: a file may be
+            open, or wound at random.
     """
 
     vertices_mm: Floats
     faces: Triangles
     albedo: Floats | None = None
     occluder: Triangles | None = None
+    two_sided: bool = False
 
     def __post_init__(self) -> None:
         """Check shapes and sizes of the arrays. Raises MeshError if they cannot be rendered."""

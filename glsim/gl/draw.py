@@ -49,6 +49,7 @@ def draw_meshes(
     """Draw the front faces of meshes into the current framebuffer, with a depth test.
 
     Args:
+        arrays: one per mesh; ``extra`` says whether it is drawn from behind too.
         views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
         origin_m: the point to look from, camera frame, metres.
     """
@@ -59,6 +60,7 @@ def draw_meshes(
         moved = view.copy()
         moved[:3, 3] -= origin_m
         set_matrix(program, "u_view", moved)
+        (context.disable if array.extra else context.enable)(moderngl.CULL_FACE)
         array.render()
     context.enable_only(moderngl.NOTHING)
 

@@ -81,4 +81,5 @@ class MeshCache:
         if mesh.occluder is not None:
             indices, index_size = index_buffer(self._context, mesh.occluder, len(mesh.vertices_mm))
         projector = self._context.vertex_array(self._projector, [position], indices, index_size)
+        surface.extra = projector.extra = mesh.two_sided
         return GpuMesh(mesh.faces, mesh.occluder, positions, albedos, surface, projector)

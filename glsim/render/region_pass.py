@@ -90,6 +90,7 @@ class RegionPass:
             position = (mesh.positions, "3f", "in_position_mm")
             label = (self._context.buffer(numbers), "1f", "in_region")
             array = self._context.vertex_array(self._program, [position, label], indices, size)
+            array.extra = mesh.surface.extra
             self._arrays[key] = (mesh.positions, labels), array  # keeps both, and so their ids
             if len(self._arrays) > CACHED_TOPOLOGIES:
                 self._arrays.popitem(last=False)

@@ -96,7 +96,7 @@ class VirtualCamera:
         source_tables = {"subjects": 1, "frames_per_subject": frames or self.frames}
         settings = load_settings(None, self._assignments, overrides, source_tables)
         canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL
-        source = _Scene(Mesh(canonical, mesh.faces, mesh.albedo), scene)
+        source = _Scene(Mesh(canonical, mesh.faces, mesh.albedo, two_sided=mesh.two_sided), scene)
         key = f"{overrides} {tuple(extra)}"
         simulator, kept = self._simulators.pop(key, (None, source))
         if simulator is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -266,3 +267,15 @@ def test_the_scene_comes_with_its_window_and_nearest_depth(context: moderngl.Con
         assert other.nearest_m == pytest.approx(1.6)
         assert one.window.contains(other.window)
         assert {"clean", "normal", "albedo", "lit"} == set(one.layers)
+
+
+def test_a_two_sided_mesh_may_be_wound_at_random(context: moderngl.Context) -> None:
+    mesh = face_mesh()
+    mixed = np.where(np.arange(len(mesh.faces))[:, None] % 10 == 0, mesh.faces[:, ::-1], mesh.faces)
+    mixed = np.ascontiguousarray(mixed)
+    turned = [mesh, replace(mesh, faces=mixed), replace(mesh, faces=mixed.copy(), two_sided=True)]
+    at = {"distance_mm": 900.0}
+    plain, holes, whole = (layers_of(context, rig((0.05, 0, 0)), [(m, at)]) for m in turned)
+    assert (holes["clean"] == 0).sum() > (plain["clean"] == 0).sum() + 100
+    for name in ("clean", "normal", "lit"):
+        np.testing.assert_allclose(whole[name], plain[name], atol=1e-4)

@@ -141,9 +141,7 @@ def estimate_alignment(
             )
     nose = matches[chosen]
     points_mm = vertices @ (_ROTATIONS[chosen] * mm_per_unit).T
-    flip, winding_doubt = _detect_winding(points_mm, faces)
-    if winding_doubt:
-        doubts.append(winding_doubt)
+    flip = _is_clockwise(points_mm, faces)
     origin = (0.0, 0.0, 0.0)
     if recentre:
         if nose.score >= MIN_MATCH:
@@ -231,10 +229,8 @@ def _find_unit(extent: float, unit: str) -> tuple[str, float]:
     return (unit if unit in UNITS_MM else f"{length:g} mm"), length
 
 
-def _detect_winding(
-    points_mm: NDArray[np.floating], faces: NDArray[np.integer]
-) -> tuple[bool, str | None]:
-    """Return whether the triangles seen from +z are clockwise, and a doubt if they disagree.
+def _is_clockwise(points_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> bool:
+    """Return whether most triangles seen from +z are clockwise, by area.
 
     Args:
         points_mm: (V, 3), z out of the face.
@@ -248,10 +244,7 @@ def _detect_winding(
     key = (column * (row.max() + 1) + row).astype(np.int64)
     top = np.full(key.max() + 1, -np.inf)
     np.maximum.at(top, key, z)
-    facing = (ux * vy - uy * vx)[z >= top[key] - slack_mm]
-    balance = float(facing.sum() / max(np.abs(facing).sum(), 1e-12))
-    doubt = "the winding of the triangles is mixed: some will be seen from behind"
-    return balance < 0, doubt if abs(balance) < 0.5 else None
+    return float((ux * vy - uy * vx)[z >= top[key] - slack_mm].sum()) < 0
 
 
 def _rotations() -> dict[str, NDArray[np.float64]]:

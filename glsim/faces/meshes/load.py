@@ -82,7 +82,8 @@ class FileMesh:
     def to_mesh(self, alignment: Alignment) -> Mesh:
         """Return the mesh in the canonical frame."""
         faces = self.faces[:, ::-1] if alignment.flip_winding else self.faces
-        return Mesh(alignment.apply(self.vertices), np.ascontiguousarray(faces), self.albedo)
+        vertices_mm, faces = alignment.apply(self.vertices), np.ascontiguousarray(faces)
+        return Mesh(vertices_mm, faces, self.albedo, two_sided=True)
 
 
 @dataclass(frozen=True, eq=False)

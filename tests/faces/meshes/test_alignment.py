@@ -99,9 +99,6 @@ def test_the_pose_does_not_depend_on_the_triangles(axes: str) -> None:
 
 def test_inverted_winding_is_found() -> None:
     assert estimate_alignment(FACE, TRIANGLES[:, ::-1]).flip_winding
-    mixed = TRIANGLES.copy()
-    mixed[::2] = mixed[::2, ::-1]
-    assert any("winding" in doubt for doubt in estimate_alignment(FACE, mixed).doubts)
 
 
 @pytest.mark.parametrize("wrong", ["-x-y+z", "-x+y-z", "+x+z-y"])
