@@ -80,10 +80,8 @@ class Functions:
         return np.asarray(whole).astype(np.int64)
 
     def words(self, numbers: Any, like: Any = None) -> Words:
-        """Convert whole numbers of any sign to an array of 32-bit words on the device of ``like``.
-
-        Always an array: NumPy warns when scalars overflow.
-        """
+        """Convert whole numbers to an array of 32-bit words on the device of ``like``."""
+        # Always an array: NumPy warns when scalars overflow.
         return np.atleast_1d(np.asarray(numbers).astype(np.int64)).astype(np.uint32)
 
     def word(self, number: int) -> Any:

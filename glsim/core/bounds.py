@@ -92,8 +92,7 @@ def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
         bad = int((~np.isfinite(vertices_mm).all(axis=1)).sum())
         raise MeshError(f"{bad} vertices are NaN or infinite: repair the mesh")
     box = np.array(list(itertools.product(*zip(low, high, strict=True))), dtype=np.float64)
-    moved: Array = product(box, view[:3, :3].T.astype(np.float64)) + view[:3, 3]
-    return moved
+    return np.asarray(product(box, view[:3, :3].T.astype(np.float64)) + view[:3, 3])
 
 
 def vertex_frustum(vertices_mm: Floats, view: Floats, near_m: float) -> Frustum | None:

@@ -378,10 +378,8 @@ class SensorRig:
         return replace(self, intrinsics=wide, border_px=(0, 0, 0, 0))
 
     def on_canvas(self, window: Rect) -> Rect:
-        """Convert a window of the delivered image to pixels of the canvas.
-
-        Of registered frames it is all that can be seen in the window from ``near_m`` to ``far_m``.
-        """
+        """Convert a window of the delivered image to pixels of the canvas."""
+        # For registered frames: all that can be seen in the window from ``near_m`` to ``far_m``.
         if self.registered is not None:
             window = self._seen_in_colour(self.registered, window)
         left, top = self.border_px[:2]
@@ -422,10 +420,7 @@ class SensorRig:
         return (bx - ax, by - ay, bz - az)
 
     def reach_of_views(self, nearest_m: float) -> tuple[int, int, int, int]:
-        """Compute the margin around a window in which the other views show its surfaces, pixels.
-
-        It is (left, top, right, bottom); ``nearest_m`` is a lower bound of the scene's depths.
-        """
+        """Compute the margin (left, top, right, bottom), px, in which other views see a window."""
         if not self.imagers_m:
             return (0, 0, 0, 0)
         views = [*self.imagers_m, np.add(self.imagers_m[0], self.second_view_m)]
@@ -445,10 +440,7 @@ class SensorRig:
         return (float(x), float(y), float(z))
 
     def rays(self) -> Floats:
-        """Return (H, W, 2) float32, read-only: x/z and y/z of the true ray of each delivered pixel.
-
-        Raises ConfigError if the lens cannot be inverted.
-        """
+        """Return (H, W, 2) float32, read-only x/z, y/z of true rays; ConfigError for a bad lens."""
         return _rays(self.intrinsics, self.distortion if self.keeps_distortion else None)
 
     def for_map(

@@ -168,10 +168,7 @@ def central_normals(depth: Reals, rays: Reals, at: Mask) -> Array:
 
 
 def grid_triangles(shape: tuple[int, ...]) -> Triangles:
-    """Return the triangles between neighbouring pixels of an (H, W) image, (T, 3) flat indices.
-
-    They are counter-clockwise seen from the camera.
-    """
+    """Return an (H, W) image's triangles, (T, 3) indices, counter-clockwise for the camera."""
     height, width = shape
     index = np.arange(height * width, dtype=np.int32).reshape(height, width)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
@@ -292,10 +289,8 @@ def _sample(depth_m: Floats, image: Intrinsics, at: Array) -> Floats:
     row = np.floor(image.fy * at[..., 1] / z + image.cy).astype(np.int64)
     height, width = depth_m.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    sampled: Floats = np.where(
-        inside, depth_m[row.clip(0, height - 1), column.clip(0, width - 1)], np.float32(0)
-    )
-    return sampled
+    seen = depth_m[row.clip(0, height - 1), column.clip(0, width - 1)]
+    return np.where(inside, seen, np.float32(0))
 
 
 def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:

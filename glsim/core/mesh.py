@@ -70,10 +70,7 @@ class Mesh:
 
 
 def vertex_normals(points: Reals, triangles: NDArray[np.integer]) -> Array:
-    """Compute (N, 3) unit normals of points as area-weighted means over their triangles.
-
-    Triangles are (F, 3), counter-clockwise seen from outside; a point without one has the normal 0.
-    """
+    """Compute (N, 3) unit normals as area-weighted means over triangles; 0 without any."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     corners = triangles.ravel()

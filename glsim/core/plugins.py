@@ -59,10 +59,7 @@ def _module(folder: str) -> str:
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
-    """Collect the ``wanted`` objects in all modules of a folder of glsim, in order, each once.
-
-    A folder is such as "data/export/formats". Tuples of objects are looked into.
-    """
+    """Collect the ``wanted`` objects, also in tuples, of all modules of a folder, each once."""
     found: dict[int, Any] = {}
     for name in module_names(folder):
         for value in vars(shipped_module(folder, name)).values():
@@ -87,10 +84,7 @@ def _entry_points(group: str) -> Mapping[str, EntryPoint]:
 
 
 def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
-    """Return the names of a group's installed plug-ins, sorted, without importing them.
-
-    Raises ConfigError if two have one name, or if one takes a ``shipped`` name of glsim.
-    """
+    """Return the names of a group's plug-ins, sorted, unimported; ConfigError for a name twice."""
     found = _entry_points(group)
     for name in set(shipped) & set(found):
         raise ConfigError(
@@ -101,10 +95,7 @@ def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
 
 
 def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
-    """Import the object of a plug-in's entry point, one of ``plugin_names(group)``.
-
-    Raises ConfigError if the import fails, or gives no ``valid`` object of the group.
-    """
+    """Import the object of a plug-in. Raises ConfigError if that fails or it is not ``valid``."""
     entry = _entry_points(group)[name]
     try:
         found = entry.load()

@@ -95,10 +95,7 @@ class Rigid:
 
 
 class Shell:
-    """A layer over a subject's skin, with a fixed offset from the skin at each grid point.
-
-    Each point keeps its offset in the axes of one skin triangle beside it: three vertices place it.
-    """
+    """A layer over a subject's skin: each grid point keeps its offset from a triangle beside it."""
 
     def __init__(
         self, grid: SkinGrid, rest_mm: Reals, offset_mm: Reals, drop_mm: Points | None = None
@@ -146,10 +143,8 @@ class Shell:
 
 
 def _axes(a: Reals, b: Reals, c: Reals) -> tuple[Reals, Reals, Reals]:
-    """Compute the axes of triangles: unit vectors (3, N) along an edge, across it, and the normal.
-
-    Corners are (3, N) mm: with coordinates first NumPy is several times faster.
-    """
+    """Compute the axes of triangles: (3, N) unit vectors along an edge, across it, the normal."""
+    # Coordinates come first: NumPy is then several times faster.
     along = b - a
     along /= np.maximum(np.sqrt((along * along).sum(axis=0)), 1e-9)
     out = _crossed(along, c - a)
@@ -164,7 +159,7 @@ def _crossed(first: Reals, second: Reals) -> Reals:
 
 
 def uncovered(faces: Triangles, vertices: int, shells: Sequence[Shell]) -> Mask:
-    """Mark the vertices, of their number, of a mesh that no shell hides; triangles are (F, 3)."""
+    """Mark the vertices of a mesh, with (F, 3) triangles, that no shell hides."""
     corners, free = np.ascontiguousarray(faces.T), np.ones(vertices, bool)
     for shell in shells:
         seen, left = np.ones(vertices, bool), corners
@@ -178,10 +173,7 @@ def uncovered(faces: Triangles, vertices: int, shells: Sequence[Shell]) -> Mask:
 
 
 def _beside(grid: SkinGrid, skin_mm: Array) -> Whole:
-    """Choose a skin triangle (N, 3) beside each grid point, with the nearest vertex first.
-
-    Of the triangles at that vertex it is the one whose normal is nearest to the smooth normal.
-    """
+    """Choose a skin triangle (N, 3) at each grid point's nearest vertex, of most similar normal."""
     a, b, c = (skin_mm[grid.triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-9)

@@ -120,10 +120,7 @@ class ClothBody:
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
     def cut(self, opening: Reals, inside: Reals) -> ClothBody:
-        """Cut the body to the skin below the ``opening`` of a garment and inside its other edges.
-
-        Both are (N,) distances, mm, negative beyond the edge.
-        """
+        """Cut the body to the skin where the (N,) distances inside the edges, mm, are above 0."""
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
         names = ("skin", "normal", "local", "share", "down", "opening")
@@ -314,10 +311,8 @@ def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
 
 
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
-    """Return a function that averages (N,) or (k, N) values over each point's neighbours.
-
-    ``hang`` weighs neighbours above over those below: 0 for equal weights.
-    """
+    """Return a function that averages (N,) or (k, N) values over neighbours."""
+    # ``hang`` weighs neighbours above over those below.
     edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     first, second = np.ascontiguousarray(edges.T)
     count = len(piece.skin)

@@ -48,10 +48,7 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
 
 @dataclass(eq=False)
 class _Worn:
-    """A worn mesh, and its last position with the skin and the skull motion that led to it.
-
-    Where neither changes, the same object is returned, which the GPU has already.
-    """
+    """A worn mesh, and its last part: the same object comes again where skin and skull stay."""
 
     region: str
     binding: Binding

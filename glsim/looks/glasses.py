@@ -21,10 +21,7 @@ _CLEARANCE_MM: Final = 1.5
 
 @dataclass(frozen=True)
 class GlassesStyle:
-    """A style of glasses: size of a lens and rim, mm, and ``power``, the outline's exponent.
-
-    2 is round, 5 nearly square.
-    """
+    """A style of glasses, mm; ``power`` of the outline: 2 is round, 5 nearly square."""
 
     name: str
     width: float

@@ -71,10 +71,7 @@ class SkinGrid(NamedTuple):
         return SkinGrid(self.base[base], number[touched], anchors, inverse.reshape(-1, 3)), used
 
     def clipped(self, inside: Reals) -> tuple[SkinGrid, Blend]:
-        """Cut the grid along the zero line of the points' (N,) values; the side above 0 remains.
-
-        Returns the cut grid, and its points as blends of this grid's points.
-        """
+        """Cut the grid where (N,) values are above 0; return it and its points as blends."""
         kept = inside[self.faces] > 0
         whole = self.faces[kept.all(axis=1)]
         cut = self.faces[kept.any(axis=1) & ~kept.all(axis=1)]

@@ -74,10 +74,7 @@ def find_board(
 
 
 def plane_residual(depth_mm: Reals, rays: Reals, part: Mask) -> Array:
-    """Fit a robust plane in 1 / z, with weights z^2; return (H, W) depth minus plane, mm.
-
-    Depth is finite in ``part``, the pixels of the plane, whose outliers are left out of the fit.
-    """
+    """Fit a robust plane in 1 / z to ``part``, with weights z^2; return (H, W) residuals, mm."""
     z = depth_mm.astype(np.float64)
     design = np.concatenate([np.ones((*z.shape, 1)), rays.astype(np.float64)], axis=-1)
     used = part

@@ -42,10 +42,7 @@ def _shifted(images: Array, down: int, right: int) -> tuple[Array, Array]:
 
 
 def correlation_of(sums: Iterable[Array]) -> tuple[float, ...]:
-    """Compute the correlation at each lag from the (..., L, 2) sums of several images.
-
-    NaN for a lag without pixels, and for all LAGS without images.
-    """
+    """Compute the correlation at each lag from (..., L, 2) sums of images; NaN without pixels."""
     parts = [s.reshape(-1, *s.shape[-2:]).sum(axis=0) for s in sums]
     total = np.sum(parts, axis=0) if parts else np.zeros((len(LAGS), 2))
     return tuple(float(p / s) if s > 0 else float("nan") for p, s in total)

@@ -80,10 +80,7 @@ class Tiles:
 
 
 def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
-    """Convert depth, mm, 0 or NaN = none, to disparity, px; without focal length and baseline 1/m.
-
-    Their product is in px mm. The disparity is NaN where there is no depth.
-    """
+    """Convert depth, mm, to disparity, px, or 1/m without f B (px mm); NaN where there is none."""
     scale = 1000.0 if focal_baseline_px_mm is None else focal_baseline_px_mm
     return np.asarray(scale / with_nan(depth_mm))
 
@@ -139,10 +136,8 @@ def _plane_residual(values: Array) -> Array:
 
 
 def _spread(away: Array, axis: int | tuple[int, int]) -> Array:
-    """Compute the robust deviation along axes, which stay with length 1.
-
-    A third of the rms is the least: of quantised planes the median is often 0.
-    """
+    """Compute the robust deviation along axes, which stay with length 1."""
+    # A third of the rms is the least: of quantised planes the median is often 0.
     middle = np.nanmedian(away, axis=axis, keepdims=True)
     rms = np.sqrt(np.nanmean(away**2, axis=axis, keepdims=True))
     return np.asarray(np.fmax(1.4826 * middle, rms / 3.0))
@@ -151,10 +146,7 @@ def _spread(away: Array, axis: int | tuple[int, int]) -> Array:
 def measure_disparity_noise(
     disparity: Sequence[Array], pairs: Sequence[tuple[int, int]] = ()
 ) -> DisparityNoise:
-    """Measure the disparity noise of frames, (H, W) each, NaN = none.
-
-    Pairs are numbers of two frames of one view each, as ``static_pairs`` finds them.
-    """
+    """Measure the noise of (H, W) disparities, NaN = none, also between static pairs of frames."""
     tiles = [find_tiles(image) for image in disparity]
     sigma = np.concatenate([t.sigma for t in tiles])
     residual = np.concatenate([t.residual for t in tiles])

@@ -59,10 +59,8 @@ class Steps(NamedTuple):
 
 
 def find_steps(disparity: Array) -> Steps:
-    """Find disparity steps, (H, W) px, NaN = none, that continue in the rows above and below.
-
-    Transpose the image for the steps along columns: left is then above, right below.
-    """
+    """Find disparity steps along (H, W) rows, px, that continue in the rows above and below."""
+    # Transposed images give the steps along columns: left is then above, right below.
     known = np.isfinite(disparity)
     joined = known[:, 1:] & known[:, :-1] & (np.abs(np.diff(disparity, axis=1)) <= _SAME_PX)
     row, _, end, start, _ = successive_runs(joined, _LEAST_RUN_PX, _MOST_GAP_PX)

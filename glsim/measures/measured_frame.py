@@ -25,10 +25,8 @@ def surfaces(frame: DepthFrame) -> Surfaces:
 
 
 def surface_mm(frame: DepthFrame) -> Floats:
-    """Compute the (H, W) depth of the fitted quadric at its centre pixel, mm.
-
-    Bins by it do not select noise of one sign at their bounds, as bins by noisy depth do.
-    """
+    """Compute the (H, W) depth of the fitted quadric at its centre pixel, mm."""
+    # Bins by it do not select noise of one sign at their bounds, as bins by noisy depth do.
     return np.asarray(frame.measured_mm - surfaces(frame).residual_mm)
 
 

@@ -65,10 +65,7 @@ class FixedPattern:
 
 
 def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
-    """Measure the fixed pattern on surfaces within 1.6 m, in two or more frames.
-
-    Temporal noise hides the pattern on farther surfaces.
-    """
+    """Measure the fixed pattern in two or more frames within 1.6 m: farther, noise hides it."""
     nan = float("nan")
     nothing = FixedPattern(len(frames), nan, nan, nan, (nan,) * BANDS, nan, nan)
     shape = frames[0].measured_mm.shape

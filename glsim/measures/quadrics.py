@@ -47,10 +47,7 @@ def quadric_basis(size: int) -> Array:
 
 
 def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
-    """Fit a quadric around every pixel whose window, of odd ``size``, has no hole and no step.
-
-    Depth is (H, W), NaN where there is none; rays are (H, W, 2) x/z and y/z of the pixels.
-    """
+    """Fit quadrics to (H, W) mm, NaN = none, in windows of odd ``size`` without hole or step."""
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)
     limit = FITTED_STEP.limit_mm(z)

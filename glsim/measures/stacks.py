@@ -49,10 +49,7 @@ def sigma_spatial(residual: Array) -> float:
 
 
 def temporal_part(frames: Array) -> Array:
-    """Subtract each pixel's mean over time; scale the result to an unbiased variance.
-
-    Pixels with fewer than two valid frames become NaN.
-    """
+    """Subtract each pixel's mean over time, scaled to unbiased variance; NaN below two frames."""
     count = np.isfinite(frames).sum(axis=0)
     total = np.nansum(frames, axis=0)
     mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
@@ -61,10 +58,7 @@ def temporal_part(frames: Array) -> Array:
 
 
 def moments(frames: Sequence[Reals] | Array) -> tuple[Array, Array, Array]:
-    """Compute (H, W) numbers of valid frames, means and unbiased variances over time.
-
-    Mean and variance are 0 without valid frames.
-    """
+    """Compute (H, W) numbers of valid frames, and means and unbiased variances, 0 without any."""
     count = np.zeros(frames[0].shape)
     total, squares = np.zeros(count.shape), np.zeros(count.shape)
     for frame in frames:
@@ -109,10 +103,8 @@ def ratio(first: float, second: float) -> float:
 
 
 def fixed_pattern(frames: Array) -> tuple[Array, float]:
-    """Compute each pixel's mean over time minus the best plane, (H, W), and its deviation.
-
-    The variance that temporal noise leaves in a mean of T frames is subtracted.
-    """
+    """Compute each pixel's mean minus the best plane, (H, W), and its deviation."""
+    # The variance that temporal noise leaves in a mean of T frames is subtracted.
     count = np.isfinite(frames).sum(axis=0)
     mean = np.where(count > 0, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
     pattern = without_plane(mean)
@@ -121,10 +113,7 @@ def fixed_pattern(frames: Array) -> tuple[Array, float]:
 
 
 def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
-    """Compute the (L,) correlation between pixels of images (..., H, W) of mean 0.
-
-    Each lag (rows, columns) >= 0 is averaged with its mirror images and with swapped axes.
-    """
+    """Compute the (L,) correlation of images of mean 0, over mirrored lags and swapped axes."""
     return np.array(correlation_of([lagged_sums(part, lags, both_axes=True)]))
 
 
@@ -149,10 +138,7 @@ def skew_kurtosis(samples: Array) -> tuple[float, float]:
 
 
 def edge_positions(frames: Array, near_mm: float, far_mm: float) -> Array:
-    """Find the column where the left foreground ends, as its number of pixels: (T, H).
-
-    A pixel is foreground if it has depth and is nearer than halfway to the background.
-    """
+    """Count the pixels of the left foreground, (T, H): those nearer than halfway to the rest."""
     foreground = np.nan_to_num(frames, nan=np.inf) < 0.5 * (near_mm + far_mm)
     return np.asarray(foreground.sum(axis=2), np.float64)
 
@@ -165,10 +151,7 @@ def edge_jitter(positions: Array) -> float:
 
 
 def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, float, float]:
-    """Count pixels per row: between the two surfaces, outside both, and without depth.
-
-    Pixels between and outside are more than 20 mm from both surfaces.
-    """
+    """Count pixels per row: over 20 mm between the two surfaces, outside both, without depth."""
     between = (frames > near_mm + 20) & (frames < far_mm - 20)
     outside = (frames < near_mm - 20) | (frames > far_mm + 20)
     rows = frames.shape[0] * frames.shape[1]
@@ -215,10 +198,7 @@ def crossing(x: Array, share: Array, level: float) -> float:
 
 
 def half_valid(level: Reals, valid: Mask, edges: Reals) -> float:
-    """Interpolate the level from which half of the pixels are valid; NaN if they never are.
-
-    ``edges`` are those of the bins whose means are compared.
-    """
+    """Interpolate the level from which half of the pixels are valid, by bins; NaN if never."""
     place = np.digitize(level, edges)
     used = [k for k in range(1, len(edges)) if (place == k).any()]
     means, shares = (np.array([part[place == k].mean() for k in used]) for part in (level, valid))

@@ -43,10 +43,7 @@ def hole_share_beside_band(images: Sequence[Reals]) -> float:
 
 
 def flip_share(images: Sequence[Reals], pairs: Sequence[tuple[int, int]]) -> float:
-    """Compute the share of pixels with depth (not NaN) in exactly one frame of a static pair.
-
-    It is the mean over the pairs, which are numbers of two images; NaN without pairs.
-    """
+    """Compute the share of pixels with depth in just one frame, mean of the pairs; NaN without."""
     if not pairs:
         return float("nan")
     flips = [(np.isnan(images[a]) != np.isnan(images[b])).mean() for a, b in pairs]

@@ -53,10 +53,7 @@ def check_composite(name: str, where: str) -> None:
 def composed(
     denoised: tuple[Depth, Mask | Probability], noisy_mm: Depth, composite: str
 ) -> NDArray[Any]:
-    """Compute one of COMPOSITES, (H, W) mm, 0 = none, of denoised depth and mask or probability.
-
-    A bool mask is applied in any case. ``noisy_mm`` is the input.
-    """
+    """Compute a composite, (H, W) mm, 0 = none; a bool mask is applied in any case."""
     depth, valid = denoised
     none = depth.dtype.type(0)
     if valid.dtype.kind == "b":

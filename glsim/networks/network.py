@@ -66,10 +66,7 @@ class NetworkFunction(DepthFunction):
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
 
     def configure(self, earlier: int, average: int, keep_clean: bool | None) -> None:
-        """Choose most earlier frames, and of how many the mean is denoised where nothing moves.
-
-        ``keep_clean``: whether frames without noise stay unchanged; None: as it was trained.
-        """
+        """Set the most earlier frames, the frames of the mean, and, unless None, ``keep_clean``."""
         self.earlier, self.average = min(self.earlier, earlier), average
         self.before = max(self.earlier, average - 1)
         if keep_clean is not None:

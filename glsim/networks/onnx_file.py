@@ -71,10 +71,7 @@ class OnnxContent(NamedTuple):
 
 
 def read_onnx(path: Path) -> tuple[bytes, OnnxContent]:
-    """Read and check a file of ``glsim export`` without running its network.
-
-    Raises DenoiserError for a file that is missing, too large, damaged or not of glsim.
-    """
+    """Read and check a file of ``glsim export`` without running it. Raises DenoiserError."""
     try:
         data = read_regular(path, _MAX_BYTES)
     except OSError as error:

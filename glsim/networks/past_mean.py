@@ -8,10 +8,7 @@ from glsim.core.array_types import Depth
 
 
 def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:
-    """Average the last of (T, H, W) frames, mm, 0 = no return, with earlier ones: (H, W) mm.
-
-    As far back as the depth of a pixel changes by at most ``threshold_mm``: more is motion.
-    """
+    """Average the last of (T, H, W) frames, mm, with earlier ones until a pixel's depth changes."""
     here = depths_mm[-1]
     total, count, still = here.copy(), np.ones_like(here), here > 0
     for past in depths_mm[-2::-1]:

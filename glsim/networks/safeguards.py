@@ -65,10 +65,7 @@ _LOCAL_PX: Final = (15, 15)
 
 
 def clean_noise_mm(depth_mm: Depth) -> float | None:
-    """Return the noise of an (H, W) map, mm, if rounding and surface form explain it; else None.
-
-    The rounding is that of the map's own values: see ``value_step_mm``.
-    """
+    """Return a map's noise, mm, if its own rounding and surface form explain it; else None."""
     near_mm, far_mm = (estimate_noise_mm(depth_mm, step) for step in (1, 2))
     if near_mm is None or far_mm is None or near_mm >= CLEAN_MM[0] or far_mm >= CLEAN_MM[1]:
         return None
@@ -87,19 +84,13 @@ def clean_noise_mm(depth_mm: Depth) -> float | None:
 
 
 def value_step_mm(depth_mm: Depth) -> float:
-    """Return the smallest difference between two depths of an (H, W) map, mm, at most 1.
-
-    It is the coarser step of sensor and file; close to 0 for unrounded maps.
-    """
+    """Return the smallest step between a map's depths, mm, at most 1; near 0 if unrounded."""
     gaps_mm = np.diff(np.unique(depth_mm[depth_mm > 0]))
     return float(gaps_mm.min(initial=1.0, where=gaps_mm > SAME_MM))
 
 
 def is_dithered(depth_mm: Depth, step_mm: float) -> bool:
-    """Return whether noise makes neighbouring pixels jump between steps of ``step_mm`` in a map.
-
-    False for steps finer than whole millimetres.
-    """
+    """Return whether noise moves pixels between steps of whole mm; False for finer steps."""
     if step_mm < DITHER_LEAST_MM:
         return False
     places = dithered = 0
@@ -136,10 +127,7 @@ def noise_share(spectrum: Array) -> float:
 
 
 def local_noise_mm(depth_mm: Depth, otherwise_mm: float) -> Depth:
-    """Estimate the noise around each pixel of a depth map, (H, W) float32 mm.
-
-    It is ``otherwise_mm`` where less than a third of the window has a surface.
-    """
+    """Estimate the noise around each pixel, (H, W) float32 mm; ``otherwise_mm`` off surfaces."""
     size, inner = _second_differences(depth_mm, 1)
     share = cv2.blur(inner.astype(np.float32), _LOCAL_PX)
     roots = cv2.blur(np.where(inner, np.sqrt(size), np.float32(0)), _LOCAL_PX)
@@ -150,10 +138,8 @@ def local_noise_mm(depth_mm: Depth, otherwise_mm: float) -> Depth:
 
 
 def _second_differences(depth_mm: Depth, step_px: int) -> tuple[Depth, Mask]:
-    """Compute second differences, (H, W) mm, and the mask of windows without an edge.
-
-    The depths of such a window span less than JUMP_MM per pixel of step.
-    """
+    """Compute second differences, (H, W) mm, and the mask of windows without an edge."""
+    # The depths of such a window span less than JUMP_MM per pixel of step.
     side = 2 * step_px + 1
     square = np.ones((side, side), np.uint8)
     # Holes are 0 and so make edges.
@@ -172,10 +158,7 @@ def _noise_of(mean_root: Any) -> Any:
 
 
 def trusted_mask(depth_mm: Depth, risk_mm: Depth | None) -> Mask:
-    """Mark the pixels to trust, which are near measured depth and have a low risk, (H, W).
-
-    The risk is the expected error of the chosen surface, from networks that choose.
-    """
+    """Mark (H, W) pixels near measured depth with a low expected error of the chosen surface."""
     side = 2 * REACH_PX + 1
     measured = depth_mm > 0
     near: Mask = cv2.dilate(measured.astype(np.uint8), np.ones((side, side), np.uint8)) > 0

@@ -108,10 +108,8 @@ def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
 def _earlier_depth(
     stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
 ) -> Floats:
-    """Simulate the depth of earlier frames, (h, w, N) metres, oldest first. Raises ConfigError.
-
-    Frame k before this one is exposed with a seed that is a function of (seed of this frame, k).
-    """
+    """Simulate depth of earlier frames, (h, w, N) m, oldest first. Raises ConfigError."""
+    # Frame k before this one has a seed that is a function of (seed of this frame, k).
     matcher, exposure = stages[number], _exposure(stages[:number])
     twin = None if exposure is None else _twin_of(exposure)
     if exposure is None or twin is None or matcher.spec.function is None:

@@ -81,19 +81,13 @@ def is_code(use: str) -> bool:
 
 
 def describe_stage(use: str) -> StageSpec:
-    """Return a stage as ``find_stage`` does, to list its parameters, without running a .py file.
-
-    The declaration is read from the text of the file. Raises ConfigError or ShaderError.
-    """
+    """Return a stage as ``find_stage`` does, from its text, without running a .py file."""
     target, _, name = use.rpartition(":")
     return declared_stage(Path(target), name) if target.endswith(".py") else find_stage(use)
 
 
 def shader_stage(file: Path, text: str | None = None) -> StageSpec:
-    """Make the stage of a GLSL file, named as the file. Raises ShaderError with file and line.
-
-    Includes are searched beside the file. A ``text`` of GLSL replaces what the file holds.
-    """
+    """Make the stage of a GLSL file, or of a text in its place. Raises ShaderError, with line."""
     source = load_source(file) if text is None else parse_source(text, file)
     if not source.writes:
         raise ShaderError(f"{file}: the stage writes no layer: declare e.g. 'out float depth;'")

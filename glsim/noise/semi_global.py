@@ -91,8 +91,7 @@ def _even_contrast(image: Floats, side_px: int, floor_counts: float) -> NDArray[
     """Normalise an image to a local mean of 128 and a local standard deviation of at most 40."""
     mean, variance = _local_moments(image, side_px)
     even = 128 + _EVEN_COUNTS * (image - mean) / np.maximum(np.sqrt(variance), floor_counts)
-    clipped: NDArray[np.uint8] = np.rint(even.clip(0, 255)).astype(np.uint8)
-    return clipped
+    return np.asarray(np.rint(even.clip(0, 255)).astype(np.uint8))
 
 
 def _local_moments(image: Floats, side_px: int) -> tuple[Array, Array]:
@@ -108,10 +107,8 @@ def _local_moments(image: Floats, side_px: int) -> tuple[Array, Array]:
 
 
 def reject_unlit(found: Disparities, pattern: Floats, window: int) -> None:
-    """Reject, in place, disparities (1/256 px) that were matched with a constant window.
-
-    The pattern is (H, W) counts: a projector's image need not fill the view.
-    """
+    """Reject disparities (1/256 px), in place, matched where the pattern is constant."""
+    # A projector's image need not fill the view.
     row, column = np.nonzero(found >= 0)
     there = np.maximum(column - (found[row, column] + STEPS_PER_PX // 2) // STEPS_PER_PX, 0)
     unlit = _local_moments(pattern, window)[1][row, there] == 0

@@ -38,10 +38,7 @@ BOUND: dict[str, Callable[[FrameContext], object]] = {
 
 
 class LinkedStages:
-    """A cache of the linked stages of one context; chains that share a stage link it once.
-
-    A stage is kept for as long as a chain has it.
-    """
+    """A cache of the linked stages of one context, each kept for as long as a chain has it."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context

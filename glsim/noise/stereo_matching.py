@@ -244,10 +244,7 @@ _HIDDEN_SHARE = 0.02
 def match_reasons(
     view: FrameContext, layers: Layers, depth_m: Floats, p: Mapping[str, float]
 ) -> Floats:
-    """Return the reason codes of the pixels after matching by the parameters of ``match_stereo``.
-
-    Layers are clean, and right_clean for two imagers, (h, w) metres as ``depth_m``, 0 = none.
-    """
+    """Return reason codes after matching; depth and layers (clean, right_clean) are (h, w) m."""
     clean = layers["clean"]
     surface, found = clean > 0, depth_m > 0
     fb = np.float32(view.focal_baseline_px_m)
@@ -267,8 +264,7 @@ def is_other_surface(view: FrameContext, clean_m: Floats, depth_m: Floats) -> Ma
     fb = np.float32(view.focal_baseline_px_m)
     both = (clean_m > 0) & (depth_m > 0)
     found_px, true_px = (fb / np.where(both, d, 1) for d in (depth_m, clean_m))
-    other: Mask = both & (np.abs(found_px - true_px) > _OTHER_SURFACE_PX)
-    return other
+    return both & (np.abs(found_px - true_px) > _OTHER_SURFACE_PX)
 
 
 def _hidden(view: FrameContext, layers: Layers, true_px: Floats) -> Mask:
@@ -281,8 +277,7 @@ def _hidden(view: FrameContext, layers: Layers, true_px: Floats) -> Mask:
     row = np.rint(row - axis_px[1] * true_px).astype(np.int64)
     beside = (column < 0) | (column >= width) | (row < 0) | (row >= height)
     there = right[row.clip(0, height - 1), column.clip(0, width - 1)]
-    hidden: Mask = beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean))
-    return hidden
+    return np.asarray(beside | ((there > 0) & (there < (1 - _HIDDEN_SHARE) * clean)))
 
 
 def warp_to_camera(depth_m: Floats, imager_m: Point, focal_px: float) -> Floats:

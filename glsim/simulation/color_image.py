@@ -62,8 +62,7 @@ def color_image(layers: Layers, numbers: Mapping[str, int], seeds: ScopeSeeds) -
     cut = np.clip(np.where(seen[..., None], bright * (_MEAN / mean), 0), 0, 1)
     # The curve of sRGB (IEC 61966-2-1).
     srgb = np.where(cut <= 0.0031308, 12.92 * cut, 1.055 * cut ** (1 / 2.4) - 0.055)
-    encoded: NDArray[np.uint8] = np.rint(255 * srgb).astype(np.uint8)
-    return encoded
+    return np.asarray(np.rint(255 * srgb).astype(np.uint8))
 
 
 def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, Array]:

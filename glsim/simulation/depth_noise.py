@@ -224,10 +224,7 @@ class DepthNoise:
         return self._on_tensors(depth_m, frame, sequence, seeds, expected=True, **given)[1]
 
     def corrupt_depth(self, depth_m: Reals, *, frame: int = 0, sequence: str = "") -> Frame:
-        """Return the whole Frame (infrared, reasons, parameters) for one (H, W) map in metres.
-
-        The noise is that of a call with ``frame``, not by "torch". Raises ConfigError.
-        """
+        """Return the Frame (infrared, reasons, ...) of an (H, W) map, m, by OpenGL or NumPy."""
         shape = (depth_m.shape[0], depth_m.shape[1]) if depth_m.ndim == 2 else (0, 0)
         if depth_m.ndim != 2 or self._size not in (None, shape):
             raise ConfigError(f"depth has the shape {depth_m.shape}, the camera {self._size}")

@@ -65,10 +65,7 @@ class FaceLoader:
         return replace(task, seeds=task.seeds.held_in_sequence())
 
     def load_ahead(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
-        """Yield each task with its face, in order.
-
-        A thread loads the next batch while one is drawn, so that drawing does not wait for disks.
-        """
+        """Yield each task with its face, in order; a thread loads the next batch meanwhile."""
         with ThreadPoolExecutor(1, "faces") as reader:
             ahead: deque[Future[Loaded]] = deque()
             for _, run in itertools.groupby(tasks, key=lambda task: task.source):

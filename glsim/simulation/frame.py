@@ -68,8 +68,7 @@ def decode_normals(codes: NDArray[np.uint16]) -> Floats:
 
 def _encode_counts(counts: Floats) -> NDArray[np.uint16]:
     """Round infrared counts to uint16, clipped at 65535."""
-    encoded: NDArray[np.uint16] = np.clip(np.rint(counts), 0, UINT16_MAX).astype(np.uint16)
-    return encoded
+    return np.clip(np.rint(counts), 0, UINT16_MAX).astype(np.uint16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,10 +159,7 @@ class Frame:
 
     @property
     def expected(self) -> NDArray[np.uint16]:
-        """Clean depth with the device's systematic error only, (H, W) uint16 like ``clean``.
-
-        Raises ConfigError if it was not requested.
-        """
+        """Clean depth with the systematic error only, uint16; ConfigError if not requested."""
         depth_m = self._requested("expected", self.expected_m)
         return self._paste(to_steps(depth_m, self.depth_unit_mm))
 
@@ -193,10 +189,7 @@ class Frame:
 
     @property
     def normals(self) -> NDArray[np.uint16]:
-        """Normals of the surface, (H, W, 3) uint16, see ``encode_normals``.
-
-        Raises ConfigError if they were not requested.
-        """
+        """Normals, (H, W, 3) uint16, see ``encode_normals``; ConfigError if not requested."""
         normal = self._requested("normals", self.normal)
         return self._paste(encode_normals(normal, self.clean_m > 0))
 

@@ -71,10 +71,7 @@ class FrameScenes:
         return {} if self._labels is None else self._labels.numbers
 
     def build(self, task: Task, face: Face) -> FrameScene:
-        """Build the scene of a loaded face; the same task and face return the same object.
-
-        Raises MeshError for a face that cannot stand in its scene.
-        """
+        """Build a face's scene; the same task and face give the same object. Raises MeshError."""
         if self._last is not None and self._last[0] == task and self._last[1].face is face:
             return self._last[1]
         scene = self._build(task, face)
@@ -167,10 +164,7 @@ def _as_seen(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh:
 
 
 def crop_window(rig: SensorRig, pose: Mapping[str, float], side: int | None) -> Rect:
-    """Return the delivered square: centred on the face, then shifted to lie in the image.
-
-    A ``side`` of None delivers the whole image.
-    """
+    """Return the delivered square, centred on the face but within the image; None: the image."""
     image = rig.delivered
     if side is None:
         return Rect(0, 0, image.width, image.height)

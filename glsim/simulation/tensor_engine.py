@@ -68,11 +68,7 @@ def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class TensorEngine:
-    """The noise chain of a sensor for maps of one size, by the twins of its shader stages.
-
-    ``rig`` is the sensor's for maps of this size. Raises ConfigError for a stage that may run and
-    needs OpenGL or NumPy.
-    """
+    """The noise chain of a sensor for maps of one size; ConfigError for a stage without twin."""
 
     def __init__(self, sensor: Sensor, rig: SensorRig) -> None:
         self.sensor, self.rig = sensor, rig
@@ -195,10 +191,7 @@ class TensorEngine:
     def _answer(
         self, inputs: Mapping[str, Any], words: Sequence[Any], values: Values
     ) -> dict[str, Any]:
-        """Run the chain; return depth, reasons that agree with it, infrared and expected depth.
-
-        Words are those of frames, sequences and devices, (B,) or (1,).
-        """
+        """Run the chain for words of frames, sequences and devices, (B,) or (1,)."""
         maps = inputs["maps"]
         clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
         image, (_, height, width) = self.rig.intrinsics, maps.shape

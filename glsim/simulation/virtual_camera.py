@@ -41,10 +41,7 @@ class VirtualCamera:
         rig: Mapping[str, Any] | None = None,
         assignments: Sequence[str] = (),
     ) -> None:
-        """Load the sensor, with other keys of [rig], and prepare the camera. Raises ConfigError.
-
-        Assignments are as of ``--set``: "fixed_pattern.enabled=0".
-        """
+        """Load the sensor with other keys of [rig] and assignments as of ``--set``."""
         self.name, self.seed, self.frames = sensor, seed, frames
         self._assignments = tuple(assignments)
         self._own_rig = dict(rig or {})

@@ -60,10 +60,7 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 
 
 def to_json(value: object, where: str) -> str:
-    """Encode a value as one line of JSON; NumPy numbers and arrays become numbers and lists.
-
-    Raises DatasetError, which begins with ``where``, for NaN and for other types.
-    """
+    """Encode a value, also of NumPy, as one line of JSON. Raises DatasetError, e.g. for NaN."""
     try:
         return _encode(value)
     except (TypeError, ValueError) as error:
@@ -107,10 +104,7 @@ def cannot_write(path: Path, error: OSError) -> DatasetError:
 
 
 def check_can_write(file: Path) -> None:
-    """Raise DatasetError early, before long work, if its output file cannot be written.
-
-    Its folder need not be there: ``write_atomic`` makes it.
-    """
+    """Raise DatasetError early if an output file cannot be written; its folder is made later."""
     if _is_device(file):
         return
     with wrap_write_errors(file):
@@ -224,10 +218,7 @@ class AtomicFile:
 
 
 def write_atomic(data: bytes, path: Path, *, sync: bool = True) -> dict[str, int]:
-    """Write a file that is complete or absent; return its size and CRC32.
-
-    Arguments as for AtomicFile. Raises DatasetError.
-    """
+    """Write a file that is complete or absent; return size and CRC32. Raises DatasetError."""
     with AtomicFile(path, sync=sync) as file:
         file.write(data)
     return file.checksum

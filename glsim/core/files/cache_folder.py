@@ -9,10 +9,7 @@ from glsim.core.errors import ConfigError
 
 
 def cache_folder() -> Path:
-    """Return $GLSIM_CACHE, else $XDG_CACHE_HOME/glsim, else ~/.cache/glsim.
-
-    Raises ConfigError for a user without a home folder, as in a container of another user number.
-    """
+    """Return $GLSIM_CACHE, else $XDG_CACHE_HOME/glsim, else ~/.cache/glsim, or ConfigError."""
     if own := os.environ.get("GLSIM_CACHE"):
         return Path(own)
     try:

@@ -14,10 +14,8 @@ _BLOCK_BYTES = 1 << 20
 
 
 def content_hash(path: Path) -> str:
-    """Compute a hash of a file's bytes; of an unreadable file, return a text with the reason.
-
-    A file of the same size, time and inode is read once per process.
-    """
+    """Compute a hash of a file's bytes; of an unreadable file, return a text with the reason."""
+    # A file of the same size, time and inode is read once per process.
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):

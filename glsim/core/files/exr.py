@@ -37,11 +37,7 @@ def require_exr(what: str) -> None:
 
 
 def encode_exr(depth_m: Floats) -> bytes:
-    """Return an OpenEXR file with the (H, W) float32 channel Y; the same bytes each time.
-
-    Y is luminance: programs read a file with this channel alone as one grey image. Raises
-    ConfigError without the library.
-    """
+    """Return an OpenEXR file with the float32 channel Y (luminance); the same bytes each time."""
     require_exr("writing OpenEXR files")
     import OpenEXR
 

@@ -68,8 +68,7 @@ class BlockMatching(Masked):
         noise = noise_spectrum(self.correlation_px, image.shape) * (_LEVEL**2 * image.size)
         smooth = bm3d.bm3d(image, noise, profile)
         smooth = np.asarray(smooth, np.float32).reshape(image.shape)[:height, :width]
-        estimate: Depth = np.maximum(smooth[wanted] * np.float32(scale) + centre, np.float32(0))
-        return estimate
+        return np.asarray(np.maximum(smooth[wanted] * np.float32(scale) + centre, np.float32(0)))
 
 
 def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> Array:

@@ -68,8 +68,7 @@ class MaskedMedian(Masked):
         low, high = ordered[row, np.maximum(count - 1, 0) // 2], ordered[row, count // 2]
         some = count > 0
         zero = np.float32(0)
-        middle: Depth = np.float32(0.5) * (np.where(some, low, zero) + np.where(some, high, zero))
-        return middle
+        return np.float32(0.5) * (np.where(some, low, zero) + np.where(some, high, zero))
 
 
 @dataclass(frozen=True)
@@ -92,8 +91,7 @@ class MaskedBilateral(Masked):
         weight = np.exp(-np.minimum(nearness + likeness, np.float32(80)))
         weight *= around(support, radius, wanted, False)
         total, share = (weight * depth).sum(axis=1), weight.sum(axis=1)
-        mean: Depth = np.divide(total, share, out=np.zeros_like(total), where=share > 0)
-        return mean
+        return np.asarray(np.divide(total, share, out=np.zeros_like(total), where=share > 0))
 
 
 class LocalPolynomial(Masked):
@@ -145,8 +143,7 @@ class Guided(Masked):
         centre = np.float32(np.median(noisy_mm[support]))
         image = filled - centre
         smooth = cv2.ximgproc.guidedFilter(image, image, self.radius, self.epsilon_mm**2)
-        estimate: Depth = smooth[wanted] + centre
-        return estimate
+        return np.asarray(smooth[wanted] + centre)
 
 
 def local_polynomial(
@@ -185,8 +182,7 @@ def local_polynomial(
     ridge = np.diag([0.0] + [_RIDGE] * (size - 1))
     left = np.where(some[:, None, None], left + total[:, None, None] * ridge, np.eye(size))
     solved = np.linalg.solve(left, right[..., None])[:, 0, 0]
-    estimate: Depth = np.where(some, np.maximum(solved + middle, 0.0), 0.0).astype(np.float32)
-    return estimate
+    return np.where(some, np.maximum(solved + middle, 0.0), 0.0).astype(np.float32)
 
 
 #: Name on the command line -> filter.

@@ -61,8 +61,7 @@ class TotalGeneralisedVariation(Masked):
             np.float32(self.ratio * self.alpha),
             self.iterations,
         )
-        estimate: Depth = np.maximum(smooth[wanted] * scale + centre, np.float32(0))
-        return estimate
+        return np.asarray(np.maximum(smooth[wanted] * scale + centre, np.float32(0)))
 
 
 class SurfaceGradients:

@@ -18,8 +18,7 @@ def fill(depth_mm: Depth, support: Mask) -> Depth:
     )
     values = np.zeros(int(labels.max()) + 1, np.float32)
     values[labels[support]] = depth_mm[support]
-    filled: Depth = values[labels]
-    return filled
+    return np.asarray(values[labels])
 
 
 def clean_up(depth_mm: Depth, valid: Mask, size: int) -> tuple[Mask, Mask]:

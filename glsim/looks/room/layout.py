@@ -51,10 +51,8 @@ class Wall(NamedTuple):
 def sample_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
-    """Sample up to so many doors and windows of a wall, mm, without overlap.
-
-    Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
-    """
+    """Sample up to so many doors and windows of a wall, mm, without overlap."""
+    # Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
     openings: list[Opening] = []
     for kind in ["door"] * doors + ["window"] * windows:
         if kind == "door":
@@ -74,10 +72,7 @@ def sample_openings(
 
 
 def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]:
-    """Make the shapes of a wall with its doors, windows and skirting, in room axes.
-
-    ``height`` is the room's, mm; ``paint`` is an albedo.
-    """
+    """Make a wall of a room's height with its doors, windows and skirting, in room axes."""
     shapes: list[Shape] = []
     columns = sorted({0.0, wall.length, *(x for o in wall.openings for x in (o.left, o.right))})
     rows = sorted({0.0, height, *(y for o in wall.openings for y in (o.low, o.high))})

@@ -140,10 +140,7 @@ def build_scenery(
 
 
 def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: Floats) -> None:
-    """Raise MeshError unless the plain wall lies behind the whole face and its worn meshes.
-
-    ``view`` is the (4, 4) matrix from their canonical mm to camera m.
-    """
+    """Raise MeshError unless the plain wall lies behind the face and all that it wears."""
     wall_mm = scenery.sampled.get("scene.wall_mm")
     if wall_mm is None:
         return

@@ -138,10 +138,7 @@ def _grid(rows: int, columns: int) -> Triangles:
 
 
 def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 12) -> Shape:
-    """Make a body of revolution about the y axis, with a number of sides (segments).
-
-    The profile is (radius, height) of each ring, from bottom to top; radius 0 closes an end.
-    """
+    """Revolve a profile, (radius, height) from bottom to top, about y; radius 0 closes an end."""
     radius, height = np.asarray(profile_mm, np.float64).T
     angle = np.linspace(0, 2 * np.pi, segments, endpoint=False)
     columns = np.outer(radius, np.sin(angle)), height[:, None], np.outer(radius, np.cos(angle))

@@ -24,10 +24,7 @@ _NEAREST_M = 0.3
 
 
 def tilted(view: Floats, tilt_deg: float) -> Floats:
-    """Rotate an object's view matrix (4, 4), mm to camera m, for a camera that is tilted up.
-
-    The object keeps its position in the image; its vertical axis turns.
-    """
+    """Tilt an object's view matrix for a camera that looks up; its place in the image stays."""
     if tilt_deg == 0.0:
         return view
     c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
@@ -38,10 +35,7 @@ def tilted(view: Floats, tilt_deg: float) -> Floats:
 
 
 def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float) -> Points:
-    """Return the camera's position (3,) mm in room axes, origin on the floor below the face.
-
-    The face is at a height above the floor, and seen in camera axes (x right, y down, z forward).
-    """
+    """Return the camera's place (3,) mm in room axes, from a face's place in camera axes."""
     face = product(_rotation(tilt_deg).T, np.asarray(face_camera_mm, np.float64))
     return np.asarray(np.array([0.0, eye_mm, 0.0]) - face)
 
@@ -51,10 +45,7 @@ _MAX_TILT_DEG = 40.0
 
 
 def camera_tilt_deg(face_camera_mm: Sequence[float], above_mm: float) -> float:
-    """Compute the upward tilt, degrees, of a camera that sees a face, above it by ``above_mm``.
-
-    The face is seen in camera axes (x right, y down, z forward).
-    """
+    """Compute the upward tilt, degrees, of a camera that sees a face ``above_mm`` higher."""
     _, y, z = face_camera_mm
     sine = float(np.clip(above_mm / np.hypot(y, z), -1, 1))
     tilt = float(np.degrees(np.arcsin(sine) + np.arctan2(y, z)))

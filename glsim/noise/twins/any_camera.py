@@ -280,10 +280,7 @@ def _node(word: Words) -> Image:
 
 
 def lattice_noise(view: FrameContext, spacing_px: tuple[float, float], seed: Any) -> Image:
-    """Return an (h, w) smooth random field of variance 1, interpolated between lattice nodes.
-
-    ``spacing_px`` is their distance along x and y. The seed wraps at 2^32.
-    """
+    """Return an (h, w) smooth random field of variance 1 between nodes ``spacing_px`` apart."""
     xp, blends, nodes = of(seed), [], []
     key = pcg_word(xp.words(seed, seed))
     starts, (left, top, width, height) = (uniform01(key), uniform01(pcg_word(key))), view.window

@@ -30,10 +30,8 @@ class WordContext(FrameContext):
     """
 
     def view(self, stage: str) -> WordContext:
-        """Return the context with the seeds of a stage: each XOR the stage's checksum.
-
-        CRC32 is linear, so this equals ``FrameContext.view`` of the seeds behind these words.
-        """
+        """Return the context with the seeds of a stage: each XOR the stage's checksum."""
+        # CRC32 is linear, so this equals ``FrameContext.view`` of the seeds behind these words.
         checksum = stage_seed(0, stage)
         checksum = of(self.seed).word(checksum) if self.batched else checksum
         names = ("seed", "sequence_seed", "device_seed")
@@ -58,10 +56,7 @@ def map_words(seed: int, seeds: Any, frames: Any) -> tuple[Words, Words]:
 
 
 def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Image:
-    """Sample a number per map, (B,), of "stage.parameter" from a distribution, not a constant one.
-
-    ``words`` holds the results of ``map_words``, by the scopes "frame" and "held".
-    """
+    """Sample "stage.parameter" per map, (B,), by words of the scopes "frame" and "held"."""
     word = words["frame" if setting.per == "frame" else "held"]
     xp = of(word)
     word = pcg_word(word ^ xp.word(zlib.crc32(name.encode())))

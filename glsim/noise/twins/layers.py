@@ -33,10 +33,7 @@ KERNEL_UNIT = 2.99791
 
 
 def pixels(window: Rect, like: Any = 0) -> tuple[Words, Words]:
-    """Return columns (1, w) and rows (h, 1) of a window's pixels, counted in the whole frame.
-
-    They are tensors on the device of ``like``, or arrays of NumPy.
-    """
+    """Return columns (1, w) and rows (h, 1) of a window in the frame, on the device of ``like``."""
     left, top, width, height = window
     xp = of(like)
     return (xp.range(left, left + width, like)[None, :], xp.range(top, top + height, like)[:, None])

@@ -213,10 +213,7 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Mask]:
-    """Blur the light by the optics: (..., 7) phasors of three frequencies and the amplitude.
-
-    Returns also the mask of pixels that have light, or one of whose 8 neighbours has.
-    """
+    """Blur the light: (..., 7) phasors and amplitude; mask of pixels with light in 3 x 3."""
     a, b = layers["light_a"], layers["light_b"]
     xp = of(a)
     planes = [*(a[..., k] for k in range(4)), *(b[..., k] for k in range(3))]

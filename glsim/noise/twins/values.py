@@ -242,10 +242,7 @@ def field_seed(view: FrameContext, drift_hz: float) -> Any:
 def field_position(
     view: FrameContext, lattice_x_px: float, lattice_y_px: float, drift_hz: float
 ) -> Vector:
-    """Return the position of each pixel of the window in the noise field, in lattice cells.
-
-    It drifts by ``drift_hz`` cells a second along z; with 0 each frame has a field of its own.
-    """
+    """Return each pixel's position, lattice cells, in a noise field that drifts along z."""
     seed = field_seed(view, drift_hz)
     xp, (x, y) = of(seed), pixels(view.window, seed)
     start = [3.0 * uniform01(word) for word in random_bits(0, 0, seed, 0xF1E1D)[:3]]
