@@ -29,7 +29,14 @@ from pydantic import Field
 
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, did_you_mean
-from glsim.settings.toml_tables import TomlTable, assign, parse_table, read_toml, split_assignment
+from glsim.settings.toml_tables import (
+    TomlTable,
+    assign,
+    flattened,
+    parse_table,
+    read_toml,
+    split_assignment,
+)
 
 RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
 PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
@@ -174,7 +181,7 @@ class Recipe(TomlTable):
 
     def difference(self, other: Recipe) -> str | None:
         """Name the first setting by which the trainings differ; None for equal trainings."""
-        ours, theirs = (_flattened(recipe.model_dump(mode="json")) for recipe in (self, other))
+        ours, theirs = (flattened(recipe.model_dump(mode="json")) for recipe in (self, other))
         for name in sorted(ours.keys() | theirs.keys()):
             if name not in _RESUMABLE and ours.get(name) != theirs.get(name):
                 return f"{name} is {ours.get(name)!r}, not {theirs.get(name)!r}"
@@ -255,11 +262,3 @@ def _read_tree(file: Path, depth: int) -> dict[str, Any]:
     merged = _read_tree(_recipe_file(base, file.parent), depth + 1)
     merge_kinds(merged, tree)
     return merged
-
-
-def _flattened(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        name = f"{prefix}{key}"
-        flat |= _flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
-    return flat

@@ -140,7 +140,14 @@ def run_frames(
     workers: int | None,
     progress: Callable[[ScoringProgress], None] | None,
 ) -> list[ScoredFrame]:
-    """Score the frames ``numbers`` in worker processes; return the scores in order."""
+    """Score frames in worker processes; return the scores in order.
+
+    Args:
+        job: recording and methods.
+        numbers: numbers of the frames.
+        workers: number of processes; None chooses.
+        progress: called after each block of frames.
+    """
     frames = []
     processes = min(workers or available_workers(), len(numbers))
     for frame in run_tasks(job, numbers, processes):

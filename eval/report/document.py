@@ -91,10 +91,16 @@ def html_page(
     pictures: Sequence[CaptionedPng] = (),
     notes: Iterable[Document] = (),
 ) -> str:
-    """Return a complete HTML page: documents, pictures with captions, and final notes.
+    """Return a complete HTML page. Raises GlsimError without Jinja2.
 
     All text is escaped; **bold** and `code` become HTML. Intervals, in brackets at the end of a
-    cell, are small. Raises GlsimError without Jinja2.
+    cell, are small.
+
+    Args:
+        title: of the page.
+        documents: the page's body.
+        pictures: shown after the documents.
+        notes: shown last.
     """
     return _template().render(title=title, documents=documents, pictures=pictures, notes=notes)
 

@@ -137,6 +137,12 @@ def write_real_frames(
     """Write table.md and scores.json; with pictures, report.html and figures/*.png.
 
     Returns the paths. Raises DatasetError if writing fails.
+
+    Args:
+        scores: of the recording.
+        out: folder of the files.
+        pictures: of the report.
+        remarks: added to the notes of the scores.
     """
     page = real_frames_document(scores, remarks)
     paths = [out / "table.md", out / "scores.json"]

@@ -73,7 +73,14 @@ def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
 
 
 def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list[float]]) -> None:
-    """Add distance bins to the sums of a method on a subject, in place."""
+    """Add distance bins to sums, in place.
+
+    Args:
+        total: the sums.
+        method: name of the denoiser.
+        subject: name of the person.
+        bins: bin -> numbers to add.
+    """
     known = total.setdefault(method, {}).setdefault(subject, {})
     for edge, (error, pixels) in bins.items():
         before = known.get(edge, [0.0, 0])

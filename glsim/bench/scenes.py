@@ -51,7 +51,14 @@ def rectangle(
     z_mm: float | tuple[float, float],
     albedo: float = 1.0,
 ) -> Mesh:
-    """Build an upright rectangle at depth z, or with two depths for its left and right side."""
+    """Build an upright rectangle.
+
+    Args:
+        x_mm: left and right side.
+        y_mm: top and bottom.
+        z_mm: depth, or depths of the left and the right side.
+        albedo: reflectivity of the surface.
+    """
     (left, right), (top, bottom) = x_mm, y_mm
     first, second = np.broadcast_to(z_mm, 2).tolist()
     below = [(left, bottom, first), (right, bottom, second)]
@@ -68,6 +75,12 @@ def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 
     """Build a strip on the axis at z, turned about the x axis so that its top is nearer.
 
     An emitter to the side of the camera lights it at the angle at which the camera sees it.
+
+    Args:
+        z_mm: depth of the middle.
+        angle_deg: between normal and optical axis.
+        albedo: reflectivity of the surface.
+        half_mm: half the strip's height.
     """
     angle = np.radians(angle_deg)
     y, z = half_mm * np.cos(angle), half_mm * np.sin(angle)
@@ -88,7 +101,14 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float) -> Mesh:
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
-    """Build a wall whose albedo grows linearly from left to right over +-half_x."""
+    """Build a wall with a linear albedo.
+
+    Args:
+        z_mm: depth of the wall.
+        half_x_mm: half the width over which the albedo grows.
+        low: albedo of the left side.
+        high: albedo of the right side.
+    """
     mesh = rectangle((-half_x_mm, half_x_mm), (-0.8 * z_mm, 0.8 * z_mm), z_mm)
     return Mesh(mesh.vertices_mm, mesh.faces, np.array([low, high, high, low], np.float32))
 
@@ -102,7 +122,14 @@ def depth_edge(near_mm: float, far_mm: float) -> Mesh:
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
-    """Build a square on the axis in front of a wall."""
+    """Build a square on the axis in front of a wall.
+
+    Args:
+        near_mm: depth of the square.
+        far_mm: depth of the wall.
+        half_mm: half the square's side.
+        albedo: reflectivity of both.
+    """
     square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
     return merge_meshes(square, wall(far_mm, albedo))
 
@@ -122,7 +149,14 @@ def _slanted_bar(left_mm: float, right_mm: float, z_mm: float, albedo: float = 1
 
 
 def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) -> list[Mesh]:
-    """Build procedural heads of ``count`` people at z, of skin albedo, dressed or bare."""
+    """Build procedural heads, of skin albedo.
+
+    Args:
+        count: number of people.
+        z_mm: depth of the heads' origin.
+        seed: of the people.
+        wear: whether they are dressed.
+    """
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
     dresser = Dresser(source, AppearanceSettings(wear=wear))

@@ -1,8 +1,8 @@
 """A fingerprint of a machine's arithmetic, which depends on processor, libraries and OpenGL driver.
 
-NumPy and the OpenGL driver choose their code by the processor. Two of them give frames that look
-alike and differ in their bytes, so one data set must not be made on both. Products of matrices do
-not count: see ``glsim.core.products``.
+NumPy and the OpenGL driver choose their code by the processor: frames of two processors look alike
+but differ in their bytes, so one data set must not be made on both. Products of matrices do not
+count: see ``glsim.core.products``.
 """
 
 from __future__ import annotations
@@ -25,13 +25,7 @@ from glsim.gl.draw import shader_arithmetic
 
 @dataclass(frozen=True)
 class Machine:
-    """The host, OpenGL renderer and arithmetic fingerprint of a process.
-
-    Attributes:
-        host: name of the computer.
-        renderer: OpenGL's name of what draws.
-        arithmetic: see ``fingerprint``.
-    """
+    """The host, OpenGL renderer and arithmetic ``fingerprint`` of a process."""
 
     host: str
     renderer: str
@@ -49,9 +43,8 @@ class Machine:
 
 def fingerprint(context: Any) -> str:
     """Hash the results of fixed computations on this machine, in NumPy and in a GL context."""
-    digest = hashlib.blake2b(_numpy_arithmetic(), digest_size=8)
-    digest.update(shader_arithmetic(context))
-    return digest.hexdigest()
+    results = _numpy_arithmetic() + shader_arithmetic(context)
+    return hashlib.blake2b(results, digest_size=8).hexdigest()
 
 
 def this_machine(context: Any) -> Machine:

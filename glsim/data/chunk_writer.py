@@ -27,12 +27,12 @@ from glsim.simulation.plan.tasks import Task
 class FrameMaker(Protocol):
     """The protocol of a function that makes frames of tasks, such as ``pipeline.simulate``.
 
-    It yields one result per task, in order. It takes tasks as it needs them, and may take a bounded
-    number in advance: a request beyond the current chunk makes the iterable fetch the next chunk.
+    It may take a bounded number of tasks in advance: a request beyond the current chunk makes the
+    iterable fetch the next chunk.
     """
 
     def __call__(self, settings: Settings, tasks: Iterable[Task], /) -> Iterator[Frame | Skipped]:
-        """Yield a Frame per task, or a Skipped for a task that fails."""
+        """Yield a Frame per task, in order, or a Skipped for a task that fails."""
         ...
 
 
@@ -41,10 +41,10 @@ class RenderJob:
     """The job of all workers of a run: render, write and record chunks.
 
     Attributes:
-        settings: of the data set.
-        state: where chunks are recorded.
+        settings: settings of the data set.
+        state: state folder that records chunks.
         make_frames: the simulator.
-        inputs: hashes of the driver's files; workers on other machines compare theirs.
+        inputs: hashes of the driver's files, for comparison on other machines.
     """
 
     settings: Settings
@@ -53,7 +53,7 @@ class RenderJob:
     inputs: InputHashes | None = None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
-        """Render, write and record chunks, yielding their progress. Raises as ``write_chunks``."""
+        """Render, write and record chunks; yield progress. Raises errors of ``write_chunks``."""
         for event in write_chunks(self, self.state.store, chunks):
             if isinstance(event, ChunkRecord):
                 self.state.save_chunk(event)
@@ -116,8 +116,7 @@ def write_chunks(
         if forgotten is not None:
             raise GlsimError(f"the simulator gave no result for {forgotten.tasks[0].stem}")
     finally:
-        close = getattr(results, "close", None)
-        if close is not None:
+        if (close := getattr(results, "close", None)) is not None:
             close()
 
 
@@ -172,7 +171,7 @@ class _ChunkWriter:
             raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
         self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
         if self._shard is None:
-            # A run whose chunks were discarded, for a mesh changed meanwhile, may have made it.
+            # An earlier run, whose chunks were discarded, may have made this frame.
             names = [_image_name(task, layer) for layer in self._settings.output.layers]
             self._store.delete(name for name in names if self._store.checksum(name) is not None)
 
@@ -192,8 +191,8 @@ def _image_name(task: Task, layer: str) -> str:
 class _Shard:
     """An open tar file in the layout of the library webdataset.
 
-    The key of a member is the index: that library cuts names at the first dot, and the name of a
-    sequence may contain one.
+    Members are named by index, because the library cuts names at the first dot, which the name of a
+    sequence may contain.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Chunks: the units of work into which a data set is cut, and the parts that share them out."""
+"""Chunks, the units of work of a data set, and parts, which are sets of chunks."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from glsim.settings.schema import SPLIT_NAMES
 from glsim.simulation.plan.tasks import Plan, Task, people_of
 
 #: Frames per chunk, by output format. Chunks are small enough that two workers end together and
-#: that little is lost when one dies; a shard (5 to 100 MB) is one chunk. The numbers are part of
-#: the format: with others, shards differ and a partly written data set is rendered again.
+#: that a dead worker loses little; a shard (5 to 100 MB) is one chunk. The numbers are part of the
+#: format: other numbers give other shards, and a partly written data set is rendered again.
 CHUNK_FRAMES = {"png": 32, "webdataset": 512}
 
 
@@ -79,9 +79,9 @@ class ChunkPlan:
     """The tasks of a data set, sorted by split and cut into chunks.
 
     It depends only on the tasks and the format, not on the workers or on the files on disk. Chunks
-    are made when they are asked for: memory grows with the people, not with their frames. Raises
-    DatasetError for a split, subject or sequence whose files would lie outside the data set, and
-    for two frames of a plan with the same files.
+    are made on access: memory grows with the people, not with their frames. Raises DatasetError for
+    a split, subject or sequence whose files would lie outside the data set, and for two frames of a
+    plan with the same files.
     """
 
     def __init__(self, tasks: Sequence[Task], chunk_frames: int) -> None:
@@ -101,7 +101,7 @@ class ChunkPlan:
         self._first = first[order]
         #: Position of each run's first frame in the data set, and the number of all frames.
         self._start = np.concatenate([[0], np.cumsum(count[order])])
-        #: Frames of each split, the position of its first one, and the number of its first chunk.
+        #: For each split: number of frames, position of the first frame, number of the first chunk.
         self._frames = [int(count[split == n].sum()) for n in range(len(SPLIT_NAMES))]
         chunks = [-(-frames // chunk_frames) for frames in self._frames]
         self._before = [sum(self._frames[:n]) for n in range(len(SPLIT_NAMES))]

@@ -18,8 +18,8 @@ from glsim.simulation.assembly import reconcile_reasons
 
 Picture = NDArray[np.uint8]
 
-#: Directions to the lights in camera axes (y down): the key light is at the upper left behind the
-#: camera, the fill light at the right, and a weak one below, which shows the ceilings of rooms.
+#: Directions to the lights in camera axes (y down): the key light at the upper left behind the
+#: camera, the fill light at the right, and a weak light below, for the ceilings of rooms.
 _KEY_LIGHT = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
 _FILL_LIGHT = np.array([0.70, -0.10, -0.70]) / np.linalg.norm([0.70, -0.10, -0.70])
 _LOW_LIGHT = np.array([0.0, 1.0, 0.0])
@@ -27,7 +27,7 @@ _LOW_LIGHT = np.array([0.0, 1.0, 0.0])
 _BACKGROUND = (38, 32, 28)
 _TEXT = (235, 235, 235)
 
-#: Larger differences are drawn in the colour of this one.
+#: Largest difference of the colours, mm; larger differences have its colour.
 DIFFERENCE_MM = 20.0
 
 #: BGR colour per reason: greys and greens for pixels with depth, saturated colours for holes.
@@ -77,14 +77,11 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
     return picture
 
 
-def frame_row(frame: DepthFrame, side: int = 320) -> Picture:
-    """Draw a row of four cells, with its name: shaded clean, shaded noisy, difference, reasons.
+def frame_row(frame: DepthFrame, side: int) -> Picture:
+    """Draw a row of cells of ``side`` pixels with the frame's name.
 
-    Without a clean map two: shaded noisy, infrared.
-
-    Args:
-        frame: in which a missing layer "reason" is inferred from its depths.
-        side: width and height of a cell, pixels.
+    Shaded clean, shaded noisy, difference, reasons (inferred from depths if missing); without a
+    clean map: shaded noisy, infrared.
     """
     noisy_m = frame.in_metres("noisy_mm")
     noisy = shaded(noisy_m, frame.intrinsics)
@@ -117,20 +114,22 @@ def brightness(infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> Picture
     return np.repeat(grey[..., None], 3, axis=2)
 
 
-#: Frames that stand below each other, and columns of them, before the columns grow longer.
+#: Frames per column, and most columns, before columns grow longer.
 _SHEET_ROWS, _SHEET_COLUMNS = 4, 3
-#: Side of a cell where there are several columns, pixels: three columns fit a wide screen.
-_NARROW_PX = 200
+#: Side of a cell in a single column and in several columns, px: three columns fit a wide screen.
+_WIDE_PX, _NARROW_PX = 300, 200
+#: Columns of a gallery, and side of a cell, px.
+_GALLERY_COLUMNS, _GALLERY_PX = 4, 240
 
 
-def contact_sheet(frames: Sequence[DepthFrame], title: str, side: int = 300) -> Picture:
+def contact_sheet(frames: Sequence[DepthFrame], title: str) -> Picture:
     """Draw one ``frame_row`` per frame, with a title, headings, and a legend of the colours.
 
     More than four frames stand in up to three columns, with smaller cells. All frames have a clean
     map, or none has.
     """
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
-    side = side if columns == 1 else min(side, _NARROW_PX)
+    side = _WIDE_PX if columns == 1 else _NARROW_PX
     headings: tuple[str, ...] = ("noisy, shaded", "infrared")
     with_clean = "clean_mm" in frames[0]
     if with_clean:
@@ -158,16 +157,16 @@ def _grid(cells: list[Picture], columns: int, *, down: bool) -> Picture:
     return np.vstack([np.hstack(group) for group in groups])
 
 
-def gallery(faces: Sequence[DepthFrame], title: str, columns: int = 4, side: int = 240) -> Picture:
+def gallery(faces: Sequence[DepthFrame], title: str) -> Picture:
     """Draw shaded clean maps in a grid, each with its name."""
-    columns = max(1, min(columns, len(faces)))
+    columns = max(1, min(_GALLERY_COLUMNS, len(faces)))
     cells = []
     for face in faces:
         clean_m = face.in_metres("clean_mm")
-        cell = _fit(shaded(clean_m, face.intrinsics)[_surface_slices(clean_m)], side)
+        cell = _fit(shaded(clean_m, face.intrinsics)[_surface_slices(clean_m)], _GALLERY_PX)
         _write(cell, face.name, (8, 16), 0.4)
         cells.append(cell)
-    head = np.full((40, columns * side, 3), _BACKGROUND, np.uint8)
+    head = np.full((40, columns * _GALLERY_PX, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.5)
     return np.vstack([head, _grid(cells, columns, down=False)])
 
@@ -186,15 +185,10 @@ def _legend(width: int, texts: Mapping[Reason, str]) -> Picture:
     return bar
 
 
-def _surface_slices(depth_m: NDArray[np.float32], margin_px: int = 6) -> tuple[slice, slice]:
-    """Return the rows and columns around all pixels with depth; all if there are none."""
-    rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
-    if len(rows) == 0:
-        return slice(None), slice(None)
-    return (
-        slice(max(0, int(rows[0]) - margin_px), int(rows[-1]) + 1 + margin_px),
-        slice(max(0, int(columns[0]) - margin_px), int(columns[-1]) + 1 + margin_px),
-    )
+def _surface_slices(depth_m: NDArray[np.float32]) -> tuple[slice, ...]:
+    """Return the rows and columns up to 6 px around pixels with depth; all without depth."""
+    used = [np.flatnonzero(depth_m.any(axis=axis)) for axis in (1, 0)]
+    return tuple(slice(max(0, n[0] - 6), n[-1] + 7) if len(n) else slice(None) for n in used)
 
 
 def _fit(picture: Picture, side: int) -> Picture:

@@ -1,8 +1,8 @@
 """The steps of a run: find missing chunks, render them, and merge their records.
 
-``write_dataset`` takes frames of any maker, ``glsim.data.driver`` simulated ones. ``run_all`` takes
-all steps under the lock of the data set. Parts (``run_part``) take the first two, each under a lock
-of its own, and whoever finds all records merges.
+``write_dataset`` takes frames of any maker, ``glsim.data.driver`` simulates them. ``run_all`` takes
+all steps under the lock of the data set. Parts (``run_part``) take the first two steps under
+separate locks; the part that finds all records merges.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from glsim.simulation.plan.tasks import Task
 
 log = logging.getLogger(__name__)
 
-#: Renders and writes chunks, in any order, and yields their events. It is closed before the lock
-#: is released: nothing that it started may write afterwards.
+#: Renders and writes chunks, in any order, and yields their events. It is closed before the lock is
+#: released, and must not write afterwards.
 ChunkRenderer = Callable[[RenderJob, Sequence[int], ChunkPlan], Generator[ChunkEvent, None, None]]
 
 
@@ -119,14 +119,14 @@ def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -
 def make_missing_chunks(
     run: DatasetRun, state: RunState, part: Part | None, render: ChunkRenderer, counts: RunCounts
 ) -> None:
-    """Render the chunks that are missing or damaged. Raises as ``write_dataset``.
+    """Render the missing and damaged chunks. Raises the errors of ``write_dataset``.
 
     Args:
-        run: what is made.
-        state: as ``RunState.locked`` gives it.
-        part: whose chunks to make; None: all.
+        run: the data set.
+        state: the locked state folder.
+        part: make the chunks of this part. None: all.
         render: makes the chunks.
-        counts: counts them.
+        counts: counters of the frames.
     """
     missing = _find_missing_chunks(run, state, run.numbers(part), counts)
     job = RenderJob(run.settings, state, run.make_frames, run.found)
@@ -139,7 +139,7 @@ def make_missing_chunks(
                 counts.report()
     if run.inputs is not None and run.found is not None and missing:
         now = run.inputs()
-        if now != run.found:  # some of this run's frames are of the old contents, some of the new
+        if now != run.found:  # frames of this run come from old and from new contents
             state.discard_chunks(missing)
             raise DatasetError(
                 f"{now.changed_since(run.found)} was changed during the run, and the frames of "
@@ -188,32 +188,21 @@ def run_part(
     with run.state.locked(run.identity, part=part) as state:
         make_missing_chunks(run, state, part, render, counts)
     counts.report(last=True)
-    # The part that completes the last chunk sees all records here, after its lock is free: two
-    # parts that end together both come to this line, and the second finds the work done.
+    # After its lock is free, the part that completes the last chunk sees all records. Two parts
+    # that end together both arrive here; the second finds the work done.
     absent = len(run.plan) - len(run.state.recorded_chunks())
     whole = None
     if not absent:
         with run.state.locked(run.identity, wait=True) as state:
             whole = finish(state, run.plan, run.identity, run.counts())
-    return PartSummary(
-        part=part,
-        frames=counts.frames,
-        skipped=counts.skipped,
-        rendered=counts.rendered,
-        reused=counts.reused,
-        seconds=counts.seconds,
-        absent_chunks=absent,
-        dataset=whole,
-    )
+    done = (counts.frames, counts.skipped, counts.rendered, counts.reused, counts.seconds)
+    return PartSummary(part, *done, absent_chunks=absent, dataset=whole)
 
 
 def finish(
     state: RunState, plan: ChunkPlan, identity: Mapping[str, Any], counts: RunCounts
 ) -> GenerateSummary:
-    """Merge the chunk records if necessary, and return the summary of the run.
-
-    ``state`` is that of a locked data set.
-    """
+    """Merge the chunk records of a locked data set if necessary; return the summary of the run."""
     if not state.is_merged:
         merge(state, plan, identity)
     state.discard_part_locks()
@@ -259,11 +248,14 @@ def write_dataset(
     after ending the workers. After any of these, the same call continues the run.
 
     Args:
+        settings, tasks: settings and frames of the data set.
+        out: folder, or URL of object storage.
         make_frames: see FrameMaker.
-        sensor, renderer: descriptions for the header; a resumed run must have the same ones.
+        sensor, renderer: descriptions for the header, equal in a resumed run.
         regions: name -> number in the layer "regions".
-        inputs: hashes the files that the settings refer to; a resumed run must have the same.
+        inputs: hashes the files that the settings name, equal in a resumed run.
         workers: number of processes; 1 renders in this process.
+        progress: called with the state of the run.
     """
     store = open_store(out)
     run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)

@@ -49,13 +49,16 @@ def generate(
     Raises the errors of ``write_dataset`` and ``glsim.simulation.pipeline.simulate``.
 
     Args:
+        settings: the data set.
         out: a folder, or a URL of object storage such as s3://bucket/faces for the format
             webdataset.
-        ray: the address of a cluster of Ray that renders instead of ``workers``, see
-            ``glsim.data.ray_cluster.ray_cluster``.
+        workers: number of processes.
         backend: "egl" or "osmesa".
         portable: compute alike on all x86-64 processors since Haswell, see
             ``portable_environment``.
+        ray: address of a Ray cluster that renders instead of ``workers``, see
+            ``glsim.data.ray_cluster.ray_cluster``.
+        progress: called with the state of the run.
     """
     run, render = _simulation(settings, out, workers, backend, portable, ray)
     return run_all(run, render, progress)
@@ -73,10 +76,9 @@ def generate_part(
 ) -> PartSummary:
     """Generate one part of a data set; the last part to finish also merges all parts.
 
-    Parts may be made in any order, on many machines that share the folder ``out``, and again: the
-    bytes are those of ``generate``.
-
-    Raises the errors of ``generate``, and DatasetError if another process makes the same part.
+    Parts may be made in any order, repeatedly, on many machines that share the folder ``out``, with
+    the same bytes as by ``generate``. Raises the errors of ``generate``, and DatasetError if
+    another process makes the same part.
     """
     run, render = _simulation(settings, out, workers, backend, portable)
     return run_part(run, part, render, progress)
@@ -106,12 +108,10 @@ def _simulation(
         stages, files = stage_hashes(sensor.stages), source_hashes(sources, tasks)
         return InputHashes(stages, files, machine.arithmetic)
 
-    worn = worn_regions(settings.appearance, sources)
-    regions = (
-        region_numbers(sources, [*scene_regions(settings.scene), *worn])
-        if "regions" in settings.output.layers
-        else {}
-    )
+    regions = {}
+    if "regions" in settings.output.layers:
+        worn = worn_regions(settings.appearance, sources)
+        regions = region_numbers(sources, [*scene_regions(settings.scene), *worn])
     described, renderer = sensor.describe(), machine.renderer
     store = open_store(out)
     run = DatasetRun(settings, tasks, store, make_frames, described, renderer, regions, inputs)

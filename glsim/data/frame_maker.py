@@ -1,4 +1,4 @@
-"""The frame maker of a data set: a simulator that runs only on machines that compute alike."""
+"""The frame maker of a data set: a simulator that runs only on machines with equal arithmetic."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ from glsim.simulation.plan.tasks import Task
 
 @dataclass
 class SameMachineSimulator:
-    """A FrameMaker that simulates only if this machine computes like the first one.
+    """A FrameMaker that simulates only if this machine computes like the first machine.
 
     Attributes:
-        machine: the one that began the data set.
-        sources, backend, layers: as for ``glsim.simulation.pipeline.simulate``.
-        keep: keep context and simulator for further calls, as long as the process lives. It is for
-            processes that are given their tasks piece by piece: linking the programs anew takes as
-            long as some ten frames.
+        machine: the machine that began the data set.
+        sources, backend, layers: as in ``glsim.simulation.pipeline.simulate``.
+        keep: keep context and simulator for further calls of this process, because linking the
+            programs again takes as long as some ten frames.
     """
 
     machine: Machine

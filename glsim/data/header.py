@@ -20,41 +20,39 @@ from glsim.data.disk_format import COMPLETE, FORMAT, FORMAT_VERSION, HEADER, MAN
 from glsim.data.record_schema import (
     MAX_HEADER_BYTES,
     MAX_LINE_BYTES,
+    checksum_of,
     parse_checksum,
     parse_frame,
     parse_header,
 )
 
 _BLOCK_BYTES = 1 << 24
-#: Fewest bytes of a line on average: the keys that each record has take 200. Below it, the places
-#: of the lines would take more memory than the file has bytes.
+#: Fewest bytes of a line on average: the common keys of records take 200. Below it, the index of
+#: the lines would be larger than the file.
 _LEAST_LINE_BYTES = 64
 #: The end of messages about damage.
 REPAIR = "run glsim generate again with the same settings to repair it"
 
 
 class Manifest:
-    """The indexed lines of a manifest; opening it reads the whole file once.
+    """The indexed lines of a manifest; opening it reads the whole file once, for its ``checksum``.
 
-    Raises DatasetError if it is missing or cannot be read.
-
-    Attributes:
-        checksum: its size and CRC32.
+    Raises DatasetError if the file is missing or cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        parts: list[NDArray[np.int64]] = []
+        ends: list[NDArray[np.int64]] = []
         size = crc32 = 0
         with wrap_read_errors(self.path), self._open() as lines:
             while block := lines.read(_BLOCK_BYTES):
-                ends = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
-                parts.append(ends + (size + 1))
+                feeds = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
+                ends.append(feeds + (size + 1))
                 crc32 = isal_zlib.crc32(block, crc32)
                 size += len(block)
-                if _LEAST_LINE_BYTES * sum(map(len, parts)) > size:
+                if _LEAST_LINE_BYTES * sum(map(len, ends)) > size:
                     raise DatasetError(f"{self.path}: is damaged: holds empty lines: {REPAIR}")
-        self._ends = np.concatenate(parts) if parts else np.zeros(0, np.int64)
+        self._ends = np.concatenate(ends) if ends else np.zeros(0, np.int64)
         self.checksum = {"size": size, "crc32": crc32}
 
     def __len__(self) -> int:
@@ -116,12 +114,11 @@ def open_header(store: Store) -> tuple[dict[str, Any], str | None, Manifest]:
     """
     header, data = _read_header(store)
     recorded = header["files"].get(MANIFEST)
-    expected = None if recorded is None else {n: recorded[n] for n in ("size", "crc32")}
-    found = checksum(data)
-    key = text_hash(data.decode())
-    store.local(HEADER, found, key)
+    expected = None if recorded is None else checksum_of(recorded)
+    present, key = checksum(data), text_hash(data.decode())
+    store.local(HEADER, present, key)
     manifest = Manifest(store.local(MANIFEST, expected, key))
-    return header, header_problem(store, found), manifest
+    return header, header_problem(store, present), manifest
 
 
 def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
@@ -149,10 +146,7 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
 def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | None:
     """Describe how a manifest differs from its entry in the header; None if they agree."""
     recorded = header["files"].get(MANIFEST)
-    if recorded is not None and manifest.checksum != {
-        "size": recorded["size"],
-        "crc32": recorded["crc32"],
-    }:
+    if recorded is not None and manifest.checksum != checksum_of(recorded):
         return f"was changed after it was written (its checksum is in {HEADER})"
     frames = sum(header["frames"].values())
     if len(manifest) != frames:
@@ -160,7 +154,7 @@ def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | Non
     return None
 
 
-def header_problem(store: Store, found: Mapping[str, int]) -> str | None:
+def header_problem(store: Store, present: Mapping[str, int]) -> str | None:
     """Describe how dataset.json differs from its checksum in .glsim; None if they agree.
 
     A data set without the folder .glsim, such as a copy, has no checksum of its header.
@@ -169,6 +163,6 @@ def header_problem(store: Store, found: Mapping[str, int]) -> str | None:
         recorded = parse_checksum(store.read(COMPLETE, MAX_LINE_BYTES) or b"", COMPLETE)
     except DatasetError:
         return None  # no checksum, or one that a run writes again
-    if found == {"size": recorded["size"], "crc32": recorded["crc32"]}:
+    if present == checksum_of(recorded):
         return None
     return f"was changed after it was written (its checksum is in {STATE})"

@@ -40,10 +40,10 @@ class FaceSetReport:
     """A report of a face set: its people, frames, units and problems.
 
     Args:
-        kind: name of the source that reads it, or "mesh".
+        kind: name of the source, or "mesh".
         people: subject -> (sequences, frames).
-        checked: number of frames that were read.
-        vertices, triangles: their (least, most) numbers.
+        checked: number of loaded frames.
+        vertices, triangles: (least, most) numbers in a mesh.
         placements: description of unit and axes -> frames.
         problems: description -> number.
         usable: frames that can be drawn.
@@ -84,16 +84,18 @@ def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str,
         loaded = load_mesh(path, unit=unit, axes=axes)
         return "mesh", OneMesh(loaded.mesh, path.stem, loaded.notes)
     kind = recognise(path)
-    given = {"kind": kind, "root": path, "unit": unit, "axes": axes}
-    own = {"kind", "root"} | source_table(kind).model_fields.keys()
-    table = source_table(kind).model_validate({n: v for n, v in given.items() if n in own})
-    return kind, open_source(table, 0)
+    table = source_table(kind)
+    values = {"kind": kind, "root": path, "unit": unit, "axes": axes}
+    known = {"kind", "root"} | table.model_fields.keys()
+    return kind, open_source(
+        table.model_validate({n: v for n, v in values.items() if n in known}), 0
+    )
 
 
 def inspect(
     path: Path, kind: str, source: FaceSource, sample: int = SAMPLE_FRAMES
 ) -> FaceSetReport:
-    """List all frames, and read ``sample`` evenly spaced ones (0: all). Raises ConfigError."""
+    """List all frames, and load ``sample`` frames, evenly spaced (0: all). Raises ConfigError."""
     report = FaceSetReport(kind, path)
     people, frames_each = (3, 4) if generates(kind) else (None, None)
     keys: list[FaceKey] = []
@@ -160,7 +162,7 @@ def _folders(root: Path, depth: int) -> Iterator[Path]:
     for _ in range(depth):
         below: list[Path] = []
         for folder in level[:_MAX_FOLDERS]:
-            with suppress(GlsimError):  # one that cannot be read
+            with suppress(GlsimError):  # an unreadable folder
                 below += [folder / name for name in entries(folder, ())[1]]
         yield from below
         level = below

@@ -1,7 +1,7 @@
 """Merging of chunk records into the manifest, the metadata and the header.
 
-Memory does not grow with the number of frames. The chunk records stay where they are: resumed and
-repaired runs read them.
+Memory does not grow with the number of frames. The chunk records stay, for resumed and repaired
+runs.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from glsim.data.disk_format import COMPLETE, HEADER, MANIFEST, METADATA, SKIPPED
 from glsim.data.record_schema import (
     MAX_HEADER_BYTES,
     MAX_LINE_BYTES,
+    checksum_of,
     parse_checksum,
     parse_frame,
     parse_header,
@@ -31,8 +32,8 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
     """Write the files that describe the whole data set: manifest, metadata and header.
 
     The files depend only on the chunk records and ``identity``, not on the clock or the workers.
-    Each is on the disk before the next is named; the header comes after all that it describes.
-    Raises DatasetError if a subject is in two splits.
+    Each is on the disk before the next gets its name; the header is last. Raises DatasetError if a
+    subject is in two splits.
     """
     files: dict[str, Any] = {}
     counts = dict.fromkeys(SPLIT_NAMES, 0)
@@ -53,8 +54,7 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
             counts[split] += len(frames)
             skipped += record.summary.skipped
             if record.summary.shard is not None:
-                shard = record.summary.shard
-                files[shard["name"]] = {"size": shard["size"], "crc32": shard["crc32"]}
+                files[record.summary.shard["name"]] = checksum_of(record.summary.shard)
             elif frames:
                 name = f"{split}/{METADATA}"
                 if name not in outputs:
@@ -65,9 +65,7 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
     header = dict(identity) | {
         "frames": counts,
         "skipped": skipped,
-        "subjects": {
-            split: [name for name, own in split_of.items() if own == split] for split in SPLIT_NAMES
-        },
+        "subjects": {s: [name for name, of in split_of.items() if of == s] for s in SPLIT_NAMES},
         "files": dict(sorted(files.items())),
     }
     data = json.dumps(header, indent=1, allow_nan=False).encode() + b"\n"
@@ -92,11 +90,9 @@ def merged_files_are_intact(state: RunState) -> bool:
 
 
 def bounded_lines(file: IO[bytes], limit: int) -> Iterator[bytes]:
-    """Yield the lines of a file with their line ends, cut if they are too long.
+    """Yield the lines of an open file with their line ends; lines over ``limit`` bytes are cut.
 
-    Args:
-        file: open for reading.
-        limit: longest whole line, bytes; a longer one is cut to ``limit`` + 1, so that it is known.
+    A cut line has ``limit`` + 1 bytes.
     """
     while line := file.readline(limit + 1):
         yield line

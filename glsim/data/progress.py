@@ -16,7 +16,7 @@ _PROGRESS_EVERY_S = 0.1
 
 @dataclass(frozen=True)
 class GenerateProgress:
-    """The progress of a run: ``done`` of ``total`` frames, including skipped and reused ones.
+    """The progress of a run: ``done`` of ``total`` frames, including skipped and reused frames.
 
     Attributes:
         skipped: frames that could not be made.
@@ -41,11 +41,11 @@ class GenerateSummary:
     Attributes:
         frames, subjects: split -> number.
         skipped: reason -> number of frames.
-        rendered, reused: frames of this run and of earlier ones, skipped frames included.
+        rendered, reused: frames of this run and of earlier runs, skipped frames included.
         bytes: size of all images.
         seconds: wall time.
-        cpu_seconds: of this process and its workers.
-        notes: what was assumed about the input, in lines for the user.
+        cpu_seconds: CPU time of this process and its workers.
+        notes: assumptions about the input, in lines for the user.
     """
 
     frames: Mapping[str, int]

@@ -1,7 +1,6 @@
 """Connection to a Ray cluster, and execution of a bounded number of calls at a time.
 
-Tasks are plain ones: a node that dies takes its tasks with it, and Ray starts them again elsewhere.
-Actors are not used; pinned ones waited for ever when a node died.
+Ray starts the plain tasks of a dead node again on another node; pinned actors waited for ever.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import socket
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import islice
 from typing import Any, TypeVar
 
 from glsim.core.errors import ConfigError, DatasetError
@@ -20,17 +20,17 @@ from glsim.data.worker_processes import SINGLE_THREADED, WorkerFailure
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 
-#: Tasks under way for each core: the second waits on its node while the first runs.
+#: Started tasks per core: the second waits on its node while the first runs.
 TASKS_PER_CORE = 2
-#: How often Ray starts a task again whose process or node died, or whose result is lost with it:
-#: nodes die for reasons of their own, but a call that kills every process must end.
+#: Largest number of restarts of a task whose process or node died: nodes die for many reasons, but
+#: a call that kills every process must end.
 _RETRIES = 10
 #: Seconds between two looks at the number of cores: nodes join and leave.
 _CORES_EVERY_S = 2.0
-#: Seconds within which the head of a cluster takes a connection.
+#: Seconds within which the head of a cluster accepts a connection.
 _ANSWER_S = 10.0
-#: Seconds without an answer after which a head is given up. Ray gives it up after 60 s, and ends
-#: this process from C++, where no Python can say why.
+#: Seconds after which a silent head is lost. After 60 s Ray ends this process from C++, without a
+#: Python error.
 _SILENT_S = 30.0
 
 
@@ -38,11 +38,8 @@ _SILENT_S = 30.0
 def ray_cluster(address: str) -> Iterator[Any]:
     """Connect to a Ray cluster, or use the open connection, and yield the module ray.
 
-    Raises ConfigError if there is none, or Ray is not installed.
-
-    Args:
-        address: "auto" (the cluster of this machine), "host:6379", "ray://host:10001", or "local"
-            for one that starts here and ends with this process.
+    ``address``: "auto" (the cluster of this machine), "host:6379", "ray://host:10001", or "local"
+    (a new cluster, as long as this process). Raises ConfigError without a cluster or without Ray.
     """
     try:
         import ray
@@ -85,12 +82,9 @@ def _check_answers(address: str) -> None:
 
 
 def _refuse_silent_head(ray: Any) -> None:
-    """Wait until the cluster's head accepts a connection.
-
-    Raises ClusterLostError if it does not for a while.
-    """
+    """Wait until the cluster's head accepts connections; raise ClusterLostError after _SILENT_S."""
     if ray.util.client.ray.is_connected():
-        return  # through ray://, where the head's own address need not be reachable from here
+        return  # through ray://, where the head's address need not be reachable from here
     address = ray.get_runtime_context().gcs_address
     host, _, port = address.rpartition(":")
     give_up_s = time.monotonic() + _SILENT_S
@@ -100,8 +94,8 @@ def _refuse_silent_head(ray: Any) -> None:
             return
         except OSError as error:
             if time.monotonic() > give_up_s:
-                what = f"the head of the Ray cluster at {address} does not answer any more"
-                raise _lost(what, error) from None
+                head = f"the head of the Ray cluster at {address}"
+                raise _lost(f"{head} does not answer any more", error) from None
         time.sleep(1)
 
 
@@ -141,12 +135,13 @@ def run_tasks(
 ) -> Generator[tuple[_T, Any], None, None]:
     """Call a function on the cluster; yield (name, result) of each call in any order.
 
-    Raises the error of a call, which it returns as a ``WorkerFailure``, and DatasetError for a call
-    whose processes die again and again.
+    Raises the error of a call, which returns a ``WorkerFailure``, and DatasetError for a call whose
+    processes die repeatedly.
 
     Args:
-        function: of a module, which every node has.
-        calls: name and arguments of each call; they are taken when there is a core for them.
+        ray: the module, connected to the cluster.
+        function: a function of a module that every node has.
+        calls: name and arguments of each call, taken when there is a core for it.
         environment: variables for the processes of the nodes.
     """
     variables = {"env_vars": SINGLE_THREADED | dict(environment or {})}
@@ -154,20 +149,15 @@ def run_tasks(
     source = iter(calls)
     running: dict[Any, _T] = {}
     cores, looked_s = 0, float("-inf")
-    more = True
     try:
         while True:
             if time.monotonic() - looked_s > _CORES_EVERY_S:
-                found, looked_s = cluster_cores(ray), time.monotonic()
-                if found != cores:
-                    log.info("the cluster has %d cores", found)
-                cores = found
-            while more and len(running) < max(1, TASKS_PER_CORE * cores):
-                call = next(source, None)
-                if call is None:
-                    more = False
-                    break
-                running[start_task(ray, task, *call[1])] = call[0]
+                before, cores, looked_s = cores, cluster_cores(ray), time.monotonic()
+                if before != cores:
+                    log.info("the cluster has %d cores", cores)
+            free = max(1, TASKS_PER_CORE * cores) - len(running)
+            for name, arguments in islice(source, max(free, 0)):
+                running[start_task(ray, task, *arguments)] = name
             if not running:
                 return
             with _connection_errors(ray):
@@ -176,17 +166,14 @@ def run_tasks(
                 name = running.pop(reference)
                 yield name, task_result(ray, reference, name)
     except ClusterLostError:
-        running.clear()  # to cancel tasks now makes Ray abort the process, now and then
+        running.clear()  # cancelling tasks now sometimes makes Ray abort the process
         raise
     finally:
         cancel_tasks(ray, running)
 
 
 def start_task(ray: Any, task: Any, *arguments: object) -> Any:
-    """Start a Ray task and return the reference of its result.
-
-    Raises ClusterLostError without a cluster.
-    """
+    """Start a Ray task; return the reference of its result. Raises ClusterLostError."""
     with _connection_errors(ray):
         return task.remote(*arguments)
 
@@ -201,7 +188,7 @@ def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
 def task_result(ray: Any, reference: Any, name: object) -> Any:
     """Wait for the result of the Ray task of a call and return it.
 
-    Raises the error in its ``WorkerFailure``, DatasetError if its processes die again and again, or
+    Raises the error in a ``WorkerFailure``, DatasetError if the processes die repeatedly, or
     ClusterLostError if the cluster is gone.
     """
     try:

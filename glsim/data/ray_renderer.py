@@ -1,8 +1,8 @@
 """Rendering of chunks on a Ray cluster: nodes render, and the driver writes the files.
 
 Nodes need the same glsim and the same files of faces, but no common disk: a task makes its chunk in
-a temporary folder of its node and returns the bytes. Only the driver writes the data set, so a task
-that runs twice, or on after its node was given up, leaves nothing half-written.
+a temporary folder and returns the bytes. Only the driver writes the data set, so tasks that run
+twice, or after their node was given up, leave no incomplete files.
 """
 
 from __future__ import annotations
@@ -33,11 +33,7 @@ from glsim.data.worker_processes import WorkerFailure, failure_of
 
 @dataclass(frozen=True)
 class ClusterJob:
-    """The data that all Ray tasks of a run share.
-
-    Attributes:
-        folder: the driver's working folder, for relative paths.
-    """
+    """The data that all Ray tasks of a run share; ``folder``: the driver's working folder."""
 
     job: RenderJob
     token: str
@@ -54,11 +50,7 @@ class MadeChunk:
 
 
 def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
-    """Return a chunk renderer that uses the Ray cluster at ``address``.
-
-    Args:
-        environment: variables for the processes of the nodes.
-    """
+    """A chunk renderer on the Ray cluster at ``address``, with variables for its processes."""
 
     def render(
         job: RenderJob, numbers: Sequence[int], plan: ChunkPlan
@@ -67,7 +59,7 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
             return
         shared = ClusterJob(job, uuid.uuid4().hex, version("glsim"), str(Path.cwd()))
         with ray_cluster(address) as ray:
-            # In a list, which Ray hands over as it is: a process that has the job needs no copy.
+            # Ray does not resolve references in a list: a process that has the job needs no copy.
             reference = [ray.put(shared)]
             calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
             for _, made in run_tasks(ray, render_on_node, calls, environment):
@@ -94,8 +86,8 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
         if _shared is None or _shared.token != token:
             import ray
 
-            given: ClusterJob = ray.get(reference[0])
-            _shared = replace(given, job=_prepared(given))
+            shared: ClusterJob = ray.get(reference[0])
+            _shared = replace(shared, job=_prepared(shared))
         with temporary_folder() as folder:
             return _render(_shared.job, chunk, folder)
     except Exception as error:
@@ -120,9 +112,8 @@ def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
     if job.inputs is not None and isinstance(job.make_frames, SameMachineSimulator):
         sources = job.make_frames.sources
         refuse_other_inputs(job.inputs, sources, chunk.tasks, socket.gethostname())
-    remote = job.state.store.is_remote
-    place = job.state.store if remote else open_store(folder)
-    with place.writing(STATE) as store:
+    target = job.state.store if job.state.store.is_remote else open_store(folder)
+    with target.writing(STATE) as store:
         (record,) = (e for e in write_chunks(job, store, [chunk]) if isinstance(e, ChunkRecord))
     paths = [path for path in folder.rglob("*") if path.is_file()]
     files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}

@@ -1,7 +1,7 @@
 """The schema of a data set's JSON: dataset.json, manifest lines and chunk records.
 
-A record is JSON that anybody may have changed. It is parsed and checked in one step by pydantic,
-and nothing of it is used before. Keys that are not listed here are kept as they are.
+Anybody may have changed a record: pydantic parses and checks it in one step before its use. Further
+keys are kept unchanged.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import partial
 from typing import Annotated, Any, Literal, NotRequired
 
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
-from typing_extensions import TypedDict  # what pydantic needs before Python 3.12
+from typing_extensions import TypedDict  # for pydantic before Python 3.12
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_SIDE_PX
@@ -21,7 +21,7 @@ from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
 #: Largest dataset.json, bytes: twice the names of 100,000 subjects and the checksums of as many
 #: shards. 17 MB of short keys take 400 MB and a second to parse.
 MAX_HEADER_BYTES = 1 << 24
-#: Largest line of a manifest, bytes; the longest that is written (52 expressions, notes) has 6,000.
+#: Largest line of a manifest, bytes; the longest written line (52 expressions, notes) has 6,000.
 MAX_LINE_BYTES = 1 << 17
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
@@ -175,12 +175,17 @@ def _problem(error: ValidationError) -> str:
     return f"{field}: {message}" if field else message
 
 
-#: Parse and check a manifest line, the first line of a chunk record, and a recorded size and CRC32:
-#: take JSON and where it is from; raise DatasetError that names that and the field.
+#: Parse and check a manifest line, the first line of a chunk record, and a recorded size and CRC32.
+#: Arguments: JSON, and its origin, which a DatasetError names with the field.
 parse_frame = partial(_parse, TypeAdapter(FrameRecord))
 parse_summary = partial(_parse, TypeAdapter(_Summary))
 parse_checksum = partial(_parse, TypeAdapter(_File))
 _parse_header = partial(_parse, TypeAdapter(HeaderRecord))
+
+
+def checksum_of(entry: Mapping[str, Any]) -> dict[str, int]:
+    """Return the recorded size and CRC32 of a file's entry."""
+    return {"size": entry["size"], "crc32": entry["crc32"]}
 
 
 def parse_header(data: bytes, where: str) -> dict[str, Any]:

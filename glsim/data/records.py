@@ -34,7 +34,7 @@ def _task_fields(task: Task, source: str) -> Record:
     }
 
 
-#: Seeds that a record names; the device's own follows from its number.
+#: Seeds of a record; the device's seed follows from its number.
 _SEEDS = ("frame", "sequence", "subject")
 
 
@@ -42,9 +42,7 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
     """Return the manifest record of a frame.
 
     Seeds are 16 hexadecimal digits: JSON readers in other languages round integers above 2**53.
-
-    Args:
-        files: layer -> name, size, crc32; for a file within a shard also its member and its offset.
+    ``files``: layer -> name, size, crc32, and member and offset within a shard.
     """
     record = _task_fields(task, frame.source) | {
         "device": task.device,
@@ -77,9 +75,9 @@ def skipped_record(task: Task, skipped: Skipped) -> Record:
 def metadata_row(record: Record) -> Record:
     """Convert a record to a row for the image-folder loader of Hugging Face ``datasets``.
 
-    That loader turns each ``<layer>_file_name`` (relative to the split's folder) into an image
-    column, and needs the same columns with the same types in every row and split. Therefore a row
-    holds only values that every frame has, and no nested tables.
+    The loader turns each ``<layer>_file_name`` (relative to the split's folder) into an image
+    column, and needs equal columns and types in every row and split. Therefore a row holds only
+    common values of all frames, and no nested tables.
     """
     split = record["split"] + "/"
     row = {
@@ -95,10 +93,7 @@ def metadata_row(record: Record) -> Record:
 
 @dataclass(frozen=True)
 class ChunkSummary:
-    """The counts of a chunk's frames and image bytes, with its shard's name and checksum.
-
-    The fields are keys of the chunk record on disk.
-    """
+    """The counts of a chunk's frames and image bytes, and its shard: keys of the record on disk."""
 
     chunk: int
     frames: int
@@ -138,6 +133,6 @@ def parse_chunk_record(data: bytes) -> ChunkRecord:
         raise DatasetError("a chunk record is damaged") from None
     summary = ChunkSummary(**parse_summary(first[9:], "a chunk record"))
     record = ChunkRecord(summary, lines[: summary.frames], lines[summary.frames :])
-    if record.to_bytes() != data:  # as by its CRC32
+    if record.to_bytes() != data:  # includes the CRC32
         raise DatasetError(f"the record of chunk {summary.chunk} is damaged")
     return record

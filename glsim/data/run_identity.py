@@ -1,7 +1,7 @@
 """The identity of a data set: the header entries that decide its bytes and must not change.
 
-A run that is resumed with other settings, or with other contents of the files that the settings
-name, would make one data set of two halves.
+A run resumed with other settings, or with other contents of the files that the settings name, would
+make a data set of two halves.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from glsim.core.reason import Reason
 from glsim.data.chunks import ChunkPlan
 from glsim.data.disk_format import FORMAT, FORMAT_VERSION
 from glsim.settings.schema import Settings
+from glsim.settings.toml_tables import flattened
 
 #: Settings that do not change any frame: a run may be resumed with other values.
 _FREE_SETTINGS = ("settings.strict",)
 
-
-#: What the layers of any data set hold, and those that only some have.
+#: Contents of records and layers: of any data set, and of optional layers.
 _UNITS = {
     "clean, noisy": "uint16 steps of depth_unit_mm along the optical axis, 0 = no return; "
     "add depth_offset_mm of the record",
@@ -100,7 +100,7 @@ def make_identity(
 
 def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
     """Raise ConfigError if an entry of ``identity`` differs from the ``begun`` data set's."""
-    old, new = _flatten(begun), _flatten(json.loads(to_json(identity, out)))
+    old, new = flattened(begun), flattened(json.loads(to_json(identity, out)))
     for name in [*new, *old]:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
         if compared and old.get(name) != new.get(name):
@@ -133,16 +133,3 @@ def _difference(out: str, name: str, old: Any, new: Any) -> str:
         f"{out} was begun with {name.removeprefix('settings.')} = {json.dumps(old)}, not "
         f"{json.dumps(new)}: continue with the same, or choose another folder"
     )
-
-
-def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Flatten nested dictionaries to {dotted name: value}."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
-            value = dict(enumerate(value))
-        if isinstance(value, dict):
-            flat |= _flatten(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat

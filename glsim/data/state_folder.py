@@ -11,27 +11,27 @@ from glsim.core.files.atomic import parse_json, to_json
 from glsim.core.files.store import Store
 from glsim.data.chunks import Part
 from glsim.data.disk_format import COMPLETE, HEADER, STATE
-from glsim.data.record_schema import parse_frame
+from glsim.data.record_schema import checksum_of, parse_frame
 from glsim.data.records import ChunkRecord, parse_chunk_record
 from glsim.data.run_identity import refuse_difference
 
 PLAN = f"{STATE}/plan.json"
 _CHUNKS = f"{STATE}/chunks"
-#: Largest file of the state, bytes: a record of 512 frames takes a thousandth.
+#: Largest file of the state, bytes: a thousand times a record of 512 frames.
 _MAX_BYTES = 1 << 30
 
 
 class RunState:
     """The state folder ``.glsim`` of a data set.
 
-        lock            held by the run that writes here. Parts hold it together, each with
+        lock            held by the writing run; shared by parts, each with
                         part-<number>-of-<parts>.lock
-        plan.json       what is being made: settings, versions, renderer, fingerprint of the plan
+        plan.json       settings, versions, renderer, fingerprint of the plan
         chunks/         one record per complete chunk
         complete.json   the header's checksum, once all records are merged into the manifest
-        temporary/      files being written
+        temporary/      incomplete files
 
-    Many processes may read it; what ``locked`` returns may write.
+    Many processes may read it; only the result of ``locked`` may write.
     """
 
     def __init__(self, store: Store) -> None:
@@ -44,29 +44,24 @@ class RunState:
         """Lock the data set or one part of it, and begin it or check that it can be continued.
 
         Args:
-            identity: what decides its bytes.
-            part: lock this part, while others make theirs.
+            identity: header entries that decide the bytes.
+            part: lock this part alone.
             wait: wait until other runs end.
 
         Raises:
-            DatasetError: another run holds the lock, the place holds other files, or it cannot be
-                written.
-            ConfigError: names the first setting that differs.
+            DatasetError: another run holds the lock, the store holds other files, or writing fails.
+            ConfigError: names the first different setting.
         """
         self._refuse_foreign_files()
-        busy = DatasetError(
-            f"{self.store}: another run is writing here: wait until it ends, or choose another "
-            "folder"
-        )
+        advice = "wait until it ends, or choose another folder"
+        busy = DatasetError(f"{self.store}: another run is writing here: {advice}")
         temporary = f"{STATE}/temporary"
         with ExitStack() as stack:
             lock = self.store.lock(f"{STATE}/lock", busy, wait=wait, shared=part is not None)
             stack.enter_context(lock)
             if part is not None:
-                part_busy = DatasetError(
-                    f"{self.store}: part {part} is being made by another process: wait until it "
-                    "ends"
-                )
+                other = f"part {part} is being made by another process: wait until it ends"
+                part_busy = DatasetError(f"{self.store}: {other}")
                 name = f"{STATE}/part-{part.name}.lock"
                 stack.enter_context(self.store.lock(name, part_busy))
                 temporary += f"/{part.name}"
@@ -89,7 +84,7 @@ class RunState:
             self.store.put(PLAN, plan)  # an earlier run failed before its first frame
             return
         begun = self._begun()
-        if begun is None:  # one of several parts is the first, and the others compare theirs
+        if begun is None:  # the first of several parts writes the plan, others compare it
             begun = parse_json(self.store.put_first(PLAN, plan), where)
         refuse_difference(str(self.store), begun, identity)
         if self.store.read(PLAN, _MAX_BYTES) != plan:
@@ -140,24 +135,18 @@ class RunState:
         return self.store.size(COMPLETE) is not None
 
     def chunk_problem(self, record: ChunkRecord, number: int, frames: int) -> str | None:
-        """Check a chunk's record against the ChunkPlan and the files in the store.
+        """Check a chunk's record against the plan (its number and frames) and the stored files.
 
-        Args:
-            record: of the chunk.
-            number: of the chunk in the plan.
-            frames: number of its frames in the plan.
-
-        Returns:
-            The first problem; None if nothing is wrong.
+        Returns the first problem; None without a problem.
         """
         if record.summary.chunk != number or record.summary.total != frames:
             return f"the record of chunk {number} does not fit the plan"
         try:
             for file in _images_of(record):
-                found = self.store.checksum(file["name"])
-                if found is None:
+                present = self.store.checksum(file["name"])
+                if present is None:
                     return f"{file['name']} is missing"
-                if found != {"size": file["size"], "crc32": file["crc32"]}:
+                if present != checksum_of(file):
                     return f"{file['name']} is damaged"
         except DatasetError as error:
             return str(error)

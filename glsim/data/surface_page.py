@@ -1,4 +1,4 @@
-"""Build one HTML file that shows the depth maps of a frame as shaded surfaces to turn."""
+"""Build an HTML page of a frame's depth maps as shaded surfaces that turn."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def surface_page(frame: DepthFrame) -> str:
             shown.append([layer.removesuffix("_mm"), depth.shape[1], depth.shape[0], data])
     text = files("glsim.data").joinpath("surface.html").read_text(encoding="utf-8")
     numbers = json.dumps([camera.fx, camera.fy, camera.cx, camera.cy])
-    parts = {"title": html.escape(str(frame.name)), "maps": json.dumps(shown), "camera": numbers}
-    for name, value in parts.items():
+    values = {"title": html.escape(str(frame.name)), "maps": json.dumps(shown), "camera": numbers}
+    for name, value in values.items():
         text = text.replace(f"{{{{{name}}}}}", value)
     return text

@@ -12,6 +12,7 @@ from glsim.core.files.cloud import open_store
 from glsim.core.files.store import Store
 from glsim.data.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
 from glsim.data.header import Manifest, open_header
+from glsim.data.record_schema import checksum_of
 from glsim.data.stored_frame import StoredImages
 from glsim.settings.schema import SPLIT_NAMES
 
@@ -21,14 +22,15 @@ _Record = Mapping[str, Any]
 def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list[str]:
     """Return the problems of a data set, one line each; [] if there are none.
 
-    Checks the header and the manifest against their schema and their checksums, the counts, that no
-    subject is in two splits (by records and by folders), that every file is a regular one inside
-    the data set with its recorded size, that no two frames of a subject share an image, and that
-    every file in a split has a record. Never raises DatasetError.
+    Checks the schema and checksums of header and manifest, the counts, that no subject is in two
+    splits (by records and by folders), that every file is a regular file inside the data set with
+    its recorded size, that no two frames of a subject share an image, and that every file in a
+    split has a record. Never raises DatasetError.
 
     Args:
-        deep: also checks the CRC32 of every shard, and reads every image as a reader does.
-        strays: also lists files in the splits that no record names.
+        path: folder or URL of the data set.
+        deep: also check the CRC32 of every shard, and decode every image.
+        strays: also list files in the splits without a record.
     """
     store = open_store(path)
     try:
@@ -53,7 +55,7 @@ class _Verification:
         split_of: dict[str, str] = {}
         counts = dict.fromkeys(SPLIT_NAMES, 0)
         damaged: list[str] = []
-        # The frames of a subject are consecutive: the names of one folder at a time are in memory.
+        # Frames of a subject are consecutive: memory holds the names of one folder at a time.
         for (split, subject), group in groupby(self._records(damaged), _person):
             other = split_of.setdefault(subject, split)
             if other != split:
@@ -96,16 +98,13 @@ class _Verification:
                 self._bad_files.add(name)
 
     def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
-        """Yield differences of a file's size and, if ``whole``, CRC32 from the record.
-
-        Object storage knows the CRC32 of a file without reading it.
-        """
+        """Yield differences of a file's size, and of its CRC32 if ``whole`` or known to a cloud."""
         try:
             size = self._store.size(name)
         except DatasetError as error:
             yield self._line(error)
             return
-        recorded = {"size": expected["size"], "crc32": expected["crc32"]}
+        recorded = checksum_of(expected)
         if size is None:
             yield f"{name} is missing"
         elif size != recorded["size"]:
@@ -126,9 +125,9 @@ class _Verification:
                     yield f"{name} is in two records"
                     continue
                 images.add((name, offset))
-                found = list(self._place_problems(file))
-                yield from found
-                if self._deep and not found and name not in self._bad_files:
+                problems = list(self._place_problems(file))
+                yield from problems
+                if self._deep and not problems and name not in self._bad_files:
                     try:
                         stored.read(layer)
                     except DatasetError as error:
@@ -171,14 +170,13 @@ class _Verification:
             except DatasetError as error:
                 yield self._line(error)
                 continue
-            for entry in entries:
+            for entry in (entry for entry in entries if entry != METADATA):
                 if entry in seen:
                     yield f"subject {entry} has a folder in {seen[entry]} and in {split}"
+                seen[entry] = split
                 name = f"{split}/{entry}"
-                if entry != METADATA:
-                    seen[entry] = split
-                    if name not in self._folders and name not in listed:
-                        yield f"{name} is in no record"
+                if name not in self._folders and name not in listed:
+                    yield f"{name} is in no record"
 
 
 def _person(record: _Record) -> tuple[str, str]:

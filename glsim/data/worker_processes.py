@@ -1,10 +1,10 @@
 """Worker processes, each connected to the parent by its own socket, and their number.
 
-They are started with ``python -c``. Their environment makes libraries single-threaded (it is read
-before NumPy is loaded, and the parent's is unchanged), a script needs no ``if __name__ ==
-"__main__"``, and a Ctrl-C in the terminal reaches the parent only. concurrent.futures and loky
-lack this: with a killed worker they give up all tasks and do not say which one killed it, and their
-tasks are single calls, where a simulator reads the next chunk ahead and reports its progress.
+They are started with ``python -c``: their environment makes libraries single-threaded (before NumPy
+is loaded, and without a change of the parent's), a script needs no ``if __name__ == "__main__"``,
+and a Ctrl-C in the terminal reaches the parent only. concurrent.futures and loky give up all tasks
+when a worker is killed, and do not name the fatal task; their tasks are single calls, where a
+simulator reads the next chunk ahead and reports its progress.
 """
 
 from __future__ import annotations
@@ -38,31 +38,29 @@ _Made = TypeVar("_Made", covariant=True)
 #: A number of worker processes; "auto" is one per available core.
 Workers = int | Literal["auto"]
 
-#: The environment of workers: one thread each, because every core already has a process. The first
-#: is for Mesa's llvmpipe (0 = no thread besides the caller's), the last for OpenCV.
+#: Environment of workers: one thread each, because every core has a process. LP is Mesa's llvmpipe
+#: (0 = no thread besides the caller's).
 SINGLE_THREADED = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-#: Vectors of llvmpipe, bits: its own choice on processors with AVX2. The code of its functions
-#: follows their width.
+#: Width of llvmpipe's vectors, bits, as on processors with AVX2; its code depends on the width.
 _VECTORS = {"LP_NATIVE_VECTOR_WIDTH": "256"}
-#: NumPy's names of what came after Haswell: single features, and the level x86-64-v4 in NumPy 2.4.
+#: NumPy's names of later features than Haswell's; since NumPy 2.4 of the level x86-64-v4.
 _AFTER_HASWELL = ("AVX512", "X86_V4")
 
 
 def portable_environment() -> dict[str, str]:
     """Return the variables that make workers compute alike on x86-64 processors since 2013.
 
-    NumPy and llvmpipe choose their code by the processor, unless these say otherwise. Empty on a
-    processor that needs none, or that is no x86-64.
+    Without them NumPy and llvmpipe choose their code by the processor. Empty if unnecessary, and on
+    other processors.
     """
     if platform.machine() not in ("x86_64", "AMD64"):
         return {}
-    # The same tables as numpy.show_runtime() prints. NumPy warns of a feature that it does not
-    # know, or that the processor lacks.
+    # The tables of numpy.show_runtime(): NumPy warns of features that it or the processor lacks.
     tables = import_module("numpy._core._multiarray_umath")
     here: Mapping[str, bool] = tables.__cpu_features__
     chosen: Sequence[str] = tables.__cpu_dispatch__
@@ -86,7 +84,7 @@ def available_workers(workers: Workers = "auto") -> int:
     Raises ConfigError for a number below 1.
     """
     if workers == "auto":
-        # Some systems (macOS) cannot say which cores this process may use: take all.
+        # Some systems (macOS) do not know the usable cores of a process: take all.
         affinity = getattr(os, "sched_getaffinity", None)
         return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
     if workers < 1:
@@ -109,7 +107,7 @@ class Job(Protocol[_Given, _Made]):
     def run(self, tasks: Iterator[_Given], /) -> Iterator[_Made]:
         """Yield the results of tasks (such as Chunks) in order, with any ``Interim`` before each.
 
-        It may ask for the next tasks before it is done with one.
+        It may request the next tasks before a result is complete.
         """
         ...
 
@@ -130,7 +128,7 @@ class WorkerFailure:
 
 
 def failure_of(error: Exception, where: str = "in a worker") -> WorkerFailure:
-    """Convert an exception to a WorkerFailure; foreign errors say where they happened."""
+    """Convert an exception to a WorkerFailure; errors of other libraries name the place."""
     if isinstance(error, GlsimError):
         return WorkerFailure(error)
     failure = GlsimError(f"{type(error).__name__} {where}: {error}")
@@ -150,14 +148,14 @@ class WorkerProcess:
         """Start a process that runs ``job`` with SINGLE_THREADED and ``environment``."""
         self.connection: Connection[object, object]
         self.connection, theirs = Pipe()
-        self.tasks: deque[Any] = deque()  # being done, the oldest first
-        self.dismissed = False  # whether it has been told that there are no more tasks
+        self.tasks: deque[Any] = deque()  # in work, the oldest first
+        self.dismissed = False  # whether it knows that no task is left
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-c", _START, str(theirs.fileno()), *sys.path],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
-                stdout=2,  # keep what libraries print out of the parent's output
+                stdout=2,  # libraries must not print to the parent's output
                 env=os.environ | SINGLE_THREADED | dict(environment or {}),
                 process_group=0,
             )
@@ -192,11 +190,11 @@ def run_tasks(
     A worker that dies is replaced, once per task.
 
     Args:
-        job: what each worker does.
-        tasks: taken one by one, as workers ask for them.
-        processes: number of workers; one runs here, in the order of the tasks.
-        environment: variables for the workers. With any, one worker is a process too: NumPy and
-            OpenBLAS read them when they are loaded.
+        job: the work of each worker.
+        tasks: taken one by one, at the request of workers.
+        processes: number of workers; a single worker runs here, in the order of the tasks.
+        environment: variables for the workers. With any, a single worker is a process, too: NumPy
+            and OpenBLAS read variables at import.
 
     Raises:
         DatasetError: workers die at their start, or twice at the same task. Also the errors of
@@ -261,11 +259,7 @@ def _report_death(job: Job[_Task, Any], worker: WorkerProcess, deaths: Counter[s
 
 
 def serve(descriptor: int) -> None:
-    """Run the first received job inside a worker process; send its results and errors.
-
-    Args:
-        descriptor: file descriptor of this end of the socket.
-    """
+    """Run the first job received from a socket's ``descriptor``; send its results and errors."""
     connection: Connection[Any, Any] = Connection(descriptor)
     parent, reported_s = os.getppid(), time.monotonic()
     try:

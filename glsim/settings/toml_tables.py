@@ -148,6 +148,17 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
     return path, f"{name}: {text}" if name else text
 
 
+def flattened(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Flatten nested tables, and lists of tables, to {dotted name: value}."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+            value = dict(enumerate(value))
+        name = f"{prefix}{key}"
+        flat |= flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+    return flat
+
+
 def _is_internal(part: str) -> bool:
     """Return whether a part of pydantic's error path names a validator, not a setting."""
     return part.startswith(("function-", "tuple[", "lax-or-strict", "is-instance", "literal["))

@@ -59,6 +59,13 @@ def checked_split(
 
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits,
     frames differ in size or do not fit ``crop``. Raises ConfigError for a crop below 1.
+
+    Args:
+        dataset: has the split.
+        name: name of the split.
+        crop: side of random crops, px; None: whole frames.
+        cut: frames to keep.
+        layers: layers that the training reads.
     """
     if crop is not None and crop < 1:
         raise ConfigError(f"a crop of {crop} pixels: give 1 or more")

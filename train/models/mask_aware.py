@@ -127,7 +127,7 @@ class MaskAware(DepthModel):
         filters: Sequence[FilterName] = FILTERS,
         **_others: Any,
     ) -> dict[str, Any]:
-        """Return the arguments of the backbone that the model sets."""
+        """Return the arguments of the backbone that the model sets, given the model's."""
         extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
             "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,

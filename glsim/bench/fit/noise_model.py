@@ -253,6 +253,12 @@ def facing_light(
     """Compute the (H, W) light of each pixel relative to a frontal wall at 1 m.
 
     NaN where neighbours are missing, and on slanted surfaces, whose noise has other causes too.
+
+    Args:
+        mean_mm: (H, W) mean depth, NaN = none.
+        image: of the recording.
+        profile: directions of the emitter's light.
+        emitter_m: position of the emitter in camera axes, m.
     """
     rays = _rays(image)
     points = rays * mean_mm[..., None] / MM_PER_M

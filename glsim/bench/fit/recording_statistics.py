@@ -22,8 +22,8 @@ from glsim.measures.quadrics import local_planes
 from glsim.measures.stacks import mean_of, moments
 from glsim.sensors.images import LARGEST_MM
 
-#: Side of the window whose best plane the map subtracts, px, and least share of usable pixels in
-#: it; chosen. Errors that are smooth over more pixels look like the scene's shape.
+#: The map subtracts a plane from each window: side of the window, px, and least share of usable
+#: pixels; chosen. Errors that are smooth over more pixels look like the scene's shape.
 MAP_WINDOW_PX, _LEAST_WINDOW = 15, 0.2
 
 

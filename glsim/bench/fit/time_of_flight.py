@@ -52,7 +52,7 @@ _FITTED = {
 
 #: Least frames for the pattern of single pixels; with fewer, temporal noise hides it.
 LEAST_PATTERN_FRAMES = 10
-#: Largest difference between the phases of the frequencies, rad: the shader has one for all.
+#: Largest difference between the phases of the frequencies, rad: the shader has one phase for all.
 _MOST_APART_RAD = 0.7
 _UNKNOWN = "not determined by this recording (add far or dark walls): the base sensor's is kept"
 

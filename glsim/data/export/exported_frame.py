@@ -13,7 +13,7 @@ from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.data.reader import Dataset
 
-#: Layers of a data set that hold depth, the best known first.
+#: Layers with depth, the most exact first.
 DEPTH_LAYERS = ("clean", "noisy", "expected")
 
 
@@ -22,10 +22,10 @@ class Export:
     """A file format for exported frames.
 
     Args:
-        name: as in ``--to``.
-        help: what the format is, in one line.
-        encode: returns the files of one frame, each as the end of its name and its bytes.
-        library: package that it imports; it comes with glsim[formats].
+        name: name in ``--to``.
+        help: description in one line.
+        encode: returns the files of one frame: end of the name, and bytes.
+        library: imported package, of the extra glsim[formats].
     """
 
     name: str
@@ -43,12 +43,10 @@ def export_frames(
     """Yield the frames of a data set in the order of its manifest, with the chosen depth layers.
 
     Args:
-        layers: of depth; default: all that the data set has.
-        split: only these.
-        count: the first so many.
-
-    Raises:
-        ConfigError: a layer that is not there, and the errors of the reader.
+        dataset: the data set.
+        layers: layers of depth, ConfigError if absent. Default: all of the data set.
+        split: frames of this split only.
+        count: number of frames, from the first on.
     """
     there = [layer for layer in DEPTH_LAYERS if layer in dataset.layers]
     for layer in layers or ():
@@ -66,19 +64,15 @@ def export_frames(
 
 
 def depth_layers(frame: DepthFrame) -> list[str]:
-    """Return the names of a frame's depth layers, without "_mm", the best known first."""
+    """Return the names of a frame's depth layers, without "_mm", in the order of DEPTH_LAYERS."""
     return [layer for layer in DEPTH_LAYERS if f"{layer}_mm" in frame]
 
 
 def surface_normals(frame: DepthFrame, layer: str) -> NDArray[np.float32]:
     """Return unit normals towards the camera, (H, W, 3) float32, 0 without depth.
 
-    Of clean depth those of the mesh if the data set has them; else by differences of the depth,
-    so that normals of noisy depth are as noisy as it.
-
-    Args:
-        frame: the frame.
-        layer: one of DEPTH_LAYERS.
+    Clean depth has the mesh's normals if the data set stores them; otherwise normals are
+    differences of the depth, as noisy as it.
     """
     if layer == "clean" and "normals" in frame:
         return frame.normals

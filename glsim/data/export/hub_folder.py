@@ -1,4 +1,4 @@
-"""A data set as a folder for the Hugging Face Hub: what its manifest names, and a dataset card."""
+"""A data set as a folder for the Hugging Face Hub: its manifest's files and a dataset card."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from glsim.settings.schema import SPLIT_NAMES
 
 #: Names of splits on the Hub.
 _HUB_SPLITS: Final = {"train": "train", "val": "validation", "test": "test"}
-#: Source of faces -> licence of its frames, as the Hub names it (docs/reference/licence.md). Nobody
-#: claims rights in what glsim computes by itself, nor in results of MakeHuman's body model (CC0);
-#: of other faces the owners decide. A frame of several sources is under the last licence.
+#: Source of faces -> the Hub's name of the licence of its frames (docs/reference/licence.md).
+#: Nobody claims rights in glsim's own heads, nor in results of MakeHuman's body model (CC0); owners
+#: decide about other faces. The last licence of several sources holds.
 _LICENCES: Final = {"procedural": "cc0-1.0", "people": "cc0-1.0", "ict-facekit": "mit"}
 _OTHER: Final = "other"
 _TEXT: Final = """# {title}
@@ -42,15 +42,9 @@ for pair in open_dataset("PATH OF THIS FOLDER").split("train"):
 def write_hub_folder(source: str, out: Path) -> None:
     """Copy a verified data set to a folder, with README.md, the card that the Hub reads.
 
-    Only the files that the header and the manifest name are copied; links are not followed.
-
-    Args:
-        source: folder or URL of the data set.
-        out: the new folder.
-
-    Raises:
-        ConfigError: the folder is not empty: an upload would send what lies there.
-        DatasetError: the data set is damaged, or a file cannot be written.
+    Only the files of the header and the manifest are copied; links are not followed. Raises
+    ConfigError if the folder ``out`` is not empty (an upload would send all of it), DatasetError if
+    the data set is damaged, or a file cannot be written.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ConfigError(f"{out}: is not empty: choose a new folder, all of it will be uploaded")
@@ -94,30 +88,22 @@ def _title(header: Mapping[str, Any]) -> str:
 
 
 def dataset_card(header: Mapping[str, Any]) -> str:
-    """Return the text of README.md, whose YAML the Hub reads.
-
-    Args:
-        header: the contents of dataset.json.
-    """
+    """Return the text of README.md, whose YAML the Hub reads, for the header of a data set."""
     counts, output, licence = header["frames"], header["settings"]["output"], licence_of(header)
     pattern = "{}/**" if output["format"] == "png" else "{}-*.tar"
-    # The keys are those of huggingface.co/docs/hub/datasets-cards. JSON is YAML on one line.
+    files = [
+        {"split": _HUB_SPLITS[split], "path": pattern.format(split)}
+        for split in SPLIT_NAMES
+        if counts[split]
+    ]
+    # Keys of huggingface.co/docs/hub/datasets-cards; JSON is YAML on one line.
     metadata: dict[str, Any] = {
         "license": licence,
         **({"license_name": "licence-of-the-faces"} if licence == _OTHER else {}),
         "pretty_name": _title(header),
         "task_categories": ["image-to-image", "depth-estimation"],
         "tags": ["depth", "denoising", "faces", "glsim"],
-        "configs": [
-            {
-                "config_name": "default",
-                "data_files": [
-                    {"split": _HUB_SPLITS[split], "path": pattern.format(split)}
-                    for split in SPLIT_NAMES
-                    if counts[split]
-                ],
-            }
-        ],
+        "configs": [{"config_name": "default", "data_files": files}],
     }
     yaml = "\n".join(f"{key}: {json.dumps(value)}" for key, value in metadata.items())
     text = _TEXT.format(

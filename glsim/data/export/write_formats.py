@@ -25,7 +25,7 @@ FORMATS: Final[Mapping[str, Export]] = {
     export.name: export for export in shipped_objects("data/export/formats", _is_export)
 }
 
-#: The format that is the data set itself, with its card.
+#: Format of a copy of the data set with its card.
 HUB: Final = "hf"
 
 
@@ -59,17 +59,17 @@ def export_dataset(
 ) -> int:
     """Write the frames of a data set to a folder in the chosen export formats.
 
-    Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set. They
-    replace older ones. The format hf stands alone: it copies the whole data set, with a card.
+    Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set, and
+    replace older files. The format hf stands alone: it copies the whole data set, with a card.
 
     Args:
         dataset: the data set.
         out: the folder.
         formats: names of formats, see ``glsim export``.
-        layers: depth layers, of clean, noisy and expected; default: all.
-        split: one split only.
-        count: number of frames, the first ones.
-        progress: is called with the number of frames that are done.
+        layers: depth layers: clean, noisy, expected. Default: all.
+        split: frames of this split only.
+        count: number of frames, from the first on.
+        progress: called with the number of complete frames.
 
     Returns:
         The number of frames.
@@ -89,7 +89,6 @@ def export_dataset(
         raise ConfigError(f"give at least one format of {', '.join(format_names())}")
     if out.resolve() == dataset.path.resolve():
         raise ConfigError(f"{out}: is the data set itself: choose another folder")
-
     done = 0
     for done, frame in enumerate(export_frames(dataset, layers, split, count), start=1):
         for export in exports:

@@ -141,7 +141,8 @@ def find_alignment_in_format(
 ) -> Alignment:
     """Find the alignment in a format with known axes, which ``axes`` "auto" takes and checks.
 
-    Raises MeshError also for a face that looks away or is upside down in the format's axes.
+    Arguments as for `find_alignment`; ``format_axes`` are the known axes. Raises MeshError also
+    for a face that looks away or is upside down in them.
     """
     chosen = format_axes if axes == "auto" else axes
     alignment = find_alignment(path, file_mesh, unit=unit, axes=chosen, recentre=True)

@@ -107,7 +107,14 @@ def check_count(path: Path, triangles: int) -> None:
 
 
 def check_corners(path: Path, corners: NDArray[np.int64], vertices: int, first: int = 0) -> None:
-    """Raise MeshError for an index outside the vertices; the file counts from ``first``."""
+    """Raise MeshError for an index outside the vertices.
+
+    Args:
+        path: file that the error names.
+        corners: indices of vertices, from 0.
+        vertices: number of vertices.
+        first: number that the file gives its first vertex.
+    """
     bad = np.flatnonzero((corners < 0) | (corners >= vertices))
     if len(bad):
         raise MeshError(

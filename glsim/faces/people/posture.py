@@ -59,7 +59,14 @@ class Posture:
 
 
 def sample_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:
-    """Draw the posture of a sequence; a pure function of its arguments."""
+    """Draw the posture of a sequence; a pure function of its arguments.
+
+    Args:
+        seed: of the source.
+        subject: name of the person.
+        sequence: name of the sequence.
+        body: the person's shape.
+    """
     rng = rng_for(seed, "posture", subject, sequence)
     sitting = bool(rng.random() < _TABLE["sitting_share"])
     left = str(rng.choice(ARMS, p=[*_TABLE["sitting" if sitting else "standing"].values()]))
@@ -220,7 +227,15 @@ def _between(start: Array, end: Array) -> Array:
 def movement(
     seed: int, subject: str, sequence: str, framing: str, time_s: float
 ) -> Mapping[str, Array]:
-    """Return the rotations of breathing, swaying and head movement: bone -> (3, 3)."""
+    """Return the rotations of breathing, swaying and head movement: bone -> (3, 3).
+
+    Args:
+        seed: of the source.
+        subject: name of the person.
+        sequence: name of the sequence.
+        framing: as in `People`.
+        time_s: since the start of the sequence.
+    """
     rng = rng_for(seed, "movement", subject, sequence)
     breath = np.sin(2 * np.pi * (rng.uniform(*_TABLE["breaths_hz"]) * time_s + rng.uniform()))
     chest, shoulder = rng.uniform(*_TABLE["chest_deg"]), rng.uniform(*_TABLE["shoulder_deg"])

@@ -53,7 +53,11 @@ class BodySubject:
     ) -> Floats:
         """Compute the vertices (V, 3) float32 of a frame in canonical axes, mm.
 
-        ``framing`` chooses the origin, see ``People``; ``expression``: action unit -> intensity.
+        Args:
+            sequence: name of the sequence.
+            framing: chooses the origin, see ``People``.
+            time_s: since the start of the sequence.
+            expression: action unit -> intensity.
         """
         model = self._model
         posture, origin = self.stance(sequence, framing)

@@ -126,7 +126,15 @@ def asymmetry_field(seed: int, subject: str) -> Array:
 def clipped_normal(
     rng: np.random.Generator, mean: float, sd: float, low: float, high: float
 ) -> float:
-    """Draw a normally distributed number, clipped to [low, high]."""
+    """Draw a normally distributed number, clipped to [low, high].
+
+    Args:
+        rng: advanced by one number.
+        mean: of the distribution before clipping.
+        sd: standard deviation before clipping.
+        low: least result.
+        high: largest result.
+    """
     return float(np.clip(rng.normal(mean, sd), low, high))
 
 

@@ -270,7 +270,7 @@ def _build(files: list[Path]) -> Arrays:
     with np.load(DRAWN) as stored:
         drawn = {name: stored[name] for name in stored.files}
     neutral = read_obj(files[0])
-    triangles, _ = neutral.fans()  # as for DRAWN
+    triangles, _ = neutral.fans()  # triangulated as DRAWN was
     if [len(neutral.vertices), len(triangles)] != drawn["size"].tolist():
         raise MeshError(f"{files[0]}: damaged or of another model; {_GET}")
     rendered = drawn["vertices"]

@@ -28,7 +28,7 @@ _SHEET = "azure-kinect"
 COUNTS = (60, 100, 150, 200, 300, 500, 1000, 3000, 9000)
 #: Range of infrared in which the correlation of noise is measured, counts: noise is largest there.
 DIM = (60.0, 200.0)
-#: Rims of the mug and its handle before the walls, mm: depth of foreground and background.
+#: Rims of the mug and the handle: largest depth of the foreground, least depth of the wall, mm.
 MUG_MM, BEHIND_MM = 330.0, 1300.0
 #: Side of a tile for noise, and for the correlation of noise, px.
 SIDE_PX, WIDE_PX = 12, 16
@@ -172,7 +172,7 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
         at_rim.append(at_end)
         bends.append(z[row, last + step * outer] - (at_end + slope * outer))
     front, back = np.sort(at_rim, axis=0)
-    right = at_rim[0] < at_rim[1]  # the foreground is to the left, the gap to its right
+    right = at_rim[0] < at_rim[1]  # foreground on the left, gap on the right
     mug = smooth & (back >= _STEP * front) & (front < MUG_MM)
     band = z[row, (end + start) // 2 + np.arange(-_BAND_PX, _BAND_PX)[:, None]]
     margin = _BETWEEN * (back - front)

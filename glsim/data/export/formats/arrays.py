@@ -17,14 +17,14 @@ from glsim.core.files.npy import encode_npy
 from glsim.data.export.exported_frame import Export, depth_layers, surface_normals
 from glsim.data.export.formats.cameras import centre_at_zero, coefficients
 
-#: The first time that a ZIP file can hold: the same frame gives the same bytes.
+#: The earliest time in a ZIP file, so that the same frame gives the same bytes.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_npz(frame: DepthFrame) -> bytes:
     """Encode all data of a frame as an NPZ file.
 
-    Of each depth layer LAYER: LAYER_m, LAYER_points_m (H, W, 3) and LAYER_normals (H, W, 3).
+    For each depth layer LAYER: LAYER_m, LAYER_points_m (H, W, 3) and LAYER_normals (H, W, 3).
     infrared, reason, regions as stored. K: (3, 3) with the first pixel's centre at (0, 0);
     distortion: k1, k2, p1, p2, k3; head_to_camera (4, 4), landmarks_m (68, 3) and landmarks_px
     (68, 2, first centre at 0) if the record has them; record: the manifest's line, JSON.

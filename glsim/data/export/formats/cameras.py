@@ -1,9 +1,8 @@
 """Export formats of cameras: Open3D's JSON and ROS's YAML, with their pixel conventions.
 
-glsim's image coordinates are continuous, the first pixel's centre is at (0.5, 0.5). OpenCV, ROS
-and Open3D's point clouds give the first pixel's centre the coordinates (0, 0): their cx and cy are
-smaller by 0.5. Used unchanged they would shift points by half a pixel, 1.2 mm at 0.9 m for a
-Kinect V2 (0.5 / 365.5 * 900).
+The first pixel's centre is at (0.5, 0.5) in glsim, and at (0, 0) in OpenCV, ROS and Open3D's point
+clouds, whose cx and cy are therefore smaller by 0.5. Unchanged values would shift points by half a
+pixel, 1.2 mm at 0.9 m for a Kinect V2 (0.5 / 365.5 * 900).
 """
 
 from __future__ import annotations

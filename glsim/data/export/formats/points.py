@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from glsim.core.depth_frame import DepthFrame
 from glsim.data.export.exported_frame import Export, depth_layers, surface_normals
 
-#: NumPy's kind and size of a field -> its name in PLY. Open3D reads "uint16" and leaves out what is
-#: called "ushort", PLY's older name of the same type.
+#: NumPy's kind and size of a field -> name in PLY. Open3D reads "uint16", but not "ushort", PLY's
+#: older name of the same type.
 _PLY = {"f4": "float", "u1": "uchar", "u2": "uint16"}
 
 
@@ -20,7 +20,7 @@ def point_cloud(frame: DepthFrame, layer: str) -> NDArray[np.void]:
     """Return a record array (N,) of the pixels with depth, row by row.
 
     Fields: x, y, z float32 metres in the camera frame (x right, y down, z forward); nx, ny, nz
-    float32 unit normal towards the camera; region uint8 and infrared uint16 counts if there are.
+    float32 unit normal towards the camera; region uint8 and infrared uint16 counts if present.
     """
     seen = frame.layer(f"{layer}_mm") > 0
     fields = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
