@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.mesh import Mesh
 from glsim.gl.context import make_current, open_context
@@ -31,14 +31,14 @@ def _strict_arithmetic() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def _session_context() -> Iterator[moderngl.Context]:
+def _session_context() -> Iterator[Context]:
     opened = open_context()
     yield opened
     opened.release()
 
 
 @pytest.fixture
-def context(_session_context: moderngl.Context) -> moderngl.Context:
+def context(_session_context: Context) -> Context:
     """The session's context, current again whatever the test before has opened."""
     make_current(_session_context)
     return _session_context

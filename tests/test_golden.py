@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from tests.support.scenes import face_mesh, frames_of, settings_for
@@ -38,7 +38,7 @@ def picture(expected: NDArray[Any], found: NDArray[Any]) -> NDArray[np.uint8]:
 @pytest.mark.parametrize("sensor", ["ideal", "kinect-v2", "kinect-v2-fankhauser"])
 @pytest.mark.parametrize("layer", ["clean", "noisy"])
 def test_frames_are_as_they_were(
-    context: moderngl.Context,
+    context: Context,
     request: pytest.FixtureRequest,
     tmp_path: Path,
     sensor: str,

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import ConfigError, ShaderError
 from glsim.faces.one_mesh import OneMesh
@@ -56,7 +56,7 @@ def only(simulator: Simulator, tasks: Sequence[Task]) -> Frame:
     return frame
 
 
-def fresh(settings: Settings, sources: Sequence[OneMesh], context: moderngl.Context) -> Frame:
+def fresh(settings: Settings, sources: Sequence[OneMesh], context: Context) -> Frame:
     """The frame of a new simulator."""
     (frame,) = simulate(settings, sources=sources, context=context)
     assert isinstance(frame, Frame)
@@ -90,7 +90,7 @@ def assert_same(first: Frame, second: Frame) -> None:
     ],
 )
 def test_other_values_give_the_frames_of_a_new_simulator(
-    context: moderngl.Context, settings: Settings, sources: list[OneMesh], values: Mapping[str, Any]
+    context: Context, settings: Settings, sources: list[OneMesh], values: Mapping[str, Any]
 ) -> None:
     simulator = Simulator(settings, sources, context)
     changed = simulator.with_values(values)
@@ -101,7 +101,7 @@ def test_other_values_give_the_frames_of_a_new_simulator(
 
 
 def test_only_what_has_changed_is_loaded_rendered_linked_and_drawn(
-    context: moderngl.Context,
+    context: Context,
     settings: Settings,
     sources: list[OneMesh],
     monkeypatch: pytest.MonkeyPatch,
@@ -134,7 +134,7 @@ def test_only_what_has_changed_is_loaded_rendered_linked_and_drawn(
 
 
 def test_a_stage_from_a_file_equals_that_file_in_the_sensor(
-    context: moderngl.Context, settings: Settings, sources: list[OneMesh], tmp_path: Path
+    context: Context, settings: Settings, sources: list[OneMesh], tmp_path: Path
 ) -> None:
     file = tmp_path / "loud.glsl"
     file.write_text(LOUD)
@@ -150,7 +150,7 @@ def test_a_stage_from_a_file_equals_that_file_in_the_sensor(
 
 
 def test_a_new_stage_goes_where_it_is_asked_for(
-    context: moderngl.Context, settings: Settings, sources: list[OneMesh]
+    context: Context, settings: Settings, sources: list[OneMesh]
 ) -> None:
     simulator = Simulator(settings, sources, context)
     names = [s.name for s in simulator.with_stage("loud", LOUD).sensor.stages]
@@ -163,7 +163,7 @@ def test_a_new_stage_goes_where_it_is_asked_for(
 
 
 def test_a_mistake_says_where_and_leaves_the_simulator(
-    context: moderngl.Context, settings: Settings, sources: list[OneMesh]
+    context: Context, settings: Settings, sources: list[OneMesh]
 ) -> None:
     tasks = make_tasks(settings, sources)
     simulator = Simulator(settings, sources, context)

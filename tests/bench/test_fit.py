@@ -6,9 +6,9 @@ import tomllib
 from pathlib import Path
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.bench import scenes
@@ -44,7 +44,7 @@ def read(*paths: Path, unit_mm: float = 1.0, infrared: Path | None = None) -> Fr
     return open_maps(paths, unit_mm=unit_mm, infrared=infrared).read_static()
 
 
-def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
+def record(context: Context, sensor: str, folder: Path) -> Path:
     """A sensor of other constants before six walls, side by side, 0.7 to 4.2 m away."""
     half_px = 300.0  # of the image from its centre: all of it
     distances = (700.0, 1200.0, 1800.0, 2600.0, 3400.0, 4200.0)
@@ -63,7 +63,7 @@ def record(context: moderngl.Context, sensor: str, folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def recording(_session_context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(_session_context: Context, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record(_session_context, "kinect-v2", tmp_path_factory.mktemp("recording"))
 
 
@@ -109,7 +109,7 @@ def test_the_loop_closes(recording: Path, tmp_path: Path, infrared: bool) -> Non
 
 
 @pytest.mark.long
-def test_the_loop_closes_for_the_fast_sensor(context: moderngl.Context, tmp_path: Path) -> None:
+def test_the_loop_closes_for_the_fast_sensor(context: Context, tmp_path: Path) -> None:
     folder = record(context, "kinect-v2-fast", tmp_path / "frames")
     check_loop([str(folder)], tmp_path / "mine.toml", "kinect-v2-fast")
 

@@ -6,9 +6,9 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.bench.fit.stereo_sensor import find_lattice, measure_stereo, stereo_base
@@ -95,7 +95,7 @@ def flips(frames: list[NDArray[np.float64]]) -> float:
 
 
 @pytest.mark.long
-def test_a_changed_sensor_comes_back(context: moderngl.Context, tmp_path: Path) -> None:
+def test_a_changed_sensor_comes_back(context: Context, tmp_path: Path) -> None:
     """Another baseline, more noise in time, a larger error of its own, a wider support."""
     camera = tmp_path / "camera" / "mine.toml"
     text = (

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 import glsim
 from glsim.bench import scenes
@@ -42,9 +42,7 @@ def pixels(error: Array) -> Array:
 
 
 @pytest.mark.long
-def test_a_fitted_sensor_has_the_devices_own_pattern(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_a_fitted_sensor_has_the_devices_own_pattern(context: Context, tmp_path: Path) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
     recorded = device.capture(scenes.wall(900), RECORDED, None, scene="recording")
     write_frames(tmp_path / "frames", encoded(recorded))
@@ -72,7 +70,7 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(
 
 
 def test_a_short_recording_does_not_give_its_noise_to_frames(
-    context: moderngl.Context, tmp_path: Path
+    context: Context, tmp_path: Path
 ) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
     write_frames(tmp_path / "frames", encoded(device.capture(scenes.wall(900), 3, None)))

@@ -6,9 +6,9 @@ import re
 import tomllib
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.bench import scenes
 from glsim.bench.fit.recording_statistics import measure_recording
@@ -22,7 +22,7 @@ from tests.support.planted_frames import encoded, frames_of
 from tests.support.recordings import write_frames
 
 
-def _frames(context: moderngl.Context, sensor: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _frames(context: Context, sensor: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     wall = scenes.depth_ramp(1500.0, 1400.0, 700.0)
     shot = VirtualCamera(sensor, context, seed=seed).capture(wall, 12, None, scene="ramp")
     return encoded(shot), shot.stack("infrared")
@@ -46,7 +46,7 @@ def test_the_narrow_filter_needs_no_other() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("width_px", [2.0, 4.0])
 def test_frames_of_the_fitted_sensor_are_as_correlated(
-    context: moderngl.Context, tmp_path: Path, width_px: float
+    context: Context, tmp_path: Path, width_px: float
 ) -> None:
     text = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
     text = text.replace('use = "tof_bilateral"', f'use = "tof_smooth"\nwidth_px = {width_px}')

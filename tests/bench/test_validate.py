@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.bench.validate import Captures, run
 from glsim.bench.validate.checks import depth_edges as edges
@@ -34,7 +34,7 @@ from tests.support.real_cameras import (
 TRUEDEPTHS = ("iPadPro12_4gen_iOS15", "iPhone11Pro_iOS14")
 
 
-def captures_of(context: moderngl.Context, sensor: str | Path, frames: int = 16) -> Captures:
+def captures_of(context: Context, sensor: str | Path, frames: int = 16) -> Captures:
     return Captures(VirtualCamera(str(sensor), context, frames=frames))
 
 
@@ -85,7 +85,7 @@ def test_report_passes_with_exceptions_only_and_is_written_in_full() -> None:
 
 
 def test_a_check_without_measurement_is_an_error(
-    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+    context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sheet = run.ValidationSheet("other", (result(0.5).check,), ())
     monkeypatch.setitem(run.sheets(), "ideal", sheet)
@@ -113,7 +113,7 @@ def test_a_check_without_measurement_is_an_error(
     ],
 )
 def test_the_sheet_passes_but_for_what_docs_validation_says(
-    context: moderngl.Context, sensor: str, frames: int, missed: set[str]
+    context: Context, sensor: str, frames: int, missed: set[str]
 ) -> None:
     made = run.run_checks(captures_of(context, sensor, frames).camera)
     assert len(made.results) >= 3
@@ -157,14 +157,14 @@ def test_bands_of_boards_hold_the_real_frames(folder: str) -> None:
 # --- sensors that fail --------------------------------------------------------------------------
 
 
-def test_the_law_of_the_tilt_is_that_of_real_frames(context: moderngl.Context) -> None:
+def test_the_law_of_the_tilt_is_that_of_real_frames(context: Context) -> None:
     """kinect-v2 holds it; Fankhauser's curve with its lateral jitter says several times more."""
     assert failed(walls.tilt(captures_of(context, "kinect-v2"))) == set()
     other = walls.tilt(captures_of(context, "kinect-v2-fankhauser"))
     assert failed(other) == {"6"}
 
 
-def test_white_noise_is_found_out_and_phases_are_not_asked_for(context: moderngl.Context) -> None:
+def test_white_noise_is_found_out_and_phases_are_not_asked_for(context: Context) -> None:
     captures = captures_of(context, "kinect-v2-fankhauser", 8)
     assert failed(walls.correlations(captures)) == {"12", "A5"}
     internal = {**phases.phase_noise(captures), **walls.albedo(captures)}
@@ -172,7 +172,7 @@ def test_white_noise_is_found_out_and_phases_are_not_asked_for(context: moderngl
 
 
 @pytest.mark.long
-def test_too_much_noise_is_found_out(context: moderngl.Context, tmp_path: Path) -> None:
+def test_too_much_noise_is_found_out(context: Context, tmp_path: Path) -> None:
     text = (SENSOR_FOLDER / "kinect-v2.toml").read_text()
     loud = tmp_path / "loud.toml"
     loud.write_text(re.sub(r'(use = "tof_floor"\nsigma_mm = )[^\n]*', r"\g<1>4", text))
@@ -201,7 +201,7 @@ def test_too_much_noise_is_found_out(context: moderngl.Context, tmp_path: Path) 
 )
 @pytest.mark.long
 def test_the_sheet_notices_another_matcher(
-    context: moderngl.Context, tmp_path: Path, change: str, rows: set[str]
+    context: Context, tmp_path: Path, change: str, rows: set[str]
 ) -> None:
     file = tmp_path / "other.toml"
     file.write_text(

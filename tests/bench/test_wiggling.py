@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.bench import scenes
 from glsim.bench.fit.fit_wiggling import fit_wiggling
@@ -38,7 +38,7 @@ def walls(slant_deg: float) -> Mesh:
 
 @pytest.mark.parametrize("slant_deg", [0.0, pytest.param(35.0, marks=pytest.mark.long)])
 def test_harmonics_come_back_from_walls_at_several_distances(
-    context: moderngl.Context, slant_deg: float
+    context: Context, slant_deg: float
 ) -> None:
     """Sizes within three standard errors as stated, phases within 20 degrees."""
     truth = {2: (0.015, 60.0), 5: (0.006, -100.0)}
@@ -61,7 +61,7 @@ def test_harmonics_come_back_from_walls_at_several_distances(
         assert np.abs((off + 180) % 360 - 180).max() < 20
 
 
-def test_a_sensor_without_harmonics_has_none(context: moderngl.Context) -> None:
+def test_a_sensor_without_harmonics_has_none(context: Context) -> None:
     camera = VirtualCamera("kinect-v2-fast", context, seed=5)
     changes = {"tof_fast": {"harmonic_2": 0.0, "harmonic_5": 0.0}}
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)

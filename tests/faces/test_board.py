@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import ConfigError
 from glsim.faces import open_source
@@ -17,7 +17,7 @@ from glsim.simulation.pipeline import simulate
 from tests.support.scenes import settings_for
 
 
-def frame_of(context: moderngl.Context, pose: dict[str, Any]) -> Frame:
+def frame_of(context: Context, pose: dict[str, Any]) -> Frame:
     source = {"kind": "board", "subjects": 1, "frames_per_subject": 1}
     settings = settings_for(pose=pose, output={"crop": 200}, source=source)
     (frame,) = simulate(settings, context=context)
@@ -25,7 +25,7 @@ def frame_of(context: moderngl.Context, pose: dict[str, Any]) -> Frame:
     return frame
 
 
-def test_it_is_flat_and_of_its_size_at_its_distance(context: moderngl.Context) -> None:
+def test_it_is_flat_and_of_its_size_at_its_distance(context: Context) -> None:
     frame = frame_of(context, {"distance_mm": 900})
     seen = frame.clean > 0
     assert set(np.unique(frame.clean[seen])) <= {899, 900, 901}
@@ -37,7 +37,7 @@ def test_it_is_flat_and_of_its_size_at_its_distance(context: moderngl.Context) -
     assert np.ptp(row) == pytest.approx(160 * np.sin(np.radians(30)), abs=4)
 
 
-def test_boards_are_endless_and_depend_on_their_keys(context: moderngl.Context) -> None:
+def test_boards_are_endless_and_depend_on_their_keys(context: Context) -> None:
     source = open_source(parse_source({"kind": "board", "width_mm": 300}), seed=1)
     assert isinstance(source, Board)
     assert source.subjects(2) == ["b0000", "b0001"]

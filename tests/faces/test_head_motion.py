@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.pose import pose_matrix
 from glsim.faces.face_source import FaceSource
@@ -71,7 +71,7 @@ def test_angles_turn_the_head_about_the_neck() -> None:
 
 
 def frames(
-    context: moderngl.Context, source: object, chosen: slice = slice(None), **pose: object
+    context: Context, source: object, chosen: slice = slice(None), **pose: object
 ) -> list[Frame]:
     settings = load_settings(
         overrides={"sensor": "ideal", "output": {"crop": 96}, "pose": pose},
@@ -83,7 +83,7 @@ def frames(
     return [frame for frame in made if isinstance(frame, Frame)]
 
 
-def test_no_two_frames_of_a_sequence_have_the_same_clean_map(context: moderngl.Context) -> None:
+def test_no_two_frames_of_a_sequence_have_the_same_clean_map(context: Context) -> None:
     moving = frames(context, ProceduralFaces(3))
     assert len({frame.image("clean").tobytes() for frame in moving}) == len(moving) == 30
     assert moving[0].pose == POSE | {"x_mm": 0.0, "y_mm": 0.0}, "the first pose is as asked"
@@ -95,7 +95,7 @@ def test_no_two_frames_of_a_sequence_have_the_same_clean_map(context: moderngl.C
     assert still[0].image("clean").tobytes() == moving[0].image("clean").tobytes()
 
 
-def test_the_setting_scales_the_motion(context: moderngl.Context) -> None:
+def test_the_setting_scales_the_motion(context: Context) -> None:
     once, twice = (
         frames(context, ProceduralFaces(3), slice(9, 10), motion=m)[0].pose for m in (1, 2)
     )
@@ -109,7 +109,7 @@ class Generated(TwoSequences):
     name: ClassVar[str] = "ict-facekit"  # type: ignore[misc]
 
 
-def test_generated_faces_move_and_recorded_ones_do_not(context: moderngl.Context) -> None:
+def test_generated_faces_move_and_recorded_ones_do_not(context: Context) -> None:
     recorded = frames(context, TwoSequences(face_mesh()))
     assert all(frame.pose == recorded[0].pose for frame in recorded)
     generated = frames(context, Generated(face_mesh()))

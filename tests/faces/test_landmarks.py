@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core import depth_map
 from glsim.core.errors import ConfigError
@@ -31,7 +31,7 @@ class MarkedFace(OneMesh):
         return Topology(MESH.faces, landmarks=landmarks)
 
 
-def frame_of(context: moderngl.Context, source: FaceSource, crop: int | None = 200) -> Frame:
+def frame_of(context: Context, source: FaceSource, crop: int | None = 200) -> Frame:
     output = {"crop": crop, "landmarks": True, "layers": LAYERS}
     settings = settings_for(pose=POSE, output=output)
     (frame,) = simulate(settings, sources=[source], context=context, layers=LAYERS)
@@ -39,7 +39,7 @@ def frame_of(context: moderngl.Context, source: FaceSource, crop: int | None = 2
     return frame
 
 
-def test_landmarks_lie_where_their_vertices_are_drawn(context: moderngl.Context) -> None:
+def test_landmarks_lie_where_their_vertices_are_drawn(context: Context) -> None:
     frame = frame_of(context, MarkedFace(MESH))
     assert frame.landmarks is not None
     assert frame.head_to_camera is not None
@@ -57,7 +57,7 @@ def test_landmarks_lie_where_their_vertices_are_drawn(context: moderngl.Context)
     np.testing.assert_allclose(depth_m, frame.landmarks.points_m[seen, 2], atol=0.006)
 
 
-def test_a_crop_moves_the_pixels_only(context: moderngl.Context) -> None:
+def test_a_crop_moves_the_pixels_only(context: Context) -> None:
     whole, part = (frame_of(context, MarkedFace(MESH), crop) for crop in (None, 200))
     assert whole.landmarks is not None
     assert part.landmarks is not None
@@ -68,7 +68,7 @@ def test_a_crop_moves_the_pixels_only(context: moderngl.Context) -> None:
     np.testing.assert_array_equal(whole.landmarks.visible, part.landmarks.visible)
 
 
-def test_the_normals_are_those_of_the_surface(context: moderngl.Context) -> None:
+def test_the_normals_are_those_of_the_surface(context: Context) -> None:
     frame = frame_of(context, MarkedFace(MESH))
     assert frame.normal is not None
     assert frame.normals.shape == (200, 200, 3)
@@ -80,7 +80,7 @@ def test_the_normals_are_those_of_the_surface(context: moderngl.Context) -> None
     assert np.median(angle) < 2.0
 
 
-def test_a_source_without_landmarks_says_so(context: moderngl.Context) -> None:
+def test_a_source_without_landmarks_says_so(context: Context) -> None:
     with pytest.raises(ConfigError, match=r"does not know the landmarks .* output\.landmarks"):
         landmark_vertices(OneMesh(MESH))
     without = replace(frame_of(context, MarkedFace(MESH)), normal=None)

@@ -6,9 +6,9 @@ import json
 from functools import partial
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.mesh import Mesh
@@ -43,7 +43,7 @@ def settings(**more: object) -> Settings:
     )
 
 
-def frame(context: moderngl.Context, source: object, **more: object) -> Frame:
+def frame(context: Context, source: object, **more: object) -> Frame:
     made = simulate(settings(**more), sources=[source], context=context, layers=ALL)  # type: ignore[list-item]
     (found,) = made
     assert isinstance(found, Frame)
@@ -63,7 +63,7 @@ def test_names_have_one_number_in_every_data_set() -> None:
         region_numbers([OneMesh(mesh)])
 
 
-def test_each_side_of_a_board_has_its_own_number(context: moderngl.Context) -> None:
+def test_each_side_of_a_board_has_its_own_number(context: Context) -> None:
     found = frame(context, Board(), scene={"wall_mm": 1200})
     tail, nose, wall = (found.region_numbers[name] for name in ("tail", "nose", "wall"))
     near = (found.clean_m > 0) & (found.clean_m < 1)
@@ -81,9 +81,7 @@ def test_each_side_of_a_board_has_its_own_number(context: moderngl.Context) -> N
     ("sensor", "rig"),
     [("ideal", {}), ("ideal", {"supersample": 3}), ("kinect-v2-fankhauser", {"deliver": "raw"})],
 )
-def test_what_has_depth_has_a_region(
-    context: moderngl.Context, sensor: str, rig: dict[str, object]
-) -> None:
+def test_what_has_depth_has_a_region(context: Context, sensor: str, rig: dict[str, object]) -> None:
     found = frame(context, ProceduralFaces(2), sensor=sensor, rig=rig, pose={"yaw_deg": 15})
     codes, clean = found.regions, found.clean
     assert ((codes > 0) == (clean > 0)).mean() > 0.999
@@ -102,7 +100,7 @@ def test_the_label_of_a_triangle_is_that_of_most_corners() -> None:
         assert after in [before[k:] + before[:k] for k in range(3)], "the winding stays"
 
 
-def test_regions_cost_nothing_unless_asked_for(context: moderngl.Context) -> None:
+def test_regions_cost_nothing_unless_asked_for(context: Context) -> None:
     class NoLabels(ProceduralFaces):
         @property
         def topology(self) -> Topology:
@@ -117,7 +115,7 @@ def test_regions_cost_nothing_unless_asked_for(context: moderngl.Context) -> Non
         _ = without.regions
 
 
-def test_a_mesh_of_another_size_is_skipped(context: moderngl.Context) -> None:
+def test_a_mesh_of_another_size_is_skipped(context: Context) -> None:
     (found,) = simulate(settings(), sources=[Board(wrong=True)], context=context, layers=ALL)
     assert not isinstance(found, Frame)
     assert "8 vertices, the regions of its source are for 4" in found.why

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.faces.face_source import Face, FaceKey
@@ -79,7 +79,7 @@ def test_per_says_when_it_changes() -> None:
             assert np.array_equal(base, changed) == (other != scope)
 
 
-def test_frames_are_varied_and_say_so(context: moderngl.Context) -> None:
+def test_frames_are_varied_and_say_so(context: Context) -> None:
     overrides = {"variation": {"shape_mm": {"uniform": [2, 6]}, "albedo": 0.4, "per": "frame"}}
     sources = [TwoSequences(face_mesh(60))]
 

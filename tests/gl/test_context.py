@@ -8,9 +8,9 @@ import sys
 import threading
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import DeviceError
 from glsim.gl.context import borrowed_context, open_context
@@ -66,7 +66,7 @@ def test_simulations_in_turn_use_one_context_and_leave_nothing_in_it(
     """Each context that is opened costs 40 kB that are never freed."""
     opened = []
 
-    def count(backend: str | None = None) -> moderngl.Context:
+    def count(backend: str | None = None) -> Context:
         opened.append(open_context(backend))
         return opened[-1]
 
@@ -166,7 +166,7 @@ def test_a_context_of_another_thread_is_told_as_such() -> None:
     assert "belongs to the thread that opened it" in str(failed[0])
 
 
-def test_the_renderer_is_the_expected_one(context: moderngl.Context) -> None:
+def test_the_renderer_is_the_expected_one(context: Context) -> None:
     """CI says which with GLSIM_EXPECT_RENDERER, so that a changed image is noticed."""
     expected = os.environ.get("GLSIM_EXPECT_RENDERER", "")
     assert expected.lower() in str(context.info["GL_RENDERER"]).lower()

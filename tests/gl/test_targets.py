@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
@@ -17,7 +17,7 @@ DEPTH, PAIR = Layer("depth", "float"), Layer("pair", "vec2")
 
 
 @pytest.fixture
-def pool(context: moderngl.Context) -> TargetPool:
+def pool(context: Context) -> TargetPool:
     return TargetPool(context, WHOLE.width, WHOLE.height)
 
 
@@ -33,9 +33,7 @@ def test_a_scope_gives_back_what_it_holds_also_after_an_error(pool: TargetPool) 
     assert pool.take(DEPTH, WHOLE) is first[0]
 
 
-def test_a_target_holds_nothing_of_an_earlier_window(
-    context: moderngl.Context, pool: TargetPool
-) -> None:
+def test_a_target_holds_nothing_of_an_earlier_window(context: Context, pool: TargetPool) -> None:
     target = pool.upload(DEPTH, np.ones((WHOLE.height, WHOLE.width), np.float32))
     pool.give_back(target)
     small = Rect(2, 1, 3, 2)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import ConfigError
 from glsim.faces.face_source import Face, FaceKey
@@ -38,7 +38,7 @@ def settings_for(**overrides: object) -> Settings:
     return load_settings(overrides=tree)
 
 
-def drawn(settings: Settings, context: moderngl.Context, **options: Any) -> list[Frame]:
+def drawn(settings: Settings, context: Context, **options: Any) -> list[Frame]:
     made = simulate(settings, sources=[heads()], context=context, **options)
     return [frame for frame in made if isinstance(frame, Frame)]
 
@@ -142,7 +142,7 @@ def test_glasses_stand_before_the_eyes_and_off_the_nose() -> None:
 
 
 @pytest.mark.long
-def test_the_face_stays_free_of_hair(context: moderngl.Context) -> None:
+def test_the_face_stays_free_of_hair(context: Context) -> None:
     """Of eyes, nose, cheeks and lips, hair hides little in the front view (glasses are off)."""
     settings = settings_for(
         source={"subjects": 12, "frames_per_subject": 1},
@@ -166,7 +166,7 @@ def test_the_face_stays_free_of_hair(context: moderngl.Context) -> None:
     assert np.mean(shares) < 0.05
 
 
-def test_regions_name_what_is_worn(context: moderngl.Context) -> None:
+def test_regions_name_what_is_worn(context: Context) -> None:
     shares = {"hair": 1, "beard": 1, "brows": 1, "glasses": 1, "cloth": 1}
     settings = settings_for(appearance={"wear": "always", **shares})
     frame = drawn(settings, context, layers=("clean", "regions"))[0]
@@ -178,7 +178,7 @@ def test_regions_name_what_is_worn(context: moderngl.Context) -> None:
     assert worn_regions(appearance(), [heads()]) == []
 
 
-def test_heads_stay_bare_unless_asked(context: moderngl.Context) -> None:
+def test_heads_stay_bare_unless_asked(context: Context) -> None:
     plain = drawn(settings_for(), context)
     for wear in ("auto", "never"):
         same = drawn(settings_for(appearance={"wear": wear, "glasses": 1}), context)
@@ -193,7 +193,7 @@ def test_heads_stay_bare_unless_asked(context: moderngl.Context) -> None:
 
 
 @pytest.mark.long
-def test_frames_do_not_depend_on_their_batch(context: moderngl.Context) -> None:
+def test_frames_do_not_depend_on_their_batch(context: Context) -> None:
     settings = settings_for(appearance={"wear": "always"}, variation={"shape_mm": 2})
     whole = drawn(settings, context)
     tasks = make_tasks(settings, [heads()])
@@ -203,7 +203,7 @@ def test_frames_do_not_depend_on_their_batch(context: moderngl.Context) -> None:
 
 @pytest.mark.long
 def test_fewer_triangles_of_cloth_and_skin_under_it_move_hardly_any_depth(
-    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+    context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Against all of a garment's triangles over all of the skin: 0.05 mm, and 99.9 % in 2 mm."""
     settings = settings_for(
@@ -224,7 +224,7 @@ def test_fewer_triangles_of_cloth_and_skin_under_it_move_hardly_any_depth(
     assert (off_mm < 2).mean() > 0.999
 
 
-def test_the_manifest_says_what_is_worn(context: moderngl.Context) -> None:
+def test_the_manifest_says_what_is_worn(context: Context) -> None:
     frame = drawn(settings_for(appearance={"wear": "always", "hair": 1, "glasses": 1}), context)[0]
     assert {"appearance.hair", "appearance.glasses", "appearance.cloth"} <= set(frame.notes)
     for name in ("hair_length_mm", "hair_albedo", "rim_albedo", "cloth_albedo"):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.measures.measured_frame import lit, surfaces
 from glsim.settings.schema import load_settings
@@ -14,7 +14,7 @@ from tests.support.planted_frames import frames_of
 from tests.support.wardrobe import heads
 
 
-def residuals_mm(context: moderngl.Context, wear: str) -> dict[str, np.ndarray]:
+def residuals_mm(context: Context, wear: str) -> dict[str, np.ndarray]:
     """What a quadric leaves in 7 x 7 pixels of noisy heads, by hair, cloth and skin."""
     tree = {
         "sensor": "kinect-v2",
@@ -43,7 +43,7 @@ def residuals_mm(context: moderngl.Context, wear: str) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.long
-def test_dressed_heads_are_nearly_as_rough_as_real_ones(context: moderngl.Context) -> None:
+def test_dressed_heads_are_nearly_as_rough_as_real_ones(context: Context) -> None:
     """Real heads with hair: p90 2.9 mm in 44 frames of a Kinect V2, 3.8 of one through the SDK."""
     bare, dressed = (residuals_mm(context, wear) for wear in ("never", "always"))
     head = np.concatenate([dressed["hair"], dressed["skin"]])

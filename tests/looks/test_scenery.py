@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.camera import Emitter, SensorRig
 from glsim.core.errors import ConfigError
@@ -32,7 +32,7 @@ def scenery_of(seeds: ScopeSeeds, pose: dict[str, Any] | None = None, **scene: A
     return build_scenery(settings.scene, settings.pose, seeds, SensorRig(V2))
 
 
-def figures(context: moderngl.Context, sensor: str = "ideal", **tables: Any) -> list[Any]:
+def figures(context: Context, sensor: str = "ideal", **tables: Any) -> list[Any]:
     source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 4}
     settings = load_settings(
         overrides={"sensor": sensor, "source": source, "strict": True} | tables
@@ -70,7 +70,7 @@ def test_drawn_numbers_are_in_their_ranges_and_faces_are_numbers_of_one_topology
 
 
 @pytest.mark.parametrize("room", ["office", "living-room"])
-def test_furniture_hides_no_pixel_of_the_person(context: moderngl.Context, room: str) -> None:
+def test_furniture_hides_no_pixel_of_the_person(context: Context, room: str) -> None:
     """Not while the person's place is drawn per frame and the room stays, either."""
     pose = {"distance_mm": {"uniform": [700, 2500]}, "x_mm": {"uniform": [-200, 200]}}
     for seed in range(2):
@@ -83,7 +83,7 @@ def test_furniture_hides_no_pixel_of_the_person(context: moderngl.Context, room:
             assert b.clean_m[b.clean_m > 0].min() > 0.25
 
 
-def test_frames_of_rooms_are_the_same_in_any_order(context: moderngl.Context) -> None:
+def test_frames_of_rooms_are_the_same_in_any_order(context: Context) -> None:
     tables = {"scene": OFFICE | {"people": 2}, "output": {"crop": 96}}
     source = {"kind": "procedural", "subjects": 3, "frames_per_subject": 2}
     settings = load_settings(overrides={"sensor": "ideal", "source": source} | tables)
@@ -101,7 +101,7 @@ def test_frames_of_rooms_are_the_same_in_any_order(context: moderngl.Context) ->
     assert not np.array_equal(found[0], found[4])
 
 
-def test_a_body_stands_on_the_floor(context: moderngl.Context) -> None:
+def test_a_body_stands_on_the_floor(context: Context) -> None:
     """Below the feet the floor is as far as the feet, and the camera is at its height."""
     scene = {"room": "empty", "camera_mm": 1300}
     for frame in figures(context, pose={"distance_mm": 3500}, scene=scene):
@@ -115,7 +115,7 @@ def test_a_body_stands_on_the_floor(context: moderngl.Context) -> None:
         assert abs(int(frame.clean[feet, 254]) - int(frame.clean[feet + 1, 254])) < 30
 
 
-def test_other_people_are_strangers_who_stand_behind(context: moderngl.Context) -> None:
+def test_other_people_are_strangers_who_stand_behind(context: Context) -> None:
     scene = OFFICE | {"room": "empty", "people": 3, "behind_mm": 4000, "width_mm": 8000}
     found = figures(context, pose={"distance_mm": 1500}, scene=scene)
     shown = [f.parameters["scene.people"] for f in found]
@@ -137,13 +137,13 @@ def test_other_people_are_strangers_who_stand_behind(context: moderngl.Context) 
     assert min(strangers) >= "f002"
 
 
-def test_heads_without_a_body_have_no_other_people(context: moderngl.Context) -> None:
+def test_heads_without_a_body_have_no_other_people(context: Context) -> None:
     settings = settings_for(scene=OFFICE | {"people": 2})
     (frame,) = frames_of(context, settings, face_mesh(40))
     assert frame.parameters["scene.people"] == 0
 
 
-def test_a_wall_in_front_of_the_face_is_refused_or_recorded(context: moderngl.Context) -> None:
+def test_a_wall_in_front_of_the_face_is_refused_or_recorded(context: Context) -> None:
     with pytest.raises(ConfigError, match=r"scene.wall_mm: the wall, at 800 mm at most, always"):
         settings_for(scene={"wall_mm": 800})
     drawn = {"wall_mm": {"uniform": [700, 1400]}}
@@ -184,7 +184,7 @@ def test_a_wall_and_a_room_and_bad_numbers_are_refused() -> None:
         load_settings(overrides={"source": {"kind": "people"}, "scene": {"room": "office"}})
 
 
-def test_flat_walls_and_floors_are_all_lit(context: moderngl.Context) -> None:
+def test_flat_walls_and_floors_are_all_lit(context: Context) -> None:
     """An empty room hides nothing from an emitter beside the camera, but for its recesses."""
     rig = SensorRig(V2, (Emitter((0.045, 0.0, 0.0), 0.005),))
     numbers = RoomNumbers("empty", 3, 2500.0, 4000.0, 2500.0, 12.0, 0.0, 0, None, (0.0, 1500.0),
@@ -214,7 +214,7 @@ def test_flat_walls_and_floors_are_all_lit(context: moderngl.Context) -> None:
     assert (found["lit"][inside] == 1).all()
 
 
-def test_the_head_casts_its_shadow_on_a_wall_of_a_room(context: moderngl.Context) -> None:
+def test_the_head_casts_its_shadow_on_a_wall_of_a_room(context: Context) -> None:
     """The shadow beside a head at 1 m on a wall at 3 m is f * b * (1 / 1 - 1 / 3) wide."""
     settings = settings_for(
         "kinect-v2", pose={"distance_mm": 1000}, seed=4,
@@ -227,7 +227,7 @@ def test_the_head_casts_its_shadow_on_a_wall_of_a_room(context: moderngl.Context
     assert 0.25 * expected < shadow < 1.6 * expected  # light of the room gives the rest a depth
 
 
-def test_a_full_frame_of_an_office_has_surfaces_at_many_depths(context: moderngl.Context) -> None:
+def test_a_full_frame_of_an_office_has_surfaces_at_many_depths(context: Context) -> None:
     settings = settings_for(
         "kinect-v2", pose={"distance_mm": 1200}, scene=OFFICE | {"behind_mm": 1500}
     )
@@ -250,7 +250,7 @@ def test_a_body_is_found_by_its_size_or_by_its_notes() -> None:
     assert noted.floor_mm == -1200
 
 
-def test_a_chair_out_of_the_crop_is_no_error(context: moderngl.Context) -> None:
+def test_a_chair_out_of_the_crop_is_no_error(context: Context) -> None:
     settings: Settings = settings_for(output={"crop": 64}, scene=OFFICE)
     (frame,) = frames_of(context, settings, face_mesh(40))
     assert frame.clean_m.shape == (64, 64)

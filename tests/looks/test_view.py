@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.camera import SensorRig
 from glsim.core.mesh import Mesh
@@ -56,7 +56,7 @@ def test_an_upright_person_stays_upright_under_a_tilted_camera() -> None:
 
 
 @pytest.mark.parametrize("kind", ["office", "living-room"])
-def test_the_cut_room_looks_like_the_whole_one(context: moderngl.Context, kind: str) -> None:
+def test_the_cut_room_looks_like_the_whole_one(context: Context, kind: str) -> None:
     rig = SensorRig(V2)
     camera = camera_place((0.0, 0.0, 1500.0), 1250.0, 8.0)
     view = room_view(camera, 8.0)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.reason import Reason
 from glsim.noise.frame_context import FrameContext
@@ -242,7 +242,7 @@ def test_shadows_keep_the_drawn_share_of_depths() -> None:
         assert (np.array(behind) < 1.499).mean() == pytest.approx(between, abs=0.02)
 
 
-def test_expected_has_the_wave_of_the_device_and_nothing_random(context: moderngl.Context) -> None:
+def test_expected_has_the_wave_of_the_device_and_nothing_random(context: Context) -> None:
     """Amplitude and period are found again by a fit; devices differ in phase."""
     z_m = np.linspace(0.6, 2.6, WIDTH)
     layers = facing(1.0)

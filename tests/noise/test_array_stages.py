@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError
@@ -56,7 +56,7 @@ def mine(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_users_function_is_a_stage(context: moderngl.Context, mine: Path) -> None:
+def test_a_users_function_is_a_stage(context: Context, mine: Path) -> None:
     sensor = sensor_file(mine, 'use = "mine.py:farther"\nby_mm = { choice = [10] }')
     (made,) = frames_of(context, settings_for(sensor), plate())
     assert set(np.unique(made.noisy[made.clean > 0])) == {910}
@@ -75,7 +75,7 @@ def test_a_users_function_is_a_stage(context: moderngl.Context, mine: Path) -> N
     ],
 )
 def test_nonsense_from_a_function_is_named(
-    context: moderngl.Context, mine: Path, use: str, message: str
+    context: Context, mine: Path, use: str, message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         frames_of(context, settings_for(sensor_file(mine, f'use = "mine.py:{use}"')), plate())

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import ConfigError, ShaderError
 from glsim.core.reason import Reason
@@ -28,7 +28,7 @@ void main() {
 """
 
 
-def run(context: moderngl.Context, sensor: str, frames: int = 1, **overrides: object) -> Frame:
+def run(context: Context, sensor: str, frames: int = 1, **overrides: object) -> Frame:
     return frames_of(context, settings_for(sensor, **overrides), plate(), frames)[-1]
 
 
@@ -42,7 +42,7 @@ def add(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_users_shader_is_a_stage_by_its_path(context: moderngl.Context, add: Path) -> None:
+def test_a_users_shader_is_a_stage_by_its_path(context: Context, add: Path) -> None:
     frame = run(context, sensor_file(add, 'use = "add.glsl"'))
     assert values(frame) == {905}
     assert set(np.unique(frame.clean)) == {0, 900}
@@ -50,7 +50,7 @@ def test_a_users_shader_is_a_stage_by_its_path(context: moderngl.Context, add: P
     assert values(run(context, absolute)) == {886}
 
 
-def test_stages_run_in_order_under_names_of_their_own(context: moderngl.Context, add: Path) -> None:
+def test_stages_run_in_order_under_names_of_their_own(context: Context, add: Path) -> None:
     grid = 'use = "millimetre_quantise"\nstep_mm = 100'
     first = sensor_file(add, 'use = "add.glsl"\nby_mm = 60', grid)
     assert values(run(context, first)) == {1000}
@@ -65,16 +65,14 @@ def test_stages_run_in_order_under_names_of_their_own(context: moderngl.Context,
         load_sensor(sensor_file(add, two[0], two[0]))
 
 
-def test_switched_off_stages_leave_no_trace(context: moderngl.Context, add: Path) -> None:
+def test_switched_off_stages_leave_no_trace(context: Context, add: Path) -> None:
     off = sensor_file(add, 'use = "add.glsl"\nenabled = false', 'use = "gaussian"\nenabled = 0')
     frame = run(context, off)
     np.testing.assert_array_equal(frame.noisy, frame.clean)
     assert not (frame.reason[frame.clean > 0] != Reason.VALID).any()
 
 
-def test_a_layer_whose_stage_is_switched_off_is_named(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_a_layer_whose_stage_is_switched_off_is_named(context: Context, tmp_path: Path) -> None:
     sensor = sensor_file(tmp_path, 'use = "infrared"\nenabled = false', 'use = "low_signal"')
     with pytest.raises(ConfigError, match=r"'low_signal' reads the layer 'infrared', .* is switch"):
         run(context, sensor)

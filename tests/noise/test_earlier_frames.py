@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.seeds import stable_seed
 from glsim.faces.one_mesh import OneMesh
@@ -48,7 +48,7 @@ def settings_of(sensor: str, **stages: dict[str, Any]) -> Settings:
     )
 
 
-def draw(context: moderngl.Context, settings: Settings, *seeds: int) -> list[Frame]:
+def draw(context: Context, settings: Settings, *seeds: int) -> list[Frame]:
     """Frames of the plate before a wall, each with its own seed (default: those of the plan)."""
     source = OneMesh(face_mesh(40))
     tasks = list(make_tasks(settings, [source]))
@@ -67,9 +67,7 @@ def filtered(**p: float) -> dict[str, dict[str, float]]:
     }
 
 
-def test_a_frame_before_is_the_frame_of_its_own_seed(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_a_frame_before_is_the_frame_of_its_own_seed(context: Context, tmp_path: Path) -> None:
     """The twin exposes as the shader does, but for counts on the edge of a rounding."""
     settings = settings_of(camera(tmp_path), **filtered())
     (now,) = draw(context, settings, 1234)
@@ -84,9 +82,7 @@ def test_a_frame_before_is_the_frame_of_its_own_seed(
 
 
 @pytest.mark.parametrize("count", [pytest.param(8, marks=pytest.mark.long), 2])
-def test_noise_in_time_falls_as_alpha_says(
-    context: moderngl.Context, tmp_path: Path, count: int
-) -> None:
+def test_noise_in_time_falls_as_alpha_says(context: Context, tmp_path: Path, count: int) -> None:
     """N frames before: variance a^2 (1 + q + ... + q^(N-1)) + q^N with q = (1 - a)^2."""
     deviation = []
     for enabled in (False, True):
@@ -105,7 +101,7 @@ def test_noise_in_time_falls_as_alpha_says(
     assert falls == pytest.approx(wanted, rel=0.1)
 
 
-def test_the_same_bytes_alone_and_in_any_order(context: moderngl.Context, tmp_path: Path) -> None:
+def test_the_same_bytes_alone_and_in_any_order(context: Context, tmp_path: Path) -> None:
     settings = settings_of(camera(tmp_path), **filtered())
     first, second, third = draw(context, settings)
     again = draw(context, settings, third.seed, first.seed)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 import glsim
 from glsim.core.errors import ConfigError
@@ -236,7 +236,7 @@ def kinect_with(folder: Path, *stages: str) -> str:
     ],
 )
 def test_a_crop_is_filtered_as_the_whole_frame(
-    context: moderngl.Context, tmp_path: Path, stages: tuple[str, ...]
+    context: Context, tmp_path: Path, stages: tuple[str, ...]
 ) -> None:
     named = kinect_with(tmp_path, *stages)
     scene = {"wall_mm": 1300}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -34,7 +34,7 @@ from tests.support.stage_harness import (
 
 
 def error_mm(
-    context: moderngl.Context, use: str, z_m: float, angle_deg: float = 0.0, seed: int = 0,
+    context: Context, use: str, z_m: float, angle_deg: float = 0.0, seed: int = 0,
     **p: float,
 ) -> NDArray[np.float64]:  # fmt: skip
     """The error, mm, that a stage adds to a surface of constant depth and angle."""
@@ -62,7 +62,7 @@ SIGMAS: list[tuple[str, float, float, dict[str, float], float, bool]] = [
 
 @pytest.mark.parametrize(("use", "z", "angle", "p", "sigma", "disparity"), SIGMAS)
 def test_noise_has_no_bias_and_its_sigma(
-    context: moderngl.Context, use: str, z: float, angle: float, p: dict[str, float],
+    context: Context, use: str, z: float, angle: float, p: dict[str, float],
     sigma: float, disparity: bool,
 ) -> None:  # fmt: skip
     error = error_mm(context, use, z, angle, **p)
@@ -79,7 +79,7 @@ NO_PATTERN: dict[str, Any] = dict.fromkeys(
 )  # fmt: skip
 
 
-def pattern_mm(context: moderngl.Context, **part: float) -> Image:
+def pattern_mm(context: Context, **part: float) -> Image:
     layers = flat(0.9)
     drawn = run_shader(context, "fixed_pattern", layers, **(NO_PATTERN | part))["depth"]
     twin = run_twin("fixed_pattern", layers, **(NO_PATTERN | part))["depth"]
@@ -87,7 +87,7 @@ def pattern_mm(context: moderngl.Context, **part: float) -> Image:
     return (1000 * (drawn.astype(np.float64) - np.float32(0.9))).astype(np.float64)
 
 
-def test_fixed_pattern_of_pixels_is_smooth_and_has_its_sigma(context: moderngl.Context) -> None:
+def test_fixed_pattern_of_pixels_is_smooth_and_has_its_sigma(context: Context) -> None:
     error = pattern_mm(context, pixel_sigma_mm=0.25)
     assert abs(z_sd(error[::3, ::3], 0.25)) < Z_MAX
     beside = [
@@ -96,7 +96,7 @@ def test_fixed_pattern_of_pixels_is_smooth_and_has_its_sigma(context: moderngl.C
     np.testing.assert_allclose(beside, [0.667, 0.333, 0.0], atol=0.03)
 
 
-def test_fixed_pattern_of_columns_and_rows(context: moderngl.Context) -> None:
+def test_fixed_pattern_of_columns_and_rows(context: Context) -> None:
     column = pattern_mm(context, column_sigma_mm=0.2)
     assert np.ptp(column, axis=0).max() < 1e-3
     assert abs(z_sd(column[0], 0.2)) < Z_MAX
@@ -105,7 +105,7 @@ def test_fixed_pattern_of_columns_and_rows(context: moderngl.Context) -> None:
     assert abs(z_sd(row[:, 0], 0.25)) < Z_MAX
 
 
-def test_rows_alternate_with_another_sign_in_the_lower_half(context: moderngl.Context) -> None:
+def test_rows_alternate_with_another_sign_in_the_lower_half(context: Context) -> None:
     error = pattern_mm(context, row_alternation_mm=0.69)
     assert np.ptp(error, axis=1).max() < 1e-3
     size = error[:, 0] * np.where(np.arange(HEIGHT) % 2, 1, -1)
@@ -117,7 +117,7 @@ def test_rows_alternate_with_another_sign_in_the_lower_half(context: moderngl.Co
 
 
 @pytest.mark.parametrize("step", [1.0, 0.5, 3.0])
-def test_depth_is_rounded_to_millimetres(context: moderngl.Context, step: float) -> None:
+def test_depth_is_rounded_to_millimetres(context: Context, step: float) -> None:
     ramp = np.random.default_rng(0).uniform(0.5, 4.5, (HEIGHT, WIDTH))
     layers = flat(ramp)
     depth = run_shader(context, "millimetre_quantise", layers, step_mm=step)["depth"]
@@ -136,7 +136,7 @@ def strip(numbers: list[float]) -> Image:
     return image.reshape(HEIGHT, WIDTH)
 
 
-def test_range_gate_is_exact(context: moderngl.Context) -> None:
+def test_range_gate_is_exact(context: Context) -> None:
     near, far = np.float32(0.5), np.float32(4.5)
     depths = [0.0, 1e-4, 0.3, np.nextafter(near, np.float32(0)), near, 0.7, far,
               np.nextafter(far, np.float32(9)), 8.0]  # fmt: skip
@@ -151,7 +151,7 @@ def test_range_gate_is_exact(context: moderngl.Context) -> None:
     np.testing.assert_array_equal(written["reason"][0, first], [Reason.NO_SURFACE, *codes[1:]])
 
 
-def test_shadow_needs_half_of_the_light(context: moderngl.Context) -> None:
+def test_shadow_needs_half_of_the_light(context: Context) -> None:
     layers = flat(0.9)
     layers["lit"] = strip([0.0, 1 / 3, 0.499, 0.5, 2 / 3, 1.0])
     written = run_shader(context, "shadow", layers)
@@ -164,9 +164,7 @@ def test_shadow_needs_half_of_the_light(context: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize("tilt", [0.0, 40.0, 75.0])
-def test_infrared_follows_lambert_and_the_inverse_square(
-    context: moderngl.Context, tilt: float
-) -> None:
+def test_infrared_follows_lambert_and_the_inverse_square(context: Context, tilt: float) -> None:
     depth, normal = plane(1.2, tilt, 30.0)
     valid = depth > 0
     layers = layers_of(np.where(valid, depth, 0.0), normal)
@@ -180,9 +178,7 @@ def test_infrared_follows_lambert_and_the_inverse_square(
 
 
 @pytest.mark.parametrize("spreads", [-2.0, -1.0, 0.0, 1.0, 2.0])
-def test_low_signal_is_lost_as_the_normal_law_says(
-    context: moderngl.Context, spreads: float
-) -> None:
+def test_low_signal_is_lost_as_the_normal_law_says(context: Context, spreads: float) -> None:
     layers = {
         **flat(0.9),
         "infrared": np.full((HEIGHT, WIDTH), 387.468 + 77.494 * spreads, np.float32),
@@ -210,7 +206,7 @@ def step(other: float, axis: int = 1) -> dict[str, Image]:
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sigma", [0.3, 0.65, 1.5])
-def test_edges_jitter_by_sigma(context: moderngl.Context, sigma: float, axis: int) -> None:
+def test_edges_jitter_by_sigma(context: Context, sigma: float, axis: int) -> None:
     """A pixel has the far depth if its jittered position is beyond the edge."""
     frames = [
         run_shader(context, "lateral", step(FAR, axis), frame(n), sigma_px=sigma)["depth"]
@@ -231,7 +227,7 @@ def test_edges_jitter_by_sigma(context: moderngl.Context, sigma: float, axis: in
 @pytest.mark.parametrize(("angle", "angle_px"), [(0.0, 0.0), (60.0, 0.0), (60.0, 0.035)])
 @pytest.mark.parametrize("slope_mm", [0.5, 2.0])
 def test_on_a_slope_jitter_becomes_noise(
-    context: moderngl.Context, slope_mm: float, angle: float, angle_px: float
+    context: Context, slope_mm: float, angle: float, angle_px: float
 ) -> None:
     ramp = 0.9 + 1e-3 * slope_mm * np.arange(WIDTH)[None, :]
     layers = flat(ramp, angle)
@@ -243,7 +239,7 @@ def test_on_a_slope_jitter_becomes_noise(
     assert abs(z_sd(error_mm, slope_mm * sigma)) < Z_MAX
 
 
-def test_lateral_reasons(context: moderngl.Context) -> None:
+def test_lateral_reasons(context: Context) -> None:
     layers = step(0.0)
     written = run_shader(context, "lateral", layers)
     depth, reason, before = written["depth"], written["reason"], layers["depth"] > 0
@@ -269,7 +265,7 @@ def test_lateral_reasons(context: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("radius", [1, 2, 4])
 @pytest.mark.parametrize("probability", [0.1, 0.5, 0.9])
-def test_dropout_at_edges_only(context: moderngl.Context, probability: float, radius: int) -> None:
+def test_dropout_at_edges_only(context: Context, probability: float, radius: int) -> None:
     lost = []
     for n in range(4):
         p = {"probability": probability, "radius_px": radius}
@@ -311,7 +307,7 @@ def rule(depth: Image, cell: tuple[int, int], inlier_px: float = 0.1) -> bool:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_window_follows_the_rule(context: moderngl.Context, seed: int) -> None:
+def test_window_follows_the_rule(context: Context, seed: int) -> None:
     layers = scene(seed)
     match = run_shader(context, "correlation_window", layers)["dot_match"]
     depth = np.pad(layers["depth"], ((0, 3), (0, 3)))  # cells beyond the last pixels
@@ -322,7 +318,7 @@ def test_window_follows_the_rule(context: moderngl.Context, seed: int) -> None:
 
 
 @pytest.mark.parametrize("radius", [0.5, 1.5, 3.1, 3.9])
-def test_each_pixel_takes_the_nearest_dot(context: moderngl.Context, radius: float) -> None:
+def test_each_pixel_takes_the_nearest_dot(context: Context, radius: float) -> None:
     layers = scene(2)
     rng = np.random.default_rng(0)
     layers["depth"] = rng.uniform(0.5, 1.5, (HEIGHT, WIDTH)).astype(np.float32)

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -106,7 +106,7 @@ def test_every_shader_has_a_twin() -> None:
 @pytest.mark.parametrize("window", [*WINDOWS, None])
 @pytest.mark.parametrize(("use", "p"), CASES)
 def test_twin_agrees(
-    context: moderngl.Context, use: str, p: Mapping[str, float], window: Rect | None
+    context: Context, use: str, p: Mapping[str, float], window: Rect | None
 ) -> None:
     """The twin on a window in NumPy, or on a batch of whole frames in PyTorch."""
     if window is None and not takes_tensors(use):
@@ -125,7 +125,7 @@ def test_twin_agrees(
 
 @pytest.mark.parametrize(("use", "p"), NEUTRAL)
 def test_neutral_settings_change_nothing(
-    context: moderngl.Context, use: str, p: Mapping[str, float]
+    context: Context, use: str, p: Mapping[str, float]
 ) -> None:
     layers = scene()
     for written in (
@@ -137,7 +137,7 @@ def test_neutral_settings_change_nothing(
 
 
 @pytest.mark.parametrize("use", STAGES)
-def test_noise_does_not_depend_on_the_window(context: moderngl.Context, use: str) -> None:
+def test_noise_does_not_depend_on_the_window(context: Context, use: str) -> None:
     windows = Rect(20, 10, 150, 131), Rect(64, 41, 180, 150)
     overlap = windows[0].intersection(windows[1])
     margin = REACH.get(use, 0)
@@ -180,9 +180,7 @@ def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
     assert not np.isin(written["reason"][before & ~after], layers["reason"][before]).any()
 
 
-def test_the_stage_of_the_howto_and_its_twin_agree(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_the_stage_of_the_howto_and_its_twin_agree(context: Context, tmp_path: Path) -> None:
     page = (ROOT / "docs/howto/noise_stage.md").read_text(encoding="utf-8")
     blocks = dict(re.findall(r"```(glsl|python)\n(.*?)```", page, re.DOTALL))
     (tmp_path / "burst.glsl").write_text(blocks["glsl"])

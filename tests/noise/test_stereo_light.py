@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
@@ -66,9 +66,7 @@ def with_imagers(layers: Mapping[str, Image]) -> dict[str, Image]:
 
 @pytest.mark.parametrize("window", [Rect(0, 0, 256, 212), Rect(31, 17, 150, 130)])
 @pytest.mark.parametrize(("use", "p"), CASES)
-def test_twin_agrees(
-    context: moderngl.Context, use: str, p: Mapping[str, float], window: Rect
-) -> None:
+def test_twin_agrees(context: Context, use: str, p: Mapping[str, float], window: Rect) -> None:
     at = imager_frame(window=window)
     layers = crop(with_imagers(scene()), at)
     shader, twin = run_shader(context, use, layers, at, **p), run_twin(use, layers, at, **p)
@@ -85,7 +83,7 @@ def test_twin_agrees(
 
 
 @pytest.mark.parametrize("use", ["stereo_light", "pattern_light"])
-def test_twin_throws_the_same_image(context: moderngl.Context, use: str) -> None:
+def test_twin_throws_the_same_image(context: Context, use: str) -> None:
     """The image fills half of the view: its pixels, its edge, and no light outside."""
     at = imager_frame(projector_tan=(0.2, 0.12))
     image = np.random.default_rng(1).random((37, 61), np.float32)
@@ -141,7 +139,7 @@ def test_dots_move_by_the_disparity_between_the_imagers() -> None:
     assert max(correlation) > 0.8
 
 
-def test_noise_has_the_declared_variance(context: moderngl.Context) -> None:
+def test_noise_has_the_declared_variance(context: Context) -> None:
     light = np.full((212, 256), 100, np.float32)
     layers = with_imagers(scene()) | {"light_left": light, "light_right": light}
     p = {"pixel_gain_sigma": 0.0, "psf_sigma_px": 0.0, "longest_exposure": 0.0, "bits": 10}

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
@@ -37,7 +37,7 @@ def round_head(z_mm: float, half_mm: float) -> Placed:
 
 @pytest.mark.parametrize(("near_m", "wall_m"), [(0.9, 1.8), (0.6, 1.4), (1.0, 3.0)])
 def test_shadows_grow_in_the_three_steps_of_real_frames(
-    context: moderngl.Context, near_m: float, wall_m: float
+    context: Context, near_m: float, wall_m: float
 ) -> None:
     """Behind a rim .16, .53 and all of the light return from 29.5, 46.5 and 64.5 mm of baseline."""
     half = 1000 * 60 * near_m / FOCAL
@@ -59,7 +59,7 @@ REAL_WIDTHS = {"kinect-v2": (26.8, 0.1, 0.4), "kinect-v2-sdk": (35.8, 0.4, 0.8)}
 @pytest.mark.parametrize(("near_m", "wall_m"), [(0.9, 1.5), (1.1, 2.0), (1.2, 1.8), (1.0, 2.2)])
 @pytest.mark.parametrize("sensor", REAL_WIDTHS)
 def test_silhouettes_before_walls_are_those_of_real_frames(
-    context: moderngl.Context, sensor: str, near_m: float, wall_m: float
+    context: Context, sensor: str, near_m: float, wall_m: float
 ) -> None:
     """On the lit side 1.7 to 2.1 px; 0.9 px before walls half a fast wave behind, 41 % are 0.
 

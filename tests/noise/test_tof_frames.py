@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.rect import Rect
 from tests.support.stage_harness import Z_MAX, z_mean
@@ -26,7 +26,7 @@ SENSORS = [
         pytest.param("kinect-v2", 100, marks=pytest.mark.long),
     ],
 )
-def test_twin_and_shader_agree(context: moderngl.Context, sensor: str, faces: int) -> None:
+def test_twin_and_shader_agree(context: Context, sensor: str, faces: int) -> None:
     cam = Camera.open(context, sensor, expected=True)
     same, pixels, close, both = 0, 0, 0, 0
     # A frame with a wall takes ten times as long as one without.
@@ -47,7 +47,7 @@ def test_twin_and_shader_agree(context: moderngl.Context, sensor: str, faces: in
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_a_crop_is_a_part_of_the_frame(context: moderngl.Context, sensor: str) -> None:
+def test_a_crop_is_a_part_of_the_frame(context: Context, sensor: str) -> None:
     """Byte for byte: the margin of a crop is wider than the chain's reach."""
     cam = Camera.open(context, sensor)
     scene = [*face_scenes(1)[0], quad(2000.0)]
@@ -61,7 +61,7 @@ def test_a_crop_is_a_part_of_the_frame(context: moderngl.Context, sensor: str) -
         np.testing.assert_array_equal(whole[name][crop.slices], part[name][inner.slices], name)
 
 
-def test_a_lens_that_distorts_keeps_planes_plane(context: moderngl.Context) -> None:
+def test_a_lens_that_distorts_keeps_planes_plane(context: Context) -> None:
     cam = Camera.open(context, deliver="raw")
     layers = cam.shoot([quad(1200.0)], QUIET)
     depth = layers["depth"][40:-40, 40:-40]
@@ -97,7 +97,7 @@ def still(cam: Camera, **light: float) -> dict[str, dict[str, float]]:
 
 
 @pytest.mark.parametrize("sensor", SENSORS_EXPECTED)
-def test_a_still_sensor_says_what_is_expected(context: moderngl.Context, sensor: str) -> None:
+def test_a_still_sensor_says_what_is_expected(context: Context, sensor: str) -> None:
     """At all distances, for devices whose wiggling has other phases, with an offset and skin."""
     cam = Camera.open(context, sensor, expected=True)
     errors_mm = []
@@ -121,7 +121,7 @@ def test_a_still_sensor_says_what_is_expected(context: moderngl.Context, sensor:
         *(pytest.param(n, marks=pytest.mark.long) for n in ("kinect-v2", "azure-kinect")),
     ],
 )
-def test_the_mean_of_many_frames_approaches_it(context: moderngl.Context, sensor: str) -> None:
+def test_the_mean_of_many_frames_approaches_it(context: Context, sensor: str) -> None:
     """Per pixel and with the fixed pattern off, of a wall and a slanted one."""
     cam = Camera.open(context, sensor, expected=True)
     changes = {"fixed_pattern": {"enabled": 0.0}, "millimetre_quantise": {"enabled": 0.0}}
@@ -140,7 +140,7 @@ def test_the_mean_of_many_frames_approaches_it(context: moderngl.Context, sensor
 
 
 @pytest.mark.parametrize("sensor", SENSORS_EXPECTED)
-def test_wanting_it_changes_nothing_else(context: moderngl.Context, sensor: str) -> None:
+def test_wanting_it_changes_nothing_else(context: Context, sensor: str) -> None:
     plain, wanting = Camera.open(context, sensor), Camera.open(context, sensor, expected=True)
     scene = [*face_scenes(1)[0], quad(2000.0)]
     without, layers = plain.shoot(scene), wanting.shoot(scene)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.reason import Reason
 from glsim.core.rect import Rect
@@ -27,7 +27,7 @@ def phasors(layers: dict[str, Image]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("z_mm", [900.0, 2500.0])
-def test_noise_of_the_taps_has_its_variance(context: moderngl.Context, z_mm: float) -> None:
+def test_noise_of_the_taps_has_its_variance(context: Context, z_mm: float) -> None:
     cam = Camera.open(context)
     changes = merged(RAW, {"tof_taps": {"companding": 0.0}})
     pure = phasors(cam.shoot([quad(z_mm)], merged(changes, QUIET), crop=CROP))
@@ -59,7 +59,7 @@ def test_companding_is_the_code_of_the_kinect() -> None:
     assert (error <= np.abs(nearest - np.minimum(np.abs(taps), 16320)) + 1e-3).all()
 
 
-def test_light_spreads_as_measured(context: moderngl.Context) -> None:
+def test_light_spreads_as_measured(context: Context) -> None:
     """A bright strip: the share of its light in the columns beside it, by halo and haze."""
     cam = Camera.open(context)
     half = 1.5 * 900 / 365.456  # three columns, less what the rims miss
@@ -77,7 +77,7 @@ def test_light_spreads_as_measured(context: moderngl.Context) -> None:
     assert variance[0] - variance[1] == pytest.approx(0.9 * 0.22**2 + 0.1 * 1.09, rel=0.1)
 
 
-def test_much_light_saturates(context: moderngl.Context) -> None:
+def test_much_light_saturates(context: Context) -> None:
     cam = Camera.open(context)
     layers = cam.shoot([quad(900)], {"tof_taps": {"saturation_lsb": 300.0}}, crop=CROP)
     inner = layers["reason"][8:-8, 8:-8]
@@ -99,7 +99,7 @@ def test_any_distance_is_unwrapped() -> None:
 
 
 @pytest.mark.parametrize("z_mm", [600.0, 1500.0, 4200.0])
-def test_geometry_of_the_emitter_is_undone(context: moderngl.Context, z_mm: float) -> None:
+def test_geometry_of_the_emitter_is_undone(context: Context, z_mm: float) -> None:
     """A wall stays flat to the corners: the path over the emitter is 45 mm off centre."""
     cam = Camera.open(context)
     bright = {
@@ -127,7 +127,7 @@ def walls(
     return 1000 * np.stack(shots)[:, 12:-12, 12:-12]
 
 
-def test_floor_alone_has_its_sigma(context: moderngl.Context) -> None:
+def test_floor_alone_has_its_sigma(context: Context) -> None:
     cam = Camera.open(context)
     for sigma in (0.5, 1.1):
         changes = merged(QUIET, {"tof_floor": {"enabled": 1.0, "sigma_mm": sigma}})
@@ -138,7 +138,7 @@ def test_floor_alone_has_its_sigma(context: moderngl.Context) -> None:
         assert independent.std() == pytest.approx(sigma, rel=0.03)
 
 
-def test_floor_grows_with_the_slope(context: moderngl.Context) -> None:
+def test_floor_grows_with_the_slope(context: Context) -> None:
     """A tenth of a pixel of 2.5 mm, times the tangent."""
     cam = Camera.open(context)
     changes = merged(QUIET, {"tof_floor": {"enabled": 1.0, "sigma_mm": 0.0}})
@@ -150,7 +150,7 @@ def test_floor_grows_with_the_slope(context: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize("z_mm", [900.0, 2000.0, 4000.0])
-def test_the_fast_sensor_is_as_noisy(context: moderngl.Context, z_mm: float) -> None:
+def test_the_fast_sensor_is_as_noisy(context: Context, z_mm: float) -> None:
     sigmas = [
         np.sqrt(walls(Camera.open(context, name), 12, EXACT, z_mm).var(axis=0, ddof=1).mean())
         for name in SENSORS
@@ -158,7 +158,7 @@ def test_the_fast_sensor_is_as_noisy(context: moderngl.Context, z_mm: float) -> 
     assert sigmas[1] == pytest.approx(sigmas[0], rel=0.05)
 
 
-def test_a_pixel_among_others_of_another_phase_is_marked(context: moderngl.Context) -> None:
+def test_a_pixel_among_others_of_another_phase_is_marked(context: Context) -> None:
     """Beside a step, three of seven columns have the opposite phase at one frequency."""
     cam = Camera.open(context, "azure-kinect")
     near_mm, far_mm = 700.0, 1593.0  # half a wave of 84 MHz apart
@@ -174,7 +174,7 @@ def test_a_pixel_among_others_of_another_phase_is_marked(context: moderngl.Conte
 
 @pytest.mark.parametrize("deliver", ["raw", pytest.param("undistorted", marks=pytest.mark.long)])
 def test_the_field_stop_cuts_the_same_directions_in_both_geometries(
-    context: moderngl.Context, deliver: str
+    context: Context, deliver: str
 ) -> None:
     cam = Camera.open(context, "azure-kinect", deliver=deliver)
     seen = cam.shoot([quad(1000.0, albedo=0.8)], QUIET)["infrared"] > 0
@@ -200,7 +200,7 @@ def corner() -> list[Placed]:
     ]
 
 
-def test_a_corner_is_bent(context: moderngl.Context) -> None:
+def test_a_corner_is_bent(context: Context) -> None:
     cam = Camera.open(context)
     scene = corner()
     without, bent = cam.shoot(scene, QUIET), cam.shoot(scene, merged(QUIET, ON))
@@ -212,7 +212,7 @@ def test_a_corner_is_bent(context: moderngl.Context) -> None:
     assert (bent["infrared"] - without["infrared"])[inner].mean() > 0
 
 
-def test_a_wall_and_a_ridge_stay(context: moderngl.Context) -> None:
+def test_a_wall_and_a_ridge_stay(context: Context) -> None:
     cam = Camera.open(context)
     ridge = [
         quad(1200.0, (-400, 0), (-300, 300), yaw_deg=-45),
@@ -225,7 +225,7 @@ def test_a_wall_and_a_ridge_stay(context: moderngl.Context) -> None:
         assert np.quantile(apart, 0.99) < 0.05
 
 
-def test_twin_agrees(context: moderngl.Context) -> None:
+def test_twin_agrees(context: Context) -> None:
     cam = Camera.open(context)
     drawn, computed = cam.shoot(corner(), ON), cam.twin(corner(), ON)
     one, other = drawn["depth"] > 0, computed["depth"] > 0

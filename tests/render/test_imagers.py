@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.bench.scenes import occluder
@@ -41,7 +41,7 @@ def scene(near_mm: float = 500, far_mm: float = 900) -> list[tuple[Mesh, NDArray
 
 
 def layers(
-    context: moderngl.Context, rig: SensorRig, names: Sequence[str] = NAMES, **asked: object
+    context: Context, rig: SensorRig, names: Sequence[str] = NAMES, **asked: object
 ) -> tuple[dict[str, NDArray[np.float32]], Rect]:
     readback = Readback(context)
     with Renderer(context, rig).render(scene(), **asked) as rendered:  # type: ignore[arg-type]
@@ -50,7 +50,7 @@ def layers(
         return {n: a.copy() for n, a in readback.arrays().items()}, rendered.window
 
 
-def test_each_imager_sees_the_scene_from_its_place(context: moderngl.Context) -> None:
+def test_each_imager_sees_the_scene_from_its_place(context: Context) -> None:
     found, _ = layers(context, RIG)
     np.testing.assert_array_equal(found["left_clean"], found["clean"])
     moved = [(mesh, view.copy()) for mesh, view in scene()]
@@ -65,7 +65,7 @@ def test_each_imager_sees_the_scene_from_its_place(context: moderngl.Context) ->
     assert near[0][0] - near[1][0] in (21, 22)
 
 
-def test_the_light_of_each_projector_is_kept_apart(context: moderngl.Context) -> None:
+def test_the_light_of_each_projector_is_kept_apart(context: Context) -> None:
     """To the left of the foreground lies the shadow of a projector to its right, as wide as far."""
     found, _ = layers(context, RIG)
     row = found["left_lit"][75]
@@ -80,7 +80,7 @@ def test_the_light_of_each_projector_is_kept_apart(context: moderngl.Context) ->
     assert (far & (row[:, 1] < 0.5)).sum() == pytest.approx(0.01 * per_metre, abs=1.5)
 
 
-def test_a_crop_s_window_holds_what_the_other_imager_sees_of_it(context: moderngl.Context) -> None:
+def test_a_crop_s_window_holds_what_the_other_imager_sees_of_it(context: Context) -> None:
     crop = Rect(80, 50, 40, 40)
     whole, _ = layers(context, RIG)
     cut, window = layers(context, RIG, visible=crop, reach_px=10)

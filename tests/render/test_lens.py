@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.camera import Distortion
 from glsim.core.rect import Rect
@@ -28,7 +28,7 @@ def opencv_pixels(points_m: np.ndarray) -> np.ndarray:
 
 
 def test_a_renderer_inverts_its_lens_once(
-    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+    context: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lens = Distortion(k1=0.08, k2=-0.2, k3=0.0713)  # used by no other test, so not cached
     invert, made = Distortion.undistort, []
@@ -44,7 +44,7 @@ def test_a_renderer_inverts_its_lens_once(
     assert device.rays().tobytes() == made[0].astype(np.float32).tobytes()
 
 
-def test_a_plane_stays_a_plane(context: moderngl.Context) -> None:
+def test_a_plane_stays_a_plane(context: Context) -> None:
     plane = Plane(1.2, 35, 30)
     layers = layers_of(context, RAW, [plane.mesh(1.0)])
     seen = layers["clean"] > 0
@@ -65,7 +65,7 @@ def test_a_plane_stays_a_plane(context: moderngl.Context) -> None:
     ],
 )
 def test_edges_land_where_opencv_puts_them(
-    context: moderngl.Context, x: tuple[float, float], y: tuple[float, float]
+    context: Context, x: tuple[float, float], y: tuple[float, float]
 ) -> None:
     """The outline agrees within a pixel, and all pixels except those on the outline."""
     drawn = layers_of(context, RAW, [rectangle(x, y, 1.0)])["clean"] > 0
@@ -90,7 +90,7 @@ def test_edges_land_where_opencv_puts_them(
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_shadows_are_as_wide_as_without_the_lens(context: moderngl.Context, side: int) -> None:
+def test_shadows_are_as_wide_as_without_the_lens(context: Context, side: int) -> None:
     scene = [rectangle((-0.1, 0.1), (-0.12, 0.12), 0.9), rectangle((-3, 3), (-3, 3), 1.5)]
     emitter = (0.075 * side, 0.0, 0.0)
     plain = layers_of(context, rig(emitter), scene)["lit"] < 0.5
@@ -102,7 +102,7 @@ def test_shadows_are_as_wide_as_without_the_lens(context: moderngl.Context, side
     assert dark.sum() == pytest.approx(plain.sum(), rel=0.08)
 
 
-def test_the_number_of_samples_reaches_the_shader(context: moderngl.Context) -> None:
+def test_the_number_of_samples_reaches_the_shader(context: Context) -> None:
     """The range of a slanted plane within a pixel is (n - 1) / n of its change per pixel."""
     three, five = (
         layers_of(context, replace(rig(), supersample=samples), [Plane(0.9, 30).mesh(0.1)])
@@ -137,7 +137,7 @@ def draw_everywhere(cam: Camera, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("sensor", ["kinect-v2", "kinect-v2-fast", "azure-kinect"])
 def test_the_same_bytes_come_out(
-    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, sensor: str
+    context: Context, monkeypatch: pytest.MonkeyPatch, sensor: str
 ) -> None:
     cam, scenes = Camera.open(context, sensor), face_scenes(2, seed=3)
     changes = MULTIPATH if sensor == "kinect-v2" else {}
@@ -150,7 +150,7 @@ def test_the_same_bytes_come_out(
             np.testing.assert_array_equal(some[name], whole, name)
 
 
-def test_a_smaller_face_leaves_nothing_of_a_larger_one(context: moderngl.Context) -> None:
+def test_a_smaller_face_leaves_nothing_of_a_larger_one(context: Context) -> None:
     """Targets are reused; what was drawn in them before must be cleared."""
     cam, scene = Camera.open(context), [quad(900.0, (-40, 40), (-40, 40))]
     alone = cam.shoot(scene)
@@ -160,13 +160,13 @@ def test_a_smaller_face_leaves_nothing_of_a_larger_one(context: moderngl.Context
         np.testing.assert_array_equal(image, again[name], name)
 
 
-def test_a_background_leaves_nothing_out(context: moderngl.Context) -> None:
+def test_a_background_leaves_nothing_out(context: Context) -> None:
     cam = Camera.open(context)
     assert not skips_empty(cam, [quad(900.0)])
     assert skips_empty(cam, [quad(900.0, (-40, 40), (-40, 40))])
 
 
-def test_its_edge_is_a_pixel_outside(context: moderngl.Context) -> None:
+def test_its_edge_is_a_pixel_outside(context: Context) -> None:
     """The blurred light one pixel outside the visible surface is kept."""
     cam = Camera.open(context)
     layers = cam.shoot([quad(900.0, (-40, 40), (-40, 40))])

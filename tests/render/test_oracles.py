@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
@@ -38,7 +38,7 @@ def check(ours: NDArray[np.float32], theirs: NDArray[np.float32]) -> None:
 
 @pytest.mark.parametrize("pose", POSES, ids=["front", "turned", "far"])
 def test_depth_and_normals_are_those_of_open3d(
-    context: moderngl.Context, face: Mesh, pose: dict[str, float]
+    context: Context, face: Mesh, pose: dict[str, float]
 ) -> None:
     import open3d
 
@@ -62,7 +62,7 @@ def test_depth_and_normals_are_those_of_open3d(
 
 
 @pytest.mark.parametrize("aside_m", [0.075, 0.8, 2.0])
-def test_shadows_are_those_of_open3d(context: moderngl.Context, face: Mesh, aside_m: float) -> None:
+def test_shadows_are_those_of_open3d(context: Context, face: Mesh, aside_m: float) -> None:
     """Cast a ray from each pixel's point to the emitter. Far aside, it makes a long nose shadow."""
     import open3d
 

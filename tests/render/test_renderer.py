@@ -6,9 +6,9 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import MeshError
@@ -34,9 +34,7 @@ RAYS = V2.rays().astype(np.float64)
 
 
 @pytest.mark.parametrize(("tilt", "turn"), [(0, 0), *product((40, 75), (0, 90, 200))])
-def test_plane_is_exact_to_a_micrometre(
-    context: moderngl.Context, tilt: float, turn: float
-) -> None:
+def test_plane_is_exact_to_a_micrometre(context: Context, tilt: float, turn: float) -> None:
     plane = Plane(0.9, tilt, turn)
     layers = layers_of(context, rig(), [plane.mesh(0.12)])
     inside = interior(layers["clean"])
@@ -45,12 +43,12 @@ def test_plane_is_exact_to_a_micrometre(
     assert np.abs(layers["normal"][inside][:, :3] - plane.normal).max() < 1e-4
 
 
-def test_plane_that_fills_the_view_is_seen_in_every_pixel(context: moderngl.Context) -> None:
+def test_plane_that_fills_the_view_is_seen_in_every_pixel(context: Context) -> None:
     clean = layers_of(context, rig(), [Plane(2.0, 20, 60).mesh(3.0)])["clean"]
     assert np.abs(clean - Plane(2.0, 20, 60).depth(RAYS)).max() < 2e-6
 
 
-def test_first_row_is_on_top_and_columns_go_right(context: moderngl.Context) -> None:
+def test_first_row_is_on_top_and_columns_go_right(context: Context) -> None:
     clean = layers_of(context, rig(), [rectangle((0.1, 0.2), (-0.3, -0.1), 1.0)])["clean"]
     rows, columns = np.nonzero(clean)
     corners = V2.project(np.array([[0.1, -0.3, 1.0], [0.2, -0.1, 1.0]]))
@@ -61,7 +59,7 @@ def test_first_row_is_on_top_and_columns_go_right(context: moderngl.Context) -> 
     assert rows.max() == round(corners[1, 1]) - 1
 
 
-def test_the_subjects_left_is_on_the_right_of_the_image(context: moderngl.Context) -> None:
+def test_the_subjects_left_is_on_the_right_of_the_image(context: Context) -> None:
     """Canonical +x, where the cheek has a bump, and +y, where the forehead is."""
     face = layers_of(context, rig(), [(face_mesh(), {"distance_mm": 900})])["clean"]
     row, right, left = (
@@ -95,7 +93,7 @@ def test_poses_turn_the_head_as_its_owner_would_say(
         assert nose[0] > 0.015 if angle == "yaw_deg" else nose[1] < -0.015
 
 
-def test_albedo_is_interpolated_between_vertices_or_that_of_skin(context: moderngl.Context) -> None:
+def test_albedo_is_interpolated_between_vertices_or_that_of_skin(context: Context) -> None:
     plain = rectangle((-0.2, 0.2), (-0.2, 0.2), 1.0)
     grey = Mesh(plain.vertices_mm, plain.faces, np.array([0, 1, 0, 1], np.float32))
     for mesh in (grey, plain, grey):  # the same topology: the buffers are used again
@@ -106,7 +104,7 @@ def test_albedo_is_interpolated_between_vertices_or_that_of_skin(context: modern
     assert SKIN_ALBEDO == 0.6
 
 
-def test_new_vertices_of_a_known_topology_are_drawn(context: moderngl.Context) -> None:
+def test_new_vertices_of_a_known_topology_are_drawn(context: Context) -> None:
     renderer = Renderer(context, rig())
     near = rectangle((-0.1, 0.1), (-0.1, 0.1), 0.8)
     far = Mesh(near.vertices_mm * np.array([1, 1, 1.5], np.float32), near.faces)
@@ -114,7 +112,7 @@ def test_new_vertices_of_a_known_topology_are_drawn(context: moderngl.Context) -
     np.testing.assert_allclose(deep, [0.8, 1.2, 0.8], atol=1e-6)
 
 
-def test_the_nearer_mesh_hides_the_farther_in_any_order(context: moderngl.Context) -> None:
+def test_the_nearer_mesh_hides_the_farther_in_any_order(context: Context) -> None:
     near, far = rectangle((-0.1, 0.1), (-0.1, 0.1), 0.8), rectangle((-2, 2), (-2, 2), 1.5)
     one = layers_of(context, rig((0.05, 0, 0)), [near, far])
     other = layers_of(context, rig((0.05, 0, 0)), [far, near])
@@ -124,7 +122,7 @@ def test_the_nearer_mesh_hides_the_farther_in_any_order(context: moderngl.Contex
     np.testing.assert_allclose(one["clean"], np.where(covered, 0.8, 1.5), atol=1e-6)
 
 
-def test_back_faces_are_not_drawn(context: moderngl.Context) -> None:
+def test_back_faces_are_not_drawn(context: Context) -> None:
     plain = rectangle((-0.1, 0.1), (-0.1, 0.1), 0.8)
     turned = Mesh(plain.vertices_mm, np.ascontiguousarray(plain.faces[:, ::-1]))
     assert not layers_of(context, rig(), [turned])["clean"].any()
@@ -133,7 +131,7 @@ def test_back_faces_are_not_drawn(context: moderngl.Context) -> None:
 @pytest.mark.parametrize("lens", [{}, {"distortion": V2_LENS, "deliver": "raw"}])
 @pytest.mark.parametrize("offset_m", [(0.0, 0.0), (0.5, 0.3), (-0.6, -0.5)])
 def test_a_crop_is_cut_from_the_same_image(
-    context: moderngl.Context, offset_m: tuple[float, float], lens: dict[str, Any]
+    context: Context, offset_m: tuple[float, float], lens: dict[str, Any]
 ) -> None:
     renderer = Renderer(context, rig((0.045, 0, 0), **lens))
     x, y = offset_m
@@ -161,21 +159,21 @@ def test_a_crop_is_cut_from_the_same_image(
     ],
 )
 def test_what_cannot_be_drawn_is_named(
-    context: moderngl.Context, points: list[list[float]], message: str
+    context: Context, points: list[list[float]], message: str
 ) -> None:
     mesh = camera_mesh(np.array(points * 3), np.array([[0, 1, 2]]))
     with pytest.raises(MeshError, match=message):
         layers_of(context, rig(), [mesh])
 
 
-def test_a_mesh_outside_of_the_crop_is_out_of_view(context: moderngl.Context) -> None:
+def test_a_mesh_outside_of_the_crop_is_out_of_view(context: Context) -> None:
     mesh = rectangle((0.3, 0.4), (-0.1, 0.1), 1.0)
     with pytest.raises(MeshError, match=r"out of view: .* of the crop of 64x64 at 10, 20"):
         layers_of(context, rig(), [mesh], Rect(10, 20, 64, 64))
 
 
 def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
-    context: moderngl.Context,
+    context: Context,
 ) -> None:
     floor = camera_mesh(
         np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, -3.0], [1, 0.3, -3.0]]), grid_faces(2, 2)
@@ -188,7 +186,7 @@ def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
     assert (lit[300:, 256] > 0.99).all()  # the emitter stands above the floor: no shadow
 
 
-def test_further_meshes_behind_or_beside_the_camera_are_no_error(context: moderngl.Context) -> None:
+def test_further_meshes_behind_or_beside_the_camera_are_no_error(context: Context) -> None:
     """Shoes and knees of a person who sits near, before a face that is in view."""
     face = camera_mesh(
         np.array([[-0.1, -0.1, 0.9], [0.1, -0.1, 0.9], [-0.1, 0.1, 0.9], [0.1, 0.1, 0.9]]),
@@ -209,7 +207,7 @@ def test_further_meshes_behind_or_beside_the_camera_are_no_error(context: modern
         assert (layers["lit"][seen] > 0.99).mean() > 0.99
 
 
-def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(context: moderngl.Context) -> None:
+def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(context: Context) -> None:
     floor = camera_mesh(
         np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, 0.2], [1, 0.3, 0.2]]), grid_faces(2, 2)
     )
@@ -217,7 +215,7 @@ def test_an_emitter_inside_a_scene_before_the_camera_is_an_error(context: modern
         layers_of(context, rig((0.0, 0, 0.5)), [floor])
 
 
-def test_large_coordinates_keep_their_precision(context: moderngl.Context) -> None:
+def test_large_coordinates_keep_their_precision(context: Context) -> None:
     """A scan in a world frame: 10 m from its origin, brought back by the pose."""
     plain = rectangle((-0.1, 0.1), (-0.1, 0.1), 0.0)
     away = Mesh(plain.vertices_mm + np.float32(10_000), plain.faces)
@@ -226,7 +224,7 @@ def test_large_coordinates_keep_their_precision(context: moderngl.Context) -> No
     np.testing.assert_allclose(clean[interior(clean)], 0.9, atol=2e-6)
 
 
-def test_a_view_of_one_pixel_in_a_large_image(context: moderngl.Context) -> None:
+def test_a_view_of_one_pixel_in_a_large_image(context: Context) -> None:
     wide = Intrinsics(3000, 8, 900.0, 900.0, 1500.0, 4.0)
     clean = layers_of(context, rig(image=wide), [rectangle((1.2, 1.2 + 1 / 900), (-1, 1), 1.0)])[
         "clean"
@@ -240,9 +238,7 @@ def lent(rendered: Rendered) -> set[int]:
 
 
 @pytest.mark.parametrize("samples", [1, 3])
-def test_targets_are_free_again_when_the_block_is_left(
-    context: moderngl.Context, samples: int
-) -> None:
+def test_targets_are_free_again_when_the_block_is_left(context: Context, samples: int) -> None:
     renderer = Renderer(context, rig((0.05, 0, 0), supersample=samples))
     scene = [(rectangle((-0.1, 0.1), (-0.1, 0.1), 0.8), AT_CAMERA)]
     with renderer.render(scene) as first:
@@ -259,7 +255,7 @@ def test_targets_are_free_again_when_the_block_is_left(
         assert again.silhouette is first.silhouette
 
 
-def test_the_scene_comes_with_its_window_and_nearest_depth(context: moderngl.Context) -> None:
+def test_the_scene_comes_with_its_window_and_nearest_depth(context: Context) -> None:
     renderer = Renderer(context, rig((0.05, 0, 0)))
     near, far = (rectangle((-0.1, 0.1), (-0.1, 0.1), z) for z in (0.8, 1.6))
     with renderer.render([(near, AT_CAMERA)]) as one, renderer.render([(far, AT_CAMERA)]) as other:

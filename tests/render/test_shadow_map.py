@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core import depth_map
@@ -29,7 +29,7 @@ def occluder_rows_and_columns() -> tuple[slice, slice]:
 @pytest.mark.parametrize("background_m", [1.0, 1.1, 1.5, 2.0])
 @pytest.mark.parametrize("baseline_m", [0.045, 0.075, -0.075])
 def test_width_behind_a_step_is_that_of_the_formula(
-    context: moderngl.Context, baseline_m: float, background_m: float
+    context: Context, baseline_m: float, background_m: float
 ) -> None:
     """Pixels = b f (1/Zo - 1/Zb), on the side of the occluder away from the emitter only."""
     lit = layers_of(context, rig((baseline_m, 0, 0)), step_scene(background_m))["lit"]
@@ -47,7 +47,7 @@ def test_width_behind_a_step_is_that_of_the_formula(
     assert (lit[rows.stop + 2 :] == 1).all()
 
 
-def test_a_vertical_baseline_throws_shadows_up_and_none_aside(context: moderngl.Context) -> None:
+def test_a_vertical_baseline_throws_shadows_up_and_none_aside(context: Context) -> None:
     lit = layers_of(context, rig((0, 0.075, 0)), step_scene(1.5))["lit"]
     rows, columns = occluder_rows_and_columns()
     dark = np.argwhere(lit < 0.5)
@@ -58,11 +58,11 @@ def test_a_vertical_baseline_throws_shadows_up_and_none_aside(context: moderngl.
     assert dark[:, 1].max() <= columns.stop
 
 
-def test_without_an_emitter_everything_is_lit(context: moderngl.Context) -> None:
+def test_without_an_emitter_everything_is_lit(context: Context) -> None:
     assert (layers_of(context, rig(), step_scene(1.5))["lit"] == 1).all()
 
 
-def test_each_of_several_emitters_gives_its_share(context: moderngl.Context) -> None:
+def test_each_of_several_emitters_gives_its_share(context: Context) -> None:
     places = [(x, 0.0, 0.0) for x in (0.03, 0.06, 0.09)]
     together = layers_of(context, rig(*places), step_scene(1.5))["lit"]
     alone = [layers_of(context, rig(place), step_scene(1.5))["lit"] for place in places]
@@ -76,7 +76,7 @@ def test_each_of_several_emitters_gives_its_share(context: moderngl.Context) -> 
 @pytest.mark.parametrize("tilt", [0, 30, 60, 75])
 @pytest.mark.parametrize("turn", [0, 45, 90, 180, 290])
 def test_a_plane_does_not_shadow_itself(
-    context: moderngl.Context, tilt: float, turn: float, emitter: tuple[float, float, float]
+    context: Context, tilt: float, turn: float, emitter: tuple[float, float, float]
 ) -> None:
     layers = layers_of(context, rig(emitter), [Plane(0.9, tilt, turn).mesh(0.1, cells=24)])
     inside = interior(layers["clean"], 1)
@@ -98,7 +98,7 @@ def angle_to_emitter(
 
 @pytest.mark.parametrize("distance_m", [0.6, 1.0, 2.5])
 def test_a_sphere_does_not_shadow_itself_and_is_dark_on_the_far_side(
-    context: moderngl.Context, distance_m: float
+    context: Context, distance_m: float
 ) -> None:
     """The emitter is far aside, so the terminator is in view."""
     centre, emitter = (0.02, 0.01, distance_m), (0.4, 0.1, 0.0)
@@ -125,7 +125,7 @@ SCENES: dict[str, list[Mesh | tuple[Mesh, dict[str, float]]]] = {
 @pytest.mark.parametrize("emitters", [[(0.075, 0, 0)], [(0.04, 0, 0), (0.06, 0, 0)]])
 @pytest.mark.parametrize("name", SCENES)
 def test_marching_in_the_image_agrees_with_the_shader(
-    context: moderngl.Context, name: str, emitters: list[tuple[float, float, float]]
+    context: Context, name: str, emitters: list[tuple[float, float, float]]
 ) -> None:
     """depth_map.lit_by_marching sees the depth map only, without the surfaces hidden behind it."""
     device = rig(*emitters)
@@ -139,7 +139,7 @@ def test_marching_in_the_image_agrees_with_the_shader(
         assert (dark & found).sum() > 0.9 * (dark | found).sum() > 150
 
 
-def test_lighting_a_depth_map_is_like_lighting_its_mesh(context: moderngl.Context) -> None:
+def test_lighting_a_depth_map_is_like_lighting_its_mesh(context: Context) -> None:
     device = rig((0.075, 0, 0))
     layers = layers_of(context, device, SCENES["face and wall"])
     clean = layers["clean"]

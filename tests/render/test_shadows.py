@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core import depth_map
@@ -25,9 +25,7 @@ from tests.support.scenes import V2, face_mesh, layers_of, rectangle, rig, sheet
 BASELINE_M, SPREAD_M, FRONT_M = 0.045, 0.015, 0.9
 
 
-def lit_row(
-    context: moderngl.Context, spread_m: float, wall_m: float
-) -> tuple[np.ndarray, np.ndarray]:
+def lit_row(context: Context, spread_m: float, wall_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return ``lit`` along the middle row behind a board, by the shader and by marching."""
     rig = SensorRig(V2, (Emitter((BASELINE_M, 0.0, 0.0), spread_m),))
     board = rectangle((0, 0.2), (-0.2, 0.2), FRONT_M)
@@ -42,7 +40,7 @@ def width_px(baseline_m: float, wall_m: float) -> float:
 
 @pytest.mark.parametrize("wall_m", [1.1, 1.5, 2.0])
 def test_the_shadow_has_steps_where_each_point_of_the_emitter_goes(
-    context: moderngl.Context, wall_m: float
+    context: Context, wall_m: float
 ) -> None:
     for row in lit_row(context, SPREAD_M, wall_m):
         # The shares count the pixels that two, one and none of the three points reach.
@@ -55,7 +53,7 @@ def test_the_shadow_has_steps_where_each_point_of_the_emitter_goes(
         assert len(levels) >= 1, "there is a penumbra"
 
 
-def test_a_point_makes_a_hard_shadow(context: moderngl.Context) -> None:
+def test_a_point_makes_a_hard_shadow(context: Context) -> None:
     row, marched = lit_row(context, 0.0, 1.5)
     assert ((row > 0.05) & (row < 0.95)).sum() <= 1, "only the pixel that the edge crosses"
     assert set(np.unique(marched)) == {0.0, 1.0}
@@ -97,7 +95,7 @@ def umbra(front_m: float, wall_m: float, spread_m: float, rays: Image) -> NDArra
 @pytest.mark.parametrize(
     "spread_m", [0.0, *(pytest.param(s, marks=pytest.mark.long) for s in (0.005, 0.015))]
 )
-def test_no_light_leaks_into_the_umbra(context: moderngl.Context, spread_m: float) -> None:
+def test_no_light_leaks_into_the_umbra(context: Context, spread_m: float) -> None:
     """By the shader, and by its oracle, which marches in the image."""
     rig = SensorRig(IMAGE, (Emitter((BASELINE_M_LEAK, 0.0, 0.0), spread_m),))
     renderer, rays, looked_at = Renderer(context, rig), rig.rays(), 0
@@ -115,7 +113,7 @@ def test_no_light_leaks_into_the_umbra(context: moderngl.Context, spread_m: floa
     assert looked_at > 4_000
 
 
-def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: moderngl.Context) -> None:
+def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: Context) -> None:
     """tof_shadow's twin, which the shader agrees with."""
     rig = SensorRig(IMAGE, (Emitter((BASELINE_M_LEAK, 0.0, 0.0)),))
     renderer, rays, looked_at = Renderer(context, rig), rig.rays(), 0
@@ -162,9 +160,7 @@ def test_the_occluder_is_a_share_of_the_triangles_of_the_same_vertices() -> None
     np.testing.assert_array_equal(occluder, occluder_of(mesh.vertices_mm, mesh.faces))
 
 
-def test_the_surface_that_an_emitter_sees_hardly_moves(
-    context: moderngl.Context, heads: list[Mesh]
-) -> None:
+def test_the_surface_that_an_emitter_sees_hardly_moves(context: Context, heads: list[Mesh]) -> None:
     """The bounds are twice what the docs quote, which is measured on more faces."""
     renderer = Renderer(context, rig((0.049, 0, 0)))
     moved = []
@@ -181,7 +177,7 @@ def test_the_surface_that_an_emitter_sees_hardly_moves(
 
 
 def test_the_light_on_a_face_is_nearly_that_of_all_its_triangles(
-    context: moderngl.Context, heads: list[Mesh]
+    context: Context, heads: list[Mesh]
 ) -> None:
     renderer = Renderer(context, rig((0.15, 0, 0)))
     for mesh in heads:
@@ -195,7 +191,7 @@ def test_the_light_on_a_face_is_nearly_that_of_all_its_triangles(
         assert other.sum() < 0.003 * seen.sum()
 
 
-def test_the_occluder_casts_no_spots_on_the_face_itself(context: moderngl.Context) -> None:
+def test_the_occluder_casts_no_spots_on_the_face_itself(context: Context) -> None:
     """Where it spans a concave place it rises above the skin: a black spot between the brows."""
     source = ProceduralFaces(1)
     keys = [source.frames(subject, 30)[0] for subject in source.subjects(30)]
@@ -211,7 +207,7 @@ def test_the_occluder_casts_no_spots_on_the_face_itself(context: moderngl.Contex
     assert spotted <= 1
 
 
-def test_the_occluder_alone_casts_the_shadow(context: moderngl.Context) -> None:
+def test_the_occluder_alone_casts_the_shadow(context: Context) -> None:
     """A plate whose occluder is its upper half casts half of its shadow on a wall."""
     plate = sheet(lambda x, _: np.full_like(x, 0.9), (-0.1, 0.1), (-0.12, 0.12), cells=2)
     wall = rectangle((-5, 5), (-5, 5), 1.5)

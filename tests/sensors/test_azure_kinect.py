@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.bench.validate.checks.azure_kinect import (
@@ -57,7 +57,7 @@ def test_the_sheets_bands_hold_the_real_frame() -> None:
         assert found[band.key] == pytest.approx(0.5 * (band.low + band.high), abs=0.006), band.key
 
 
-def test_the_field_stop_is_the_real_hexagon(context: moderngl.Context) -> None:
+def test_the_field_stop_is_the_real_hexagon(context: Context) -> None:
     """In the raw image, with the real device's principal point."""
     _, infrared = real_frame()
     cam = Camera.open(context, "azure-kinect", deliver="raw", centre_px=[333.3, 349.3])
@@ -78,7 +78,7 @@ def test_the_field_stop_is_the_real_hexagon(context: moderngl.Context) -> None:
 )
 @pytest.mark.long
 def test_modes_see_their_part_of_the_chip_to_their_range(
-    context: moderngl.Context,
+    context: Context,
     sensor: str,
     size: tuple[int, int],
     far_m: float,
@@ -97,7 +97,7 @@ def test_modes_see_their_part_of_the_chip_to_their_range(
     assert share[0] <= lit.mean() <= share[1]  # the circle has pi / 4 of its square
 
 
-def test_light_of_many_ways_loses_contrast_at_fast_frequencies(context: moderngl.Context) -> None:
+def test_light_of_many_ways_loses_contrast_at_fast_frequencies(context: Context) -> None:
     cam = Camera.open(context, "azure-kinect")
     bar = quad(297.0, x_mm=(-10.0, 10.0), albedo=0.3)
     scene = [quad(1520.0, albedo=0.8), bar]
@@ -109,7 +109,7 @@ def test_light_of_many_ways_loses_contrast_at_fast_frequencies(context: moderngl
     assert np.array_equal(plain["infrared"][lit][:100], many["infrared"][lit][:100])
 
 
-def test_temporal_sigma_agrees_with_the_published_one(context: moderngl.Context) -> None:
+def test_temporal_sigma_agrees_with_the_published_one(context: Context) -> None:
     """Tolgyessy et al. 2021: 0.89, 1.78 mm at 1.5, 3 m (from memory), on a white wall.
 
     Nothing was fitted to it; ours at 3 m are 2.4 mm, which the real frame's residuals demand. Their

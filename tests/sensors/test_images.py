@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 import glsim
@@ -48,9 +48,7 @@ def sensor_file(folder: Path, values: NDArray[np.generic] | None, stage: str = "
     return str(file)
 
 
-def test_the_map_is_the_pattern_of_every_frame_and_crop(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_the_map_is_the_pattern_of_every_frame_and_crop(context: Context, tmp_path: Path) -> None:
     values = a_map()
     camera = VirtualCamera(sensor_file(tmp_path, values), context)
     whole = camera.capture(scenes.wall(900), 2, None)
@@ -75,7 +73,7 @@ def test_the_map_is_the_pattern_of_every_frame_and_crop(
     assert not np.array_equal(again[HOLE], drawn)
 
 
-def test_shader_and_twin_add_the_same_map(context: moderngl.Context, tmp_path: Path) -> None:
+def test_shader_and_twin_add_the_same_map(context: Context, tmp_path: Path) -> None:
     file = sensor_file(tmp_path, a_map())
     settings = load_settings(overrides={"sensor": file, "output": {"depth_unit_mm": 0.1}})
     flat = np.full(SHAPE, 9000, np.uint16)
@@ -192,9 +190,7 @@ def random_dots(shape: tuple[int, int], share: float = 0.05) -> NDArray[np.uint8
     return (255 * (np.random.default_rng(2).random(shape) < share)).astype(np.uint8)
 
 
-def test_a_spot_lies_where_the_projector_throws_it(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_a_spot_lies_where_the_projector_throws_it(context: Context, tmp_path: Path) -> None:
     """One spot, up and to the left as the camera sees it, on the wall at 1 m."""
     image = np.zeros((64, 80), np.uint16)
     image[6:9, 9:12] = 65535
@@ -210,7 +206,7 @@ def test_a_spot_lies_where_the_projector_throws_it(
         assert max(np.ptp(xs), np.ptp(ys)) < 14, "three pixels of the image are 9 of the camera"
 
 
-def test_depth_is_measured_by_the_image(context: moderngl.Context, tmp_path: Path) -> None:
+def test_depth_is_measured_by_the_image(context: Context, tmp_path: Path) -> None:
     sensor = sensor_file_image(tmp_path, random_dots((120, 150), 0.1))
     frame = frame_of(sensor)
     both = (frame.clean > 0) & (frame.noisy > 0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.bench import scenes
 from glsim.cli import main
@@ -78,9 +78,7 @@ def test_removal_is_the_inverse_of_the_error() -> None:
 
 
 @pytest.mark.long
-def test_calibration_takes_bias_and_pattern_from_planes(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_calibration_takes_bias_and_pattern_from_planes(context: Context, tmp_path: Path) -> None:
     """Bias by distance falls from 1 mm and more to below 0.15 mm; the pattern goes."""
     pattern = np.random.default_rng(0).normal(0, 0.8, (424, 512))
     file = device_file(tmp_path, pattern)
@@ -109,9 +107,7 @@ def test_calibration_takes_bias_and_pattern_from_planes(
     assert spread["calibrated"] ** 2 < spread["raw"] ** 2 - 0.7 * 0.8**2
 
 
-def test_a_fitted_sensor_holds_the_waves_that_it_measured(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_a_fitted_sensor_holds_the_waves_that_it_measured(context: Context, tmp_path: Path) -> None:
     """Phases that differ between the frequencies have no place in a stage, but in the file."""
     from glsim.bench.fit.fit_wiggling import fit_wiggling
     from glsim.bench.fit.recording_statistics import measure_recording

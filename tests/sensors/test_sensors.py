@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR
 from glsim.core.errors import ConfigError
@@ -37,7 +37,7 @@ def test_maps_without_a_camera_have_the_intrinsics_of_the_default_sensor() -> No
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_a_face_is_seen_with_reasons_that_fit(context: moderngl.Context, name: str) -> None:
+def test_a_face_is_seen_with_reasons_that_fit(context: Context, name: str) -> None:
     distance_mm = {"realsense-d405": 300, "truedepth": 400, "truedepth-filtered": 400}.get(
         name, 900
     )
@@ -61,7 +61,7 @@ def test_a_face_is_seen_with_reasons_that_fit(context: moderngl.Context, name: s
         assert len(described["stages"]) == len(load_sensor(name).stages)
 
 
-def test_ideal_is_the_clean_depth_rounded(context: moderngl.Context) -> None:
+def test_ideal_is_the_clean_depth_rounded(context: Context) -> None:
     (frame,) = frames_of(context, settings_for("ideal"), face_mesh())
     np.testing.assert_array_equal(frame.noisy, frame.clean)
     np.testing.assert_allclose(frame.noisy_m, frame.clean_m, atol=0.000501)
@@ -146,7 +146,7 @@ def test_a_bad_rig_is_named(tmp_path: Path, change: str, message: str) -> None:
         load_sensor(str(file))
 
 
-def test_the_rig_may_be_changed_from_settings(context: moderngl.Context) -> None:
+def test_the_rig_may_be_changed_from_settings(context: Context) -> None:
     settings = settings_for("kinect-v2", rig={"deliver": "raw", "width": 400})
     (frame,) = frames_of(context, settings, face_mesh())
     assert frame.clean.shape == (424, 400)

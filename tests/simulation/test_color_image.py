@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import moderngl
 import numpy as np
+from moderngl import Context
 
 import glsim
 from glsim.cli import main
@@ -18,13 +18,13 @@ from tests.support.scenes import face_mesh, settings_for
 HEADS = [{"kind": "procedural", "subjects": 2, "frames_per_subject": 2}]
 
 
-def heads(context: moderngl.Context, **values: object) -> list[Frame]:
+def heads(context: Context, **values: object) -> list[Frame]:
     given = {"sensor": "ideal", "source": HEADS, "appearance.wear": "always", **values}
     settings = with_assignments(Settings(), given)
     return list(frames(settings, context=context, layers=("clean", "regions", "color")))
 
 
-def test_regions_have_colours_that_belong_to_the_person(context: moderngl.Context) -> None:
+def test_regions_have_colours_that_belong_to_the_person(context: Context) -> None:
     made = heads(context)
 
     def hue(frame: Frame, region: str) -> np.ndarray:
@@ -46,7 +46,7 @@ def test_regions_have_colours_that_belong_to_the_person(context: moderngl.Contex
     assert all((a.color == b.color).all() for a, b in zip(made, same, strict=True))
 
 
-def test_a_mesh_without_regions_has_the_colour_of_skin(context: moderngl.Context) -> None:
+def test_a_mesh_without_regions_has_the_colour_of_skin(context: Context) -> None:
     made = simulate(
         settings_for(), sources=[OneMesh(face_mesh())], context=context, layers=("clean", "color")
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import zlib
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.cli import main
@@ -23,7 +23,7 @@ from tests.support.scenes import V2, Plane, face_mesh, frames_of, layers_of, rig
 SENSORS = ["ideal", "kinect-v1", "kinect-v2", "kinect-v2-paper"]
 
 
-def turned_face(context: moderngl.Context, crop: int | None = 160) -> NDArray[np.uint16]:
+def turned_face(context: Context, crop: int | None = 160) -> NDArray[np.uint16]:
     """A face before a wall, whole millimetres."""
     pose = {"distance_mm": 900, "yaw_deg": 20}
     settings = settings_for(scene={"wall_mm": 1300}, pose=pose, output={"crop": crop})
@@ -31,7 +31,7 @@ def turned_face(context: moderngl.Context, crop: int | None = 160) -> NDArray[np
 
 
 @pytest.fixture
-def clean(context: moderngl.Context) -> NDArray[np.uint16]:
+def clean(context: Context) -> NDArray[np.uint16]:
     return turned_face(context)
 
 
@@ -48,7 +48,7 @@ def corrupted(
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_both_backends_agree(context: moderngl.Context, sensor: str) -> None:
+def test_both_backends_agree(context: Context, sensor: str) -> None:
     """Shadow edges differ: a map's mesh ends at pixel centres, the NumPy march at pixel borders."""
     clean = turned_face(context, crop=None)
     drawn, computed = corrupted(sensor, clean), corrupted(sensor, clean, backend="numpy")
@@ -159,7 +159,7 @@ def test_normals_of_a_map_are_those_of_its_plane() -> None:
     np.testing.assert_allclose(normal, np.broadcast_to([0, 0, -1.0], normal.shape), atol=1e-6)
 
 
-def test_the_surface_of_a_map_is_where_it_was_seen(context: moderngl.Context) -> None:
+def test_the_surface_of_a_map_is_where_it_was_seen(context: Context) -> None:
     seen = layers_of(context, rig(), [(face_mesh(), {"distance_mm": 900})])["clean"]
     mesh = depth_map.surface(seen, rig())
     assert mesh is not None

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core.camera import Exposure
@@ -30,9 +30,7 @@ QUIET = {
 }
 
 
-def shot(
-    context: moderngl.Context, sensor: str, mesh: Mesh | None = None, **overrides: Any
-) -> Frame:
+def shot(context: Context, sensor: str, mesh: Mesh | None = None, **overrides: Any) -> Frame:
     return frames_of(context, settings_for(sensor, **overrides), mesh or face_mesh())[0]
 
 
@@ -53,7 +51,7 @@ def wall() -> Mesh:
     [("azure-kinect", {}), ("kinect-v2", {}), ("kinect-v1", {"read_out_ms": 20.0})],
 )
 def test_a_frame_at_rest_has_the_same_bytes(
-    context: moderngl.Context, sensor: str, exposure: dict[str, float]
+    context: Context, sensor: str, exposure: dict[str, float]
 ) -> None:
     rig = {"exposure": exposure} if exposure else {}
     off = shot(context, sensor, rig=rig, pose={"distance_mm": 900})
@@ -66,9 +64,7 @@ def test_a_frame_at_rest_has_the_same_bytes(
 
 
 @pytest.mark.parametrize("sensor", ["azure-kinect", "kinect-v2"])
-def test_captures_of_a_scene_at_rest_add_up_to_its_light(
-    context: moderngl.Context, sensor: str
-) -> None:
+def test_captures_of_a_scene_at_rest_add_up_to_its_light(context: Context, sensor: str) -> None:
     """A scene that moves by less than 1 um has the depth of a scene at rest."""
     slow = {**STILL, "motion": {"within_exposure": True, "x_mm_s": 1e-3}}
     one = shot(context, sensor, pose={"distance_mm": 900}, stage=QUIET)
@@ -79,7 +75,7 @@ def test_captures_of_a_scene_at_rest_add_up_to_its_light(
     assert one.clean.tobytes() == nine.clean.tobytes()
 
 
-def test_a_wall_that_recedes_is_measured_as_the_formula_says(context: moderngl.Context) -> None:
+def test_a_wall_that_recedes_is_measured_as_the_formula_says(context: Context) -> None:
     """A receding wall turns the phase between the taps: the twin of the sum, in NumPy."""
     speed_mm_s, z_m = 2000.0, 0.9
     moving = {**STILL, "motion": {"within_exposure": True, "z_mm_s": speed_mm_s}}
@@ -111,7 +107,7 @@ def centroid(image: NDArray[np.bool_], rows: slice) -> float:
     return float(np.nonzero(image[rows])[1].mean())
 
 
-def test_a_rolling_shutter_leans_what_moves_sideways(context: moderngl.Context) -> None:
+def test_a_rolling_shutter_leans_what_moves_sideways(context: Context) -> None:
     """Rows at the top are earlier: at 1 m/s and 30 ms a bar leans by 30 mm over the image."""
     bar = rectangle((-0.03, 0.03), (-0.3, 0.3), 0.0)
     rig = {"exposure": {"read_out_ms": 30.0, "bands": 30}}
@@ -137,7 +133,7 @@ def test_a_rolling_shutter_leans_what_moves_sideways(context: moderngl.Context) 
     assert (frame.reason[(frame.noisy > 0) & (frame.clean > 0)] == Reason.VALID).all()
 
 
-def test_faster_turns_have_larger_errors_at_the_rim(context: moderngl.Context) -> None:
+def test_faster_turns_have_larger_errors_at_the_rim(context: Context) -> None:
     errors = []
     for speed in (0.0, 180.0, 720.0):
         motion = {"within_exposure": True, "yaw_deg_s": speed}
@@ -149,7 +145,7 @@ def test_faster_turns_have_larger_errors_at_the_rim(context: moderngl.Context) -
 
 
 @pytest.mark.long
-def test_moving_frames_do_not_depend_on_their_batch(context: moderngl.Context) -> None:
+def test_moving_frames_do_not_depend_on_their_batch(context: Context) -> None:
     """A generated sequence whose head and face move: each frame alone, and all together."""
     overrides = {"sensor": "azure-kinect", "motion": {"within_exposure": True}}
     settings = load_settings(None, [], overrides, {"subjects": 1, "frames_per_subject": 3})
@@ -182,7 +178,7 @@ def test_times_are_those_of_the_data_sheet() -> None:
     ],
 )
 def test_sensors_that_cannot_show_motion_are_named(
-    context: moderngl.Context, sensor: str, rig: dict[str, object], message: str
+    context: Context, sensor: str, rig: dict[str, object], message: str
 ) -> None:
     settings = settings_for(sensor, rig=rig, motion={"within_exposure": True})
     with pytest.raises(ConfigError, match=message) as caught:

@@ -9,9 +9,9 @@ import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.core.mesh import Mesh
@@ -50,7 +50,7 @@ def plan_of(settings: Settings) -> tuple[list[OneMesh], Sequence[Task]]:
 
 
 def made(
-    context: moderngl.Context, settings: Settings, tasks: Sequence[Task] | None = None
+    context: Context, settings: Settings, tasks: Sequence[Task] | None = None
 ) -> dict[int, int]:
     sources, whole = plan_of(settings)
     tasks = whole if tasks is None else tasks
@@ -59,9 +59,7 @@ def made(
 
 
 @pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2", "kinect-v2-paper"])
-def test_a_frame_is_the_same_whatever_was_made_before(
-    context: moderngl.Context, sensor: str
-) -> None:
+def test_a_frame_is_the_same_whatever_was_made_before(context: Context, sensor: str) -> None:
     """Any part of the plan, in any order, by a Simulator that is new or was used before."""
     drawn = {"uniform": [0, 1]}
     stage = {
@@ -94,9 +92,7 @@ print(t.json.dumps([list(t.made(context, t.moving_settings(s, output={"crop": 12
 
 @pytest.mark.long
 @pytest.mark.parametrize("backend", ["egl", "osmesa"])
-def test_other_processes_and_backends_give_the_same_bytes(
-    context: moderngl.Context, backend: str
-) -> None:
+def test_other_processes_and_backends_give_the_same_bytes(context: Context, backend: str) -> None:
     """Bytes are guaranteed per renderer; EGL and OSMesa share one without a GPU."""
     done = subprocess.run(
         [sys.executable, "-c", _FRESH, Path(__file__).parents[2], backend],
@@ -117,7 +113,7 @@ def test_other_processes_and_backends_give_the_same_bytes(
 @pytest.mark.parametrize("sensor", ["kinect-v1", "kinect-v2", "kinect-v2-paper"])
 @pytest.mark.parametrize("wall", [None, 1300])
 def test_a_crop_is_cut_from_the_whole_frame(
-    context: moderngl.Context, sensor: str, wall: float | None
+    context: Context, sensor: str, wall: float | None
 ) -> None:
     """The bytes agree, noise included."""
     changes: dict[str, object] = {"scene": {"wall_mm": wall}} if wall else {}
@@ -131,7 +127,7 @@ def test_a_crop_is_cut_from_the_whole_frame(
             np.testing.assert_array_equal(part.image(layer), full.image(layer)[window])
 
 
-def test_islands_are_as_large_as_in_the_whole_frame(context: moderngl.Context) -> None:
+def test_islands_are_as_large_as_in_the_whole_frame(context: Context) -> None:
     """The crop and its margin are smaller than the islands that are removed."""
     stage = {"despeckle": {"min_area_px": 3000}}
     changes = {"scene": {"wall_mm": 1300}, "stage": stage}
@@ -152,7 +148,7 @@ def test_islands_are_as_large_as_in_the_whole_frame(context: moderngl.Context) -
     ("x_mm", "y_mm", "corner"), [(0, 0, None), (-500, -400, (0, 0)), (500, 500, (384, 296))]
 )
 def test_a_crop_is_centred_on_the_face_and_stays_in_the_image(
-    context: moderngl.Context, x_mm: float, y_mm: float, corner: tuple[int, int] | None
+    context: Context, x_mm: float, y_mm: float, corner: tuple[int, int] | None
 ) -> None:
     pose = {"x_mm": x_mm, "y_mm": y_mm, "distance_mm": 800}
     (frame,) = frames_of(context, settings_for(pose=pose, output={"crop": 128}), COARSE)
@@ -162,7 +158,7 @@ def test_a_crop_is_centred_on_the_face_and_stays_in_the_image(
     assert (left, top) == pytest.approx(corner or (round(V2.cx - 64), round(V2.cy - 64)))
 
 
-def test_a_crop_larger_than_the_image_is_refused(context: moderngl.Context) -> None:
+def test_a_crop_larger_than_the_image_is_refused(context: Context) -> None:
     with pytest.raises(ConfigError, match=r"output.crop 425 is larger than the sensor's 512x424"):
         frames_of(context, settings_for(output={"crop": 425}), COARSE)
 
@@ -182,9 +178,7 @@ class Mixed(OneMesh):
 
 
 @pytest.mark.parametrize("crop", [None, 64])
-def test_bad_faces_are_skipped_in_order_or_stop(
-    context: moderngl.Context, crop: int | None
-) -> None:
+def test_bad_faces_are_skipped_in_order_or_stop(context: Context, crop: int | None) -> None:
     settings = settings_for(
         source={"kind": "folder", "frames_per_subject": 6}, output={"crop": crop}
     )
@@ -205,7 +199,7 @@ def test_bad_faces_are_skipped_in_order_or_stop(
 
 
 @pytest.mark.parametrize("crop", [None, 64])
-def test_a_face_at_the_camera_is_skipped(context: moderngl.Context, crop: int | None) -> None:
+def test_a_face_at_the_camera_is_skipped(context: Context, crop: int | None) -> None:
     settings = settings_for(pose={"distance_mm": 50}, output={"crop": crop})
     (result,) = simulate(settings, sources=[OneMesh(plate())], context=context)
     assert isinstance(result, Skipped)
@@ -220,7 +214,7 @@ def test_a_data_set_of_nobody_is_an_error() -> None:
         next(simulate(load_settings(overrides={"source": {"kind": "folder"}})))
 
 
-def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: moderngl.Context) -> None:
+def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: Context) -> None:
     mesh = face_mesh()
     inside_out = Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.faces[:, ::-1]))
     settings = load_settings(overrides={"source": {"subjects": 1, "frames_per_subject": 1}})
@@ -229,7 +223,7 @@ def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: moderngl.Context)
     assert "inside out" in result.why
 
 
-def test_settings_are_held_within_a_sequence_and_noise_is_not(context: moderngl.Context) -> None:
+def test_settings_are_held_within_a_sequence_and_noise_is_not(context: Context) -> None:
     tree = {
         "sensor": "kinect-v2-fast",
         "pose": {"distance_mm": {"uniform": [800, 1200]}, "motion": 0},

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core.camera import ColourCamera, Intrinsics
@@ -37,7 +37,7 @@ turn_deg = [3, -5, 2]
 """
 
 
-def drawn(context: moderngl.Context, sensor: str, **values: object) -> Frame:
+def drawn(context: Context, sensor: str, **values: object) -> Frame:
     given = {"sensor": sensor, "source": PERSON, "pose.distance_mm": 700, "pose.yaw_deg": 20}
     settings = with_assignments(
         Settings(), given | {k.replace("__", "."): v for k, v in values.items()}
@@ -83,7 +83,7 @@ def as_librealsense(
 
 
 @pytest.mark.long
-def test_pixels_land_where_librealsense_puts_them(context: moderngl.Context) -> None:
+def test_pixels_land_where_librealsense_puts_them(context: Context) -> None:
     noisy = drawn(context, "realsense-d435", scene__wall_mm=1500).noisy
     rig = load_sensor("realsense-d435", rig_overrides={"deliver": "colour"}).rig
     assert rig.colour is not None
@@ -101,7 +101,7 @@ def test_pixels_land_where_librealsense_puts_them(context: moderngl.Context) -> 
 
 
 def test_what_the_depth_camera_sees_agrees_with_the_colour_camera(
-    context: moderngl.Context, turned: str
+    context: Context, turned: str
 ) -> None:
     frame = drawn(context, turned, output__landmarks=True, scene__wall_mm=1200)
     assert (frame.intrinsics.width, frame.intrinsics.fx) == (640, 520)
@@ -119,7 +119,7 @@ def test_what_the_depth_camera_sees_agrees_with_the_colour_camera(
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-5)
 
 
-def test_a_crop_is_a_part_of_the_whole_frame(context: moderngl.Context, turned: str) -> None:
+def test_a_crop_is_a_part_of_the_whole_frame(context: Context, turned: str) -> None:
     whole, crop = drawn(context, turned), drawn(context, turned, output__crop=128)
     top = round(whole.intrinsics.cy - crop.intrinsics.cy)
     left = round(whole.intrinsics.cx - crop.intrinsics.cx)
@@ -129,7 +129,7 @@ def test_a_crop_is_a_part_of_the_whole_frame(context: moderngl.Context, turned: 
 
 
 def test_what_cannot_be_registered_is_refused(
-    context: moderngl.Context, turned: str, tmp_path: Path
+    context: Context, turned: str, tmp_path: Path
 ) -> None:
     bare = tmp_path / "bare.toml"
     bare.write_text(TURNED.partition("[rig.colour]")[0])

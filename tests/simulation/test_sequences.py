@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import moderngl
 import numpy as np
+from moderngl import Context
 
 from glsim.faces.one_mesh import OneMesh
 from glsim.simulation.frame import Frame
@@ -22,7 +22,7 @@ from tests.support.scenes import (
 )
 
 
-def test_what_is_drawn_is_recorded(context: moderngl.Context) -> None:
+def test_what_is_drawn_is_recorded(context: Context) -> None:
     settings = moving_settings(scene={"wall_mm": {"uniform": [1300, 1500]}})
     for frame in frames_of(context, settings, face_mesh(60), 3):
         assert set(frame.pose) == set(type(settings.pose).model_fields) - {"motion"}
@@ -32,9 +32,7 @@ def test_what_is_drawn_is_recorded(context: moderngl.Context) -> None:
         assert frame.clean[0, 0] == round(wall_mm)
 
 
-def test_drift_moves_one_field_through_a_sequence(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_drift_moves_one_field_through_a_sequence(context: Context, tmp_path: Path) -> None:
     """Neighbouring frames are correlated; distant frames and other sequences are not."""
 
     def fields(drift_hz: float) -> list[np.ndarray]:
@@ -57,7 +55,7 @@ def test_drift_moves_one_field_through_a_sequence(
     assert all(abs(alike(still[n], still[n + 1])) < 0.35 for n in range(23))
 
 
-def test_devices_have_a_pattern_of_their_own(context: moderngl.Context, tmp_path: Path) -> None:
+def test_devices_have_a_pattern_of_their_own(context: Context, tmp_path: Path) -> None:
     sensor = sensor_file(tmp_path, 'use = "fixed_pattern"\npixel_sigma_mm = 5')
     settings = settings_for(sensor, devices=2, source={"kind": "folder", "subjects": 4})
     patterns = []

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
+from moderngl import Context
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
@@ -141,7 +141,7 @@ def rig(
 
 
 def layers_of(
-    context: moderngl.Context,
+    context: Context,
     sensor: SensorRig | Renderer,
     meshes: Sequence[Mesh | tuple[Mesh, Mapping[str, float]]],
     visible: Rect | None = None,
@@ -172,9 +172,7 @@ def settings_for(sensor: str = "ideal", **overrides: Any) -> Settings:
     return load_settings(overrides={"sensor": sensor, "source": {"kind": "folder"}} | overrides)
 
 
-def frames_of(
-    context: moderngl.Context, settings: Settings, mesh: Mesh, frames: int = 1
-) -> list[Frame]:
+def frames_of(context: Context, settings: Settings, mesh: Mesh, frames: int = 1) -> list[Frame]:
     """Simulate ``frames`` frames of one mesh."""
     source = settings.source[0].model_copy(update={"frames_per_subject": frames})
     results = simulate(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import moderngl
 import numpy as np
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
@@ -55,7 +55,7 @@ def merged(*changes: Changes) -> dict[str, dict[str, float]]:
 class Camera:
     """A sensor in the tests' OpenGL context."""
 
-    context: moderngl.Context
+    context: Context
     sensor: Sensor
     renderer: Renderer
     chain: ShaderChain
@@ -65,7 +65,7 @@ class Camera:
     @classmethod
     def open(
         cls,
-        context: moderngl.Context,
+        context: Context,
         name: str = "kinect-v2",
         expected: bool = False,
         **rig: object,
