@@ -101,10 +101,7 @@ def test_other_values_give_the_frames_of_a_new_simulator(
 
 
 def test_only_what_has_changed_is_loaded_rendered_linked_and_drawn(
-    context: Context,
-    settings: Settings,
-    sources: list[OneMesh],
-    monkeypatch: pytest.MonkeyPatch,
+    context: Context, settings: Settings, sources: list[OneMesh], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks = make_tasks(settings, sources)
     simulator = Simulator(settings, sources, context)

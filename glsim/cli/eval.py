@@ -53,15 +53,13 @@ ProtocolOption = Annotated[
     ),
 ]
 RunsOption = Annotated[
-    Path | None,
-    typer.Option(help="Score the networks of glsim train in RUNS/*/. Default: none."),
+    Path | None, typer.Option(help="Score the networks of glsim train in RUNS/*/. Default: none.")
 ]
 FiguresOption = Annotated[bool, typer.Option(help="Draw figures and report.html.")]
 FocalOption = Annotated[
     float | None,
     typer.Option(
-        min=1,
-        help="Focal length of plain depth files, pixels. Default: the Kinect V2's.",
+        min=1, help="Focal length of plain depth files, pixels. Default: the Kinect V2's."
     ),
 ]
 

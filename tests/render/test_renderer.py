@@ -172,9 +172,7 @@ def test_a_mesh_outside_of_the_crop_is_out_of_view(context: Context) -> None:
         layers_of(context, rig(), [mesh], Rect(10, 20, 64, 64))
 
 
-def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(
-    context: Context,
-) -> None:
+def test_a_mesh_that_passes_the_camera_is_drawn_where_it_is_in_front(context: Context) -> None:
     floor = camera_mesh(
         np.array([[-1, 0.3, 3.0], [1, 0.3, 3.0], [-1, 0.3, -3.0], [1, 0.3, -3.0]]), grid_faces(2, 2)
     )

@@ -78,11 +78,7 @@ def test_the_field_stop_is_the_real_hexagon(context: Context) -> None:
 )
 @pytest.mark.long
 def test_modes_see_their_part_of_the_chip_to_their_range(
-    context: Context,
-    sensor: str,
-    size: tuple[int, int],
-    far_m: float,
-    share: tuple[float, float],
+    context: Context, sensor: str, size: tuple[int, int], far_m: float, share: tuple[float, float]
 ) -> None:
     cam = Camera.open(context, sensor)
     image = cam.sensor.rig.intrinsics

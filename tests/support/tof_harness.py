@@ -64,11 +64,7 @@ class Camera:
 
     @classmethod
     def open(
-        cls,
-        context: Context,
-        name: str = "kinect-v2",
-        expected: bool = False,
-        **rig: object,
+        cls, context: Context, name: str = "kinect-v2", expected: bool = False, **rig: object
     ) -> Camera:
         sensor = load_sensor(name, rig_overrides=rig)
         renderer = Renderer(context, sensor.rig)
