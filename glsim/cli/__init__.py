@@ -69,12 +69,12 @@ def load_command(name: str) -> Any:
     """Import a command and return it as a command of click."""
     module, _, attribute = _COMMANDS[name][1].partition(":")
     imported = import_module(f"glsim.cli.{module}")
-    found = getattr(imported, attribute)
-    if not isinstance(found, typer.Typer):
-        own = typer.Typer(add_completion=False, rich_markup_mode=None)
-        own.command(name, epilog=epilog(imported.EXAMPLES))(with_messages(found))
-        found = own
-    return typer.main.get_command(found)
+    command = getattr(imported, attribute)
+    if not isinstance(command, typer.Typer):
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(name, epilog=epilog(imported.EXAMPLES))(with_messages(command))
+        command = single
+    return typer.main.get_command(command)
 
 
 def load_commands() -> Any:

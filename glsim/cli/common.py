@@ -102,8 +102,8 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
         return command(**values)
 
     wrapped.__doc__, _, section = (inspect.getdoc(command) or "").partition("\n\nArgs:\n")
-    found = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", section, re.MULTILINE)
-    texts = {name: " ".join(text.split()) for name, text in found}
+    helps = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", section, re.MULTILINE)
+    texts = {name: " ".join(text.split()) for name, text in helps}
     # Typer reads a command's options from its signature.
     parameters = [
         _documented(each, texts[each.name]) if each.name in texts else each

@@ -83,8 +83,7 @@ def _export_network(checkpoint: Path, out: Path) -> None:
         print_written([out])
         return
     differences = export_onnx(checkpoint, out)
-    size_mb = out.stat().st_size / 1e6
     print_message(
-        f"wrote {out} ({size_mb:.1f} MB): OpenCV gives PyTorch's depth within "
+        f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB): OpenCV gives PyTorch's depth within "
         f"{differences['depth_mm']:.2g} mm"
     )

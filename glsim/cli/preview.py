@@ -66,15 +66,13 @@ def preview(
     shown = [pairs[int((row + 0.5) * len(pairs) / rows)] for row in range(rows)]
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
-    step = max(1, len(pairs) // _MEASURED_FRAMES)
-    measured = pairs[::step]
+    measured = pairs[:: max(1, len(pairs) // _MEASURED_FRAMES)]
     table = noise_table if "clean_mm" in shown[0] else recording_table
     write_atomic(table(measured, sensor).encode(), summary)
     written = [sheet, summary]
     if surface:
         from glsim.data.surface_page import surface_page
 
-        page = surface_page(pairs[len(pairs) // 2])
-        write_atomic(page.encode(), out / "surface.html")
         written.append(out / "surface.html")
+        write_atomic(surface_page(pairs[len(pairs) // 2]).encode(), written[-1])
     print_written(written)

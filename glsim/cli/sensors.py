@@ -48,20 +48,16 @@ def sensors(
     if out is not None:
         raise ConfigError(f"-o {out}: name the sensor to copy, as in glsim sensors kinect-v2 -o")
 
+    usable = each_usable(sensor_names(), load_sensor)
     if as_json:
-        usable = each_usable(sensor_names(), load_sensor)
         print_json([_described(sensor) for _, sensor in usable])
         return
     table = Table("sensor", "image", "focal px", "baseline", "description", box=None)
-    for name, sensor in each_usable(sensor_names(), load_sensor):
+    for name, sensor in usable:
         image = sensor.rig.intrinsics
-        table.add_row(
-            name,
-            f"{image.width}x{image.height}",
-            f"{image.fx:g}",
-            f"{sensor.rig.baseline_m * MM_PER_M:g} mm" if sensor.rig.emitters else "none",
-            sensor.title,
-        )
+        size, focal = f"{image.width}x{image.height}", f"{image.fx:g}"
+        baseline = f"{sensor.rig.baseline_m * MM_PER_M:g} mm" if sensor.rig.emitters else "none"
+        table.add_row(name, size, focal, baseline, sensor.title)
     print_table(table)
 
 

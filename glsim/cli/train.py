@@ -159,8 +159,7 @@ def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | Non
             elif not console.is_terminal and now.seconds >= next_line_s:
                 print_message(f"{place}, {minutes}: loss {now.loss:.3g}")
                 next_line_s = now.seconds + _LINE_S * (1 + now.seconds / 60)
-            text = f"{place}, loss {now.loss:.3g}"
-            total = 1.0 if now.fraction_done else None
+            total, text = 1.0 if now.fraction_done else None, f"{place}, loss {now.loss:.3g}"
             shown.update(task, total=total, completed=now.fraction_done, text=text, visible=True)
 
         yield update

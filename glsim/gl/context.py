@@ -80,9 +80,8 @@ _first_opened_by: dict[Backend, int] = {}
 def _opened_by_parent(backend: Backend) -> bool:
     """Return whether a parent process opened this backend before it forked this process.
 
-    Mesa starts a thread that writes compiled shaders to its cache. A fork does not copy threads, so
-    that a forked process waits for ever when it compiles a shader that is not yet in the cache
-    (Mesa 22.3).
+    Mesa writes compiled shaders to its cache in a thread. A fork does not copy threads, so a forked
+    process waits for ever when it compiles a shader that is not in the cache (Mesa 22.3).
     """
     return _first_opened_by.get(backend, os.getpid()) != os.getpid()
 
@@ -141,18 +140,16 @@ def make_current(context: moderngl.Context) -> None:
     context.gc()
 
 
-#: The EGL handle of each context that was opened here; 0 after its display was ended.
+#: EGL handle of each context that was opened here, 0 after its display was ended; its thread.
 _handles: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
-
-#: The thread that opened each of them.
 _threads: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
 
 
 def _enter(context: moderngl.Context) -> bool:
     """Make a context current; return False if the context no longer exists.
 
-    eglTerminate ends every context of a display, whoever opened it, and a library that calls it
-    shares ours: there is one display a device. moderngl does not report that a switch failed.
+    eglTerminate ends all contexts of a display, and each device has one display, which other
+    libraries share. moderngl does not report a failed switch.
     """
     context.__enter__()  # type: ignore[no-untyped-call]
     handle = _handles.get(context)
@@ -175,14 +172,13 @@ def _open_egl() -> moderngl.Context:
     device = os.environ.get("GLSIM_EGL_DEVICE", "")
     if device and not device.isdigit():
         raise DeviceError(f"GLSIM_EGL_DEVICE={device}: give a number")
-    index: dict[str, Any] = {"device_index": int(device)} if device else {}
-    require = GL_VERSION[0] * 100 + GL_VERSION[1] * 10
-    context: moderngl.Context = moderngl.create_context(
-        standalone=True,
-        backend="egl",  # type: ignore[arg-type]
-        require=require,
-        **index,
-    )
+    options: dict[str, Any] = {
+        "backend": "egl",
+        "require": GL_VERSION[0] * 100 + GL_VERSION[1] * 10,
+    }
+    if device:
+        options["device_index"] = int(device)
+    context: moderngl.Context = moderngl.create_context(standalone=True, **options)
     handle = _current_egl_context()
     for other, taken in list(_handles.items()):
         if taken == handle:  # an address in use again: that context has gone
@@ -193,10 +189,7 @@ def _open_egl() -> moderngl.Context:
 
 
 class _OSMesa:
-    """A loader of OSMesa for moderngl, in place of a window system.
-
-    Constants are from GL/osmesa.h and GL/gl.h.
-    """
+    """A loader of OSMesa for moderngl; constants are from GL/osmesa.h and GL/gl.h."""
 
     _FORMAT, _DEPTH_BITS, _PROFILE, _CORE_PROFILE = 0x22, 0x30, 0x33, 0x34
     _MAJOR, _MINOR = 0x36, 0x37
@@ -238,12 +231,8 @@ class _OSMesa:
 
 def describe(context: moderngl.Context) -> dict[str, str]:
     """Return the driver's vendor, renderer and version, for ``glsim info`` and data set headers."""
-    info = context.info
-    return {
-        "vendor": str(info["GL_VENDOR"]),
-        "renderer": str(info["GL_RENDERER"]),
-        "version": str(info["GL_VERSION"]),
-    }
+    names = ("vendor", "renderer", "version")
+    return {name: str(context.info[f"GL_{name.upper()}"]) for name in names}
 
 
 def egl_devices() -> list[str]:

@@ -60,8 +60,8 @@ class Parameter:
 
     Attributes:
         slider: the range that sliders show, if it is smaller than [low, high].
-        log_scale: whether their scale is logarithmic.
-        step: theirs; 0: they choose one.
+        log_scale: whether sliders are logarithmic.
+        step: step of sliders; 0: they choose it.
     """
 
     name: str
@@ -91,11 +91,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer (an image) that a shader writes.
-
-    Attributes:
-        scale: its size over the frame's size.
-    """
+    """A layer (an image) that a shader writes; ``scale`` is its size over the frame's size."""
 
     name: str
     type: str
@@ -203,7 +199,7 @@ def slider_of(
     """Read the slider's range, scale and step from a parameter's note. Raises ShaderError.
 
     Args:
-        text: what stands behind the semicolon; None: nothing.
+        text: the note behind the semicolon; None: no semicolon.
         low, high: the valid range.
         where: the parameter, for messages.
 

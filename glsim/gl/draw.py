@@ -27,7 +27,7 @@ class FullscreenPass:
         """Shade every pixel of the viewport once.
 
         Args:
-            buffer, window: where to; default: the current framebuffer and viewport.
+            buffer, window: default: the current framebuffer and viewport.
             read: targets for the samplers u_NAME.
         """
         if buffer is not None and window is not None:

@@ -52,8 +52,5 @@ def link_files(
     context: moderngl.Context, fragment: str, vertex: str | None = None
 ) -> moderngl.Program:
     """Link a program of shipped files, given by paths below shaders/. Raises ShaderError."""
-    return link(
-        context,
-        load_source(SHADER_ROOT / fragment),
-        None if vertex is None else load_source(SHADER_ROOT / vertex),
-    )
+    source = load_source(SHADER_ROOT / fragment)
+    return link(context, source, None if vertex is None else load_source(SHADER_ROOT / vertex))

@@ -28,7 +28,7 @@ from glsim.gl.declarations import (
 from glsim.gl.includes import GENERATED, SHADER_ROOT, flatten, read_shader
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-#: What is kept of a driver's message: lines, and characters in all.
+#: Longest message of a driver: lines, and characters in all.
 _MAX_MESSAGE_LINES, _MAX_MESSAGE = 20, 2000
 
 

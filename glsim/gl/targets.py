@@ -31,8 +31,8 @@ class Target:
 class TargetPool:
     """A pool of reusable targets for the layers of frames of one size.
 
-    Frames are drawn in a window only. ``take`` clears what a target holds of an earlier window, so
-    that stages read zero outside the current one.
+    Frames are drawn in a window only. ``take`` clears earlier windows, so that stages read zero
+    outside the current window.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
@@ -101,8 +101,8 @@ class TargetPool:
 class Readback:
     """The copy of a frame's layers to memory, through a pixel buffer.
 
-    ``request`` queues the copy behind the drawing; ``arrays`` waits for it. On a GPU a ring of
-    these hides the wait behind the next frames.
+    ``request`` queues the copy behind the drawing; ``arrays`` waits for it. A GPU draws the next
+    frames meanwhile, into further Readbacks.
     """
 
     def __init__(self, context: moderngl.Context) -> None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.draw import index_buffer
 
-#: Number of topologies kept on the GPU: those of the sources, of what a person wears and of the
-#: things of a room, or one per file of a folder.
+#: Number of topologies kept on the GPU: of sources, clothes, things of a room, files of a folder.
 CACHED_TOPOLOGIES = 32
 
 

@@ -101,12 +101,7 @@ class RegionPass:
 def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDArray[np.int32]:
     """Rotate the corners of (F, 3) triangles so that the last corner has the majority label.
 
-    If all three labels differ, the corner with the lowest label comes last.
-
-    Returns (F, 3).
-
-    Args:
-        labels: (V,).
+    Labels are (V,). If all three differ, the corner with the lowest label comes last.
     """
     corner = labels[faces]
     votes = (corner[:, :, None] == corner[:, None, :]).sum(axis=2)

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-import moderngl
 import numpy as np
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core.bounds import (
@@ -90,16 +90,14 @@ class Rendered:
 class Renderer:
     """A renderer of meshes for one rig; it owns the programs, z-buffers and target pool."""
 
-    def __init__(self, context: moderngl.Context, rig: SensorRig) -> None:
+    def __init__(self, context: Context, rig: SensorRig) -> None:
         self._context, self.rig = context, rig
         image, pinhole = rig.intrinsics, rig.pinhole()
         self._pinhole, self._sight = pinhole, FieldOfView.of(rig)
         self._pool = TargetPool(context, image.width, image.height)
-        self._camera_pool = (
-            TargetPool(context, pinhole.width, pinhole.height)
-            if rig.keeps_distortion
-            else self._pool
-        )
+        self._camera_pool = self._pool
+        if rig.keeps_distortion:
+            self._camera_pool = TargetPool(context, pinhole.width, pinhole.height)
         self._silhouettes = SilhouettePass(self._pool)
         self._rays = self._pool.upload(_RAYS, rig.rays())
         self._drawn: tuple[Layer, ...] = (CLEAN, NORMAL, ALBEDO)
@@ -125,8 +123,7 @@ class Renderer:
     @cached_property
     def _regions(self) -> RegionPass:
         """The pass that draws face regions, linked at first use."""
-        pools = self._camera_pool, self._pool
-        return RegionPass(self._context, self.rig, pools, self._rays)
+        return RegionPass(self._context, self.rig, (self._camera_pool, self._pool), self._rays)
 
     @contextmanager
     def render(
@@ -142,7 +139,7 @@ class Renderer:
         Raises MeshError if the first mesh, the face, is not in view.
 
         Args:
-            visible: the crop that is delivered (None: the whole frame).
+            visible: the delivered crop (None: the whole frame).
             labels: per mesh the (V,) region numbers of its vertices, or None; if this is empty, the
                 layer region is not drawn.
             reach_px: how far around the crop stages read, besides the margin.
@@ -317,7 +314,7 @@ class Renderer:
         return {target.layer.name: target for target in targets}
 
 
-def supersampled_pass(context: moderngl.Context, rig: SensorRig, file: str) -> FullscreenPass:
+def supersampled_pass(context: Context, rig: SensorRig, file: str) -> FullscreenPass:
     """Link a shader below shaders/render/ that reads all samples of a pixel.
 
     Samples per axis are a constant in it, SAMPLES_PER_AXIS, so that its loops unroll.

@@ -41,10 +41,10 @@ class View:
     """The view of the camera or an imager, and the layer for the light in it.
 
     Args:
-        layers: its clean and normal.
-        silhouette: of its clean.
-        eye_m: its place, camera frame, metres.
-        lit: the layer that is drawn: LIT or LIT_BY_EACH.
+        layers: clean and normal.
+        silhouette: pixels with a surface.
+        eye_m: position in the camera frame, metres.
+        lit: the layer of light: LIT or LIT_BY_EACH.
     """
 
     layers: Mapping[str, Target]
@@ -63,9 +63,8 @@ class ShadowMap:
         #: Draws meshes into the z-buffer.
         self.program = link_files(context, "render/projector.frag", "render/projector.vert")
         self._pass = FullscreenPass(context, link_files(context, "render/lit.frag"))
-        self._unfiltered = context.sampler(
-            filter=(moderngl.NEAREST, moderngl.NEAREST), compare_func=""
-        )
+        nearest = moderngl.NEAREST, moderngl.NEAREST
+        self._unfiltered = context.sampler(filter=nearest, compare_func="")
 
     @cached_property
     def _depth(self) -> moderngl.Texture:
@@ -110,9 +109,9 @@ class ShadowMap:
             box = emitter_frustum(corners_m, self._sight, emitter.position_m)
             box = box.widened(emitter.spread_m * (1 / box.near_m - 1 / box.far_m))
             self._draw_depth(emitter, box, arrays, views)
-            own = (1.0, 0.0) if number == 0 else (0.0, 1.0)
+            component = (1.0, 0.0) if number == 0 else (0.0, 1.0)
             for view, lit in zip(seen, targets, strict=True):
-                weight = (1.0 / len(emitters), 0.0) if view.lit is LIT else own
+                weight = (1.0 / len(emitters), 0.0) if view.lit is LIT else component
                 self._add_light(lit, view, window, weight)
         return targets
 
@@ -125,9 +124,8 @@ class ShadowMap:
     ) -> None:
         """Draw the emitter's z-buffer for the frustum ``box``, and set the uniforms to read it."""
         span = max(box.right - box.left, box.bottom - box.top)
-        focal = min(
-            _TEXELS_PER_PIXEL * self._rig.intrinsics.fx, (_SIDE_TEXELS - 4) / max(span, 1e-6)
-        )
+        wanted = _TEXELS_PER_PIXEL * self._rig.intrinsics.fx
+        focal = min(wanted, (_SIDE_TEXELS - 4) / max(span, 1e-6))
         # A margin of two texels: the linear filter then reads drawn texels only.
         left, top = box.left - 2 / focal, box.top - 2 / focal
         width = min(_SIDE_TEXELS, int(np.ceil((box.right - box.left) * focal)) + 4)

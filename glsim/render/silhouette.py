@@ -67,16 +67,14 @@ class SilhouettePass:
     def __init__(self, pool: TargetPool) -> None:
         self._pool, self._context = pool, pool.context
         self._free: list[Silhouette] = []
-        self._pass = FullscreenPass(
-            self._context, link_files(self._context, "render/silhouette.frag")
-        )
+        program = link_files(self._context, "render/silhouette.frag")
+        self._pass = FullscreenPass(self._context, program)
 
     @contextmanager
     def draw(self, seen: Target | None, window: Rect) -> Iterator[Silhouette]:
-        """Yield the silhouette of the pixels where ``seen`` > 0, widened by 1 px; reuse it later.
+        """Yield the silhouette of the pixels where ``seen`` > 0, widened by 1 px; None skips none.
 
-        Args:
-            seen: None for a silhouette that skips nothing.
+        The silhouette is reused after the block.
         """
         silhouette = self._free.pop() if self._free else Silhouette(self._pool)
         # A window as large as the frame has a background, which covers everything.

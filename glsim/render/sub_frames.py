@@ -45,8 +45,8 @@ class SubFrames:
         Args:
             parts: the bands.
             draw: renders the sub-frame of a band, by its number.
-            window: that all sub-frames have.
-            height: of the whole image, pixels.
+            window: window of all sub-frames.
+            height: height of the whole image, pixels.
         """
         layers: dict[str, Target] = {}
         for number, part in enumerate(parts):

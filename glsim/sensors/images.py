@@ -5,11 +5,10 @@
     projector_image = "dots.png"
     projector_view_deg = [90, 63]
 
-Both are paths from the folder of the sensor file. The map is what ``glsim fit`` writes: float32
-(rows, columns) of the sensor's image, mm, how much too far each pixel of the device measures in
-every frame; NaN = unknown. The other image is a grey PNG of 8 or 16 bits: what a camera in the
-projector's place would see on a screen, x to the right, y down, over the given field of view. White
-is as bright as a dot's centre. Outside of the field of view there is no light.
+Both are paths from the folder of the sensor file. ``glsim fit`` writes the map: float32 (rows,
+columns) of the sensor's image, mm, the constant error of each pixel, positive if too far; NaN =
+unknown. The projector's image is a grey PNG of 8 or 16 bits, x to the right, y down, which fills
+the field of view. White is as bright as a dot's centre. Outside of the field there is no light.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ from glsim.core.files.npy import map_npy
 from glsim.core.files.png import MAX_IMAGE_BYTES, decode_png, image_size
 from glsim.core.files.regular import read_regular
 
-#: Errors beyond this are no fixed pattern but depth in another unit, mm: the limit of the stage's
-#: own parameters. The whole pattern of a Kinect V2 is 0.7 to 0.9 mm (standard deviation).
+#: Largest error of a fixed pattern, mm, the limit of the stage's parameters; larger errors mean
+#: another unit. A Kinect V2's pattern has a standard deviation of 0.7 to 0.9 mm.
 LARGEST_MM = 20.0
 #: Smallest and largest side of a projector's image, pixels. Chosen: beyond the largest a pixel is
 #: finer than a sixth of a D435's pixel.
@@ -44,7 +43,7 @@ class SensorImage:
 
     Args:
         values: (H, W) float32, read-only: errors, mm, NaN = unknown; or brightness, 0 to 1.
-        file: where it was read from.
+        file: the file of the image.
     """
 
     values: NDArray[np.float32]
@@ -67,10 +66,10 @@ def _read(file: Path, read: Callable[[], _Read], named: str) -> _Read:
         raise ConfigError(f"{file}: cannot be read: {error.strerror or error}") from None
 
 
-def _made(values: NDArray[np.floating], file: Path) -> SensorImage:
-    kept = np.ascontiguousarray(values, np.float32)
-    kept.flags.writeable = False
-    return SensorImage(kept, file)
+def _sensor_image(values: NDArray[np.floating], file: Path) -> SensorImage:
+    image = np.ascontiguousarray(values, np.float32)
+    image.flags.writeable = False
+    return SensorImage(image, file)
 
 
 def read_pattern_map(file: Path, shape: tuple[int, int]) -> SensorImage:
@@ -94,7 +93,7 @@ def read_pattern_map(file: Path, shape: tuple[int, int]) -> SensorImage:
         raise ConfigError(
             f"{file}: has errors of up to {largest:.4g} mm, the limit is {LARGEST_MM:g}: give mm"
         )
-    return _made(values, file)
+    return _sensor_image(values, file)
 
 
 def check_shape(values: NDArray[np.floating], shape: tuple[int, int], where: str) -> None:
@@ -115,8 +114,7 @@ def remove_fixed_pattern(
 
     Args:
         depth_mm: (..., H, W) of any type; 0 or NaN = no depth, and stays so.
-        map_mm: (H, W) errors of the same pixels, as ``glsim fit`` writes them; where it is NaN
-            depth is unchanged.
+        map_mm: (H, W) errors of the pixels, from ``glsim fit``; NaN leaves depth unchanged.
 
     Raises:
         ConfigError: the shapes differ.
@@ -132,13 +130,13 @@ def read_projector_image(
 ) -> SensorImage:
     """Read the image that a projector projects, as float32 brightness from 0 to 1.
 
-    Each pixel becomes the mean over what one pixel of the camera sees of the image, so that none of
-    a fine pattern is lost. The mean is taken in whole numbers: the same on every machine.
+    Each pixel becomes the mean over a camera pixel's share of the image, so that no fine pattern is
+    lost. The mean is taken in whole numbers, the same on every machine.
 
     Args:
         file: a grey PNG of 8 or 16 bits, SMALLEST_PX to LARGEST_PX on each side.
-        view_deg: its field of view, degrees: columns, rows.
-        focal_px: of the camera.
+        view_deg: field of view of the image, degrees: columns, rows.
+        focal_px: focal lengths of the camera.
 
     Raises:
         ConfigError: the file is missing, no such image, too large or without light.
@@ -151,9 +149,9 @@ def read_projector_image(
     fits = size is None or SMALLEST_PX <= min(size) <= max(size) <= LARGEST_PX
     image = decode_png(data) if fits else None
     if image is None or image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
-        found = "" if size is None else f" ({size[0]}x{size[1]} pixels)"
+        shape = "" if size is None else f" ({size[0]}x{size[1]} pixels)"
         raise ConfigError(
-            f"{file}: is no readable image{found}: rig.projector_image names a grey PNG of 8 or 16 "
+            f"{file}: is no readable image{shape}: rig.projector_image names a grey PNG of 8 or 16 "
             f"bits, without colour or transparency, {SMALLEST_PX} to {LARGEST_PX} on each side"
         )
     if not image.any():
@@ -169,7 +167,7 @@ def read_projector_image(
         normalize=False, borderType=cv2.BORDER_CONSTANT,
     )  # fmt: skip
     white = (2 ** (8 * image.dtype.itemsize) - 1) * across * down
-    return _made(sums / np.float64(white), file)
+    return _sensor_image(sums / np.float64(white), file)
 
 
 def half_tan(view_deg: float) -> float:

@@ -39,7 +39,7 @@ from glsim.sensors.images import half_tan
 from glsim.sensors.wiggling import Wave
 from glsim.settings.toml_tables import TomlTable
 
-#: A coordinate beside the camera, m, and one in the image, pixels; far beyond those of any camera.
+#: Coordinates beside the camera, m, and in the image, pixels; the limits are beyond any camera's.
 _Metres = Annotated[float, Field(ge=-100, le=100)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Border = Annotated[int, Field(ge=0, le=1024)]
@@ -132,14 +132,11 @@ class RigTable(TomlTable, allow_inf_nan=False):
         if self.exposure.captures and self.exposure.read_out_ms:
             raise ValueError("exposure: give captures or read_out_ms, not both")
         if self.projector_image and self.projector_view_deg is None:
-            raise ValueError(
-                "projector_image needs the field of view that it fills, projector_view_deg = "
-                "[columns, rows]"
-            )
+            view = "projector_view_deg = [columns, rows]"
+            raise ValueError(f"projector_image needs the field of view that it fills, {view}")
         if self.supersample % 2 == 0:
-            raise ValueError(
-                f"supersample {self.supersample} must be odd: the middle sample is the depth"
-            )
+            wrong = f"supersample {self.supersample}"
+            raise ValueError(f"{wrong} must be odd: the middle sample is the depth")
         return self
 
     def rig(self) -> SensorRig:

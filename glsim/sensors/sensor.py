@@ -46,14 +46,12 @@ from glsim.settings.toml_tables import (
 )
 
 SENSOR_FOLDER = Path(__file__).parent
-#: The key that names the other file.
-EXTENDS = "extends"
-#: The key that says how many pixels along each side are averaged into one of the extended sensor.
-BINNING = "binning"
+#: The keys of the extended sensor, and of the number of its pixels along each side of a new pixel.
+EXTENDS, BINNING = "extends", "binning"
 #: Power of the binning n by which a parameter changes, (stage or "rig", key) -> power. Derived: a
 #: mean of n^2 taps has 1 / n^2 of their variance (Microsoft's ranges of the modes agree: the same
-#: noise from half of the light, (5.46 / 3.86)^2 = 2.0). The decoder's limits are those of the sum,
-#: as real binned frames with depth to 5.4 m say. Noise of single pixels averages out.
+#: noise from half of the light, (5.46 / 3.86)^2 = 2.0). The decoder's limits apply to the sum, as
+#: in real binned frames with depth to 5.4 m. Noise of single pixels averages out.
 _BINNED = {
     ("rig", "width"): -1, ("rig", "height"): -1, ("rig", "focal_px"): -1, ("rig", "centre_px"): -1,
     ("tof_taps", "read_variance"): -2, ("tof_taps", "shot_variance"): -2,
@@ -81,11 +79,9 @@ class StageChange:
     """A change to a sensor's chain: new code for a stage of its file, or an additional stage.
 
     Args:
-        name: of the stage in the chain.
-        spec: what it runs. Parameters that the file sets and that ``spec`` does not declare are
-            left out.
-        before: the stage that a new one precedes; None: the first stage on arrays, or the end of
-            the chain.
+        name: name of the stage in the chain.
+        spec: code of the stage. Parameters of the file that ``spec`` does not declare are left out.
+        before: the stage after a new stage; None: the first stage on arrays, or the chain's end.
     """
 
     name: str
@@ -98,12 +94,11 @@ class Sensor:
     """A depth camera: its rig and its chain of noise stages.
 
     Args:
-        file: the TOML file it was read from.
-        pattern_map: the device's own fixed pattern, which the stage ``fixed_pattern`` adds; None:
-            the stage draws one.
-        projector_image: what the emitters throw, over ``projector_view_deg``, degrees (columns,
-            rows); None: the light stage draws dots.
-        wiggling: the device's own, for ``remove_wiggling``; the light stage does not read it.
+        file: the sensor's TOML file.
+        pattern_map: the device's fixed pattern for the stage ``fixed_pattern``; None: it draws one.
+        projector_image: the emitters' pattern over ``projector_view_deg``, degrees (columns, rows);
+            None: the light stage draws dots.
+        wiggling: the device's, for ``remove_wiggling``; the light stage does not read it.
     """
 
     name: str
@@ -118,7 +113,7 @@ class Sensor:
 
     @property
     def matcher(self) -> Stage | None:
-        """The stage that matches two images; None of cameras that do not triangulate so."""
+        """The stage that matches two images, if any."""
         return next((s for s in self.stages if s.spec.name == MATCHER), None)
 
     @property
@@ -134,7 +129,7 @@ class Sensor:
     def describe(self) -> dict[str, Any]:
         """Describe the complete sensor as JSON values, for the header of a data set."""
         i, thrown = self.rig.intrinsics, self.projector_image
-        return {
+        described: dict[str, Any] = {
             "name": self.name,
             "title": self.title,
             "width": i.width,
@@ -162,17 +157,14 @@ class Sensor:
                 for s in self.stages
             ],
             **({"fixed_pattern_map": self.pattern_map.digest} if self.pattern_map else {}),
-        } | (
-            {}
-            if thrown is None or self.projector_view_deg is None
-            else {
-                "projector_image": {
-                    "digest": thrown.digest,
-                    "size_px": list(thrown.values.shape[::-1]),
-                    "view_deg": list(self.projector_view_deg),
-                }
+        }
+        if thrown is not None and self.projector_view_deg is not None:
+            described["projector_image"] = {
+                "digest": thrown.digest,
+                "size_px": list(thrown.values.shape[::-1]),
+                "view_deg": list(self.projector_view_deg),
             }
-        )
+        return described
 
 
 def shipped_sensors() -> list[str]:
@@ -237,11 +229,11 @@ def _bin(tree: dict[str, Any], binning: Any, file: Path) -> None:
 
 
 def _times(value: Any, factor: float) -> Any:
-    """Multiply a number, the numbers of a list, or those of a distribution."""
+    """Multiply a number, or the numbers of a list or a distribution."""
     if isinstance(value, dict):
-        return {name: _times(part, factor) for name, part in value.items()}
+        return {name: _times(number, factor) for name, number in value.items()}
     if isinstance(value, list):
-        return [_times(part, factor) for part in value]
+        return [_times(number, factor) for number in value]
     return value * factor if isinstance(value, int | float) else value
 
 
@@ -249,8 +241,8 @@ def _anchor(tree: dict[str, Any], folder: Path) -> None:
     """Make relative paths of a sensor file absolute, in place, for files in other folders."""
     rig = tree.get("rig", {})
     for key in RIG_FILES if isinstance(rig, dict) else ():
-        if isinstance(found := rig.get(key), str) and found:
-            rig[key] = str(folder.absolute() / found)
+        if isinstance(file := rig.get(key), str) and file:
+            rig[key] = str(folder.absolute() / file)
     for stage in tree.get("stage", []):
         use = stage.get("use") if isinstance(stage, dict) else None
         if isinstance(use, str) and (use.endswith(".glsl") or ".py:" in use):
@@ -260,9 +252,8 @@ def _anchor(tree: dict[str, Any], folder: Path) -> None:
 def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> None:
     """Merge the stages ``own`` into the stages of the extended sensor file, in place."""
     stages = tree.get("stage", [])
-    given = all(isinstance(table, list) and all(isinstance(s, dict) for s in table)
-                for table in (stages, own))  # fmt: skip
-    if not given:
+    tables = (stages, own)
+    if not all(isinstance(t, list) and all(isinstance(s, dict) for s in t) for t in tables):
         raise ConfigError(f"{file}: write each stage as a table of its own, [[stage]]")
     known = {_name(stage, other): stage for stage in stages}
     for stage in own:
@@ -323,16 +314,15 @@ def load_sensor(
     file = sensor_file(name)
     tree = read_sensor_tree(file)
     merge_tables(tree.setdefault("rig", {}), rig_overrides or {})
-    places: dict[tuple[str, ...], str] = {
-        ("rig", key): place("rig", key) for key in rig_overrides or {}
-    }
+    places: dict[tuple[str, ...], str]
+    places = {("rig", key): place("rig", key) for key in rig_overrides or {}}
     table = parse_table(_SensorFile, tree, str(file), places)
     overrides = dict(overrides or {})
-    stages: list[Stage] = []
     changed = {change.name: change for change in changes}
-    for number, entry in enumerate(table.stage):
-        where = f"{file}: stage {number + 1}"
-        stages.append(_stage(entry, where, file.parent, overrides, place, changed))
+    stages = [
+        _stage(entry, f"{file}: stage {number}", file.parent, overrides, place, changed)
+        for number, entry in enumerate(table.stage, start=1)
+    ]
     for change in changed.values():
         _insert(stages, change, overrides, place)
     names = [stage.name for stage in stages]
@@ -350,12 +340,12 @@ def load_sensor(
     rig = table.rig.rig()
     check_chain(stages, rig, str(file))
     check_rig(stages, rig, str(file))
-    given, view_deg = table.rig, table.rig.projector_view_deg
+    keys, view_deg = table.rig, table.rig.projector_view_deg
     pattern = _image_file(
-        given.fixed_pattern_map, "fixed_pattern_map", PATTERN_LAYER, stages, file, "'fixed_pattern'"
+        keys.fixed_pattern_map, "fixed_pattern_map", PATTERN_LAYER, stages, file, "'fixed_pattern'"
     )
     thrown = _image_file(
-        given.projector_image, "projector_image", PROJECTOR_LAYER, stages if rig.emitters else (),
+        keys.projector_image, "projector_image", PROJECTOR_LAYER, stages if rig.emitters else (),
         file, "'stereo_light' or 'pattern_light' and an emitter",
     )  # fmt: skip
     return Sensor(
@@ -364,9 +354,9 @@ def load_sensor(
         rig,
         tuple(stages),
         file,
-        read_pattern_map(pattern, (given.height, given.width)) if pattern else None,
-        given.wiggling,
-        read_projector_image(thrown, view_deg, given.focal_px) if thrown and view_deg else None,
+        read_pattern_map(pattern, (keys.height, keys.width)) if pattern else None,
+        keys.wiggling,
+        read_projector_image(thrown, view_deg, keys.focal_px) if thrown and view_deg else None,
         view_deg,
     )
 
@@ -387,9 +377,8 @@ def _insert(
     arrays = (n for n, stage in enumerate(stages) if stage.spec.function is not None)
     last = next(arrays, len(stages))
     before = last if change.before is None else names.index(change.before)
-    own = overrides.get(change.name, {})
-    where = place("stage", change.name)
-    stages.insert(before, make_stage(change.name, change.spec, own, where))
+    parameters, where = overrides.get(change.name, {}), place("stage", change.name)
+    stages.insert(before, make_stage(change.name, change.spec, parameters, where))
 
 
 def _image_file(

@@ -24,9 +24,8 @@ from glsim.core.seeds import keyed_rng
 from glsim.settings.toml_tables import TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]
-#: Of a number: scenes and shapes belong to subjects, numbers of a sensor to devices too.
+#: Scope of a number; only numbers of a sensor are drawn per device.
 DrawScope = Literal[Scope, "device"]
-
 
 _KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
 
@@ -43,9 +42,9 @@ class Distribution(TomlTable):
 
     @model_validator(mode="after")
     def _check(self) -> Distribution:
-        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
-        if len(given) != 1:
-            raise ValueError(f"give exactly one of {', '.join(_KINDS)}, not {given or 'none'}")
+        kinds = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            raise ValueError(f"give exactly one of {', '.join(_KINDS)}, not {kinds or 'none'}")
         values = self._numbers()
         if not all(math.isfinite(v) for v in values):
             raise ValueError("numbers must be finite")
@@ -61,8 +60,8 @@ class Distribution(TomlTable):
         return self
 
     def _numbers(self) -> tuple[float, ...]:
-        given = (getattr(self, kind) for kind in _KINDS)
-        numbers = next(n for n in given if n is not None)
+        values = (getattr(self, kind) for kind in _KINDS)
+        numbers = next(n for n in values if n is not None)
         return numbers if isinstance(numbers, tuple) else (numbers,)
 
     @property
@@ -105,10 +104,7 @@ class Distribution(TomlTable):
 
 
 class ScopeSeeds(NamedTuple):
-    """The 64-bit seeds of a frame, of its sequence, its subject and its virtual device.
-
-    device: None for the first device of a plan, which is the typical one.
-    """
+    """64-bit seeds of a frame, its sequence, subject and device; None for the typical device."""
 
     frame: int
     sequence: int

@@ -88,8 +88,9 @@ SCENE_LIMITS = {
 }
 
 
-def _uniform(low: float, high: float) -> Distribution:
-    return Distribution(uniform=(low, high))
+def _number(default: float | tuple[float, float], description: str) -> Any:
+    setting = Distribution(uniform=default) if isinstance(default, tuple) else constant(default)
+    return Field(setting, description=description)
 
 
 def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -> None:
@@ -105,17 +106,14 @@ def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -
 class PoseSettings(TomlTable):
     """Pose of the head in front of the sensor; positive angles are to its own left, or up."""
 
-    distance_mm: NumberSetting = Field(
-        constant(900.0), description="sensor to centre of the face, along z"
-    )
-    x_mm: NumberSetting = Field(constant(0.0), description="to the right in the image")
-    y_mm: NumberSetting = Field(constant(0.0), description="down in the image")
-    yaw_deg: NumberSetting = Field(constant(0.0), description="head turned to its own left")
-    pitch_deg: NumberSetting = Field(constant(0.0), description="head raised")
-    roll_deg: NumberSetting = Field(constant(0.0), description="head tilted to its own left")
-    motion: NumberSetting = Field(
-        constant(1.0),
-        description="sway, nods and turns in sequences of generated faces, times this; 0: still",
+    distance_mm: NumberSetting = _number(900.0, "sensor to centre of the face, along z")
+    x_mm: NumberSetting = _number(0.0, "to the right in the image")
+    y_mm: NumberSetting = _number(0.0, "down in the image")
+    yaw_deg: NumberSetting = _number(0.0, "head turned to its own left")
+    pitch_deg: NumberSetting = _number(0.0, "head raised")
+    roll_deg: NumberSetting = _number(0.0, "head tilted to its own left")
+    motion: NumberSetting = _number(
+        1.0, "sway, nods and turns in sequences of generated faces, times this; 0: still"
     )
 
     @model_validator(mode="after")
@@ -136,14 +134,14 @@ class MotionSettings(TomlTable):
         description="draw the scene at the time of each part of the exposure (rig.exposure): nine "
         "captures of a time-of-flight camera, bands of rows of a rolling shutter",
     )
-    x_mm_s: NumberSetting = Field(
-        constant(0.0), description="speed of the head to the right, added to that of its sequence"
+    x_mm_s: NumberSetting = _number(
+        0.0, "speed of the head to the right, added to that of its sequence"
     )
-    y_mm_s: NumberSetting = Field(constant(0.0), description="speed down")
-    z_mm_s: NumberSetting = Field(constant(0.0), description="speed away from the sensor")
-    yaw_deg_s: NumberSetting = Field(constant(0.0), description="turn to its own left")
-    pitch_deg_s: NumberSetting = Field(constant(0.0), description="turn upwards")
-    roll_deg_s: NumberSetting = Field(constant(0.0), description="tilt to its own left")
+    y_mm_s: NumberSetting = _number(0.0, "speed down")
+    z_mm_s: NumberSetting = _number(0.0, "speed away from the sensor")
+    yaw_deg_s: NumberSetting = _number(0.0, "turn to its own left")
+    pitch_deg_s: NumberSetting = _number(0.0, "turn upwards")
+    roll_deg_s: NumberSetting = _number(0.0, "tilt to its own left")
 
 
 #: Speed of [motion] -> the number of the pose that it changes.
@@ -160,12 +158,8 @@ SPEEDS = {
 class VariationSettings(TomlTable):
     """Random changes of a head's shape and albedo, to vary the faces of one face model."""
 
-    shape_mm: NumberSetting = Field(
-        constant(0.0), description="standard deviation of a smooth warp of the head"
-    )
-    albedo: NumberSetting = Field(
-        constant(0.0), description="standard deviation of the log of the albedo, in patches"
-    )
+    shape_mm: NumberSetting = _number(0.0, "standard deviation of a smooth warp of the head")
+    albedo: NumberSetting = _number(0.0, "standard deviation of the log of the albedo, in patches")
     per: Scope = Field("subject", description="one draw per frame, sequence or subject")
 
     @model_validator(mode="after")
@@ -200,25 +194,19 @@ class SceneSettings(TomlTable):
         "none", description="floor, walls, doors, windows and, unless empty, furniture"
     )
     per: Scope = Field("subject", description="one room per frame, sequence or subject")
-    behind_mm: NumberSetting = Field(
-        _uniform(1000.0, 3000.0), description="from the face to the back wall of the room"
+    behind_mm: NumberSetting = _number(
+        (1000.0, 3000.0), "from the face to the back wall of the room"
     )
-    width_mm: NumberSetting = Field(_uniform(3000.0, 5500.0), description="width of the room")
-    height_mm: NumberSetting = Field(_uniform(2400.0, 2700.0), description="height of the room")
-    turn_deg: NumberSetting = Field(
-        _uniform(-30.0, 30.0), description="turn of the room about the vertical axis"
-    )
-    eye_mm: NumberSetting = Field(
-        constant(1200.0), description="height of a head without a body above the floor"
-    )
+    width_mm: NumberSetting = _number((3000.0, 5500.0), "width of the room")
+    height_mm: NumberSetting = _number((2400.0, 2700.0), "height of the room")
+    turn_deg: NumberSetting = _number((-30.0, 30.0), "turn of the room about the vertical axis")
+    eye_mm: NumberSetting = _number(1200.0, "height of a head without a body above the floor")
     camera_mm: NumberSetting | None = Field(
         None, description="height of the camera, which tilts to the face; default: the face's"
     )
-    clutter: NumberSetting = Field(constant(0.6), description="amount of furniture, 0 to 1")
-    people: NumberSetting = Field(
-        constant(0.0), description="other people behind, for sources of whole bodies"
-    )
-    albedo: NumberSetting = Field(constant(1.0), description="factor of all albedos of the room")
+    clutter: NumberSetting = _number(0.6, "amount of furniture, 0 to 1")
+    people: NumberSetting = _number(0.0, "other people behind, for sources of whole bodies")
+    albedo: NumberSetting = _number(1.0, "factor of all albedos of the room")
 
     @model_validator(mode="after")
     def _check(self) -> SceneSettings:
@@ -345,9 +333,8 @@ class Settings(TomlTable):
 
 def place_of(settings: Settings, *path: str) -> str:
     """Return where a user gave a setting, for messages: a --set option or the settings."""
-    places = settings._places.items()
-    found = (text for given, text in places if given[: len(path)] == path)
-    return next(found, "settings (--set or --config)")
+    options = (text for at, text in settings._places.items() if at[: len(path)] == path)
+    return next(options, "settings (--set or --config)")
 
 
 def load_settings(

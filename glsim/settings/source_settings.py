@@ -24,7 +24,7 @@ from glsim.settings.toml_tables import TomlTable
 
 _GROUP: Final = "sources"
 _FOLDER: Final = "faces/sources"
-#: What a source of mesh files has, and data sets record for every source.
+#: Settings of mesh files that data sets record for every source.
 _RECORDED: Final = {"unit": "auto", "axes": "auto"}
 #: The order of settings in the header of a data set; a kind's own ones stand between.
 _FIRST: Final = (

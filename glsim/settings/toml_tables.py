@@ -106,17 +106,17 @@ def parse_table(
     """Build a ``model`` from nested dicts. Raises ConfigError with the first problem, in one line.
 
     Args:
-        where: the place of the settings, such as a file.
-        places: path of a setting -> another place, for settings that come from an option.
+        where: the settings' place, such as a file.
+        places: path of a setting -> another place, such as an option.
     """
     try:
         return model.model_validate(tree)
     except ValidationError as error:
         path, text = first_problem(model, error)
         path = [part for part in path if not part.isdigit()]  # positions in lists
-        for given, place in (places or {}).items():
-            length = min(len(given), len(path))
-            if length and tuple(path[:length]) == given[:length]:
+        for at, place in (places or {}).items():
+            length = min(len(at), len(path))
+            if length and tuple(path[:length]) == at[:length]:
                 where = place
         raise ConfigError(f"{where}: {text}") from None
 
@@ -124,27 +124,22 @@ def parse_table(
 #: Characters of a given value that are shown.
 _SHOWN = 60
 _DISTRIBUTION = "give a number, or a distribution such as { uniform = [1, 2] }"
-#: Pydantic's names of a setting that there is not: in a model, in a dataclass.
+#: Pydantic's names of unknown settings: in a model, in a dataclass.
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _TABLE = "is a table: set one of its entries"
 
 
 def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[str], str]:
-    """Return the path of the first wrong setting, and a one-line message about it.
-
-    A misspelt name comes before what it leaves missing.
-    """
-    problems = sorted(error.errors(), key=lambda p: p["type"] not in _UNKNOWN)
-    problem = problems[0]
+    """Return the path of the first wrong setting, misspelt names first, and a one-line message."""
+    problem = min(error.errors(), key=lambda p: p["type"] not in _UNKNOWN)
     path = [str(part) for part in problem["loc"] if not _is_internal(str(part))]
     name = ".".join(path)
     if problem["type"] in _UNKNOWN:
         known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
         return path, f"no such setting {name!r} ({did_you_mean(path[-1], known)})"
-    text = _text(dict(problem))
-    given = problem.get("input")
-    if isinstance(given, str | int | float) and problem["type"] != "literal_error":
-        text += f" (got {given!r:.{_SHOWN}})"
+    text, value = _text(problem), problem.get("input")
+    if isinstance(value, str | int | float) and problem["type"] != "literal_error":
+        text += f" (got {value!r:.{_SHOWN}})"
     return path, f"{name}: {text}" if name else text
 
 
@@ -164,14 +159,14 @@ def _is_internal(part: str) -> bool:
     return part.startswith(("function-", "tuple[", "lax-or-strict", "is-instance", "literal["))
 
 
-def _text(problem: dict[str, Any]) -> str:
+def _text(problem: Mapping[str, Any]) -> str:
     kind, context = problem["type"], problem.get("ctx", {})
     if kind == "missing":
         return "is missing"
     if kind == "literal_error":
         known = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
-        given = str(problem["input"])
-        return f"{given!r:.{_SHOWN}} is not one of {', '.join(known)}" + _near(given, known)
+        value = str(problem["input"])
+        return f"{value!r:.{_SHOWN}} is not one of {', '.join(known)}" + _near(value, known)
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return _DISTRIBUTION if context.get("class_name") == "Distribution" else _TABLE
     if kind in ("tuple_type", "list_type"):

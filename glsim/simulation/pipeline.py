@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
+from moderngl import Context
 from numpy.typing import NDArray
 
 from glsim.core.array_types import Floats
@@ -83,7 +83,7 @@ def simulate(
     *,
     sources: Sequence[FaceSource] | None = None,
     backend: str | None = None,
-    context: moderngl.Context | None = None,
+    context: Context | None = None,
     layers: Collection[str] = LAYERS,
     extra_layers: Sequence[str] = (),
 ) -> Iterator[Frame | Skipped]:
@@ -142,7 +142,7 @@ class Simulator:
         self,
         settings: Settings,
         sources: Sequence[FaceSource],
-        context: moderngl.Context,
+        context: Context,
         extra_layers: Sequence[str] = (),
         layers: Collection[str] = LAYERS,
         changes: Sequence[StageChange] = (),

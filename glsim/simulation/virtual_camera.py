@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import moderngl
 import numpy as np
+from moderngl import Context
 
 from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import Frames
@@ -35,7 +35,7 @@ class VirtualCamera:
     def __init__(
         self,
         sensor: str,
-        context: moderngl.Context,
+        context: Context,
         seed: int = 0,
         frames: int = 64,
         rig: Mapping[str, Any] | None = None,

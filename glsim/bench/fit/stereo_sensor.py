@@ -17,8 +17,8 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import moderngl
 import numpy as np
+from moderngl import Context
 
 from glsim.bench import scenes
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
@@ -228,7 +228,7 @@ class _Fit:
         sensor: Sensor,
         image: Intrinsics,
         folder: Path,
-        context: moderngl.Context,
+        context: Context,
     ) -> None:
         self.statistics, self.base, self.sensor, self.image = statistics, base, sensor, image
         self.baseline_m = statistics.focal_baseline_px_mm / image.fx / MM_PER_M
