@@ -39,8 +39,8 @@ def read_toml(file: Path) -> dict[str, Any]:
     """Read a TOML file as nested dicts. Raises ConfigError with the file's name."""
     try:
         text = read_regular(file, _MAX_BYTES).decode("utf-8-sig")
-        for number, line in enumerate(text.splitlines(), 1):
-            if re.match(r'[^#"]*"[A-Za-z]:\\(?!\\)', line):
+        for number, written in enumerate(text.splitlines(), 1):
+            if re.match(r'[^#"]*"[A-Za-z]:\\(?!\\)', written):
                 raise ConfigError(f"{file}: line {number}: {_BACKSLASH}")
         return tomllib.loads(text)
     except FileNotFoundError:

@@ -263,7 +263,7 @@ def test_the_scene_comes_with_its_window_and_nearest_depth(context: Context) -> 
         assert {"clean", "normal", "albedo", "lit"} == set(one.layers)
 
 
-def test_a_two_sided_mesh_may_be_wound_at_random(context: moderngl.Context) -> None:
+def test_a_two_sided_mesh_may_be_wound_at_random(context: Context) -> None:
     mesh = face_mesh()
     mixed = np.where(np.arange(len(mesh.faces))[:, None] % 10 == 0, mesh.faces[:, ::-1], mesh.faces)
     mixed = np.ascontiguousarray(mixed)
