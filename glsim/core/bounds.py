@@ -44,12 +44,7 @@ class Frustum(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FieldOfView:
-    """The ranges of directions that the columns and rows of a rig's image see.
-
-    Args:
-        columns: (W, 2) smallest and largest x/z that a column sees.
-        rows: (H, 2) y/z of a row.
-    """
+    """The least and largest x/z, (W, 2), and y/z, (H, 2), that columns and rows of a rig see."""
 
     rig: SensorRig
     columns: Array

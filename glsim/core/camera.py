@@ -329,10 +329,8 @@ class SensorRig:
             metres: two for stereo, one for structured light (the second view is then the first
             emitter's); empty for other cameras. Their images have the rig's intrinsics.
         border_px: left, top, right, bottom: what the imagers' images have around the delivered one.
-        exposure: when the parts of a frame are exposed.
         projector_tan: tangents of half the field of view of the image that the emitters throw,
             columns and rows; 0 without an image.
-        colour: the colour camera, if the rig has one.
     """
 
     intrinsics: Intrinsics

@@ -83,12 +83,8 @@ def jumps(depth_mm: Maps) -> Maps:
 
 
 def interior(valid: Maps, jumping: Maps) -> Maps:
-    """Mark valid pixels more than BAND_PX from holes and jumps; the image border is no edge.
-
-    Args:
-        valid: mask of the pixels with depth.
-        jumping: mask of ``jumps``, which belong to the edge band themselves: hence BAND_PX - 1.
-    """
+    """Mark valid pixels more than BAND_PX from holes and ``jumps``; the border is no edge."""
+    # Jumping pixels belong to the edge band themselves: hence BAND_PX - 1.
     return valid & ~dilated(~valid, BAND_PX) & ~dilated(jumping, BAND_PX - 1)
 
 

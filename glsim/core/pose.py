@@ -18,10 +18,8 @@ def pose_matrix(pose: Mapping[str, float]) -> Floats:
     """Compute the (4, 4) float32 matrix from canonical millimetres to camera-frame metres.
 
     The head rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it
-    to its own left, raise it and tilt it to its own left.
-
-    Args:
-        pose: distance_mm, x_mm, y_mm, yaw_deg, pitch_deg, roll_deg; missing entries are 0.
+    to its own left, raise it and tilt it to its own left. A pose has distance_mm, x_mm, y_mm,
+    yaw_deg, pitch_deg, roll_deg; missing entries are 0.
     """
     turn = rotation(*(pose.get(f"{angle}_deg", 0.0) for angle in ("yaw", "pitch", "roll")))
     matrix = np.eye(4)

@@ -55,10 +55,7 @@ class Denoiser:
 
     Attributes:
         label: its name in tables.
-        function: what denoises.
         before, after: numbers of earlier and of later frames that it uses.
-        infrared: whether it uses infrared.
-        uncertain: whether it predicts its uncertainty.
         protocol: where the depths of its training are counted from; None for both.
         version: a text that changes with the file of the denoiser.
         device: calibration that is subtracted from maps of ``__call__`` and ``push``; None: none.
@@ -77,14 +74,9 @@ class Denoiser:
     ) -> None:
         """Make a denoiser of a filter, a network, or a function of the user (``UserFunction``).
 
-        Raises DenoiserError for something that cannot be called; ConfigError for an unknown
-        composite or place, or an unusable device.
-
-        Args:
-            label, version, composite: see the class.
-            function: what denoises.
-            device: sensor file whose fixed pattern and wiggling are subtracted first.
-            around: "face": only around the nearest head, see ``tiles.head_box``.
+        ``device`` is a sensor file; around "face" is only around the nearest head, see
+        ``tiles.head_box``. Raises DenoiserError for something that cannot be called; ConfigError
+        for an unknown composite or place, or an unusable device.
         """
         if composite is not None:
             check_composite(composite, "composite")

@@ -47,7 +47,6 @@ class BeardGrid:
     """The grid of the skin on which beards grow, for all subjects of a source.
 
     Args:
-        grid: triangles of the skin.
         points: (N, 3) mm, its points on the reference.
         inside: (N,) mm, distance to the outline of a full beard; negative outside.
         lip: (N,) mm, distance to the rim of the upper lip's hair; negative outside.
@@ -100,15 +99,7 @@ def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
 def make_beard(
     beard: BeardGrid, rest_mm: Reals, style: BeardStyle, length_mm: float, seed: int
 ) -> Shell:
-    """Make a subject's beard: a shell over the skin, ``length_mm`` thick.
-
-    Args:
-        beard: grid of the source.
-        rest_mm: (V, 3) mm, the subject at rest.
-        style: areas of the face that have hair.
-        length_mm: length of the hair along the normals.
-        seed: of the relief and of the ragged rim.
-    """
+    """Make a beard, ``length_mm`` along the normals, on a subject at rest, (V, 3) mm."""
     inside = beard.inside.copy()
     if not style.cheeks:
         areas = ((style.chin, beard.chin), (style.lip, beard.lip))
@@ -153,14 +144,7 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
 
 
 def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> Shell:
-    """Make the brows of a subject: a shell of hair over the skin.
-
-    Args:
-        brows: grid of the source.
-        rest_mm: (V, 3) mm, the subject at rest.
-        height_mm: thickness of the hair.
-        seed: of the relief and of the ragged rim.
-    """
+    """Make brows: a shell of hair, ``height_mm`` thick, on a subject at rest, (V, 3) mm."""
     grid, points, weight = brows
     ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
     cut_grid, blend = grid.clipped(ragged - 0.3)

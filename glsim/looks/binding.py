@@ -103,7 +103,6 @@ class Shell:
         """Bind a layer to the skin by the offset of each grid point at rest.
 
         Args:
-            grid: points and triangles on the skin.
             rest_mm: (V, 3) mm, the subject's vertices at rest.
             offset_mm: (N,) along the smooth normals of the skin, or (N, 3) in the axes at rest.
             drop_mm: (N, 3) further offset that turns with the skull, not with the skin.

@@ -70,7 +70,6 @@ class ClothGrid:
     """The grid of the skin that clothes can cover, for all subjects of a source.
 
     Args:
-        grid: triangles of the skin.
         part: (N,) number of the part of the body: TRUNK, or one of ARMS, LEGS, FEET.
         neck: (3,) mm, centre of the border between neck and torso of the reference.
         above_neck: (N,) mm over the plane of the neck opening.
@@ -87,7 +86,6 @@ class ClothBody:
     """The skin of a subject at rest, or the part of it that a garment covers.
 
     Args:
-        grid: triangles of the covered skin.
         rest_mm: (V, 3) mm, vertices of the source.
         part: (N,) number of the part of the body.
         skin: (N, 3) mm, points of the grid.
@@ -199,12 +197,7 @@ def make_clothes(
 ) -> list[Shell]:
     """Make an upper garment, a lower garment and shoes; a bust gets an upper garment only.
 
-    Args:
-        body: the whole subject.
-        garments: upper garment, lower garment, shoes.
-        tucked: the upper garment's hem is inside the lower garment.
-        scale: size of the subject relative to a mean adult.
-        seed: of the folds.
+    A tucked hem is inside the lower garment; ``scale`` is the subject's size over a mean adult's.
     """
     upper, lower, shoes = garments
     height = float(body.neck[1]) - body.crotch_mm
@@ -253,11 +246,8 @@ def _garment(
     """Make one garment.
 
     Args:
-        piece: the skin that it covers.
-        garment: its type.
         limbs: numbers of the limbs on which it has sleeves or legs.
         hem_mm: height y of the hem.
-        seed: of the folds.
         scale: size of the subject relative to a mean adult.
         share: share of the triangles that is drawn.
     """
@@ -335,10 +325,8 @@ def _membrane(
     """Lift cloth off the skin as a membrane that spans hollows.
 
     Args:
-        piece: the covered skin.
         room, most: (N,) mm, least and largest height over the skin.
         rest: least height of the result, mm.
-        mean: averages over neighbours.
         carried: averages over neighbours, with more weight above.
 
     Returns:

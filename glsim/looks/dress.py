@@ -74,8 +74,6 @@ class _Wardrobe:
     """All worn meshes of one subject.
 
     Args:
-        outfit: the sampled choices.
-        worn: hair, glasses, clothes.
         skull: (K, 3) mm, points of the skull at rest.
         faces, occluder: triangles of skin that no cloth covers, as in ``Mesh``.
         skin: the albedo of the source's mesh, and the albedo with the scalp's colour.

@@ -39,11 +39,8 @@ def make_glasses(
     """Fit glasses to a subject.
 
     Args:
-        anatomy: of the subject.
         skin_mm: (V, 3) mm, the subject's reference head.
-        style: dimensions of the frame.
         lens: "clear" has no surface, "dark" fills the rims, "glint" puts a bright spot in each rim.
-        seed: of wrap, tilt and spots.
 
     Returns:
         Vertices (N, 3) mm, triangles (F, 3), and the mask (N,) of the lenses' vertices.

@@ -81,15 +81,7 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
 
 
 def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle, seed: int) -> Hair:
-    """Make the hair mesh of a subject.
-
-    Args:
-        anatomy: of the subject.
-        scalp: grid of the source.
-        skin_mm: (V, 3) mm, the subject's reference head.
-        style: lengths and directions.
-        seed: of locks and relief.
-    """
+    """Make the hair mesh of a subject, whose reference head is (V, 3) mm."""
     base = scalp.anchors.place(skin_mm)
     inside = _inside_mm(anatomy, scalp, style, base)
     thickness = _thickness_mm(anatomy, scalp, style, base, inside, seed)

@@ -90,10 +90,7 @@ class Head(NamedTuple):
     """A subject's head, hair style and scalp points, from which locks grow.
 
     Args:
-        anatomy: of the subject.
         obstacle: surface that locks must not enter.
-        style: lengths and directions.
-        rng: samples the locks.
         directions: (N, 3) unit vectors from the centre of the skull to the scalp's points.
         base: (N, 3) mm, the scalp's points.
         thickness: (N,) mm, thickness of the hair.

@@ -103,7 +103,6 @@ def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> 
 
     Args:
         faces: (T, 3) triangles of the source.
-        chosen: (T,) mask.
         points: (V, 3) mm, vertices of its reference head.
         edge_mm: longest edge of the result.
     """

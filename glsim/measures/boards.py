@@ -26,13 +26,9 @@ LEAST_PIXELS = 200
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """The pixels of a chessboard in one frame.
+    """The (H, W) white pixels of a chessboard with depth in one frame, and their median depth, mm.
 
     A time-of-flight camera measures dark print some mm too far, so that only the paper is plane.
-
-    Attributes:
-        paper: (H, W) white pixels of the board with depth.
-        distance_mm: median depth of the paper.
     """
 
     paper: Mask

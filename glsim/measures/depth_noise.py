@@ -126,13 +126,7 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
 
 @dataclass(frozen=True)
 class TemporalNoise:
-    """Temporal noise of a set of frames.
-
-    Attributes:
-        pairs: number of static pairs.
-        cells: sigma_T, mm, rounding subtracted.
-        correlation: between pixels at LAGS; NaN without pairs.
-    """
+    """Temporal noise of static pairs: sigma_T, mm, without rounding, and correlation at LAGS."""
 
     pairs: int
     cells: tuple[Cell, ...]

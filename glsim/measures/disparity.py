@@ -65,8 +65,7 @@ class Tiles:
     """Square image tiles in which nearly every pixel has depth, and their noise.
 
     Attributes:
-        top: (N,) row of the first pixel.
-        left: (N,) column of the first pixel.
+        top, left: (N,) row and column of the first pixel.
         level: (N,) median disparity.
         residual: (N, S, S) disparity minus the robust plane, NaN for outliers.
         sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.

@@ -40,13 +40,7 @@ _UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)
 
 @dataclass(frozen=True)
 class NoiseLaw:
-    """Fit of sigma^2 = floor^2 + (slope / IR)^2 to classes of infrared.
-
-    Attributes:
-        floor_mm: a, mm.
-        slope_mm: b, mm counts.
-        classes: (infrared, sigma mm, pixels) of each class.
-    """
+    """Fit sigma^2 = floor^2 + (slope / IR)^2, mm and mm counts, to (infrared, sigma, pixels)."""
 
     floor_mm: float
     slope_mm: float

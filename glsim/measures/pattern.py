@@ -44,7 +44,6 @@ class FixedPattern:
     """Fixed pattern of a set of frames; NaN for too few pixels on smooth surfaces.
 
     Attributes:
-        frames: number of frames.
         rows_mm: standard deviation of the rows, with the alternation.
         columns_mm: standard deviation of the columns.
         rest_mm: standard deviation of single pixels.

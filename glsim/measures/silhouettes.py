@@ -50,14 +50,12 @@ class Edges:
 
     Attributes:
         side: 0 for a gap to the left of the foreground, 1 to the right.
-        row: row of the last foreground pixel.
-        column: column of the last foreground pixel.
+        row, column: of the last foreground pixel.
         width: pixels of the gap.
         invalid: pixels of the gap without depth.
         band_invalid: share of the BAND_PX pixels outside without depth.
         band_behind: share of them behind the background.
-        front_mm: depth at the end of the foreground.
-        back_mm: depth at the end of the background.
+        front_mm, back_mm: depth at the end of foreground and background.
         shift_px_per_m: S for a baseline of 1 m.
         radius_px: distance of the rim from the principal point, px of a Kinect V2.
         back_counts: infrared of the background beside the gap, counts; 0 without infrared.
@@ -83,8 +81,7 @@ class Side:
 
     Attributes:
         edges: their number.
-        width_px: median width.
-        width_mean_px: mean width.
+        width_px, width_mean_px: median and mean width.
         invalid_px: median number of pixels without depth.
         band_invalid: share of the BAND_PX pixels outside without depth.
         band_behind: share of them behind the background.

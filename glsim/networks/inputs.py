@@ -73,7 +73,6 @@ def stack_inputs(
     """Stack depth, infrared and neighbours in time of a frame as a network's input.
 
     Args:
-        inputs: the inputs of the network.
         depth_mm: (H, W) depth of the frame, 0 = no return.
         before_mm: earlier frames, the latest first; surplus ones are ignored.
         after_mm: later frames, the next one first; surplus ones are ignored.

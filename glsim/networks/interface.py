@@ -15,12 +15,7 @@ MIN_DEPTH_MM: Final = 0.5
 
 
 class Denoised(NamedTuple):
-    """A denoised depth map and its validity.
-
-    Attributes:
-        depth_mm: (H, W) millimetres.
-        valid: (H, W) bool, or the probability of depth in [0, 1].
-    """
+    """An (H, W) depth map, mm, and its mask or probability of depth in [0, 1]."""
 
     depth_mm: Depth
     valid: Mask | Probability
@@ -31,7 +26,6 @@ class DepthFunction(ABC):
 
     Attributes:
         before, after: numbers of earlier and of later frames that it uses.
-        infrared: whether it uses infrared.
         uncertain: whether it returns a standard deviation.
         protocol: where the depths of its training are counted from; None for both.
         keep_clean: whether it returns frames without noise unchanged.

@@ -27,13 +27,7 @@ _LEAST_MOTION_MM: Final = 3.0
 
 
 class Runner(Protocol):
-    """The interface of an object that runs a network.
-
-    Attributes:
-        inputs: what it sees.
-        outputs: names of its outputs, as in ``glsim.train.models.base``.
-        record: settings of its denoiser.
-    """
+    """An object that runs a network, whose outputs are named as in ``glsim.train.models.base``."""
 
     inputs: NetworkInputs
     outputs: tuple[str, ...]

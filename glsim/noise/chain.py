@@ -164,7 +164,6 @@ class ShaderChain:
 
     Args:
         infrared, expected: whether to read these layers back.
-        extra_layers: further layers to read back.
         images: float32 images that are the same in every frame, by layer: those of a sensor.
         linked: stages that other chains of the context have linked; equal ones are taken from
             there.

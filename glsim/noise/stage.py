@@ -50,8 +50,6 @@ class StageSpec:
 
     Args:
         title: one line for tables.
-        parameters: declarations by name.
-        file: where it is declared.
         reach_px: how far around a pixel ``function`` reads.
         array_reads: layers that ``function`` reads besides those of a Frame.
     """
@@ -68,12 +66,7 @@ class StageSpec:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of a chain, with its declaration and its settings.
-
-    Args:
-        name: unique in the chain.
-        settings: parameter -> distribution.
-    """
+    """A stage of a chain: its name, unique there, declaration, and parameter -> distribution."""
 
     name: str
     spec: StageSpec

@@ -170,10 +170,7 @@ class Frame:
 
     @property
     def infrared_right(self) -> NDArray[np.uint16]:
-        """Infrared image of a stereo camera's second imager, (H, W) uint16 counts.
-
-        Raises ConfigError if it was not requested.
-        """
+        """Counts of a stereo camera's second imager, uint16; ConfigError if not requested."""
         counts = self._requested("infrared_right", self.infrared_right_counts)
         return self._paste(_encode_counts(counts))
 

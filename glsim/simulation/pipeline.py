@@ -152,7 +152,6 @@ class Simulator:
         """Compile the shaders of a sensor. Raises ConfigError or ShaderError.
 
         Args:
-            sources: the open face sources of ``settings``.
             layers, extra_layers: as in ``simulate``.
             changes: stages with other code than the sensor's file says.
             cache: of another simulator of the same sources and context; default: a new one.

@@ -37,7 +37,6 @@ class FrameScene:
     Attributes:
         meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
         labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
-        crop: the delivered part of the image.
         pose: its values, with motion.
         sampled: values that were sampled for the face, what it wears and the room, by their names.
         head_to_camera_m: (4, 4), both in metres.

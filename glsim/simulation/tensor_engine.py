@@ -105,9 +105,7 @@ class TensorEngine:
             depth_m: as of a call of DepthNoise.
             device: to compute on; default: the depth's.
             keys: the maps' seeds, if they are not given as seeds.
-            seed: of the settings.
             p: probability that a map is changed, if seeds are given.
-            expected: whether this layer is wanted.
             given: of ``batch_inputs``.
         """
         array = not isinstance(depth_m, torch.Tensor)

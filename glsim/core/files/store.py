@@ -26,11 +26,8 @@ class Store:
     """A folder of files, each complete or absent, which is cheap to send to other processes.
 
     The name of a file is its path in the folder, with slashes; it leads out of it neither by ".."
-    nor by links. Every method raises DatasetError, which names the file, for what fails.
-
-    Attributes:
-        root: the folder.
-        is_remote: whether each read takes a request over the network.
+    nor by links. Every method raises DatasetError, which names the file, for what fails. If
+    ``is_remote``, each read takes a request over the network.
     """
 
     is_remote = False

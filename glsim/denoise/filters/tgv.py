@@ -123,10 +123,8 @@ def solve(
     Args:
         noisy: (H, W), where the iteration starts.
         weight: (H, W) of the data; 0 without data.
-        on: the gradients.
         alpha_1: weight of the slopes' misfit.
         alpha_0: weight of bends.
-        iterations: of the primal-dual method.
     """
     u, w, v = noisy.copy(), *on.gradient(noisy)
     w, v = (np.asarray(cv2.blur(part, (5, 5)), np.float32) for part in (w, v))

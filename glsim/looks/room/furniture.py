@@ -66,8 +66,6 @@ def make_thing(
     """Make the shapes of a piece of furniture from the table.
 
     Args:
-        rng: samples size, materials and objects.
-        name: name in the table.
         clutter: share of the possible objects on it, 0 to 1.
         fit_mm: width and height of the opening that it fills, or height of its seat; default:
             sampled.
@@ -89,7 +87,6 @@ def _parts(
 
     Args:
         rng: samples the objects, and the albedos that ``albedos`` lacks.
-        name: name in the table.
         scale: (3,) factors of its size.
         clutter: share of the possible objects on it, 0 to 1.
         albedos: material -> albedo, which all parts share; new ones are added.

@@ -39,7 +39,6 @@ class RoomNumbers:
         camera_mm: (x, z) of the camera before that rotation.
         reach_mm: x of the left and right end of the person's area, and its depth behind the face.
         clutter: share of the possible objects, 0 to 1.
-        people: number of other people.
         seat_mm: height of the person's seat above the floor, and z of the backrest; None for a
             standing person.
     """

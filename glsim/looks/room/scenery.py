@@ -60,7 +60,6 @@ class Scenery(NamedTuple):
     """All meshes around the person of a frame, with the camera's tilt.
 
     Args:
-        props: the meshes.
         sampled: entries of the manifest, "scene.name" -> number.
         tilt_deg: upward tilt of the camera.
         places: for each other person the (4, 4) matrix from canonical axes at the feet, mm, with +z

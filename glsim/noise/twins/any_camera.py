@@ -90,7 +90,6 @@ def _beside_steps(
         depths, lights: functions (dx, dy) -> clean depth, m, and brightness at that offset.
         growth: width by which near surfaces grow, px; negative where they shrink.
         chance: uniform random numbers, 0 to 1.
-        p: parameters of the stage.
 
     Returns:
         Depth of the surface, m; mixed depth, m; share of other surfaces; collected light; whether a

@@ -40,13 +40,7 @@ def pixels(window: Rect, like: Any = 0) -> tuple[Words, Words]:
 
 
 def fetch(layer: Image, window: Rect, x: Words, y: Words) -> Image:
-    """Read a layer at pixels of the frame; 0 outside the window.
-
-    Args:
-        layer: values of the window.
-        window: part of the frame.
-        x, y: integer columns and rows in the frame, which broadcast.
-    """
+    """Read a window's layer at columns x, rows y of the frame, which broadcast; 0 outside."""
     xp = of(layer)
     column, row = x - window.left, y - window.top
     # Columns and rows are compared before they broadcast: h + w comparisons, not h w.
@@ -64,12 +58,8 @@ def fetch(layer: Image, window: Rect, x: Words, y: Words) -> Image:
 def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = False) -> Image:
     """Pad a layer by ``reach`` pixels on each side.
 
-    Args:
-        view: names the window and the size of the frame.
-        layer: values of the window.
-        reach: width of the padding, px.
-        clamped: beyond the frame repeat its nearest pixel, else 0. Within the frame, beyond the
-            window, always 0.
+    Beyond the frame, if ``clamped``, its nearest pixel is repeated. Within the frame, beyond the
+    window, and else, the padding is 0.
     """
     left, top, width, height = view.window
     if view.batched:  # the window is the frame
@@ -98,11 +88,8 @@ def around(
 ) -> Neighbours:
     """Return a function (dx, dy) -> the values of the layer at that offset from each pixel.
 
-    Its results may be views of one array: do not write to them.
-
-    Args:
-        view, layer, reach, clamped: as in ``padded``.
-        at: map, row and column of some pixels of a batch; default: all pixels of the window.
+    Its results may be views of one array: do not write to them. ``at`` is map, row and column of
+    some pixels of a batch, by default all of the window; other arguments are as in ``padded``.
     """
     wide, (_, _, width, height) = padded(view, layer, reach, clamped=clamped), view.window
     if at is None:

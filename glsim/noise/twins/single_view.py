@@ -67,11 +67,9 @@ def _support(
     """Return the disparities, px, that matching windows find along one axis; 0 = none.
 
     Args:
-        view: names the window.
         px: disparities of the surfaces, px, 0 = none.
         step: offset (dx, dy) of the next pixel along the axis.
         growth_px: width by which near surfaces grow backwards and forwards along the axis, px.
-        p: parameters of the stage.
     """
     xp, reach, apart_px = of(px), int(p["support_px"]) // 2, p["support_step_px"]
     front, total, count, neighbour = px, px, xp.floats(px > 0), around(view, px, reach)

@@ -81,9 +81,6 @@ def _bilateral(
     neighbours, whatever their phase.
 
     Args:
-        view: names the window.
-        p: parameters of the stage.
-        layers: with the phasors.
         sharpness: decay of the weight with the phase distance: 0 for equal, 1 for opposite phases.
         along: weights along an axis, by distance.
         clamped: as in ``padded``.
@@ -288,17 +285,7 @@ def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 def decoded(
     view: FrameContext, layers: Layers, p: Parameters, real: Image, imaginary: Image
 ) -> tuple[Image, Image, Image]:
-    """Decode phasors to depth.
-
-    Args:
-        view: names the frequencies, the window and the emitter.
-        layers: clean, lit and rays.
-        p: parameters of the stage.
-        real, imaginary: (..., 3) parts of the phasors.
-
-    Returns:
-        Depth, m; reason code; sum of the three amplitudes.
-    """
+    """Decode phasors, (..., 3) parts, to depth, m; reason code; sum of the three amplitudes."""
     xp, f = of(real), frequencies(view)
     amplitude = xp.sqrt(real * real + imaginary * imaginary)
     fast, slow, third = unwrapped_cycles(phases(real, imaginary), f)

@@ -133,16 +133,7 @@ def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def packed(name: str, real: Image, imaginary: Image, one: Image, other: Image) -> dict[str, Image]:
-    """Pack phasors and two more images into the layers NAME_a and NAME_b.
-
-    Args:
-        name: of the layers.
-        real, imaginary: (..., 3) parts of the phasors.
-        one, other: last two components of NAME_b.
-
-    Returns:
-        Layer name -> (..., 4).
-    """
+    """Pack (..., 3) phasors and two last components into the layers NAME_a and NAME_b, (..., 4)."""
     parts = [part[..., k] for k in range(3) for part in (real, imaginary)]
     xp = of(one)
     return {
@@ -206,8 +197,6 @@ def surface_light(
     """Compute the light that surface elements return.
 
     Args:
-        view: names the emitter.
-        p: parameters of the stage.
         z: depth, m, 0 = none.
         shape: (..., 4) normal and albedo.
         ray: (..., 2) x/z and y/z.

@@ -37,7 +37,6 @@ class Task:
         source: position in ``settings.source``.
         key: the frame's name in that source.
         seeds: 64-bit seeds of the frame, its sequence and its subject.
-        device: number of the virtual device.
         repeat: how often the mesh was used before, where a subject of files has fewer meshes than
             frames; each use is a sequence of its own, with its own pose, distance and noise.
     """
