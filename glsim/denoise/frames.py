@@ -148,8 +148,9 @@ class DenoisedMaps:
         frame = self._stacks.frame(number)
         if number == 0:
             self._first = frame
-        elif number == 1 and self._first is not None and self._first.key[:2] == frame.key[:2]:
-            self.first_are_still = not view_change(self._first, frame)
+        elif number == 1 and (first := self._first) is not None:
+            alike = first.key[:2] == frame.key[:2] and first.noisy_mm.shape == frame.noisy_mm.shape
+            self.first_are_still = alike and not view_change(first, frame)
         counts = frame.layer("infrared") if denoiser.infrared else None
         estimate = denoiser.estimate(stack, now, counts)
         if denoiser.function.keep_clean:

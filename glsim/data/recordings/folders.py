@@ -20,7 +20,7 @@ from glsim.core.files.regular import MOST_HELD, read_data, read_regular
 from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, SUFFIXES
 from glsim.data.recordings.biwi import read_calibration
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
-from glsim.data.recordings.names import DepthKind, left_out_text, other_kind
+from glsim.data.recordings.names import DepthKind, left_out_text, other_kind, words_of
 from glsim.data.recordings.opencv_yaml import read_matrices
 from glsim.data.recordings.streams import STREAMS, is_stream
 
@@ -45,10 +45,10 @@ def list_maps(
 ) -> tuple[list[Path], Counter[str]]:
     """Find the depth maps in a folder and its sub-folders: the one rule of every command.
 
-    Of each folder PNG files count; without any, TIFF, OpenEXR and .npy files; without any, dumps
-    of libfreenect2 and Biwi. Of these the ones named as depth count (``*_depth``, ``*_noisy`` or
-    ``*_clean``, else ``depth*``); without any, all that are not named as something else. Beside a
-    folder ``depth`` nothing else counts.
+    Of each folder the files named as depth count (``*_depth``, ``*_noisy`` or ``*_clean``, else
+    ``depth*``); without any, all that are not named as something else. Of these PNG files count;
+    without any, TIFF, OpenEXR and .npy files; without any, dumps of libfreenect2 and Biwi. Beside
+    a folder ``depth`` nothing else counts.
 
     Args:
         folder: the top.
@@ -106,14 +106,11 @@ def _maps_of(paths: Sequence[Path], kind: DepthKind, left_out: Counter[str]) -> 
     named = {path: other_kind(path.name, kind) for path in paths}
     left_out.update(filter(None, named.values()))
     maps = [path for path, other in named.items() if not other]
+    marked = [path for path in maps if (words_of(path.name) or [""])[-1] in _MARKS[kind]]
+    marked = marked or [path for path in maps if path.name.lower().startswith("depth")]
+    chosen: list[Path] = []
     for ends in _FORMATS:
-        if of_format := [path for path in maps if path.suffix.lower() in ends]:
-            break
-    else:
-        return []
-    marked = [path for path in of_format if path.stem.lower().endswith(_MARKS[kind])]
-    marked = marked or [path for path in of_format if path.stem.lower().startswith("depth")]
-    chosen = marked or of_format
+        chosen = chosen or [p for p in marked or maps if p.suffix.lower() in ends]
     left_out.update(f"*{path.suffix}" for path in {*maps} - {*chosen})
     return chosen
 

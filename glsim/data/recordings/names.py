@@ -14,40 +14,48 @@ from glsim.core.files.listing import entries
 #: Kind of depth map that a command takes: others are left out of a folder.
 DepthKind = Literal["clean", "expected", "noisy"]
 
-#: Ends of the names of images of one kind each; any other name may be a depth map.
-_ENDINGS = (
-    "clean", "expected", "normals", "noisy", "infrared", "infrared_right", "ir", "reason",
-    "regions", "preview", "sigma", "figure", "color", "colour", "rgb", "amplitude", "confidence",
-    "mask",
+#: Words of names of other images, as the last word but numbers, or the first where the last is not
+#: depth: rgb_0001.png, 0001-color.png, frame-000000.normal.png.
+_OTHERS = (
+    "clean", "expected", "noisy", "infrared", "nir", "ir", "reason", "regions", "preview", "sigma",
+    "figure", "color", "colour", "rgb", "rgba", "amplitude", "confidence", "conf", "mask", "normal",
+    "normals", "instance", "instances", "semantic", "semantics", "segmentation", "seg", "label",
+    "labels", "disparity", "flow", "albedo", "alpha", "uncertainty", "variance",
 )  # fmt: skip
-#: Beginnings of the names of other images, such as rgb_0001.png.
-_BEGINNINGS = ("color", "colour", "rgb", "infrared", "ir")
+_SEPARATOR = re.compile(r"[_.*/-]+")
 #: Pictures without such an ending.
 _PICTURES = ("contact_sheet.png", "preview.png")
 #: Ends of the names of a depth map and of its infrared image.
 _INFRARED_BESIDE = (
     ("_depth", "_ir"), ("_noisy", "_infrared"), ("", "_ir"), ("", "_infrared"), ("depth", "ir"),
+    ("depth", "infrared"),
 )  # fmt: skip
 _INFRARED_FOLDERS = ("ir", "infrared")
 
 
+def words_of(name: str) -> list[str]:
+    """Return the words of a file's name without its suffix, in lower case, without numbers."""
+    words = _SEPARATOR.split(name.rpartition(".")[0].lower())
+    return [word for word in words if word and not word.isdigit()]
+
+
 def other_kind(name: str, kind: DepthKind) -> str:
     """Return the pattern of a file's name that marks another kind of image; "" for depth maps."""
-    stem, _, suffix = name.rpartition(".")
-    stem = stem.replace(".", "_")  # frame-000000.color.png of 7-Scenes
-    ending = stem.lower().rpartition("_")[2]
-    if name in _PICTURES or (ending == stem.lower() and ending in _ENDINGS and ending != kind):
+    suffix, words = name.rpartition(".")[2], words_of(name)
+    if name in _PICTURES:
         return name
-    beginning, underscore, _ = stem.lower().partition("_")
-    if underscore and beginning in _BEGINNINGS and ending not in ("depth", kind):
-        return f"{beginning}_*.{suffix}"
-    return f"*_{ending}.{suffix}" if ending in _ENDINGS and ending != kind else ""
+    if not words or words[-1] == kind:
+        return ""
+    first = words[0] in _OTHERS and words[-1] != "depth"
+    if first and name.lower().startswith(words[0]):
+        return name if name.lower() == f"{words[0]}.{suffix}" else f"{words[0]}_*.{suffix}"
+    last = words[-1] in _OTHERS or words[-2:] == ["infrared", "right"]
+    return f"*_{words[-1]}.{suffix}" if last else ""
 
 
 def is_infrared(name: str) -> bool:
     """Return whether a file's name, or a pattern of ``other_kind``, is that of infrared images."""
-    words = re.split(r"[_.*/-]+", name.lower())
-    return not {"ir", "infrared"}.isdisjoint(words)
+    return not {"ir", "infrared"}.isdisjoint(words_of(name))
 
 
 def left_out_text(others: Counter[str]) -> str:
