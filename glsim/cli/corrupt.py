@@ -38,11 +38,12 @@ def corrupt(
     assignments: SetOption = None,
     seed: SeedOption = None,
     depth_unit_mm: float | None = None,
-    focal_px: float | None = None,
+    focal_px: str | None = None,
     centre_px: str | None = None,
     config: ConfigOption = None,
     backend: str | None = None,
     channel: str | None = None,
+    along_ray: Annotated[bool, typer.Option("--along-ray")] = False,
 ) -> None:
     """Add the noise of a sensor to clean depth maps; 0 means no depth, in and out.
 
@@ -58,10 +59,14 @@ def corrupt(
         clean: A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them.
         out: The noisy map, or a folder for them.
         depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
-        focal_px: Focal length of the maps, pixels. Default: the sensor's.
-        centre_px: Principal point x,y of the maps, pixels. Default: the sensor's, or the centre.
+        focal_px: Focal length of the maps, pixels, one number or x,y. Default: as a camera.toml
+            says, else the sensor's.
+        centre_px: Principal point x,y of the maps, pixels. Default: as a camera.toml says, else
+            the sensor's, or the centre.
         backend: egl, osmesa, or numpy, which needs no OpenGL. Default: the first that works.
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
+        along_ray: Depths are distances along the ray of each pixel; a camera.toml states the
+            intrinsics.
     """
     from glsim.data.map_writer import MapWriter
     from glsim.data.maps import open_maps
@@ -75,17 +80,25 @@ def corrupt(
     )
     given_mm = settings.output.depth_unit_mm
     given = given_mm if given_mm != 1 else depth_unit_mm
-    recording = open_maps(clean, "clean", unit_mm=given, channel=channel, needs_camera=False)
+    recording = open_maps(
+        clean, "clean", unit_mm=given, channel=channel, needs_camera=False, along_rays=along_ray
+    )
     states_step = recording.step_mm != 1 or recording.votes.names_step
     writer = MapWriter(recording, [clean], out, option="--depth-unit-mm", states_step=states_step)
-    focal = None if focal_px is None else (focal_px, focal_px)
-    centre = None if centre_px is None else two_numbers("--centre-px", centre_px)
+    focal = centre = None
+    if (camera := recording.camera) is not None:
+        focal, centre = (camera.fx, camera.fy), (camera.cx, camera.cy)
+    if focal_px is not None:
+        both = focal_px if "," in focal_px else f"{focal_px},{focal_px}"
+        focal = two_numbers("--focal-px", both)
+    if centre_px is not None:
+        centre = two_numbers("--centre-px", centre_px)
     with DepthNoise(settings, backend=backend, focal_px=focal, centre_px=centre) as noise:
         failures = writer.write(
             recording.frames.changed(_Corrupter(noise)),
             skipped=lambda why: console.print(f"skipped {why}", style="yellow", soft_wrap=True),
         )
-    assumed = "" if focal_px else "the camera of the maps is taken for the sensor's (--focal-px)"
+    assumed = "" if focal else "the camera of the maps is taken for the sensor's (--focal-px)"
     for note in filter(None, (recording.sentence(camera=False), assumed)):
         print_message(note)
     print_message(f"wrote {len(writer.targets) - failures} noisy depth map(s) to {out}")

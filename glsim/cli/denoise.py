@@ -45,6 +45,7 @@ def denoise(
     form: Annotated[str | None, typer.Option("--format")] = None,
     protocol: str | None = None,
     channel: str | None = None,
+    along_ray: Annotated[bool, typer.Option("--along-ray")] = False,
 ) -> None:
     """Denoise depth maps; 0 means no depth, in and out.
 
@@ -72,6 +73,8 @@ def denoise(
         protocol: Depth for the denoiser: depth (as measured) or paper (nearest point of each map at
             1 mm). Default: as the network was trained.
         channel: Channel of OpenEXR files. Default: the one whose name says depth.
+        along_ray: Depths are distances along the ray of each pixel; a camera.toml states the
+            intrinsics.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.data.map_files import FORMATS
@@ -90,6 +93,7 @@ def denoise(
         infrared=infrared,
         crops=device is not None,
         needs_camera=False,
+        along_rays=along_ray,
     )
     writer = MapWriter(
         recording,

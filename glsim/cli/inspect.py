@@ -119,7 +119,7 @@ def _camera(recording: Recording) -> dict[str, Any]:
         "width_px": width,
         "height_px": height,
         "step_mm": frame.step_mm,
-        "infrared": frame.infrared is not None,
+        "infrared": recording.has_infrared,
         "intrinsics": None if recording.camera is None else asdict(recording.camera),
         "sensor": sensor or None,
         "because": why if sensor else None,

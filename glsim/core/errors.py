@@ -60,6 +60,10 @@ class NoDepthError(DatasetError, ConfigError):
     """The error of an argument that names no depth maps (CLI exit status 2)."""
 
 
+class MapSizeError(DatasetError, ConfigError):
+    """The error of a depth map too small for the sensor; of a batch, that map is left out."""
+
+
 class TrainError(GlsimError):
     """The error of a training that cannot start, continue or be saved, or of a bad checkpoint."""
 

@@ -1,4 +1,4 @@
-"""Files of single depth maps, in and out: PNG, TIFF, NPY, OpenEXR; dumps of two programs, in.
+"""Files of depth maps, in and out: PNG, TIFF, NPY, OpenEXR; in: PFM, PGM, NPZ, two dumps.
 
 Whole numbers are steps of a unit (millimetres by default), as in PNG; floating numbers are metres,
 or millimetres if the median of their set says so. 0, NaN, infinity and a far plane are no depth.
@@ -8,7 +8,11 @@ PNG files may state their step.
 
 from __future__ import annotations
 
+import errno
+import re
+import zipfile
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,22 +20,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError
-from glsim.core.files.exr import decode_exr, depth_channel, encode_exr, require_exr
+from glsim.core.files.exr import decode_exr, depth_channel, depth_name, encode_exr, require_exr
 from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import (
     MAX_IMAGE_BYTES,
     MAX_MAP_PX,
     encode_png,
+    is_image,
     read_image,
 )
-from glsim.core.files.regular import read_data
-from glsim.core.units import from_steps, to_steps
+from glsim.core.files.regular import MOST_HELD, open_regular, read_data
+from glsim.core.units import UINT16_MAX, from_steps, to_steps
 from glsim.data.recordings.biwi import read_depth_bin
 
 #: Suffixes of the files that are read and written.
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")
+#: Suffixes of other files with one map or a stack, which are read only.
+READ_ONLY: Final = (".pfm", ".pgm", ".npz")
 #: Those of dumps of libfreenect2, and of Biwi's depth.bin, which are read only.
 DUMPS: Final = (".bin", ".raw", ".depth", ".ir")
+#: What is said of files that are none of these.
+READABLE: Final = f"glsim reads depth in {', '.join((*SUFFIXES, *READ_ONLY))}: convert others"
 #: Size of a Kinect V2's images, which a dump of libfreenect2 does not state.
 DUMP_SHAPE: Final = (424, 512)
 #: Calibration of a Biwi recording, in the folder of its frames.
@@ -55,8 +64,18 @@ TAKEN_FOR_MM: Final = "nothing states a unit: whole numbers are taken for mm (--
 #: Middle depth of a set of floats: metres below the first, millimetres from the second on. No face
 #: is recorded from more than 20 m or less than 0.2 m; centimetres lie between.
 _METRES_BELOW, _MILLIMETRES_FROM = 20.0, 200.0
-#: Values of a map that are no multiples of 8 by chance.
+#: Values of a map that are no multiples of 8 or 257 by chance.
 _LEAST_VALUES = 32
+#: Deepest map of a face, mm, and the share of deeper pixels from which on whole numbers without a
+#: stated unit are no millimetres; the second where 65535 is reached, as after stretching. Wrong
+#: matches of a real D435 are 0.026 of a room.
+_DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
+#: Share of the middle depth that counts as a jump, and least share of jumps along rows. Chosen.
+_JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
+#: Share of pixels at exactly 1 that is a background. Chosen.
+_BACKGROUND = 0.02
+#: Suffixes of files that may hold several maps.
+STACKS: Final = (".npy", ".npz")
 
 
 def format_of(path: Path) -> str:
@@ -89,7 +108,7 @@ def read_stored(
         ConfigError: OpenEXR files without the package OpenEXR.
     """
     suffix = path.suffix.lower()
-    if suffix == ".npy":
+    if suffix in STACKS:
         stack = open_stack(path)
         if number is None and len(stack) > 1:
             raise DatasetError(
@@ -97,20 +116,82 @@ def read_stored(
             )
         if (number or 0) >= len(stack):
             raise DatasetError(f"{path}: has {len(stack)} frames, frame {number} is needed")
-        return np.array(stack[number or 0])
+        return _whole_numbers(np.array(stack[number or 0]), path)
     if suffix in DUMPS:
         return _read_dump(path)
-    values = _read_exr(path, channel) if suffix == ".exr" else read_image(path, inside=inside)
-    return _checked(_squeezed(values), path, 2, infrared)
+    if suffix == ".exr":
+        values = _read_exr(path, channel)
+    elif suffix in READ_ONLY:
+        values = _read_netpbm(path)
+    elif suffix in SUFFIXES or is_image(path):
+        values = read_image(path, inside=inside)
+    else:
+        raise DatasetError(f"{path}: {READABLE}")
+    return _whole_numbers(_checked(_squeezed(values), path, 2, infrared), path)
 
 
 def open_stack(path: Path) -> NDArray[Any]:
-    """Open a ``.npy`` file as (T, H, W), mapped from the disk. Raises DatasetError."""
+    """Open a ``.npy`` file, mapped from the disk, or the depth of an ``.npz`` file, as (T, H, W).
+
+    Raises DatasetError, also for (rows, columns, frames).
+    """
     try:
-        stack = _squeezed(map_npy(path))
+        values = map_npy(path) if path.suffix.lower() == ".npy" else _read_npz(path)
     except OSError as error:
-        raise DatasetError(f"{path}: is no readable .npy file: {error.strerror}") from None
-    return _checked(stack if stack.ndim == 3 else stack[None], path, 3)
+        kind = path.suffix.lower()
+        raise DatasetError(f"{path}: is no readable {kind} file: {error.strerror}") from None
+    stack = _squeezed(values)
+    stack = _checked(stack if stack.ndim == 3 else stack[None], path, 3)
+    if len(stack) > 1 and _frames_are_last(stack):
+        raise DatasetError(
+            f"{path}: is {stack.shape}, whose last axis changes like time: a stack is (frames, "
+            "rows, columns): save np.moveaxis(array, -1, 0)"
+        )
+    return stack
+
+
+def _frames_are_last(stack: NDArray[Any]) -> bool:
+    """Return whether values jump far less along the last axis than along the first.
+
+    From frame to frame few pixels jump; from row to row, at each silhouette, many do.
+    """
+    jumps = []
+    for axis in (0, 2):
+        part = stack[tuple(slice(None) if n == axis else slice(None, None, 2) for n in range(3))]
+        change = np.abs(np.diff(part.astype(np.float32), axis=axis))
+        middle = float(np.median(part[part > 0])) if (part > 0).any() else 0.0
+        jumps.append(float((change > _JUMP_SHARE * middle).mean()))
+    return jumps[0] > _LEAST_JUMPS and jumps[1] < jumps[0] / 4
+
+
+def _read_npz(path: Path) -> NDArray[Any]:
+    """Return the array of an ``.npz`` file that is named depth, or the only one. Raises OSError."""
+    with open_regular(path) as file:
+        try:
+            with np.load(file, allow_pickle=False) as arrays, zipfile.ZipFile(file) as members:
+                if sum(member.file_size for member in members.infolist()) > MOST_HELD:
+                    raise ValueError("unpacks to too many bytes")
+                names = [n for n in arrays.files if "depth" in n.lower()] or arrays.files
+                if len(names) != 1:
+                    raise ValueError(f"holds {', '.join(arrays.files)}: save the depth alone")
+                return np.asarray(arrays[names[0]])
+        except Exception as error:  # of zip files and headers that are damaged
+            raise OSError(errno.EINVAL, " ".join(str(error).split())[:200]) from None
+
+
+def _read_netpbm(path: Path) -> NDArray[Any]:
+    """Read a grey PGM or PFM file by OpenCV. Raises DatasetError."""
+    import cv2
+
+    data = read_data(path, 2 * MAX_IMAGE_BYTES)
+    head = re.match(rb"P[25f]\s+(?:#[^\n]*\n\s*)*(\d{1,5})\s+(\d{1,5})\s", data)
+    if head is None or int(head[1]) * int(head[2]) > MAX_MAP_PX:
+        raise DatasetError(f"{path}: is no grey PGM or PFM file of at most {MAX_MAP_PX} pixels")
+    with suppress(cv2.error):
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        if image is not None:
+            return np.asarray(image)
+    raise DatasetError(f"{path}: is cut short or damaged")
 
 
 def _squeezed(values: NDArray[Any]) -> NDArray[Any]:
@@ -125,7 +206,19 @@ def _squeezed(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _holds_depth(values: NDArray[Any]) -> bool:
-    return values.dtype.kind == "f" or values.dtype.str[1:] == "u2"
+    return values.dtype.kind == "f" or (values.dtype.kind in "iu" and values.dtype.itemsize > 1)
+
+
+def _whole_numbers(image: NDArray[Any], path: Path) -> NDArray[Any]:
+    """Convert signed and long whole numbers that fit 16 bits to uint16. Raises DatasetError."""
+    if image.dtype.kind not in "iu" or image.dtype in (np.uint16, np.uint8):
+        return image
+    if image.min() < 0 or image.max() > UINT16_MAX:
+        raise DatasetError(
+            f"{path}: has whole numbers from {image.min()} to {image.max()}; depth is 0 to "
+            f"{UINT16_MAX} steps: convert it to float metres"
+        )
+    return image.astype(np.uint16)
 
 
 def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False) -> NDArray[Any]:
@@ -134,9 +227,9 @@ def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False
     known = _holds_depth(values) or (infrared and bits == 8)
     if values.ndim != axes or 0 in shape or not known or (axes == 3 and shape[-1] <= 4):
         raise DatasetError(
-            f"{path}: is {shape} {values.dtype}, has {shape[-1] if shape[-1] <= 4 else 1} "
+            f"{path}: is {shape} {values.dtype}, has {shape[-1] if values.ndim == 3 else 1} "
             f"channels of {bits} bits; a depth map is (H, W), a stack of frames is (T, H, W), "
-            "uint16 or float metres: remove other pictures from the folder"
+            "16-bit whole numbers or float metres: remove other pictures from the folder"
         )
     if shape[-1] * shape[-2] > MAX_MAP_PX:
         raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
@@ -164,15 +257,46 @@ def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
     return middle < _METRES_BELOW
 
 
-def refuse_shifted(image: NDArray[Any], where: Path) -> None:
-    """Raise DatasetError for whole numbers that are shifted by 3 or 4 bits, as a Kinect V1's."""
-    values = np.unique(image) if image.dtype.kind == "u" else np.zeros(0, np.uint16)
-    for step in (16, 8):
-        if len(values) >= _LEAST_VALUES and not (values[values < SATURATED] % step).any():
+def refuse_no_steps(image: NDArray[Any], where: Path) -> None:
+    """Raise DatasetError for whole numbers without a stated unit that are no millimetres.
+
+    They are shifted by 3 or 4 bits, as a Kinect V1's; 8 bits times 257; or stretched to 16 bits, as
+    relative and inverse depth.
+    """
+    if image.dtype.kind != "u":
+        return
+    seen = image[(image > 0) & (image < SATURATED)]
+    values = np.unique(seen)
+    for step in (257, 16, 8):
+        if len(values) >= _LEAST_VALUES and not (values % step).any():
             raise DatasetError(
-                f"{where}: all values are multiples of {step}: give --depth-unit-mm {1 / step:g} "
+                f"{where}: all values are multiples of {step}: give --depth-unit-mm {1 / step:.5g} "
                 "if they are shifted (raw data of a Kinect V1), else the step that they have"
             )
+    limit = _STRETCHED_SHARE if image.max() == SATURATED else _DEEP_SHARE
+    if seen.size and (share := float((seen > _DEEPEST_MM).mean())) > limit:
+        raise DatasetError(
+            f"{where}: {100 * share:.0f} % of its values are above {_DEEPEST_MM}, 20 m in "
+            "millimetres: give --depth-unit-mm; relative or inverse depth is not read"
+        )
+
+
+def refuse_negative(image: NDArray[Any], where: Path) -> None:
+    """Raise DatasetError for floats of a camera that looks along -z."""
+    if image.dtype.kind == "f" and (image < 0).sum() > (image > 0).sum():
+        raise DatasetError(f"{where}: most of its depths are negative: negate z of such a camera")
+
+
+def doubt_of_floats(image: NDArray[Any]) -> str:
+    """Return a line about floats that may be a depth buffer: up to exactly 1, with a background."""
+    if image.dtype.kind != "f" or float(np.nanmax(image)) != 1.0 or float(np.nanmin(image)) < 0:
+        return ""
+    background = float((image == 1).mean())
+    return (
+        "its floats end at exactly 1: they are taken for metres; convert a depth buffer of OpenGL"
+        if background > _BACKGROUND
+        else ""
+    )
 
 
 def depth_in_mm(
@@ -194,6 +318,15 @@ def depth_in_mm(
             depth_mm[image == SATURATED] = 0
     depth_mm[~((depth_mm > 0) & (depth_mm < FAR_MM))] = 0
     return depth_mm
+
+
+def along_ray(path: Path, channel: str | None = None) -> str:
+    """Return the name of an OpenEXR file's depth channel if it is a distance along rays, or ""."""
+    with suppress(ValueError):
+        channels = decode_exr(read_data(path, 4 * MAX_IMAGE_BYTES), MAX_MAP_PX)
+        name = depth_name(channels, channel) if channels else ""
+        return name if re.search(r"\.t$|dist|range", name) else ""
+    return ""
 
 
 def encode_map(
@@ -237,7 +370,8 @@ def _read_dump(path: Path) -> NDArray[Any]:
     if len(data) != 4 * height * width:
         raise DatasetError(
             f"{path}: has {len(data)} bytes; a dump of libfreenect2's Frame has 512 x 424 float32 "
-            f"({4 * height * width}): decode raw packets with libfreenect2 first"
+            f"({4 * height * width}): decode raw packets with libfreenect2 first; "
+            f"{READABLE}"
         )
     return np.frombuffer(data, "<f4").reshape(DUMP_SHAPE)
 

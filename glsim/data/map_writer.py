@@ -65,6 +65,7 @@ class MapWriter:
         """
         self._option, self._states_step, self._out = option, states_step, out
         self.targets = _targets(recording, inputs, out, form)
+        self._sources = recording.sources
         self._sigma: list[Path] = []
         if sigma_out is not None:
             self._sigma = _targets(recording, inputs, sigma_out, "png")
@@ -113,7 +114,8 @@ class MapWriter:
                 if alone:
                     raise
                 failures += 1
-                skipped(str(error))
+                source = str(self._sources[number])
+                skipped(str(error) if source in str(error) else f"{source}: {error}")
                 continue
             if move_mm := frame.record.get("depth_offset_mm", 0.0) - frame.offset_mm:
                 depth_mm = subtract_offset(depth_mm, move_mm, frame.step_mm or 1.0)

@@ -32,7 +32,7 @@ from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import MOST_FILES, natural
 from glsim.data.disk_format import FORMAT, HEADER
 from glsim.data.header import is_dataset, read_header
-from glsim.data.map_files import open_stack
+from glsim.data.map_files import STACKS, open_stack
 from glsim.data.recording import FrameReader, Recording, check_least_size
 from glsim.data.recordings.camera_file import StatedCamera, check_size, sensor_camera
 from glsim.data.recordings.files import (
@@ -40,7 +40,13 @@ from glsim.data.recordings.files import (
     MapFiles,
     agreed_unit_mm,
 )
-from glsim.data.recordings.folders import kind_of, list_maps, stated_camera, whole_recording
+from glsim.data.recordings.folders import (
+    kind_of,
+    list_maps,
+    stated_camera,
+    unread_cameras,
+    whole_recording,
+)
 from glsim.data.recordings.names import DepthKind, infrared_files
 from glsim.data.recordings.streams import STREAMS, FrameStream
 
@@ -75,14 +81,17 @@ class _Loader:
     def __call__(self, number: int) -> DepthFrame:
         depth_mm, step_mm = self.reader.depth(number)
         (file, _), name = self.reader.files(number), self.reader.name(number)
-        layers: dict[str, Layer] = {f"{self.kind}_mm": self._turned(depth_mm)}
-        if self.reader.has_infrared_of(number):
-            layers["infrared"] = partial(self._infrared, number)
         stated, stored = self.cameras[file.parent], self.records.get(file.absolute())
         check_size(stated, depth_mm.shape, f"{file}: {name}")
         camera = stated.intrinsics if stored is None else stored.intrinsics
         if camera is None:
             camera = self.assumed.for_map((depth_mm.shape[0], depth_mm.shape[1]))
+        depth_mm = self._turned(depth_mm)
+        if stated.along_ray:
+            depth_mm /= np.sqrt(1 + (camera.rays() ** 2).sum(axis=-1))
+        layers: dict[str, Layer] = {f"{self.kind}_mm": depth_mm}
+        if self.reader.has_infrared_of(number):
+            layers["infrared"] = partial(self._infrared, number)
         record: dict[str, Any] = {"file": str(file)}
         if stored is not None:
             record |= {name: stored.record[name] for name in ("depth_offset_mm", "intrinsics")}
@@ -110,6 +119,7 @@ def open_maps(
     crops: bool = False,
     below: bool = True,
     needs_camera: bool = True,
+    along_rays: bool = False,
 ) -> Recording:
     """Find depth maps on disk, and decide their unit and camera by at most 16 of them.
 
@@ -123,6 +133,7 @@ def open_maps(
         topic: of the depth images in a bag; default: native images named depth.
         below: also maps in sub-folders.
         needs_camera: maps of another size than the stated camera are an error.
+        along_rays: depths are distances along the ray of each pixel, as a camera.toml may say.
         crops: files of a data set get the intrinsics of their frame there, not of a whole image.
 
     Raises:
@@ -147,16 +158,20 @@ def open_maps(
         maps.add(text)
     maps.find_cameras(given, crops)
     reader = maps.reader(unit_mm, channel, infrared)
-    if needs_camera and reader.votes.maps_mm:
-        check_size(maps.stated, reader.votes.maps_mm[0].shape, maps.stated_by or maps.files[0])
-    cameras = {
-        folder: _mirrored(camera if needs_camera else replace(camera, intrinsics=None), mirror)
-        for folder, camera in maps.cameras.items()
-    }
+    cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
     frames = Frames(len(reader), _Loader(reader, kind, mirror, cameras, maps.records))
-    stated = cameras[maps.files[0].parent]
+    stated, notes = cameras[maps.files[0].parent], reader.notes
+    if reader.ray_channel and not stated.along_ray:
+        notes += (
+            f"channel {reader.ray_channel} is the distance along the ray: along_ray = true in a "
+            "camera.toml, or --along-ray, converts it",
+        )
+    folder = maps.files[0].parent
+    above = [folder.parent] if folder.name == "depth" else []
+    if stated.intrinsics is None and (unread := unread_cameras(folder, *above)):
+        notes += (f"{', '.join(unread)}: not read; a camera.toml states the camera",)
     return Recording(
-        given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, reader.notes,
+        given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, notes,
         maps.left_out, tuple(maps.outputs), maps.protocol,
         "" if maps.records or stated.intrinsics else DEFAULT_SENSOR, f"{kind}_mm",
     )  # fmt: skip
@@ -214,7 +229,8 @@ class _FileList:
 
         Args:
             given: inputs; folders of them may hold such files above the maps.
-            crops: files of a data set get the intrinsics of their frame.
+            along_rays: depths are distances along the ray of each pixel, as a camera.toml may say.
+        crops: files of a data set get the intrinsics of their frame.
         """
         self._named.sort(key=lambda pair: natural(pair[0]))
         nearest_mm: list[float | None] = []
@@ -235,6 +251,31 @@ class _FileList:
         self.protocol = stored_protocol(next(filter(None, nearest_mm), None))
         if crops or any(nearest_mm):
             self.records = self._records({*filter(None, self._roots.values())})
+
+    def checked_cameras(
+        self, shape: tuple[int, ...], needed: bool, along_rays: bool, mirror: bool
+    ) -> dict[Path, StatedCamera]:
+        """Return the camera of each folder for maps of a shape (H, W).
+
+        Raises:
+            ConfigError: distances along rays need intrinsics.
+            DatasetError: a camera that is needed has another size.
+        """
+        cameras = {}
+        for folder, stated in self.cameras.items():
+            camera = replace(stated, along_ray=stated.along_ray or along_rays)
+            own = camera.intrinsics
+            if camera.along_ray and own is None:
+                raise ConfigError(
+                    f"{folder}: distances along rays need intrinsics: state width, height and "
+                    "focal_px in a camera.toml"
+                )
+            if needed or camera.along_ray:
+                check_size(camera, shape, self.stated_by or self.files[0])
+            elif own is not None and (own.height, own.width) != shape:
+                camera = replace(camera, intrinsics=None)
+            cameras[folder] = _mirrored(camera, mirror)
+        return cameras
 
     def _records(self, roots: set[Path]) -> dict[Path, DepthFrame]:
         from glsim.data.reader import open_dataset
@@ -289,7 +330,7 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
 def _maps_in_file(file: Path) -> list[tuple[str, int | None, str]]:
     """Return the name, the number in the file, and the end of the output's name of each map."""
     count = 1
-    if file.suffix.lower() == ".npy":
+    if file.suffix.lower() in STACKS:
         with suppress(DatasetError):  # reported when it is read
             count = len(open_stack(file))
     if count == 1:

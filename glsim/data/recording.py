@@ -108,6 +108,13 @@ class Recording:
         """The step of whole numbers, mm."""
         return (self.stated.unit_mm if self.reader is None else self.reader.step_mm) or 1.0
 
+    @property
+    def has_infrared(self) -> bool:
+        """Whether some maps have an infrared image."""
+        if self.reader is None:
+            return "infrared" in self.frames[0]
+        return any(map(self.reader.has_infrared_of, range(len(self.reader))))
+
     def first_without_infrared(self) -> Path | None:
         """Return the first file of a map that has no infrared image; None if all have one."""
         if self.reader is None:
@@ -162,8 +169,9 @@ class Recording:
     def read_static(self, most: int | None = MOST_STATIC) -> Frames:
         """Read the frames of one static scene; a longer recording is thinned as by ``read``.
 
-        Raises DatasetError as ``read`` does, for a single frame, for a scene that changes, and if
-        some frames only have infrared.
+        Where half of the frames or more have infrared, the others are left out.
+
+        Raises DatasetError as ``read`` does, for a single frame, and for a scene that changes.
         """
         if len(self.frames) < 2:
             raise DatasetError(
@@ -177,13 +185,15 @@ class Recording:
                     f"{self.path}: {before.name} and {after.name} show different scenes "
                     f"({reason}): give a static recording, one camera and nothing that moves"
                 )
-        dark = [frame.name for frame in frames if frame.infrared is None]
-        if 0 < len(dark) < len(frames):
+        lit = [frame for frame in frames if frame.infrared is not None]
+        if len(lit) == len(frames) or not lit:
+            return frames
+        if 2 * len(lit) < len(frames):
             raise DatasetError(
-                f"{self.path}: {dark[0]} has no infrared image, but other frames have: give it "
+                f"{self.path}: {len(lit)} of {len(frames)} frames have an infrared image: give it "
                 "for all or for none"
             )
-        return frames
+        return Frames.of(lit, frames.title)
 
 
 def check_least_size(shape: tuple[int, ...], where: object) -> None:

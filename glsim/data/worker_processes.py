@@ -10,6 +10,7 @@ simulator reads the next chunk ahead and reports its progress.
 from __future__ import annotations
 
 import logging
+import math
 import os
 import platform
 import signal
@@ -25,6 +26,7 @@ from importlib import import_module
 from itertools import islice
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
 
 from glsim.core.errors import ConfigError, DatasetError, GlsimError
@@ -78,6 +80,15 @@ _ATTEMPTS = 2
 _REPORT_EVERY_S = 0.2
 
 
+def _quota_cores(file: str = "/sys/fs/cgroup/cpu.max") -> int:
+    """Return the cores that a container's quota pays for, rounded up; many without a quota."""
+    try:
+        quota, period = Path(file).read_text().split()
+        return max(1, math.ceil(int(quota) / int(period)))
+    except (OSError, ValueError):  # "max", another system, or cgroups of version 1
+        return 1 << 16
+
+
 def available_workers(workers: Workers = "auto") -> int:
     """Return the number of worker processes; "auto" is the number of usable cores.
 
@@ -86,7 +97,8 @@ def available_workers(workers: Workers = "auto") -> int:
     if workers == "auto":
         # Some systems (macOS) do not know the usable cores of a process: take all.
         affinity = getattr(os, "sched_getaffinity", None)
-        return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+        cores = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+        return min(cores, _quota_cores())
     if workers < 1:
         raise ConfigError(f"workers = {workers}: at least one is needed")
     return workers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import weakref
 import zlib
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from glsim.core import depth_map
 from glsim.core.array_types import Floats, Reals
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, MapSizeError
 from glsim.core.mesh import SKIN_ALBEDO
 from glsim.core.rect import Rect
 from glsim.core.seeds import stable_seed
@@ -31,6 +32,9 @@ from glsim.settings.schema import OutputSettings, Settings
 from glsim.simulation.assembly import assemble_frame
 from glsim.simulation.frame import Frame
 
+#: Shortest side of a map for cameras that match two images, pixels: smaller ones leave no place to
+#: the matcher's windows and steps (measured).
+_LEAST_MATCHED_PX = 8
 #: The floating types that both NumPy and PyTorch have, by name.
 _FLOATS = ("float16", "float32", "float64")
 
@@ -45,6 +49,14 @@ class _Graphics:
         sensor = maps.sensor
         self.chain = ShaderChain(self.context, sensor.stages, images=sensor.images)
         self.readback = Readback(self.context)
+
+
+def _release(opened: list[_Graphics]) -> None:
+    """Release the GL context of this process, and forget it."""
+    for graphics in opened:
+        if graphics.process == os.getpid():
+            graphics.context.release()
+    opened.clear()
 
 
 class MapEngine:
@@ -72,6 +84,11 @@ class MapEngine:
         self.sensor = sensor_of(settings)
         self.rig = self.sensor.rig.for_map(shape, focal_px, centre_px)
         self.canvas = self.rig.canvas()
+        if self.rig.imagers_m and min(shape) < _LEAST_MATCHED_PX:
+            raise MapSizeError(
+                f"a map of {shape[1]} x {shape[0]} pixels is smaller than the window of "
+                f"{self.sensor.name}: give at least {_LEAST_MATCHED_PX} x {_LEAST_MATCHED_PX}"
+            )
         if self.rig.imagers_m and backend == "numpy":
             raise ConfigError(
                 f"{self.sensor.name}: its imagers see the map's surface from other places, which "
@@ -80,13 +97,13 @@ class MapEngine:
         if (own := self.sensor.pattern_map) is not None:
             check_shape(own.values, shape, str(own.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
-        self._opened: _Graphics | None = None
+        #: The graphics once they are open; a finalizer releases them with the engine.
+        self._opened: list[_Graphics] = []
+        weakref.finalize(self, _release, self._opened).atexit = False
 
     def close(self) -> None:
         """Release the GL context."""
-        if self._opened is not None and self._opened.process == os.getpid():
-            self._opened.context.release()
-        self._opened = None
+        _release(self._opened)
 
     def frame(self, depth_m: Floats, key: FaceKey, seeds: ScopeSeeds) -> Frame:
         """Simulate the frame of a map of ``surface_depth``. Raises ConfigError."""
@@ -106,9 +123,9 @@ class MapEngine:
             frame = self._context(window, seeds, depth_m, nearest_m)
             run_array_stages(self.sensor.stages, layers, frame, values, twins=True)
         else:
-            if self._opened is None or self._opened.process != os.getpid():
-                self._opened = _Graphics(self, self._backend)
-            graphics = self._opened
+            if not self._opened or self._opened[0].process != os.getpid():
+                self._opened[:] = [_Graphics(self, self._backend)]
+            (graphics,) = self._opened
             make_current(graphics.context)
             normal = depth_map.normals(depth_m, self.canvas.rays())
             surface = depth_map.surface(depth_m, self.canvas)

@@ -146,6 +146,10 @@ class DepthNoise:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the OpenGL contexts; the next call opens new ones."""
         for engine in self._engines.values():
             if isinstance(engine, MapEngine):
                 engine.close()

@@ -71,7 +71,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
         ("a.npy", np.stack([METRES] * 5), "is a stack of 5 maps"),
         ("a.npy", np.dstack([METRES, METRES, 2 * METRES]), r"is \(24, 32, 3\) float32"),
         ("a.npy", METRES.ravel(), r"is \(1, 768\) float32"),
-        ("a.tiff", np.zeros((4, 4), np.uint8), "uint16 or float metres"),
+        ("a.tiff", np.zeros((4, 4), np.uint8), "16-bit whole numbers or float metres"),
     ],
 )
 def test_other_arrays_are_refused(

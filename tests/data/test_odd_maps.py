@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.exr import depth_channel
 from glsim.core.files.png import encode_png
 from glsim.data.maps import open_maps
@@ -272,3 +272,145 @@ def test_the_same_map_has_the_same_noise_in_any_format_and_place(
     np.testing.assert_array_equal(np.rint(np.load("y.npy") * 1000), first)
     copy = np.rint(np.load("out/b.npy") * 1000)
     assert (copy != first).mean() > 0.5  # the second of two copies
+
+
+def test_words_of_names_decide_with_any_separator_before_the_format(tmp_path: Path) -> None:
+    """What renderers and label tools write beside the depth; the depth may be the TIFF files."""
+    picture = np.zeros((32, 40, 3), np.uint8)
+    for number in range(2):
+        for name in (
+            f"{number:05d}-color",
+            f"{number}.normal",
+            f"instance_{number}",
+            f"{number}_seg",
+        ):
+            cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
+        cv2.imwrite(str(tmp_path / f"depth_{number}.tiff"), UNITS)
+        np.save(tmp_path / f"{number}_infrared_right.npy", UNITS)
+    recording = open_maps(tmp_path)
+    assert [path.name for path in recording.sources] == ["depth_0.tiff", "depth_1.tiff"]
+    assert sum(recording.left_out.values()) == 10
+    assert "left out 2 *_color.png, 2 *_normal.png" in recording.sentence()
+
+
+def test_crops_of_several_sizes_are_denoised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    for number, size in enumerate([(40, 30), (30, 40), (64, 48)]):
+        Path(f"in/{number}.png").write_bytes(encode_png(np.full(size, 900, np.uint16)))
+    assert main(["denoise", "in", "-o", "out", "-q"]) == 0
+    assert len(list(Path("out").iterdir())) == 3
+
+
+LONG = np.arange(32 * 40, dtype=np.uint16).reshape(32, 40)
+
+
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        ((LONG % 256).astype(np.uint16) * 257, "multiples of 257"),
+        ((65535 - LONG * 51).astype(np.uint16), "% of its values are above 20000"),
+        (-METRES, "most of its depths are negative"),
+        (np.moveaxis(np.stack([METRES] * 16) + np.arange(16)[:, None, None] * 1e-4, 0, 2),
+         r"is \(32, 40, 16\), whose last axis changes like time"),
+        (UNITS.astype(np.int32) - 700, "whole numbers from -100 to 100"),
+    ],
+)  # fmt: skip
+def test_what_is_no_depth_says_so(tmp_path: Path, values: NDArray[Any], problem: str) -> None:
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(DatasetError, match=problem):
+        open_maps(tmp_path / "a.npy")
+
+
+def test_long_whole_numbers_and_depth_buffers(tmp_path: Path) -> None:
+    for number, kind in enumerate((np.int16, np.int32, np.int64, np.uint32)):
+        np.save(tmp_path / f"{number}.npy", UNITS.astype(kind))
+        assert near(open_maps(tmp_path / f"{number}.npy").frames[0].noisy_mm)
+    np.save(tmp_path / "z.npy", np.where(METRES < 0.7, METRES, np.float32(1)))
+    assert "taken for metres; convert a depth buffer" in open_maps(tmp_path / "z.npy").sentence()
+
+
+def test_formats_that_libraries_here_read(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.pgm"), UNITS)
+    cv2.imwrite(str(tmp_path / "a.pfm"), METRES)
+    np.savez(tmp_path / "a.npz", depth=METRES, color=GREY)
+    for name in ("a.pgm", "a.pfm", "a.npz"):
+        assert near(open_maps(tmp_path / name).frames[0].noisy_mm), name
+    np.savez(tmp_path / "b.npz", a=METRES, b=METRES)
+    (tmp_path / "c.pfm").write_bytes((tmp_path / "a.pfm").read_bytes()[:-9])
+    (tmp_path / "d.hdf5").write_bytes(b"\x89HDF")
+    for name, problem in (("b.npz", "holds a, b"), ("c.pfm", "c.pfm"), ("d.hdf5", "glsim reads")):
+        with pytest.raises(DatasetError, match=problem):
+            open_maps(tmp_path / name)
+
+
+def test_openexr_keeps_its_display_window_and_says_distances_along_rays(tmp_path: Path) -> None:
+    openexr = pytest.importorskip("OpenEXR")
+    header = {
+        "type": openexr.scanlineimage,
+        "displayWindow": (np.array([0, 0], np.int32), np.array([63, 47], np.int32)),
+        "dataWindow": (np.array([16, 8], np.int32), np.array([55, 39], np.int32)),
+    }
+    openexr.File(header, {"dd.T": METRES}).write(str(tmp_path / "a.exr"))
+    recording = open_maps(tmp_path)
+    whole = recording.frames[0].noisy_mm
+    assert whole.shape == (48, 64)
+    assert near(whole[8:40, 16:56])
+    assert np.count_nonzero(whole) == METRES.size
+    assert "dd.t is the distance along the ray" in recording.sentence()
+    text = "width = 64\nheight = 48\nfocal_px = [32, 32]\nalong_ray = true\n"
+    (tmp_path / "camera.toml").write_text(text)
+    seen = whole > 0
+    x, y = (np.arange(64) + 0.5 - 32) / 32, (np.arange(48) + 0.5 - 24) / 32
+    length = np.sqrt(1 + x**2 + (y**2)[:, None])
+    read = open_maps(tmp_path)
+    np.testing.assert_allclose(read.frames[0].noisy_mm[seen], (whole / length)[seen], rtol=1e-5)
+    assert not read.notes
+    (tmp_path / "camera.toml").write_text("along_ray = true\n")
+    with pytest.raises(ConfigError, match="distances along rays need intrinsics"):
+        open_maps(tmp_path)
+
+
+def test_cameras_of_bop_and_open3d_are_read_and_others_named(tmp_path: Path) -> None:
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "0.png").write_bytes(encode_png(UNITS * 10))
+    k = [60.0, 0, 19.5, 0, 61.0, 15.5, 0, 0, 1]
+    bop = tmp_path / "scene_camera.json"
+    bop.write_text(json.dumps({"0": {"cam_K": k, "depth_scale": 0.1}}))
+    recording = open_maps(tmp_path)
+    assert near(recording.frames[0].noisy_mm)
+    assert recording.camera == Intrinsics(40, 32, 60.0, 61.0, 20.0, 16.0)
+    bop.unlink()
+    columns = {
+        "width": 40,
+        "height": 32,
+        "intrinsic_matrix": [60.0, 0, 0, 0, 61.0, 0, 19.5, 15.5, 1],
+    }
+    (tmp_path / "intrinsic.json").write_text(json.dumps(columns))
+    assert open_maps(tmp_path).camera == recording.camera
+    (tmp_path / "intrinsic.json").rename(tmp_path / "my_camera.json")
+    assert "my_camera.json: not read; a camera.toml states the camera" in open_maps(tmp_path).notes
+
+
+def test_corrupt_takes_the_camera_that_is_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    Path("in/a.png").write_bytes(encode_png(UNITS))
+    command = ["corrupt", "in", "-s", "kinect-v2", "--backend", "numpy", "-q", "-o"]
+    Path("in/camera.toml").write_text("width = 40\nheight = 32\nfocal_px = [60.0, 30.0]\n")
+    assert main([*command, "stated"]) == 0
+    Path("in/camera.toml").unlink()
+    given = ["given", "--focal-px", "60,30", "--centre-px", "20,16"]
+    assert main([*command, *given]) == 0
+    assert Path("stated/a.png").read_bytes() == Path("given/a.png").read_bytes()
+    assert main([*command, "other", "--focal-px", "30"]) == 0
+    assert Path("other/a.png").read_bytes() != Path("given/a.png").read_bytes()
+    Path("in/b.png").write_bytes(encode_png(UNITS[:3, :3]))
+    capsys.readouterr()
+    assert main(["corrupt", "in", "-s", "realsense-d435", "-o", "small"]) == 1
+    assert "in/b.png: a map of 3 x 3 pixels is smaller than the window" in capsys.readouterr().err
+    assert Path("small/a.png").is_file()

@@ -87,10 +87,29 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
             for part in file.parts:
                 front = f"{part.name()}." if count > 1 else ""
                 for name, channel in part.channels.items():
-                    channels[front + name.removeprefix(front)] = channel.pixels
+                    pixels = _displayed(channel.pixels, part.header, max_px)
+                    channels[front + name.removeprefix(front)] = pixels
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
         raise ValueError("is cut short, or no OpenEXR file") from error
     return channels
+
+
+def _displayed(pixels: NDArray[Any], header: dict[str, Any], max_px: int) -> NDArray[Any]:
+    """Place the pixels of the data window in the display window, with 0 around. Raises ValueError.
+
+    The frames of an animation have one display window; each data window holds what is not empty.
+    """
+    (left, top), _ = np.array(header["dataWindow"]).tolist()
+    (x, y), (right, bottom) = np.array(header["displayWindow"]).tolist()
+    shape, (height, width) = (bottom - y + 1, right - x + 1), pixels.shape[:2]
+    inside = x <= left and left + width <= right + 1 and y <= top and top + height <= bottom + 1
+    if not inside or (height, width) == shape:
+        return pixels
+    if shape[0] * shape[1] > max_px:
+        raise ValueError("its display window is too large")
+    placed = np.zeros(shape + pixels.shape[2:], pixels.dtype)
+    placed[top - y : top - y + height, left - x : left - x + width] = pixels
+    return placed
 
 
 def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) -> NDArray[Any]:
@@ -98,6 +117,12 @@ def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) 
 
     Raises ValueError, with the names, if there is none, and for several that differ.
     """
+    name = depth_name(channels, chosen)
+    return next(pixels for key, pixels in channels.items() if key.lower() == name)
+
+
+def depth_name(channels: dict[str, NDArray[Any]], chosen: str | None = None) -> str:
+    """Return the name of ``depth_channel`` in lower case. Raises ValueError as it does."""
     of_name = {name.lower(): pixels for name, pixels in channels.items()}
     names = [name for name in of_name if not _OTHER.search(name)]
     for last, axes in _AXES.items():
@@ -112,4 +137,4 @@ def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) 
             f"has {lacks}: choose one of {', '.join(channels)} with --channel (denoise, corrupt), "
             "or with channel = NAME in a camera.toml beside a recording"
         )
-    return images[0]
+    return next(name for name in found if name in of_name)

@@ -43,11 +43,20 @@ def entries(folder: Path, ends: tuple[str, ...] = ("",)) -> tuple[list[str], lis
                 if entry.is_dir():
                     folders.append(name)
                 elif name.lower().endswith(ends):
+                    check_text(folder, name)
                     files.append(name)
                     check_number(folder, len(files))
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be listed ({error.strerror or error})") from None
     return sorted(files, key=natural), sorted(folders, key=natural)
+
+
+def check_text(folder: Path, name: str) -> None:
+    """Raise ConfigError for a name that is no UTF-8, which no manifest or terminal can show."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        raise ConfigError(f"{folder}: the name {name!a} is no UTF-8: rename the file") from None
 
 
 def check_number(folder: Path, count: int) -> None:

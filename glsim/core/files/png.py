@@ -193,6 +193,15 @@ def _is_whole_png(data: bytes) -> bool:
     return False
 
 
+def is_image(path: Path) -> bool:
+    """Return whether a file begins as a PNG or TIFF file does, whatever its suffix."""
+    try:
+        with open_regular(path) as file:
+            return file.read(4) in (_SIGNATURE[:4], b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+    except OSError:
+        return False
+
+
 def read_image(path: Path, *, inside: Path | None = None) -> NDArray[Any]:
     """Read a PNG or TIFF file of at most MAX_MAP_PX pixels, see ``decode_png``.
 

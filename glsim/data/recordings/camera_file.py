@@ -4,6 +4,7 @@ name = "RealSense D435, serial 1234"   optional: a name for people
 sensor = "realsense-d435"              optional: a sensor of glsim; gives what is not said here
 channel = "left.Z"                     optional: channel of OpenEXR files that is depth
 unit_mm = 0.1                          optional: step of the depth files, mm
+along_ray = true                       optional: the files hold the distance along each ray
 width = 640
 height = 480
 focal_px = [390.4, 390.4]
@@ -45,6 +46,7 @@ class StatedCamera:
         name: for people.
         sensor: name of a sensor of glsim.
         channel: of OpenEXR files.
+        along_ray: depths are distances along the ray of each pixel, not along the axis.
     """
 
     intrinsics: Intrinsics | None = None
@@ -54,6 +56,7 @@ class StatedCamera:
     name: str = ""
     sensor: str = ""
     channel: str = ""
+    along_ray: bool = False
 
     def over(self, other: StatedCamera) -> StatedCamera:
         """Return this, with what it leaves open as ``other`` says it.
@@ -70,6 +73,7 @@ class _CameraTable(TomlTable, allow_inf_nan=False):
     name: str = ""
     sensor: str = ""
     channel: str = ""
+    along_ray: bool = False
     unit_mm: float | None = Field(None, gt=0, le=1000)
     width: int | None = Field(None, ge=8, le=8192)
     height: int | None = Field(None, ge=8, le=8192)
@@ -103,7 +107,7 @@ def read_camera_file(file: Path) -> StatedCamera:
     lens = Distortion(**dict(table.distortion))
     own = StatedCamera(
         intrinsics, opencv_order(lens), table.unit_mm, table.baseline_m, table.name, table.sensor,
-        table.channel,
+        table.channel, table.along_ray,
     )  # fmt: skip
     return own.over(sensor_camera(table.sensor, file)) if table.sensor else own
 

@@ -18,10 +18,13 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import stated_unit_mm
 from glsim.data.map_files import (
     TAKEN_FOR_MM,
+    along_ray,
     depth_in_mm,
+    doubt_of_floats,
     floats_in_metres,
     read_stored,
-    refuse_shifted,
+    refuse_negative,
+    refuse_no_steps,
 )
 from glsim.data.recordings.names import infrared_beside
 
@@ -73,6 +76,7 @@ class MapFiles:
         places: file of each map.
         step_mm: of whole numbers; the largest where PNG files state theirs.
         votes: what the maps show that were read to decide on the unit.
+        ray_channel: name of an OpenEXR channel of distances along rays; "" for depth.
         notes: what is assumed where nothing states a unit, in lines for the user.
     """
 
@@ -122,6 +126,8 @@ class MapFiles:
         if not all(self._in_metres.values()):
             floats = "floats are taken for mm: their median is too large for metres"
             self.notes = (*self.notes, floats)
+        exr = next((p.file for p in voters if p.file.suffix.lower() == ".exr"), None)
+        self.ray_channel = "" if exr is None else along_ray(exr, self._channel)
         self.votes = self._votes(images, named != {None})
 
     def __len__(self) -> int:
@@ -187,9 +193,12 @@ class MapFiles:
         files = {place.file for place in own}
         where = files.pop() if len(files) == 1 else folder
         for image in own.values():
+            refuse_negative(image, where)
             if unknown and image.dtype.kind == "u":
-                refuse_shifted(image, where)
+                refuse_no_steps(image, where)
                 self.notes = (TAKEN_FOR_MM,)
+            elif doubt := doubt_of_floats(image):
+                self.notes = (doubt,)
         thinned = [image.ravel()[:: image.size // _VALUES + 1] for image in own.values()]
         return floats_in_metres(thinned, where)
 

@@ -17,7 +17,7 @@ from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import check_number, entries, files_below, natural
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
 from glsim.core.files.regular import MOST_HELD, read_data, read_regular
-from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, SUFFIXES
+from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, READ_ONLY, STACKS, SUFFIXES
 from glsim.data.recordings.biwi import read_calibration
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
 from glsim.data.recordings.names import DepthKind, left_out_text, other_kind, words_of
@@ -30,8 +30,11 @@ CALIBRATION = "calib_ir.yaml"
 _SAMPLE = 16
 #: Largest difference of the scales of depth to colour along x and y: 256 x 192 of 1024 x 768.
 _UNEQUAL = 0.02
+#: Names of files that may state a camera.
+_CAMERA_ENDS: Final = (".json", ".yaml", ".yml", ".txt", ".xml", ".toml", ".ini")
+_CAMERA_WORDS: Final = re.compile("intrinsic|camera|calib")
 #: Suffixes of depth maps, the first that a folder holds: then others there are left out.
-_FORMATS: Final = ((".png",), tuple(end for end in SUFFIXES if end != ".png"), DUMPS[:-1])
+_FORMATS: Final = ((".png",), (*SUFFIXES[1:], *READ_ONLY), DUMPS[:-1])
 #: Marks of the names of depth maps, by kind: where a folder has some, maps without are left out.
 _MARKS: Final = {
     "noisy": ("_depth", "_noisy"),
@@ -86,14 +89,14 @@ def list_maps(
     if shards := entries(folder, (".tar",))[0]:
         raise NoDepthError(f"{folder}: its frames are in shards ({shards[0]}): give .png files")
     raise NoDepthError(
-        f"{folder}: holds no depth maps: no 16-bit .png or .tiff, .exr, .npy or dump of "
-        "libfreenect2 (.bin, .raw, .depth), and is no recording (.bag, .mcap, .db3, .mkv)"
+        f"{folder}: holds no depth maps ({', '.join((*SUFFIXES, *READ_ONLY))}; dumps of "
+        "libfreenect2: .bin, .raw, .depth), and is no recording (.bag, .mcap, .db3, .mkv)"
     )
 
 
 def _images(folder: Path, below: bool) -> Iterator[Path]:
     """Yield the files with a suffix of depth maps of a folder, and below it."""
-    ends = (*SUFFIXES, *DUMPS[:-1])
+    ends = (*SUFFIXES, *READ_ONLY, *DUMPS[:-1])
     if below:
         yield from files_below(folder, ends)
         return
@@ -117,8 +120,8 @@ def _maps_of(paths: Sequence[Path], kind: DepthKind, left_out: Counter[str]) -> 
 
 def kind_of(file: Path) -> str:
     """Return what a file of depth maps is called: "images", "npy", "libfreenect2" or "biwi"."""
-    if file.suffix.lower() in SUFFIXES:
-        return "npy" if file.suffix.lower() == ".npy" else "images"
+    if file.suffix.lower() not in DUMPS:
+        return "npy" if file.suffix.lower() in STACKS else "images"
     return "biwi" if file.with_name(BIWI_CALIBRATION).is_file() else "libfreenect2"
 
 
@@ -203,6 +206,40 @@ def _polycam_cameras(folder: Path) -> StatedCamera:
     return StatedCamera(Intrinsics(*size, fx * x, fy * y, cx * x, cy * y), unit_mm=1.0)
 
 
+def _bop_cameras(file: Path) -> StatedCamera:
+    """Return the camera of the first image of BOP's scene_camera.json, and the step of its depth.
+
+    Raises DatasetError if it states none, or several.
+    """
+    cameras = read_json(file)
+    try:
+        stated = {(*map(float, c["cam_K"]), float(c["depth_scale"])) for c in cameras.values()}
+        fx, _, cx, _, fy, cy, *_, step_mm = min(stated)
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise DatasetError(f"{file}: has no cam_K and depth_scale for each image") from error
+    size = _size_of_maps(file.parent)
+    if len(stated) > 1 or size is None:
+        return StatedCamera(unit_mm=step_mm)  # a camera that zooms, or no PNG maps
+    return StatedCamera(Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5), unit_mm=step_mm)
+
+
+def _open3d_camera(file: Path) -> StatedCamera:
+    """Return the camera of Open3D's PinholeCameraIntrinsic, whose matrix is listed by columns."""
+    camera = read_json(file)
+    try:
+        fx, _, _, _, fy, _, cx, cy, _ = map(float, camera["intrinsic_matrix"])
+        size = int(camera["width"]), int(camera["height"])
+    except (KeyError, ValueError, TypeError):
+        return StatedCamera()  # of something else; ``unread_cameras`` names it
+    return StatedCamera(Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5))
+
+
+def unread_cameras(*folders: Path) -> list[str]:
+    """Return the names of files in the folders that look like a camera's and are not read."""
+    names = {name for folder in folders for name in entries(folder, _CAMERA_ENDS)[0]}
+    return sorted(name for name in names - {*_READERS} if _CAMERA_WORDS.search(name.lower()))
+
+
 def _size_of_maps(folder: Path) -> tuple[int, int] | None:
     """Return (width, height) of the first PNG in the folder depth; None without one."""
     names = entries(folder / "depth", (".png",))[0] if (folder / "depth").is_dir() else []
@@ -230,6 +267,9 @@ _READERS: Final[dict[str, Callable[[Path], StatedCamera]]] = {
     BIWI_CALIBRATION: lambda file: StatedCamera(read_calibration(file)),
     CALIBRATION: _opencv_calibration,
     "intrinsic/intrinsic_depth.txt": _scannet_calibration,
+    "scene_camera.json": _bop_cameras,
+    "intrinsic.json": _open3d_camera,
+    "camera_intrinsic.json": _open3d_camera,
     "cameras": _polycam_cameras,
     "depth.txt": _tum_list,
     "associations.txt": _tum_list,

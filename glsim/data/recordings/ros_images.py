@@ -18,12 +18,17 @@ TYPES = {
     "mono8": "u1",
 }  # fmt: skip
 
+#: Bit depth and colour type of a grey PNG file of 16 bits, behind its size.
+_GREY_16 = b"\x10\x00"
+
 
 def encoding_of(message: Any) -> str:
     """Return the encoding of an image; "" if it is compressed with loss, or of no known kind."""
     if hasattr(message, "encoding"):
         return str(message.encoding)
     name, _, codec = str(message.format).partition(";")
+    if name.strip().lower() == "png" and message.data[24:26].tobytes() == _GREY_16:
+        return "16UC1"  # image_transport's name of a plain PNG file
     return name.strip() if re.search("compresseddepth|png", codec.lower()) else ""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError, GlsimError, require_package
-from glsim.data.map_files import depth_in_mm
+from glsim.data.map_files import depth_in_mm, floats_in_metres
 from glsim.data.recordings.camera_file import StatedCamera
 
 _T = TypeVar("_T")
@@ -58,8 +58,16 @@ class FrameStream:
         if paired and 0 < (more := len(self._light_of) - paired[-1]) <= _CUT:
             self._light_of = self._light_of[: paired[-1]]
             self.notes += (f"its last {more} frames have no infrared: they are left out",)
-        self.has_infrared = all(number is not None for number in self._light_of)
+        lit = sum(number is not None for number in self._light_of)
+        self.has_infrared = lit == len(self._light_of)
+        if lit > 0 and not self.has_infrared:
+            self.notes += (f"{lit} of {len(self._light_of)} frames have infrared",)
         self.stated, self.camera_notes = self._guarded(self._read_camera)
+        first = self._guarded(lambda: self._image(self._depth, 0))
+        #: ROS prescribes metres for floats; some drivers send millimetres.
+        self._in_metres = floats_in_metres([first], path)
+        if not self._in_metres:
+            self.notes += ("floats are taken for mm: their median is too large for metres",)
 
     def __len__(self) -> int:
         return len(self._light_of)
@@ -83,7 +91,7 @@ class FrameStream:
         """
         image = self._guarded(lambda: self._image(self._depth, number))
         step_mm = 0.0 if image.dtype.kind == "f" else self.step_mm
-        return depth_in_mm(image, self.step_mm, in_metres=True), step_mm
+        return depth_in_mm(image, self.step_mm, in_metres=self._in_metres), step_mm
 
     def infrared(self, number: int) -> NDArray[np.float32] | None:
         """Read the (H, W) float32 counts of the same moment; None without. Raises DatasetError."""
