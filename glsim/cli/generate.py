@@ -174,8 +174,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
     for head, sums in (("source", by_source), ("split", by_split)):
         table = Table(head, "people", "images", "share", box=None)
         for name, (people, images) in sums.items():
-            share = f"{100 * images / len(plan):.1f} %"
-            table.add_row(name, str(people), str(images), share)
+            table.add_row(name, str(people), str(images), f"{100 * images / len(plan):.1f} %")
         out.print(table)
     if sensor_code(settings):
         how = "no time is estimated: the sensor names code, which a plan does not run"

@@ -56,8 +56,7 @@ def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
 @contextmanager
 def generation_progress() -> Iterator[Callable[[GenerateProgress], None] | None]:
     """Yield the update of a bar with frame rate, skipped frames, time left; None if --quiet."""
-    note = "{task.fields[rate]}  skipped {task.fields[number]}  left"
-    with _bar("", note) as move:
+    with _bar("", "{task.fields[rate]}  skipped {task.fields[number]}  left") as move:
         started = time.monotonic()
 
         def update(state: GenerateProgress) -> None:

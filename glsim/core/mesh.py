@@ -74,8 +74,7 @@ def vertex_normals(points: Reals, triangles: NDArray[np.integer]) -> Array:
     a, b, c = (points[triangles[:, k]] for k in range(3))
     facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     corners = triangles.ravel()
-    columns = [np.bincount(corners, facing[:, k], len(points)) for k in range(3)]
-    summed = np.stack(columns, axis=1)
+    summed = np.stack([np.bincount(corners, facing[:, k], len(points)) for k in range(3)], axis=1)
     return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-9))
 
 

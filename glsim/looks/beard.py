@@ -106,8 +106,7 @@ def make_beard(
         inside = np.minimum(inside, np.max([area for worn, area in areas if worn], axis=0))
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
-    ragged = inside + 2.5 * smooth_noise(beard.points / 6.0, seed)
-    grid, blend = beard.grid.clipped(ragged)
+    grid, blend = beard.grid.clipped(inside + 2.5 * smooth_noise(beard.points / 6.0, seed))
     points = blend.of(beard.points)
     rim = np.clip(blend.of(inside) / (4.0 + 0.8 * length_mm), 0.12, 1)
     tufts = points * np.array([1.0, 0.35, 1.0])  # longer along y: hair grows down
@@ -146,8 +145,6 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
 def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> Shell:
     """Make brows: a shell of hair, ``height_mm`` thick, on a subject at rest, (V, 3) mm."""
     grid, points, weight = brows
-    ragged = weight + 0.25 * smooth_noise(points / 4.0, seed)
-    cut_grid, blend = grid.clipped(ragged - 0.3)
+    cut_grid, blend = grid.clipped(weight + 0.25 * smooth_noise(points / 4.0, seed) - 0.3)
     relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
-    height = height_mm * np.clip(blend.of(weight), 0.15, 1) * relief
-    return Shell(cut_grid, rest_mm, height)
+    return Shell(cut_grid, rest_mm, height_mm * np.clip(blend.of(weight), 0.15, 1) * relief)

@@ -280,8 +280,7 @@ def _garment(
     free = np.minimum(_PIT_MM + _PIT_SLOPE * away, _FREE_MM)
     room = rest + np.minimum(room, free)
     most = room + free * (1 - 0.9 * end)
-    carried = _averaging(piece, garment.hang)
-    surface, lift = _membrane(piece, room, most, rest, mean, carried)
+    surface, lift = _membrane(piece, room, most, rest, mean, _averaging(piece, garment.hang))
     fold = garment.fold * scale * joined(_fold_heights(piece, level, on_limb, seed))
     loose = np.maximum(lift - rest, 0.0)
     height = np.maximum(np.clip(0.35 + loose / 14.0, 0.35, 1.35) * fold, -0.4 * loose)
@@ -303,8 +302,7 @@ def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
     """Return a function that averages (N,) or (k, N) values over neighbours."""
     # ``hang`` weighs neighbours above over those below.
-    edges = piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    first, second = np.ascontiguousarray(edges.T)
+    first, second = np.ascontiguousarray(piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T)
     count = len(piece.skin)
     length = np.linalg.norm(piece.skin[first] - piece.skin[second], axis=1)
     above = (piece.down[first] - piece.down[second]) / np.maximum(length, 1.0)
@@ -364,12 +362,10 @@ def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
         cells = np.zeros((row.max() + 3, 20))
         np.maximum.at(cells, (row + 1, column), radius)
         for _ in range(2):
-            beside = np.maximum(np.roll(cells, 1, 1), np.roll(cells, -1, 1))
-            cells = np.maximum(beside, cells)
+            cells = np.maximum(np.maximum(np.roll(cells, 1, 1), np.roll(cells, -1, 1)), cells)
         for _ in range(2):
             cells = 0.5 * (0.5 * (np.roll(cells, 1, 1) + np.roll(cells, -1, 1)) + cells)
-        toes = skin[:, 2].max() - 20.0
-        hull[points, 2] = np.minimum(hull[points, 2], toes)
+        hull[points, 2] = np.minimum(hull[points, 2], skin[:, 2].max() - 20.0)
         hull[points] += ((cells[row + 1, column] + ease) / radius - 1)[:, None] * out
     columns = _repeated(_averaging(piece), _SMOOTH_ROUNDS, np.ascontiguousarray(hull.T))
     ankle = _step(piece.skin[:, 1] - floor, 45.0, 80.0)[:, None]

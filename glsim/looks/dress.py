@@ -63,8 +63,7 @@ class _Worn:
             before, moved, worn = self.last
             if np.array_equal(skin, before) and moved.equals(motion):
                 return worn
-        placed = self.binding.place(vertices_mm, motion)
-        mesh = Mesh(placed, self.faces, self.albedo)
+        mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -128,8 +127,7 @@ class Dresser:
 
     @cached_property
     def _reference(self) -> Anatomy:
-        subject = self._source.subjects(1)[0]
-        vertices, faces = self._source.neutral(subject)
+        vertices, faces = self._source.neutral(self._source.subjects(1)[0])
         topology = self._source.topology
         assert topology.regions is not None
         return Anatomy(self._source.name, vertices, faces, topology.regions, topology.region_names)
@@ -186,8 +184,7 @@ class Dresser:
             beard = make_beard(grid, vertices, outfit.beard, outfit.beard_mm, outfit.seed)
             wear("beard", beard, beard.faces, outfit.hair_albedo)
         if outfit.brow_mm:
-            brows = self._grid(make_brow_grid)
-            brow = make_brows(brows, vertices, outfit.brow_mm, outfit.seed)
+            brow = make_brows(self._grid(make_brow_grid), vertices, outfit.brow_mm, outfit.seed)
             wear("brow", brow, brow.faces, outfit.hair_albedo)
         if outfit.glasses is not None:
             points, faces, is_lens = make_glasses(
@@ -217,8 +214,7 @@ class Dresser:
             skin = albedo[self._reference.is_in("skin", "face", "cheek")]
             if self._settings.hair:
                 bald = float(np.median(skin)) if len(skin) else 0.6
-                has_hair = wardrobe.outfit.hair is not None
-                under = wardrobe.outfit.hair_albedo if has_hair else bald
+                under = wardrobe.outfit.hair_albedo if wardrobe.outfit.hair is not None else bald
                 albedo[self._reference.is_in("scalp", "hair")] = under
             wardrobe.skin = (mesh.albedo, albedo)
         return wardrobe.skin[1]

@@ -104,8 +104,7 @@ def _bridge(outline: Reals, origin: Reals, skin: Reals) -> Reals:
     line = np.stack([x, np.full(9, inner[1]), np.full(9, inner[2])], axis=1) + origin
     arch = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 9))
     line[:, 1] += 2.0 * arch
-    rise = _overlap(line, skin) + _CLEARANCE_MM
-    line[:, 2] += arch * max(rise, 1.5)
+    line[:, 2] += arch * max(_overlap(line, skin) + _CLEARANCE_MM, 1.5)
     return line
 
 
@@ -113,8 +112,7 @@ def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
     """Return the centre line (12, 3) mm of a temple, from the hinge to behind the ear."""
     ear = anatomy.ears[0 if side > 0 else 1]
     top = np.array([ear[0], ear[1] + 22 * anatomy.scale, ear[2] + 2.0])
-    share = np.linspace(0, 1, 9)[:, None]
-    line = hinge + share * (top - hinge)
+    line = hinge + np.linspace(0, 1, 9)[:, None] * (top - hinge)
     tip = top + np.array([[0, -5, -12], [-2 * side, -16, -20], [-4 * side, -30, -24]])
     line = np.concatenate([line, tip])
     skin = skin[side * (skin[:, 0] - anatomy.eye[0]) > 20]

@@ -125,8 +125,7 @@ def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Re
     if style.comb == "curls":
         return np.asarray(out)
     if style.comb == "crown":
-        beside = np.cross(CROWN, [1.0, 0.0, 0.0])
-        angle = np.arctan2(product(out, beside), out[:, 0])
+        angle = np.arctan2(product(out, np.cross(CROWN, [1.0, 0.0, 0.0])), out[:, 0])
         polar = np.arccos(np.clip(product(out, CROWN) / length, -1, 1)) * _SKULL_MM
         ring = np.maximum(np.sin(polar / _SKULL_MM), 0.25) * _SKULL_MM
         columns = (ring * np.cos(angle), ring * np.sin(angle), _ALONG * polar)

@@ -158,8 +158,7 @@ def _directions(head: Head, points: Reals) -> Reals:
         wanted[:, 1] = -np.clip(1.0 - out[:, 1], 0.15, 1)
         wanted[:, 2] = -0.25 * np.clip(out[:, 1], 0, 1) - 0.6 * np.clip(out[:, 2], 0, 1)
     wanted -= (wanted * out).sum(axis=1, keepdims=True) * out
-    length = np.linalg.norm(wanted, axis=1, keepdims=True)
-    return np.asarray(wanted / np.maximum(length, 0.05))
+    return np.asarray(wanted / np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 0.05))
 
 
 def _paths(head: Head, root: Whole, length: Reals, brow: Mask) -> Reals:

@@ -144,15 +144,13 @@ def _shares(choices: Sequence[HairStyle | Garment], woman: bool | None) -> list[
 
 def _hair_weights(age: float, woman: bool | None) -> list[float]:
     """Return the weights of STYLES by age and sex."""
-    old = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0)))
-    can_be_bald = old * (0.1 if woman else 1.0)
+    can_be_bald = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0))) * (0.1 if woman else 1.0)
     pairs = zip(STYLES, _shares(STYLES, woman), strict=True)
     return [w * (can_be_bald if s.bald or s.recede else 1.0) for s, w in pairs]
 
 
 def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
-    share = np.cumsum(weights) / np.sum(weights)
-    return int(np.searchsorted(share, rng.random(), side="right"))
+    return int(np.searchsorted(np.cumsum(weights) / np.sum(weights), rng.random(), side="right"))
 
 
 def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) -> _Choice:

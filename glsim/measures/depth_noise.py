@@ -92,8 +92,7 @@ def without_outliers(noise: Array, surface_mm: Reals) -> Array:
         here = both & (surface_mm >= MM_PER_M * near) & (surface_mm < MM_PER_M * far)
         if here.any():
             off = np.abs(noise[here] - np.median(noise[here]))
-            spread = 1.4826 * float(np.median(off))
-            limit = np.maximum(_CLIP * max(spread, 0.5), around[here])
+            limit = np.maximum(_CLIP * max(1.4826 * float(np.median(off)), 0.5), around[here])
             noise[here] = np.where(off <= limit, noise[here], np.nan)
     return noise
 
@@ -118,8 +117,7 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
         difference[np.abs(middle) > _CLIP * max(spread, 0.5)] = np.nan
     known = np.isfinite(difference)
     place = (between_mm[known] / _DRIFT_BIN_MM).astype(int)
-    sums = np.bincount(place, difference[known])
-    drift = sums / np.maximum(np.bincount(place), 1)
+    drift = np.bincount(place, difference[known]) / np.maximum(np.bincount(place), 1)
     difference[known] -= drift[place]
     return difference
 

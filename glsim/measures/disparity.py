@@ -88,8 +88,7 @@ def find_tiles(disparity: Array) -> Tiles:
     """Cut an (H, W) image, NaN = none, into square tiles, and fit a robust plane to each tile."""
     down, across = (size // TILE_PX for size in disparity.shape)
     part = disparity[: down * TILE_PX, : across * TILE_PX]
-    squares = part.reshape(down, TILE_PX, across, TILE_PX).swapaxes(1, 2)
-    blocks = squares.reshape(-1, TILE_PX**2)
+    blocks = part.reshape(down, TILE_PX, across, TILE_PX).swapaxes(1, 2).reshape(-1, TILE_PX**2)
     rows, columns = np.mgrid[:down, :across] * TILE_PX
     full = np.isfinite(blocks).mean(axis=1) >= LEAST_SHARE
     values = blocks[full]

@@ -68,8 +68,7 @@ def on_lattice(values: Array, constant: float) -> Mask:
     middle = np.rint(constant / values)
     fits = np.zeros(values.shape, np.bool_)
     for step in (-1, 0, 1):  # the next whole number may round to the value as well
-        place = np.maximum(middle + step, 1.0)
-        fits |= np.abs(constant / place - values) <= _TOLERANCE
+        fits |= np.abs(constant / np.maximum(middle + step, 1.0) - values) <= _TOLERANCE
     return fits
 
 
@@ -108,8 +107,7 @@ def _searched(values: Array) -> float:
     """Search the most likely constant K, in steps of a third of a level at the largest depth."""
     far = np.sort(values)[::-1]
     some = far[np.unique(np.linspace(0, far.size - 1, _SEARCHED).astype(int))]
-    step = 1.0 / (3.0 * float(far[0]))
-    logs = np.arange(np.log(LEAST_CONSTANT), np.log(MOST_CONSTANT), step)
+    logs = np.arange(np.log(LEAST_CONSTANT), np.log(MOST_CONSTANT), 1.0 / (3.0 * float(far[0])))
     best, highest = LEAST_CONSTANT, -np.inf
     for start in range(0, len(logs), _CHUNK):
         constants = np.exp(logs[start : start + _CHUNK])

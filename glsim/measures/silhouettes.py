@@ -135,8 +135,7 @@ def find_edges(frame: DepthFrame) -> Edges:
     z = frame.measured_mm
     known = np.isfinite(z)
     joined = known[:, 1:] & known[:, :-1]
-    limit = MEASURED_STEP.limit_mm(np.nan_to_num(z[:, 1:]))
-    joined &= np.abs(np.diff(z, axis=1)) <= limit
+    joined &= np.abs(np.diff(z, axis=1)) <= MEASURED_STEP.limit_mm(np.nan_to_num(z[:, 1:]))
     row, start, end, next_start, next_end = successive_runs(joined, _LEAST_RUN, _MOST_GAP)
     # Depth at an end: the median of the four pixels next to the outermost one.
     ends = (end[:, None] + np.arange(-5, -1), next_start[:, None] + np.arange(1, 5))

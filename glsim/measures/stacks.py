@@ -51,10 +51,8 @@ def sigma_spatial(residual: Array) -> float:
 def temporal_part(frames: Array) -> Array:
     """Subtract each pixel's mean over time, scaled to unbiased variance; NaN below two frames."""
     count = np.isfinite(frames).sum(axis=0)
-    total = np.nansum(frames, axis=0)
-    mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
-    scale = np.sqrt(count / np.maximum(count - 1, 1))
-    return np.asarray((frames - mean) * scale)
+    mean = np.where(count > 1, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
+    return np.asarray((frames - mean) * np.sqrt(count / np.maximum(count - 1, 1)))
 
 
 def moments(frames: Sequence[Reals] | Array) -> tuple[Array, Array, Array]:
@@ -124,8 +122,7 @@ def temporal_autocorrelation(frames: Array) -> float:
     bias is added back.
     """
     part = temporal_part(frames)
-    lag = ratio(mean_of(part[1:] * part[:-1]), mean_of(part**2))
-    return lag + 1.0 / (len(frames) - 1)
+    return ratio(mean_of(part[1:] * part[:-1]), mean_of(part**2)) + 1.0 / (len(frames) - 1)
 
 
 def skew_kurtosis(samples: Array) -> tuple[float, float]:
@@ -183,8 +180,7 @@ def without_trend(z_mm: Array, error_mm: Array) -> Array:
     """Subtract mean and linear trend from errors; all NaN if an error is not finite."""
     if not np.isfinite(error_mm).all():
         return np.full(error_mm.shape, np.nan)
-    trend = np.polynomial.Polynomial.fit(z_mm, error_mm, 1)
-    return np.asarray(error_mm - trend(z_mm))
+    return np.asarray(error_mm - np.polynomial.Polynomial.fit(z_mm, error_mm, 1)(z_mm))
 
 
 def crossing(x: Array, share: Array, level: float) -> float:
@@ -219,8 +215,7 @@ def normals(depth_mm: Array, rays: Reals) -> Array:
 
 def angular_error_deg(first: Array, second: Array) -> float:
     """Compute the mean angle between two unit normal fields where both exist, degrees."""
-    cosine = np.clip((first * second).sum(axis=-1), -1.0, 1.0)
-    return mean_of(np.degrees(np.arccos(cosine)))
+    return mean_of(np.degrees(np.arccos(np.clip((first * second).sum(axis=-1), -1.0, 1.0))))
 
 
 def eroded(mask: Mask, steps: int) -> Mask:

@@ -46,5 +46,4 @@ def flip_share(images: Sequence[Reals], pairs: Sequence[tuple[int, int]]) -> flo
     """Compute the share of pixels with depth in just one frame, mean of the pairs; NaN without."""
     if not pairs:
         return float("nan")
-    flips = [(np.isnan(images[a]) != np.isnan(images[b])).mean() for a, b in pairs]
-    return float(np.mean(flips))
+    return float(np.mean([(np.isnan(images[a]) != np.isnan(images[b])).mean() for a, b in pairs]))

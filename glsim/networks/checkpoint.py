@@ -125,8 +125,7 @@ def _from_safetensors(file: IO[bytes]) -> Any:
     # The reader has checked the header, a JSON table behind its length in eight bytes; it gives the
     # text in it only for files that it opens itself.
     header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
-    content = json.loads(header["__metadata__"][_TABLE])
-    return content | {"model": weights}
+    return json.loads(header["__metadata__"][_TABLE]) | {"model": weights}
 
 
 def _safetensors() -> Any:

@@ -214,8 +214,7 @@ class ShaderChain:
             height, width = values.shape
             texture = context.texture((width, height), 1, values.tobytes(), dtype="f4")
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            drawn = Rect(0, 0, width, height)
-            self._images[name] = Target(texture, Layer(name, "float"), drawn)
+            self._images[name] = Target(texture, Layer(name, "float"), Rect(0, 0, width, height))
 
     def run(
         self,

@@ -173,8 +173,7 @@ def smooth_in_time(disparity: Image, alpha: float, delta: float, persistence: in
     """
     needed, among = _PERSISTENCE[persistence]
     bits = np.arange(256, dtype=np.uint8)[:, None]
-    agreed = np.unpackbits(bits, axis=1, bitorder="little")[:, :among].sum(axis=1)
-    believed = agreed >= needed
+    believed = np.unpackbits(bits, axis=1, bitorder="little")[:, :among].sum(axis=1) >= needed
     own, kept = np.float32(alpha), np.float32(1.0) - np.float32(alpha)
     last = np.zeros_like(disparity[0])
     history = np.zeros(last.shape, np.uint8)  # bit 0: the frame before this one

@@ -147,8 +147,7 @@ def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Dispar
 def _bytes(counts: Floats) -> NDArray[np.uint8]:
     """Convert an image of counts to 8 bits; bright images lose their lowest bits."""
     largest = int(counts.max(initial=0.0))
-    shift = max(largest.bit_length() - 8, 0)
-    return (counts.astype(np.int32) >> shift).astype(np.uint8)
+    return (counts.astype(np.int32) >> max(largest.bit_length() - 8, 0)).astype(np.uint8)
 
 
 def _align(

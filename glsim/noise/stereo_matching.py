@@ -120,8 +120,7 @@ def match_stereo(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> 
     left, right = (turn.forth(layers[name]) for name in ("infrared", second))
     found = match(left, right, p)
     if second == "infrared_right":
-        first_px = turn.first_px(view)
-        column = np.arange(found.shape[1], dtype=np.int32) + first_px
+        column = np.arange(found.shape[1], dtype=np.int32) + turn.first_px(view)
         found[column * STEPS_PER_PX - found < int(p["border_px"]) * STEPS_PER_PX] = NO_MATCH
     else:
         reject_unlit(found, right, int(p["window_px"]) | 1)

@@ -92,8 +92,7 @@ def seen_landmarks(points_m: Array, frame: Frame) -> Landmarks:
     One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
     surface, which changes by less within a pixel unless it is seen edge on. Chosen.
     """
-    image = frame.intrinsics
-    pixels = image.project(points_m)
+    pixels = frame.intrinsics.project(points_m)
     column, row = np.floor(pixels - (frame.window.left, frame.window.top)).astype(np.int64).T
     height, width = frame.clean_m.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)

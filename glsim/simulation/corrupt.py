@@ -119,8 +119,7 @@ class MapEngine:
             layers = dict.fromkeys(("clean", "depth", "reason"), np.zeros_like(depth_m))
         elif self._backend == "numpy":
             layers = self._array_layers(depth_m)
-            nearest_m = float(depth_m[depth_m > 0].min())
-            frame = self._context(window, seeds, depth_m, nearest_m)
+            frame = self._context(window, seeds, depth_m, float(depth_m[depth_m > 0].min()))
             run_array_stages(self.sensor.stages, layers, frame, values, twins=True)
         else:
             if not self._opened or self._opened[0].process != os.getpid():
@@ -167,13 +166,12 @@ class MapEngine:
         """Compute the input layers of a noise chain in NumPy, without GL."""
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
-        normal = np.dstack([depth_map.normals(depth_m, rays), albedo])
         return {
             **self.sensor.images,
             "clean": depth_m,
             "depth": depth_m,
             "reason": np.zeros_like(depth_m),
-            "normal": normal,
+            "normal": np.dstack([depth_map.normals(depth_m, rays), albedo]),
             "albedo": albedo,
             "lit": depth_map.lit_by_marching(depth_m, self.rig),
             "rays": rays,

@@ -205,8 +205,7 @@ class TensorEngine:
             focal_px=focal_px,
             focal_baseline_px_m=focal_px * self.rig.baseline_m,
         )
-        seen = clean > 0
-        albedo = torch.where(seen, inputs.get("albedo", SKIN_ALBEDO), 0.0)
+        albedo = torch.where(clean > 0, inputs.get("albedo", SKIN_ALBEDO), 0.0)
         normal = inputs.get("normal")
         if normal is None:
             normal = normals(clean, rays)

@@ -102,8 +102,7 @@ class VirtualCamera:
         self._simulators[key] = simulator, kept
         if len(self._simulators) > _KEPT_SIMULATORS:
             del self._simulators[next(iter(self._simulators))]  # the one unused the longest
-        tasks = make_tasks(settings, [kept])
-        made = [f for f in simulator.frames(tasks) if isinstance(f, Frame)]
+        made = [f for f in simulator.frames(make_tasks(settings, [kept])) if isinstance(f, Frame)]
         return Frames.of([f.measured(rounded=False) for f in made], scene)
 
 

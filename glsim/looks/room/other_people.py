@@ -75,8 +75,7 @@ class OtherPeople:
 
     def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
         """Load a standing person, dressed, and the floor's height y, mm; None without a body."""
-        settings = self._settings.source[source]
-        known = settings.subjects or 0
+        known = self._settings.source[source].subjects or 0
         name = self._sources[source].subjects(known + STRANGERS)[known + number]
         firsts: dict[str, FaceKey] = {}  # of each sequence
         for key in self._sources[source].frames(name, 40 * _TRIES):

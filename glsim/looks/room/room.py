@@ -105,8 +105,7 @@ def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
     steps = np.linspace(0, 1, 24)[:, None]
     points = turned(camera + steps * (person - camera), -n.turn_deg)
     # Full width in the person's area, then narrower towards the camera.
-    share = np.clip(steps[:, 0] * 1.3, 0, 1)
-    radii = _CAMERA_RADIUS_MM + share * (radius - _CAMERA_RADIUS_MM)
+    radii = _CAMERA_RADIUS_MM + np.clip(steps[:, 0] * 1.3, 0, 1) * (radius - _CAMERA_RADIUS_MM)
     return [(float(p[0]), float(p[2]), float(r)) for p, r in zip(points, radii, strict=True)]
 
 
@@ -133,8 +132,7 @@ def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]
     for _ in range(n.people):
         for _ in range(30):
             angle, far = rng.uniform(-1.1, 1.1), rng.uniform(1000, 3000)
-            place = np.array([[far * np.sin(angle), 0.0, -far * np.cos(angle)]])
-            at = turned(place, -n.turn_deg)
+            at = turned(np.array([[far * np.sin(angle), 0.0, -far * np.cos(angle)]]), -n.turn_deg)
             if plan.take_disc(float(at[0, 0]), float(at[0, 2]), 350.0):
                 x, _, z = turned(at, n.turn_deg)[0].tolist()
                 found.append((x, z, float(rng.uniform(-70, 70)) + n.turn_deg))

@@ -84,8 +84,7 @@ def body_of(face: Face) -> Body | None:
 
     ``Face.notes`` may hold "floor_mm" and "sitting"; by default the lowest vertex is on the floor.
     """
-    y = face.mesh.vertices_mm[:, 1]
-    lowest = float(y.min())
+    lowest = float(face.mesh.vertices_mm[:, 1].min())
     noted = face.notes.get("floor_mm")
     if not isinstance(noted, int | float) and not lowest <= -_BODY_MM:  # NaN: no body
         return None

@@ -134,8 +134,7 @@ class Plan(Sequence[Task]):
             own = self._source == number
             ends = np.cumsum(have[own])
             self._before[own] = ends - have[own]
-            below = ends * thinning.count // max(1, thinning.total)
-            chosen[own] = np.diff(below, prepend=0)
+            chosen[own] = np.diff(ends * thinning.count // max(1, thinning.total), prepend=0)
         #: Index of each person's first task, and the number of all tasks.
         self._first = np.concatenate([[0], np.cumsum(chosen)])
         images = dict(zip(map(self._subject, range(len(have))), chosen.tolist(), strict=True))
