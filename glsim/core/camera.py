@@ -460,12 +460,10 @@ class SensorRig:
         i = self.intrinsics
         if not self.keeps_distortion:
             return i
-        rays = self.rays()
-        left, top = np.floor(rays.reshape(-1, 2).min(axis=0) * (i.fx, i.fy)).astype(int) - 1
-        right, bottom = np.ceil(rays.reshape(-1, 2).max(axis=0) * (i.fx, i.fy)).astype(int) + 2
-        return Intrinsics(
-            int(right - left), int(bottom - top), i.fx, i.fy, float(-left), float(-top)
-        )
+        seen_px = self.rays().reshape(-1, 2) * (i.fx, i.fy)
+        left, top = (np.floor(seen_px.min(axis=0)).astype(int) - 1).tolist()
+        right, bottom = (np.ceil(seen_px.max(axis=0)).astype(int) + 2).tolist()
+        return Intrinsics(right - left, bottom - top, i.fx, i.fy, float(-left), float(-top))
 
 
 @lru_cache(maxsize=4)

@@ -100,9 +100,8 @@ def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle,
     rng, obstacle = keyed_rng(seed, 0x4A1), Obstacle(anatomy, skin_mm)
     head = Head(anatomy, obstacle, style, rng, scalp.directions, base, thickness, ragged)
     # Join cap and locks, without the vertices of the cap that no triangle uses.
-    used, inverse = np.unique(
-        scalp.faces[(ragged > 0)[scalp.faces].all(axis=1)], return_inverse=True
-    )
+    cap = scalp.faces[(ragged > 0)[scalp.faces].all(axis=1)]
+    used, inverse = np.unique(cap, return_inverse=True)
     roots, shifts = [used], [offsets[used]]
     triangles, lights = [inverse.reshape(-1, 3)], [np.exp(-way / _WAY_MM / _LOST)[used]]
     for locks in all_locks(head):

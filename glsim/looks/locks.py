@@ -227,9 +227,8 @@ def _ribbons(
     share = np.linspace(0, 1, rings)
     taper = np.clip(1.6 * (1.04 - share), 0, 1) ** 0.8 * np.clip(0.5 + 3 * share, 0, 1)
     half = 0.5 * taper[:, None, None] * width[None, :, None]
-    points = np.stack(
-        [lines - half * across, lines + 0.26 * half * out, lines + half * across], axis=2
-    )
+    ridge = lines + 0.26 * half * out
+    points = np.stack([lines - half * across, ridge, lines + half * across], axis=2)
     if rough_mm:
         # Relief across the lock, because its strands part and cross.
         places = points.reshape(-1, 3) / _STRAND_MM

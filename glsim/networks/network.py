@@ -84,9 +84,8 @@ class NetworkFunction(DepthFunction):
             frames[now] = past_mean(past, max(_LEAST_MOTION_MM, motion_mm))
         frame, later = frames[now], frames[now + 1 :]
         earlier = frames[max(0, now - self.earlier) : now][::-1]
-        outputs = self._run(
-            stack_inputs(self._network.inputs, frame, [*earlier], [*later], infrared)
-        )
+        stack = stack_inputs(self._network.inputs, frame, [*earlier], [*later], infrared)
+        outputs = self._run(stack)
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:
             return self._result(depth_mm, depth_mm >= MIN_DEPTH_MM, sigma_mm)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -187,9 +188,7 @@ class ShaderChain:
         read = [stage.spec.array_reads for stage in stages if stage.spec.function is not None]
         if read:
             read.append(layers_for_earlier(stages))
-            wanted = tuple(
-                dict.fromkeys((*FRAME_LAYERS, *(name for names in read for name in names)))
-            )
+            wanted = tuple(dict.fromkeys(itertools.chain(FRAME_LAYERS, *read)))
         if expected:
             wanted = (*wanted, EXPECTED_LAYER)
         self._wanted: tuple[str, ...] = (*wanted, *extra_layers)

@@ -42,9 +42,7 @@ class LinkedStages:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._passes: WeakValueDictionary[tuple[str, str, tuple[str, ...]], StagePass] = (
-            WeakValueDictionary()
-        )
+        self._passes = WeakValueDictionary[tuple[str, str, tuple[str, ...]], StagePass]()
 
     def stage_pass(self, name: str, source: ShaderSource) -> StagePass:
         """Return the linked stage for a name and a source; link it if new. Raises ShaderError."""
@@ -97,14 +95,13 @@ class StagePass:
                     "is switched off"
                 )
             layers[name].texture.use(unit)
-        targets = [
-            pool.take(layer, frame.window, clean=within is None) for layer in self.source.writes
-        ]
-        if within is not None:
+        whole, written = within is None, self.source.writes
+        targets = [pool.take(layer, frame.window, clean=whole) for layer in written]
+        if within is None:
+            self._pass.draw(pool.framebuffer(targets), targets[0].drawn)
+        else:
             with within.limits(targets, frame.window, BLANK):
                 self._pass.draw()
-            return {target.layer.name: target for target in targets}
-        self._pass.draw(pool.framebuffer(targets), targets[0].drawn)
         return {target.layer.name: target for target in targets}
 
     def _set(self, name: str, value: object) -> None:

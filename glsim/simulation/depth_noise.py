@@ -87,12 +87,10 @@ class DepthNoise:
             raise ConfigError(f"backend {backend!r}: is one of {', '.join(_BACKENDS)}, or None")
         if device is not None and backend not in (None, "torch"):
             raise ConfigError(f'backend {backend!r} has no device: leave it out, or take "torch"')
-        settings = (
-            load_settings(overrides={"sensor": sensor}) if isinstance(sensor, str) else sensor
-        )
-        self.settings = settings.model_copy(
-            update={"seed": settings.seed if seed is None else seed}
-        )
+        if isinstance(sensor, str):
+            sensor = load_settings(overrides={"sensor": sensor})
+        own_seed = sensor.seed if seed is None else seed
+        self.settings = sensor.model_copy(update={"seed": own_seed})
         stages = sensor_of(self.settings).stages  # now, not in a worker
         self._takes_tensors = without_tensors(stages) is None
         self.p, self.device = p, device
@@ -318,9 +316,8 @@ class DepthNoise:
 
     def _keys(self, frame: int, sequence: str) -> ScopeSeeds:
         held = stable_seed("corrupt sequence", self.settings.seed, sequence)
-        return ScopeSeeds(
-            stable_seed("corrupt frame", self.settings.seed, sequence, frame), held, held
-        )
+        own = stable_seed("corrupt frame", self.settings.seed, sequence, frame)
+        return ScopeSeeds(own, held, held)
 
     def _frame(self, engine: MapEngine, depth_m: Any, frame: int, sequence: str) -> Frame:
         key = FaceKey(sequence or "map", "main", frame)
