@@ -266,12 +266,10 @@ def lit_share(
 def _march_shares(
     image: Intrinsics, nearest_m: float, farthest_m: float, emitter_m: Array
 ) -> Array:
-    """Return (S,) places along the line to the emitter, 0 to 1, at most half a pixel apart.
-
-    In the image, the point at share s of a line from depth z to an emitter in the image plane lies
-    f b / z * t beside its start, with t = s / (1 - s). No surface that casts a shadow is nearer
-    than ``nearest_m``, so t ends at z / nearest - 1.
-    """
+    """Return (S,) places along the line to the emitter, 0 to 1, at most half a pixel apart."""
+    # In the image, the point at share s of a line from depth z to an emitter in the image plane
+    # lies f b / z * t beside its start, with t = s / (1 - s). No surface that casts a shadow is
+    # nearer than ``nearest_m``, so t ends at z / nearest - 1.
     shift_px = image.fx * float(np.hypot(*emitter_m[:2])) / nearest_m
     step, end = 0.5 / max(shift_px, 0.5), farthest_m / nearest_m - 1.0
     t = np.arange(step, end + step, step)

@@ -76,11 +76,9 @@ class Anatomy:
 
     @cached_property
     def ears(self) -> Reals:
-        """Centres of the left and the right ear, (2, 3) mm.
-
-        If the model has no region of ears: 88 mm behind and 12 mm below the eyes, scaled, as in
-        the procedural mean head.
-        """
+        """Centres of the left and the right ear, (2, 3) mm."""
+        # If the model has no region of ears: 88 mm behind and 12 mm below the eyes, scaled, as in
+        # the procedural mean head.
         if "ear" in self.names:
             return _pair(self._of("ear"), self.eye[0])
         at = self.eye + np.array([0.0, -12.0, -88.0]) * self.scale

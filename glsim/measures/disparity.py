@@ -169,11 +169,9 @@ def measure_disparity_noise(
 
 
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Compute the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns.
-
-    Of all tiles together if ``pooled``; else it is the mean of the tiles, each of which counts
-    alike, so that a few that are no planes do not decide.
-    """
+    """Compute the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns."""
+    # Pooled, of all tiles together; else the mean of the tiles, each of which counts alike, so that
+    # a few that are no planes do not decide.
     found = []
     for lags in ([(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]):
         sums = lagged_sums(tiles, lags)

@@ -109,11 +109,9 @@ class NetworkFunction(DepthFunction):
         return (depth_mm, valid) if sigma_mm is None else (depth_mm, valid, sigma_mm)
 
     def _run(self, stack: Depth) -> dict[str, Depth]:
-        """Run the network on the box around all depth; return outputs of the frame's size.
-
-        They are 0 farther from any depth than ``trusted_mask`` reaches. Networks without a
-        probability code "no depth" as 0, and may see depth far from any pixel that has it.
-        """
+        """Run the network on the box around all depth; return outputs of the frame's size."""
+        # They are 0 farther from any depth than ``trusted_mask`` reaches. Networks without a
+        # probability code "no depth" as 0, and may see depth far from any pixel that has it.
         box = None
         if "probability" in self._network.outputs:
             box = box_around(np.any(stack > 0, axis=0), self.margin_px)

@@ -179,20 +179,16 @@ class MapEngine:
 
 
 def noise_name(depth_mm: Floats) -> str:
-    """Return the name of a map's noise: the same for the same depths in any format and place.
-
-    Rounding to 1/64 mm makes metres and steps alike: no step of 0.05 mm or more, and none of a
-    power of 2, lies between two of these.
-    """
+    """Return the name of a map's noise: the same for the same depths in any format and place."""
+    # Rounding to 1/64 mm makes metres and steps alike: no step of 0.05 mm or more, and none of a
+    # power of 2, lies between two of these.
     steps = np.rint(depth_mm * np.float32(64)).astype("<i4")
     return f"{stable_seed(depth_mm.shape, zlib.crc32(steps.tobytes())):x}"
 
 
 def surface_depth(depth: Reals, far_m: float) -> Floats:
-    """Return depth as float32 metres with 0 for NaN, for values up to 0, and beyond ``far_m``.
-
-    Simulators use any of these for the empty background. Memory is shared where nothing changes.
-    """
+    """Return depth as float32 metres with 0 for NaN, for values up to 0, and beyond ``far_m``."""
+    # Simulators use any of these for the empty background. Memory is shared where nothing changes.
     seen = (depth > 0) & (depth <= far_m)  # NaN compares as False
     if seen.all() and depth.dtype == np.float32:
         return np.ascontiguousarray(depth, np.float32)

@@ -129,11 +129,9 @@ class CloudStore(Store):
 
     @override
     def checksum(self, name: str) -> dict[str, int] | None:
-        """Return the size and CRC32 of an object; None if there is no such object.
-
-        S3 computes the CRC32 of what it holds when it takes an object; elsewhere, and for objects
-        that others put there, all bytes are read.
-        """
+        """Return the size and CRC32 of an object; None if there is no such object."""
+        # S3 computes the CRC32 of what it holds when it takes an object; elsewhere, and for objects
+        # that others put there, all bytes are read.
 
         def ask(fs: Any, path: str) -> dict[str, int] | None:
             if not hasattr(fs, "call_s3"):

@@ -32,11 +32,9 @@ def _opened(path: Path) -> Iterator[int]:
 
 
 def flush_all(folder: Path) -> None:
-    """Flush all files of the file system that holds a folder to the disk. Raises OSError.
-
-    One call costs less than one per file: a chunk of a data set has a hundred. Linux has it; other
-    systems flush all their file systems.
-    """
+    """Flush all files of the file system that holds a folder to the disk. Raises OSError."""
+    # One call costs less than one per file: a chunk of a data set has a hundred. Linux has it;
+    # other systems flush all their file systems.
     syncfs = _syncfs()
     if syncfs is None:
         os.sync()

@@ -176,11 +176,9 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
 
 
 def _is_whole_png(data: bytes) -> bool:
-    """Whether all chunks up to the last lie in the file undamaged, and none is of an animation.
-
-    OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it, and
-    its library prints what is damaged.
-    """
+    """Whether all chunks up to the last lie in the file undamaged, and none is of an animation."""
+    # OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it, and
+    # its library prints what is damaged.
     at, view = len(_SIGNATURE), memoryview(data)
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)

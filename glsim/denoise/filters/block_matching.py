@@ -72,10 +72,8 @@ class BlockMatching(Masked):
 
 
 def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> Array:
-    """Compute the (H, W) power spectrum, of mean 1, of noise of variance 1, in FFT order.
-
-    It is white noise under a Gaussian of ``correlation_px`` and _WHITE of it without.
-    """
+    """Compute the (H, W) power spectrum, of mean 1, of noise of variance 1, in FFT order."""
+    # It is white noise under a Gaussian of ``correlation_px`` and _WHITE of it without.
     rows, columns = (np.fft.fftfreq(size) for size in shape)
     square = np.add.outer(rows**2, columns**2)
     correlated = np.exp(-square * (2 * np.pi * correlation_px) ** 2)

@@ -80,10 +80,8 @@ class Body(NamedTuple):
 
 
 def body_of(face: Face) -> Body | None:
-    """Find floor and seat of a person; None for a head without a body.
-
-    ``Face.notes`` may hold "floor_mm" and "sitting"; by default the lowest vertex is on the floor.
-    """
+    """Find floor and seat of a person; None for a head without a body."""
+    # ``Face.notes`` may hold "floor_mm" and "sitting"; by default the lowest vertex is on it.
     lowest = float(face.mesh.vertices_mm[:, 1].min())
     noted = face.notes.get("floor_mm")
     if not isinstance(noted, int | float) and not lowest <= -_BODY_MM:  # NaN: no body
