@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import re
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,20 +12,16 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.depth_map import central_normals
-from glsim.data.dataset_run import write_dataset
 from glsim.eval.metrics.frame_score import metrics_with_regions, score
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.scored_map import Truth, angles_deg
 from glsim.eval.report.document import Heading, TextTable
 from glsim.eval.report.score_tables import _region_document
 from glsim.eval.scoring.aggregate import ScoreSummary
-from glsim.faces.regions import region_numbers
 from glsim.measures.stacks import eroded
 from glsim.settings.schema import load_settings
-from glsim.simulation.pipeline import simulate
-from glsim.simulation.plan.tasks import make_tasks
 from tests.support.eval_scenes import ADVERSARIAL, CAMERA, SIZE
-from tests.support.face_models import Board
+from tests.support.face_models import Board, write_simulated
 
 NUMBERS = {"left": 1, "right": 7, "nowhere": 9}
 
@@ -72,26 +67,10 @@ def test_parts_are_scored_as_numpy_does(name: str) -> None:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("regions") / "data"
-    layers = ("clean", "noisy", "regions")
-    settings = load_settings(
-        overrides={
-            "sensor": "led3d",
-            "split": [0, 0, 1],
-            "output": {"crop": 96, "layers": list(layers)},
-        },
-        source={"frames_per_subject": 3},
-    )
-    sources = [Board()]
-    write_dataset(
-        settings,
-        make_tasks(settings, sources),
-        out,
-        partial(simulate, sources=sources, layers=layers),
-        sensor={"title": "t"},
-        renderer="r",
-        regions=region_numbers(sources),
-        workers=1,
-    )
+    output = {"crop": 96, "layers": ["clean", "noisy", "regions"]}
+    overrides = {"sensor": "led3d", "split": [0, 0, 1], "output": output}
+    settings = load_settings(overrides=overrides, source={"frames_per_subject": 3})
+    write_simulated(out, settings, [Board()])
     return out
 
 

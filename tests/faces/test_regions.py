@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from moderngl import Context
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.mesh import Mesh
-from glsim.data.dataset_run import write_dataset
 from glsim.data.reader import Dataset, open_dataset
 from glsim.data.verification import verify
 from glsim.faces.face_source import FaceSource, Topology
@@ -28,9 +26,8 @@ from glsim.render.region_pass import majority_last
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
-from glsim.simulation.plan.tasks import make_tasks
 from tests.support.dataset_fakes import contents
-from tests.support.face_models import Board
+from tests.support.face_models import Board, write_simulated
 
 ALL = ("clean", "noisy", "regions")
 
@@ -131,16 +128,7 @@ def write(out: Path, form: str, workers: int) -> Dataset:
             "split": [1, 0, 0],
         }
     )
-    write_dataset(
-        given,
-        make_tasks(given, sources),
-        out,
-        partial(simulate, sources=sources, layers=ALL),
-        sensor={"title": "t"},
-        renderer="r",
-        regions=region_numbers(sources),
-        workers=workers,
-    )
+    write_simulated(out, given, sources, workers)
     return open_dataset(out)
 
 
@@ -179,10 +167,7 @@ def test_a_mixed_data_set_has_one_table_and_survives_damage(tmp_path: Path, form
 
 def test_a_set_without_regions_says_so(tmp_path: Path) -> None:
     given = settings(output={"crop": 48, "layers": ["clean", "noisy"]}, split=[1, 0, 0])
-    board = [Board()]
-    make = partial(simulate, sources=board)
-    tasks = make_tasks(given, board)
-    write_dataset(given, tasks, tmp_path, make, sensor={"title": "t"}, renderer="r", workers=1)
+    write_simulated(tmp_path, given, [Board()])
     dataset = open_dataset(tmp_path)
     assert dataset.regions == {}
     assert "regions" not in dataset.header

@@ -16,22 +16,15 @@ from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator
 from glsim.simulation.plan.tasks import make_tasks
-from tests.support.scenes import face_mesh
+from tests.support.scenes import face_mesh, rig_toml
 
-RIG = """
-[rig]
-width = 200
-height = 150
-focal_px = [140, 140]
-centre_px = [100, 75]
-"""
 ALPHA = 0.4
 
 
 def camera(folder: Path) -> str:
     """A small D435."""
     file = folder / "small.toml"
-    file.write_text(f'extends = "realsense-d435"\ntitle = "small"\n{RIG}')
+    file.write_text(f'extends = "realsense-d435"\ntitle = "small"\n{rig_toml(200, 150, 140)}')
     return str(file)
 
 

@@ -24,6 +24,7 @@ from glsim.settings.schema import load_settings, with_assignments
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import open_sources, simulate
 from glsim.simulation.plan.tasks import make_tasks
+from tests.support.scenes import rig_toml
 
 IMAGE = Intrinsics(200, 150, 180.0, 180.0, 100.0, 75.0)
 RIG = SensorRig(
@@ -140,18 +141,14 @@ def test_frames_are_the_same_bytes_in_any_order(sensor: str) -> None:
     assert made[0][0].noisy.tobytes() != made[0][1].noisy.tobytes()
 
 
-BASE = """
+BASE = f"""
 title = "t"
-[rig]
-width = 64
-height = 48
-focal_px = [60, 60]
-centre_px = [32, 24]
-{rig}
+{rig_toml(64, 48, 60)}
+{{rig}}
 [[stage]]
-use = "{light}"
+use = "{{light}}"
 [[stage]]
-use = "{exposure}"
+use = "{{exposure}}"
 [[stage]]
 use = "match_stereo"
 """

@@ -23,7 +23,7 @@ from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.virtual_camera import VirtualCamera
-from tests.support.scenes import face_mesh
+from tests.support.scenes import face_mesh, rig_toml
 
 SHAPE = (424, 512)
 HOLE = np.s_[150:260, 200:240]
@@ -135,13 +135,7 @@ def test_remove_fixed_pattern_undoes_it() -> None:
         glsim.remove_fixed_pattern(np.zeros((96, 96)), values)
 
 
-RIG = """
-[rig]
-width = 200
-height = 150
-focal_px = [140, 140]
-centre_px = [100, 75]
-"""
+RIG = rig_toml(200, 150, 140)
 PATTERN = 'projector_image = "dots.png"\nprojector_view_deg = [80, 64]\n'
 #: Without noise and blur: light alone.
 QUIET = """

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
+from glsim.data.dataset_run import write_dataset
 from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
+from glsim.faces.regions import region_numbers
 from glsim.faces.sources.ict_facekit import KNOWN_SHAPES, REGIONS
+from glsim.settings.schema import Settings
+from glsim.simulation.pipeline import simulate
+from glsim.simulation.plan.tasks import make_tasks
 
 ROWS, COLUMNS = 61, 49
 
@@ -108,3 +114,20 @@ class Board(FaceSource):
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
         for key in keys:
             yield Face(key, self._mesh)
+
+
+def write_simulated(
+    out: Path, settings: Settings, sources: Sequence[FaceSource], workers: int = 1
+) -> None:
+    """Write a data set of simulated frames, with its regions if they are a layer."""
+    layers = settings.output.layers
+    write_dataset(
+        settings,
+        make_tasks(settings, sources),
+        out,
+        partial(simulate, sources=sources, layers=layers),
+        sensor={"title": "t"},
+        renderer="r",
+        regions=region_numbers(sources) if "regions" in layers else None,
+        workers=workers,
+    )

@@ -189,15 +189,14 @@ def interior(depth_m: Array, margin_px: int = 2) -> NDArray[np.bool_]:
     return inside
 
 
+def rig_toml(width: int, height: int, focal_px: float) -> str:
+    """Return the table [rig] of a pinhole camera with its axis in the middle of the image."""
+    size, centre = f"width = {width}\nheight = {height}", [width / 2, height / 2]
+    return f"[rig]\n{size}\nfocal_px = {[focal_px] * 2}\ncentre_px = {centre}\n"
+
+
 #: A small pinhole camera, as a sensor file.
-SMALL_RIG = """
-title = "small"
-[rig]
-width = 96
-height = 80
-focal_px = [100.0, 100.0]
-centre_px = [48.0, 40.0]
-"""
+SMALL_RIG = 'title = "small"\n' + rig_toml(96, 80, 100.0)
 SMALL_EMITTER = "[[rig.emitter]]\nposition_m = [0.05, 0, 0]\n"
 
 
