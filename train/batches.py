@@ -90,8 +90,7 @@ class StoredBatches:
     """Batches (noisy_mm, clean_mm) of pairs with random access: float32 mm on the device.
 
     Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.networks.inputs`` as channels.
-    ``validation``: pairs without a batch axis; ``fingerprint``: plain values that identify the
-    data.
+    ``validation``: pairs without a batch axis; ``fingerprint``: plain values that name the data.
     """
 
     def __init__(

@@ -48,8 +48,7 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
 
     Raises:
         DenoiserError: for a damaged or foreign checkpoint.
-        TrainError: the network cannot be exported, OpenCV cannot run it (Restormer), or the results
-            differ.
+        TrainError: the network cannot be exported or run by OpenCV (Restormer), or results differ.
     """
     model, record = load_model(checkpoint)
     data = onnx_bytes(model.cpu().eval(), checkpoint, record)
@@ -167,8 +166,7 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
         Name -> weight, for the inputs of the file; without the unused buffers of `NOT_COPIED`.
 
     Raises:
-        TrainError: a damaged file, another architecture, or weights merged by the exporter (batch
-            normalisation).
+        TrainError: a damaged file, another architecture, or weights with batch normalisation.
     """
     try:
         data, content = read_onnx(path)

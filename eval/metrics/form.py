@@ -21,8 +21,7 @@ from glsim.eval.metrics.scored_map import ScoredMap
 _BAND_PX: Final = (1.0, 2.2)
 #: Least standard deviation of the clean relief, mm. Chosen: below it, remaining noise decides.
 _LEAST_MM: Final = 0.1
-#: Largest share of different clean pixels in two frames of one view; faces 1 ms apart have 0.0001.
-#: Chosen.
+#: Largest share of different clean pixels in frames of one view. Chosen; faces: 0.0001 in 1 ms.
 _OTHER_SHARE: Final = 0.001
 
 

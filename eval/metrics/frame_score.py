@@ -1,7 +1,6 @@
 """Scoring of one frame: the table METRICS and the function that computes all of its metrics.
 
-A metric is one of ``definitions.SHIPPED_METRICS``, or an entry point "glsim.metrics" of another
-package.
+A metric is one of ``definitions.SHIPPED_METRICS``, or a package's entry point "glsim.metrics".
 """
 
 from __future__ import annotations

@@ -19,8 +19,7 @@ from glsim.measures.static import static_pairs
 #: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
 #: most pixels of a tile share no input with the next tile.
 TILE_PX: Final = 64
-#: Least number of static scenes for halves and intervals over scenes instead of tiles of the image.
-#: Chosen.
+#: Least number of static scenes for halves and intervals over scenes instead of tiles. Chosen.
 LEAST_SCENES: Final = 6
 
 

@@ -93,8 +93,7 @@ def html_page(
 ) -> str:
     """Return a complete HTML page. Raises GlsimError without Jinja2.
 
-    All text is escaped; **bold** and `code` become HTML. Intervals, in brackets at the end of a
-    cell, are small.
+    All text is escaped; **bold** and `code` become HTML. Intervals, last in a cell, are small.
 
     Args:
         title: of the page.

@@ -237,8 +237,7 @@ class SubExposure(NamedTuple):
 
     Attributes:
         time_ms: of its middle, from the frame's instant.
-        capture: number of the capture, 0 to 8: tap capture % 3 of frequency capture // 3; None for
-            rows.
+        capture: None for rows; else 0 to 8: tap capture % 3 of frequency capture // 3.
         rows: (first, end) of the band as shares of the image's height; None for a capture.
     """
 

@@ -22,8 +22,7 @@ SKIN_ALBEDO = 0.6
 #: Share of the triangles that is kept; chosen by the error in docs/results/speed.md.
 KEPT_SHARE = 0.44
 
-#: How fast the library raises its error bound, 1 to 7 (its default): 5 is the slowest that reaches
-#: the share.
+#: Growth of the library's error bound, 1 to 7 (its default): 5 is the least that reaches the share.
 _AGGRESSIVENESS = 5
 #: fast_simplification keeps its mesh in global variables: two threads would mix theirs.
 _SIMPLIFYING = Lock()

@@ -125,8 +125,7 @@ _GALLERY_COLUMNS, _GALLERY_PX = 4, 240
 def contact_sheet(frames: Sequence[DepthFrame], title: str) -> Picture:
     """Draw one ``frame_row`` per frame, with a title, headings, and a legend of the colours.
 
-    More than four frames stand in up to three columns, with smaller cells. All frames have a clean
-    map, or none has.
+    More than four frames stand in up to three columns of small cells. All or none have clean maps.
     """
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
     side = _WIDE_PX if columns == 1 else _NARROW_PX

@@ -50,8 +50,7 @@ def generate(
 
     Args:
         settings: the data set.
-        out: a folder, or a URL of object storage such as s3://bucket/faces for the format
-            webdataset.
+        out: a folder, or a URL such as s3://bucket/faces for the format webdataset.
         workers: number of processes.
         backend: "egl" or "osmesa".
         portable: compute alike on all x86-64 processors since Haswell, see

@@ -37,8 +37,7 @@ CHANNELS = {"normals": 3, "color": 3}
 def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX**2) -> LayerImage:
     """Decode a PNG file to (H, W) or (H, W, 3) pixels of the layer's type, with checks.
 
-    Raises DatasetError for a damaged image, another pixel type, several channels or more than
-    ``max_px`` pixels.
+    Raises DatasetError for damage, another pixel type, channels, or more than ``max_px`` pixels.
 
     Args:
         where: names the file in error messages.

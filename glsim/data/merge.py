@@ -1,7 +1,6 @@
 """Merging of chunk records into the manifest, the metadata and the header.
 
-Memory does not grow with the number of frames. The chunk records stay, for resumed and repaired
-runs.
+Memory does not grow with the number of frames. Chunk records stay, to resume and repair runs.
 """
 
 from __future__ import annotations

@@ -29,8 +29,7 @@ _RETRIES = 10
 _CORES_EVERY_S = 2.0
 #: Seconds within which the head of a cluster accepts a connection.
 _ANSWER_S = 10.0
-#: Seconds after which a silent head is lost. After 60 s Ray ends this process from C++, without a
-#: Python error.
+#: Seconds after which a silent head is lost. After 60 s Ray ends this process without an error.
 _SILENT_S = 30.0
 
 

@@ -209,8 +209,7 @@ def run_tasks(
             and OpenBLAS read variables at import.
 
     Raises:
-        DatasetError: workers die at their start, or twice at the same task. Also the errors of
-            ``job.run``.
+        DatasetError: workers die at their start, or twice at a task. Also errors of ``job.run``.
     """
     if processes == 1 and not environment:
         yield from job.run(iter(tasks))

@@ -39,8 +39,7 @@ def has_regions(sources: Sequence[FaceSource]) -> bool:
 def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -> dict[str, int]:
     """Return the numbers of all regions of the sources, name -> number, sorted by number.
 
-    ``further``: names of KNOWN_REGIONS of clothes and rooms. Raises ConfigError for no region, or
-    more than 255.
+    ``further``: KNOWN_REGIONS of clothes and rooms. Raises ConfigError for no region, or over 255.
     """
     named = {
         name

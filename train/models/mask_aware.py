@@ -51,8 +51,7 @@ def _in_order(filters: tuple[FilterName, ...]) -> tuple[FilterName, ...]:
 
 #: Filters of `depth_features`, each once and in their order.
 Filters = Annotated[tuple[FilterName, ...], Field(min_length=1), AfterValidator(_in_order)]
-#: Depth correction by a network output of 1, mm. Chosen: about the correction by a band's gain of
-#: 1.
+#: Depth correction by an output of 1, mm. Chosen: about the correction by a band's gain of 1.
 _CORRECTION_MM: Final = 3.0
 #: Log odds of depth before training: +3 for measured pixels, -3 for holes, i.e. 95 %.
 _PRIOR_LOGIT: Final = 6.0

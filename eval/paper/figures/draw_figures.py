@@ -58,8 +58,7 @@ def write_paper_figures(
     size; captions name missing networks, and a figure without networks is left out. ``drawing`` is
     called with the name of each figure.
 
-    Raises ConfigError without a data set, DatasetError, DenoiserError, and GlsimError without
-    Matplotlib.
+    Raises ConfigError without a data set, DatasetError, DenoiserError; GlsimError: no Matplotlib.
     """
     data, runs = reproduction / "data", reproduction / "runs"
     if not data.is_dir():

@@ -229,8 +229,7 @@ class NoiseFloor:
 
     Attributes:
         at: (N,) infrared, counts, or depth, mm, in the middle of each class.
-        variance_mm2: (N,) of the difference from the smoothed depth, mm^2; empty without enough
-            pixels.
+        variance_mm2: (N,) of the difference from the smoothed depth; empty with too few pixels.
     """
 
     at: Array

@@ -80,8 +80,7 @@ class InfraredLaw:
             surface near the centre.
         law: sigma^2 = a^2 + (b / IR)^2.
         floor_mm: noise independent of light, without the noise of the taps.
-        noise_error: relative standard error of the taps' noise; infinite if all surfaces are
-            equally bright.
+        noise_error: relative standard error of the taps' noise; infinite for equal brightness.
         tap_scale: variance of the taps over the base sensor's.
     """
 

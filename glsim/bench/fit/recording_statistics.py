@@ -76,8 +76,7 @@ _LEAST_VALID = 0.9
 _LAG_PX = 4
 _LEAST_PIXELS = 100
 #: Flat and even surfaces: largest second difference over 2 x 8 px, mm, and largest relative
-#: variation of infrared in 9 x 9 px. Chosen: an office gives the same rows and columns as a
-#: board's.
+#: variation of infrared in 9 x 9 px. Chosen: an office and a board give the same rows and columns.
 _MOST_BEND_MM, _MOST_UNEVEN = 1.0, 0.08
 _LEAST_FLAT_PX = 2000
 

@@ -147,8 +147,7 @@ def missing(where: object) -> DatasetError:
 class AtomicFile:
     """A file that gets its name only when it is complete; it counts its size and CRC32.
 
-    Use it as a context manager: a normal exit renames the temporary file to ``path``, an error
-    removes it.
+    Use it as a context manager: a normal exit renames the file to ``path``, an error removes it.
 
     Args:
         temporary: path for the unfinished file, on the same file system; by default it lies beside

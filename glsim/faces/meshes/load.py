@@ -103,8 +103,7 @@ def load_mesh(
     Args:
         unit: "auto", a name ("m", "dm", "cm", "mm", "inch") or a number of millimetres ("125").
         axes: "auto", or the file's axes that become canonical x, y, z ("+x-y-z").
-        recentre: move the origin to 45 mm behind the tip of the nose; otherwise keep the file's
-            origin.
+        recentre: move the origin to 45 mm behind the tip of the nose; else keep the file's.
 
     Raises:
         ConfigError: an invalid setting.

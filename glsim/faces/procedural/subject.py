@@ -102,8 +102,7 @@ def asymmetry_field(seed: int, subject: str) -> Array:
     wave *= 2 * np.pi / (length * np.linalg.norm(wave, axis=0))
     phase = rng.uniform(0, 2 * np.pi, len(length))
     amplitude = rng.standard_normal((len(length), 3)) * length[:, None]
-    # A wave's mean square is half its squared amplitude; the difference of two halved waves has
-    # half of that.
+    # A wave's mean square is half its squared amplitude, and a quarter for two halved waves.
     amplitude *= 2.0 * size / np.sqrt(np.sum(length**2))
     mirror = np.array([-1.0, 1.0, 1.0])
     # By columns, (waves, V): NumPy is fast along the last axis.

@@ -21,8 +21,7 @@ from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import BodySubject
 
-#: |x| between which a vertex's share of the head's turn falls to 0, mm: beside ears and hair.
-#: Chosen.
+#: |x| between which a vertex's share of the head's turn falls to 0, mm. Chosen: beside the hair.
 _ASIDE_MM: Final = (130.0, 190.0)
 
 

@@ -45,8 +45,7 @@ def paper_counts(images: int) -> dict[str, int]:
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
     """Count how many images of each source kind are missing from the paper's mix.
 
-    ``held`` are the images of each kind. Kinds short by at most one, which is rounding, are left
-    out.
+    ``held`` are the images of each kind. Kinds short by one or less, by rounding, are left out.
     """
     wanted = paper_counts(sum(held.values()))
     lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}

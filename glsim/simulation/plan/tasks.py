@@ -32,8 +32,7 @@ class Task:
     Attributes:
         index: position in the data set.
         split: train, val or test.
-        subject: name in the data set, prefixed with the source's number if there are several
-            sources.
+        subject: name in the data set; the source's number precedes it if there are several.
         source: position in ``settings.source``.
         key: the frame's name in that source.
         seeds: 64-bit seeds of the frame, its sequence and its subject.

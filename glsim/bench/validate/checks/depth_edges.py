@@ -25,8 +25,7 @@ _SHADOW_PX = 128
 #: of S of all silhouettes in 44 real frames, and the usual backgrounds of these silhouettes.
 _BAR_SHIFTS = (16, 40, 60, 80, 115, 155, 195, 240, 300, 400)
 _BAR_WALL_MM, _BAR_ALBEDOS = 2200.0, (0.12, 0.22, 0.35)
-#: Infrared of the backgrounds to measure, counts (real gaps there depend on S alone), and a ring of
-#: the image, px.
+#: Infrared of backgrounds, counts (real gaps there depend on S alone); a ring of the image, px.
 _BACK_COUNTS, _RING_PX = (600.0, 2500.0), (150.0, 225.0)
 #: Largest depth difference beside a silhouette without background, mm: 30 of noise, and 61 from
 #: light of the lens's halo, measured beside printed edges in real frames.
