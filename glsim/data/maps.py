@@ -69,6 +69,7 @@ class _Loader:
         cameras: what states the camera of a folder's maps.
         records: absolute path of a file of a data set -> its frame there, if it matters.
         assumed: intrinsics where none are stated.
+        needs_camera: maps of another size than the stated camera are an error.
     """
 
     reader: FrameReader
@@ -77,15 +78,23 @@ class _Loader:
     cameras: Mapping[Path, StatedCamera]
     records: Mapping[Path, DepthFrame] = field(default_factory=dict)
     assumed: Intrinsics = DEFAULT_INTRINSICS
+    needs_camera: bool = True
+
+    def key(self, number: int) -> FrameKey:
+        """Return the key of a frame: maps of one folder, or of one bag, are one sequence."""
+        return FrameKey(str(self.reader.files(number)[0].parent), "", number)
 
     def __call__(self, number: int) -> DepthFrame:
         depth_mm, step_mm = self.reader.depth(number)
         (file, _), name = self.reader.files(number), self.reader.name(number)
         stated, stored = self.cameras[file.parent], self.records.get(file.absolute())
-        check_size(stated, depth_mm.shape, f"{file}: {name}")
-        camera = stated.intrinsics if stored is None else stored.intrinsics
-        if camera is None:
-            camera = self.assumed.for_map((depth_mm.shape[0], depth_mm.shape[1]))
+        camera, shape = stated.intrinsics, (depth_mm.shape[0], depth_mm.shape[1])
+        if self.needs_camera or stated.along_ray:
+            check_size(stated, shape, f"{file}: {name}")
+        if stored is not None:
+            camera = stored.intrinsics
+        elif camera is None or (camera.height, camera.width) != shape:
+            camera = self.assumed.for_map(shape)
         depth_mm = self._turned(depth_mm)
         if stated.along_ray:
             depth_mm /= np.sqrt(1 + (camera.rays() ** 2).sum(axis=-1))
@@ -95,8 +104,9 @@ class _Loader:
         record: dict[str, Any] = {"file": str(file)}
         if stored is not None:
             record |= {name: stored.record[name] for name in ("depth_offset_mm", "intrinsics")}
-        key = FrameKey(str(file.parent), "", number)
-        return DepthFrame(key, camera, layers, step_mm=step_mm, name=name, record=record)
+        return DepthFrame(
+            self.key(number), camera, layers, step_mm=step_mm, name=name, record=record
+        )
 
     def _infrared(self, number: int) -> NDArray[np.float32]:
         counts = self.reader.infrared(number)
@@ -159,7 +169,8 @@ def open_maps(
     maps.find_cameras(given, crops)
     reader = maps.reader(unit_mm, channel, infrared)
     cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
-    frames = Frames(len(reader), _Loader(reader, kind, mirror, cameras, maps.records))
+    loader = _Loader(reader, kind, mirror, cameras, maps.records, needs_camera=needs_camera)
+    frames = Frames(len(reader), loader, loader.key)
     stated, notes = cameras[maps.files[0].parent], reader.notes
     if reader.ray_channel and not stated.along_ray:
         notes += (
@@ -229,8 +240,7 @@ class _FileList:
 
         Args:
             given: inputs; folders of them may hold such files above the maps.
-            along_rays: depths are distances along the ray of each pixel, as a camera.toml may say.
-        crops: files of a data set get the intrinsics of their frame.
+            crops: files of a data set get the intrinsics of their frame.
         """
         self._named.sort(key=lambda pair: natural(pair[0]))
         nearest_mm: list[float | None] = []
@@ -297,9 +307,12 @@ class _FileList:
         for (file, output), light in zip(self._named, lights, strict=True):
             stored = self.records.get(file.absolute())
             offset_mm = 0.0 if stored is None else float(stored.record["depth_offset_mm"])
-            for name, number, end in _maps_in_file(file):
-                root = self._roots[file.parent]
-                places.append(FramePlace(name, file, number, root, light, offset_mm))
+            count, root = _count_maps(file), self._roots[file.parent]
+            for number in range(count):
+                end = f"_{number:05d}" if count > 1 else ""
+                name = f"{output.with_suffix('').as_posix()}{end}"
+                place = number if count > 1 else None
+                places.append(FramePlace(name, file, place, root, light, offset_mm))
                 self.outputs.append(output.with_name(f"{output.stem}{end}{output.suffix}"))
             if len(places) > MOST_FILES:
                 raise ConfigError(f"{file}: the recording has more than {MOST_FILES} frames")
@@ -327,15 +340,11 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
     )  # fmt: skip
 
 
-def _maps_in_file(file: Path) -> list[tuple[str, int | None, str]]:
-    """Return the name, the number in the file, and the end of the output's name of each map."""
-    count = 1
-    if file.suffix.lower() in STACKS:
-        with suppress(DatasetError):  # reported when it is read
-            count = len(open_stack(file))
-    if count == 1:
-        return [(file.stem, None, "")]
-    return [(f"{file.stem}_{k:05d}", k, f"_{k:05d}") for k in range(count)]
+def _count_maps(file: Path) -> int:
+    """Return the number of maps of a file: more than 1 of a stack."""
+    with suppress(DatasetError):  # reported when it is read
+        return len(open_stack(file)) if file.suffix.lower() in STACKS else 1
+    return 1
 
 
 def data_set_of(folder: Path) -> Path | None:
@@ -389,9 +398,10 @@ def _stream_recording(
     if stated.intrinsics is None and stated.sensor:
         assumed = sensor_camera(stated.sensor, path).intrinsics or assumed
     loader = _Loader(stream, kind, mirror, {path.parent: turned}, assumed=assumed)
+    frames = Frames(len(stream), loader, loader.key)
     outputs = tuple(Path(f"{stream.name(number)}.png") for number in range(len(stream)))
     return Recording(
-        path, stream.kind, Frames(len(stream), loader), stream, turned, file or path, notes,
+        path, stream.kind, frames, stream, turned, file or path, notes,
         outputs=outputs, assumed="" if stated.intrinsics else stated.sensor or DEFAULT_SENSOR,
         layer=f"{kind}_mm",
     )  # fmt: skip

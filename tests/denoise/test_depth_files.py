@@ -81,6 +81,25 @@ def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
     assert not Path("b.png").exists()
 
 
+@pytest.mark.parametrize("denoiser", ["masked_gaussian", "temporal_median"])
+def test_each_file_is_decoded_once_but_for_those_that_vote(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, denoiser: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("in").mkdir()
+    for number in range(20):
+        write(Path(f"in/{number}.png"), 1.0)
+    decoded: list[Path] = []
+
+    def record(path: Path, **options: object) -> object:
+        decoded.append(path)
+        return read_image(path, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("glsim.data.map_files.read_image", record)
+    assert main(["denoise", "in", "-o", "out", "-d", denoiser, "-q"]) == 0
+    assert len(decoded) == 20 + 16
+
+
 def test_a_deep_map_that_does_not_vote_keeps_its_depth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
