@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +15,7 @@ from glsim.cli.common import (
     print_json,
     print_written,
 )
-from glsim.core.errors import ConfigError, MeshError, NoDepthError
+from glsim.core.errors import ConfigError, DatasetError, MeshError, NoDepthError
 
 if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
@@ -93,16 +93,27 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     from glsim.core.files.listing import files_below
     from glsim.data.header import is_dataset
     from glsim.data.maps import open_maps
+    from glsim.data.recordings.names import words_of
     from glsim.faces.meshes.obj import EXTENSIONS
 
     if is_dataset(path) or path.suffix.lower() in EXTENSIONS:
         return None
-    if path.is_dir() and any(files_below(path, EXTENSIONS)):
-        return None
+    meshes = sorted(files_below(path, EXTENSIONS)) if path.is_dir() else []
     try:
-        return open_maps(path, unit_mm=unit_mm, topic=topic)
+        recording = open_maps(path, unit_mm=unit_mm, topic=topic)
     except NoDepthError:
         return None
+    except DatasetError:
+        if meshes:  # pictures beside a face set are its textures
+            return None
+        raise
+    if not meshes:
+        return recording
+    named = any("depth" in (f.parent.name, *words_of(f.name)) for f in recording.sources)
+    if recording.kind == "biwi" or not named:  # a face set of that kind, or its textures
+        return None
+    beside = f"{len(meshes)} meshes beside it: glsim inspect {meshes[0]} looks at the first"
+    return replace(recording, notes=(*recording.notes, beside))
 
 
 def _camera(recording: Recording) -> dict[str, Any]:

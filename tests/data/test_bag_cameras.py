@@ -311,3 +311,19 @@ def test_a_pipe_is_no_recording(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / name)  # to open it would wait for ever
     with pytest.raises(DatasetError, match="is a pipe"):
         open_maps(tmp_path / name)
+
+
+def test_what_drivers_send_against_the_conventions(tmp_path: Path) -> None:
+    """Floats in millimetres, plain PNG files as "png", and infrared that starts late."""
+    topic, ramp = "/camera/depth/image_raw", STEPS + 300
+    write_topics(tmp_path / "mm.bag", {topic: (ramp.astype("f4"), "32FC1")}, {})
+    png = cv2.imencode(".png", ramp.astype(np.uint16))[1].tobytes()
+    write_topics(tmp_path / "png.bag", {f"{topic}/compressed": (png, "png")}, {})
+    for name in ("mm", "png"):
+        recording = open_maps(tmp_path / f"{name}.bag")
+        np.testing.assert_allclose(recording.frames[0].noisy_mm, ramp)
+    assert "floats are taken for mm" in open_maps(tmp_path / "mm.bag").sentence()
+    grey = cv2.imencode(".png", np.zeros((48, 64), np.uint8))[1].tobytes()
+    write_topics(tmp_path / "grey.bag", {f"{topic}/compressed": (grey, "png")}, {})
+    with pytest.raises(DatasetError, match="holds no images whose name says depth"):
+        open_maps(tmp_path / "grey.bag")

@@ -293,6 +293,18 @@ def test_words_of_names_decide_with_any_separator_before_the_format(tmp_path: Pa
     assert "left out 2 *_color.png, 2 *_normal.png" in recording.sentence()
 
 
+def test_a_recording_with_a_mesh_beside_it_is_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "depth").mkdir()
+    (tmp_path / "depth" / "0.png").write_bytes(encode_png(UNITS))
+    (tmp_path / "scan.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert main(["inspect", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "images, 1 frames of 40 x 32 px" in printed
+    assert f"1 meshes beside it: glsim inspect {tmp_path / 'scan.obj'}" in printed
+
+
 def test_crops_of_several_sizes_are_denoised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
