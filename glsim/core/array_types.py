@@ -1,4 +1,4 @@
-"""Types of arrays, named by what their numbers are."""
+"""Types of arrays, named by the numbers that they hold."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Whole = NDArray[np.int64]
 Triangles = NDArray[np.int32]
 #: (H, W) millimetres along the optical axis; 0 = no depth.
 Depth = NDArray[np.float32]
-#: Marked pixels, (H, W), such as those with depth; marked points, (N,).
+#: Marked pixels, (H, W), such as pixels with depth; or marked points, (N,).
 Mask = NDArray[np.bool_]
 #: (H, W) in [0, 1]: probability that a pixel has depth.
 Probability = NDArray[np.floating[Any]]

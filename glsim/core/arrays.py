@@ -1,8 +1,8 @@
 """The functions of NumPy or of PyTorch, under NumPy's names, for code that runs on either.
 
-Random words are uint32 in NumPy and int32 in PyTorch, whose uint32 has no arithmetic: sums and
-products wrap around alike, so that their bits are the same. Numbers that meet a tensor are Python's
-(a ``numpy.float32`` to the left of a tensor would make an array of it).
+Random words are uint32 in NumPy and int32 in PyTorch, whose uint32 has no arithmetic. Sums and
+products wrap around in both, and so their bits are the same. A number that is combined with a
+tensor must be a Python number: a ``numpy.float32`` to the left of a tensor makes a NumPy array.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Mask, Reals
 
-#: Float32 arrays, or Python numbers in their place. Types are NumPy's; tensors go through alike.
+#: Float32 arrays or Python numbers. The types are NumPy's; tensors are accepted as well.
 Numbers = Reals | float
-#: Whole numbers: 32-bit words, places.
+#: Whole numbers: 32-bit random words, or indices.
 Words = NDArray[np.integer[Any]]
 _Array = TypeVar("_Array", Reals, Words)
 
-#: Functions of one argument; PyTorch's take no numbers.
+#: Functions of one argument. PyTorch's accept tensors only, no Python numbers.
 _OF_ONE = ("sqrt", "exp", "log", "cos", "sin", "tanh", "floor", "abs", "sign", "arccos")
 
 
@@ -55,15 +55,15 @@ class Functions:
     arange: Callable[[int, int], Words]
     float32: Any
     int32: Any
-    nn: Any  # of PyTorch
+    nn: Any  # torch.nn.functional; PyTorch only
 
-    if not TYPE_CHECKING:  # a misspelt name shall not pass
+    if not TYPE_CHECKING:  # a type checker must report a misspelt name
 
         def __getattr__(self, name: str) -> Any:
             return getattr(np, name)
 
     def where(self, condition: Mask, one: Any, other: Any) -> Reals:
-        """Choose from numbers and float32 arrays, as float32."""
+        """Choose from numbers and float32 arrays by a condition; the result is float32."""
         chosen: Reals = np.where(condition, one, other)
         return chosen.astype(np.float32) if chosen.dtype == np.float64 else chosen
 
@@ -76,12 +76,12 @@ class Functions:
         return np.asarray(whole).astype(np.float32)
 
     def integers(self, whole: Numbers | Words) -> Words:
-        """Convert whole float numbers to integers that index."""
+        """Convert float32 whole numbers to integers that can be indices."""
         return np.asarray(whole).astype(np.int64)
 
     def words(self, numbers: Any, like: Any = None) -> Words:
         """Convert whole numbers to an array of 32-bit words on the device of ``like``."""
-        # Always an array: NumPy warns when scalars overflow.
+        # The result is always an array, because NumPy warns when scalars overflow.
         return np.atleast_1d(np.asarray(numbers).astype(np.int64)).astype(np.uint32)
 
     def word(self, number: int) -> Any:
@@ -93,7 +93,7 @@ class Functions:
         return words >> (np.uint32(by) if isinstance(by, int) else by)
 
     def running_maximum(self, x: Reals, axis: int) -> Reals:
-        """Return the largest value up to each place along an axis."""
+        """Return the running maximum of an array along an axis."""
         return np.maximum.accumulate(x, axis)
 
     def range(self, start: int, stop: int, like: Any) -> Words:
@@ -101,7 +101,7 @@ class Functions:
         return np.arange(start, stop)
 
     def plus(self, total: Numbers, weight: Numbers, part: Numbers, scale: Numbers = 1.0) -> Any:
-        """Compute total + scale * weight * part, in one step where there is one."""
+        """Compute total + scale * weight * part; PyTorch does it in one operation."""
         return total + scale * weight * part
 
 
@@ -109,7 +109,7 @@ class _Torch(Functions):
     """PyTorch's functions under NumPy's names, also for Python numbers beside tensors."""
 
     def __init__(self) -> None:
-        self._torch: Any = sys.modules["torch"]  # loaded, since there is a tensor
+        self._torch: Any = sys.modules["torch"]  # PyTorch is loaded, since there is a tensor
         for name in _OF_ONE:
             setattr(self, name, partial(self._of_one, name))
 
@@ -130,7 +130,7 @@ class _Torch(Functions):
         return self._bounded("min", one, other)
 
     def _bounded(self, bound: str, one: Any, other: Any) -> Any:
-        """Clamp a tensor to the bound that the other argument is, a number or a tensor."""
+        """Clamp a tensor by a bound ("min" or "max") that is a number or a tensor."""
         if not isinstance(one, self._torch.Tensor):
             one, other = other, one
         if not isinstance(one, self._torch.Tensor):
@@ -146,17 +146,18 @@ class _Torch(Functions):
         return self._torch.where(condition, one, other)
 
     def stack(self, arrays: Sequence[Any], axis: int = 0) -> Any:
-        """Stack with each array's pixels together in memory, wherever the new axis is."""
+        """Stack along a new axis, but keep each array contiguous in memory."""
         return self._torch.stack(self._torch.broadcast_tensors(*arrays)).movedim(0, axis)
 
     def vector(self, numbers: Sequence[float] | Reals, like: Any) -> Any:
-        # Filled, not copied from the CPU, for which a GPU would be waited for.
+        # The vector is filled on its device: to copy it from the CPU, the program would wait for a
+        # GPU.
         f32 = self._torch.float32
         return self._torch.stack([like.new_full((), float(n), dtype=f32) for n in numbers])
 
     def floats(self, whole: Any) -> Any:
         if whole.dtype == self._torch.bool:
-            whole = whole.view(self._torch.uint8)  # which PyTorch converts 4 times as fast
+            whole = whole.view(self._torch.uint8)  # PyTorch converts uint8 4 times as fast as bool
         return whole.to(self._torch.float32)
 
     def integers(self, whole: Any) -> Any:
@@ -195,7 +196,7 @@ _TORCH: list[_Torch] = []
 
 
 def of(array: Any) -> Functions:
-    """Return the functions for an array of NumPy, a tensor of PyTorch, or a number."""
+    """Return the functions for a NumPy array, a PyTorch tensor or a number."""
     if isinstance(array, np.ndarray | np.generic | float | int):
         return _NUMPY
     if not _TORCH:

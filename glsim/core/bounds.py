@@ -1,4 +1,4 @@
-"""Bounds of a mesh: the image window that it can touch, and the frustum of an emitter."""
+"""Bounds of a mesh: the image window that it can touch, and the frustum that an emitter lights."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from glsim.core.products import product
 from glsim.core.rect import Rect
 from glsim.core.units import MM_PER_M
 
-#: Margin of a window on each side, pixels, because stages can move and grow silhouettes. Shipped
-#: shaders reach 8 px at most (lateral jitter is cut there); array stages declare their reach.
+#: Margin on each side of a window, pixels, because stages can move and grow silhouettes. Shipped
+#: shaders reach at most 8 px (lateral jitter is cut there); array stages declare their reach.
 MARGIN_PX = 8
 
-#: Windows start and end at multiples of this, pixels. They then seldom change between frames (a
-#: changed window must be cleared), and layers at 1/3 of the size divide them evenly.
+#: Windows start and end at multiples of this number of pixels. Few windows then change from frame
+#: to frame (a changed window must be cleared), and layers at 1/3 of the size divide them evenly.
 _ALIGN_PX = 12
 
 
@@ -36,7 +36,7 @@ class Frustum(NamedTuple):
     far_m: float
 
     def widened(self, by: float) -> Frustum:
-        """Return the frustum with its directions (x/z, y/z) widened by ``by`` on each side."""
+        """Return the frustum whose directions x/z and y/z are widened by ``by`` on each side."""
         return self._replace(
             left=self.left - by, top=self.top - by, right=self.right + by, bottom=self.bottom + by
         )
@@ -44,7 +44,7 @@ class Frustum(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FieldOfView:
-    """The least and largest x/z, (W, 2), and y/z, (H, 2), that columns and rows of a rig see."""
+    """The range of x/z in each column, (W, 2), and of y/z in each row, (H, 2), of a rig's image."""
 
     rig: SensorRig
     columns: Array
@@ -63,7 +63,7 @@ class FieldOfView:
         )
 
     def window(self, box: Frustum) -> Rect:
-        """Return the window of pixels whose rays enter ``box``; width or height 0 if none does."""
+        """Return the window of pixels whose rays enter ``box``; its size is 0 if no ray does."""
         spans = []
         for directions, low, high in (
             (self.columns, box.left, box.right),
@@ -76,11 +76,12 @@ class FieldOfView:
 
 
 def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
-    """Compute the (8, 3) corners, camera metres, of the box around (V, 3) canonical millimetres.
+    """Compute the (8, 3) corners, camera frame, metres, of the bounding box of a mesh.
 
-    ``view`` is the (4, 4) matrix from these to those. Raises MeshError for NaN and infinity.
+    ``vertices_mm`` is (V, 3), canonical frame. ``view`` is the (4, 4) matrix from canonical
+    millimetres to camera-frame metres. Raises MeshError for NaN and infinity.
     """
-    # By column: NumPy reduces (V, 3) along its long axis ten times slower.
+    # Reduce each column alone: NumPy reduces (V, 3) along its long axis ten times slower.
     columns = np.ascontiguousarray(vertices_mm.T)
     low, high = columns.min(axis=1), columns.max(axis=1)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
@@ -91,10 +92,10 @@ def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
 
 
 def vertex_frustum(vertices_mm: Floats, view: Floats, near_m: float) -> Frustum | None:
-    """Compute the frustum of a mesh's vertices; None if a vertex is not beyond ``near_m``.
+    """Compute the frustum of a mesh's vertices; None if a vertex is nearer than ``near_m``.
 
-    It can be much smaller than that of their bounding box, e.g. if hands reach forward. Arguments
-    as for ``bounding_corners``.
+    It can be much smaller than the frustum of the bounding box, e.g. if hands reach forward. The
+    arguments are the same as in ``bounding_corners``.
     """
     return _frustum(product(view[:3, :3], vertices_mm.T) + view[:3, 3:], near_m)
 
@@ -102,12 +103,12 @@ def vertex_frustum(vertices_mm: Floats, view: Floats, near_m: float) -> Frustum 
 def bounding_frustum(
     corners_m: Array, origin_m: tuple[float, float, float], near_m: float
 ) -> Frustum | None:
-    """Compute the frustum of (N, 3) points seen from ``origin_m``; None if any is too near."""
+    """Compute the frustum of (N, 3) points seen from ``origin_m``; None if a point is too near."""
     return _frustum((corners_m - np.asarray(origin_m)).T, near_m)
 
 
 def _frustum(points_m: Reals, near_m: float) -> Frustum | None:
-    """Compute the frustum of (3, N) points; None if any is not beyond ``near_m``."""
+    """Compute the frustum of (3, N) points; None if a point is nearer than ``near_m``."""
     x, y, z = points_m
     if z.min() <= near_m:
         return None
@@ -124,13 +125,15 @@ def image_window(
 ) -> Rect:
     """Compute the window of the image that a mesh can touch, with a margin.
 
-    It is the whole image if the mesh crosses the near plane. Raises MeshError out of view.
+    If the mesh crosses the near plane, it is the whole image. Raises MeshError if the mesh is
+    not in the image.
 
     Args:
-        corners_m: (8, 3), the mesh's bounding box.
-        visible: the crop that is delivered, or None.
-        reach_px: how far around the crop stages look, besides the margin.
-        around: a smaller frustum around the mesh than that of its box, or None.
+        corners_m: (8, 3) corners of the mesh's bounding box, camera frame.
+        field_of_view: the directions that the rig sees.
+        visible: the crop of the image that is delivered, or None.
+        reach_px: the distance around the crop at which stages read pixels, besides the margin.
+        around: a frustum of the mesh that is smaller than its bounding box, or None.
     """
     image, near_m = field_of_view.rig.intrinsics, field_of_view.rig.near_m
     whole = Rect(0, 0, image.width, image.height)
@@ -165,14 +168,14 @@ def emitter_frustum(
 ) -> Frustum:
     """Compute the frustum that an emitter must see to light everything in the image.
 
-    It holds the directions of the points that the camera and the imagers see: what shadows them
-    lies there too. A crop does not narrow it, because the edges of shadows depend on the grid of
-    the shadow map. If the mesh reaches the camera (the legs of a person who looks up), the emitter
-    is in its box: the frustum is then that of the camera's view beyond the near plane. Raises
-    MeshError for an emitter inside a scene before the camera.
+    It holds the directions to all points that the camera and the imagers see; the surfaces that
+    shadow these points lie in the same directions. A crop does not narrow it, because the edges of
+    shadows depend on the grid of the shadow map. The mesh can reach the camera, e.g. with the legs
+    of a person who looks up. The emitter is then inside the mesh's box, and the frustum is the
+    camera's view beyond the near plane. Raises MeshError for an emitter inside the scene.
     """
     reached_m = field_of_view.rig.near_m
-    near_m = reached_m / 2  # an emitter may stand before the camera
+    near_m = reached_m / 2  # an emitter may stand in front of the camera
     low_m, high_m = float(corners_m[:, 2].min()), float(corners_m[:, 2].max())
     whole = bounding_frustum(corners_m, origin_m, near_m)
     inside = whole is None and low_m <= reached_m and origin_m[2] <= reached_m
@@ -191,7 +194,7 @@ def emitter_frustum(
     lit = bounding_frustum(np.array(points), origin_m, 0.0)
     if whole is None or lit is None:
         box = lit or whole
-        assert box is not None  # an emitter behind the near plane sees all of these points
+        assert box is not None  # an emitter behind the near plane sees all points
         return box
     return Frustum(
         max(lit.left, whole.left), max(lit.top, whole.top),
@@ -209,7 +212,7 @@ def union(windows: list[Rect]) -> Rect:
 
 
 def widened(window: Rect, field_of_view: FieldOfView, by_px: tuple[int, int, int, int]) -> Rect:
-    """Widen a window by pixels on its left, top, right and bottom side, within the image."""
+    """Widen a window inside the image by pixels at its left, top, right and bottom."""
     if not any(by_px):
         return window
     image = field_of_view.rig.intrinsics
@@ -222,7 +225,7 @@ def widened(window: Rect, field_of_view: FieldOfView, by_px: tuple[int, int, int
 
 
 def _grown(rect: Rect, limit: Rect, by_px: int) -> Rect:
-    """Widen ``rect`` by ``by_px`` on each side, align it to _ALIGN_PX, and cut it to ``limit``."""
+    """Widen ``rect`` by ``by_px`` on each side, align it to _ALIGN_PX, and clip it to ``limit``."""
     left = math.floor((rect.left - by_px) / _ALIGN_PX) * _ALIGN_PX
     top = math.floor((rect.top - by_px) / _ALIGN_PX) * _ALIGN_PX
     right = math.ceil((rect.left + rect.width + by_px) / _ALIGN_PX) * _ALIGN_PX

@@ -1,4 +1,4 @@
-"""A depth camera: intrinsics, lens distortion, emitters, clip matrix, times of exposure.
+"""A depth camera: intrinsics, lens distortion, emitters, clip matrix and exposure times.
 
 Camera frame (OpenCV): x right, y down, z forward, metres. Image coordinates are continuous: the
 centre of the pixel in column u and row v is at (u + 0.5, v + 0.5), row 0 on top. The principal
@@ -23,21 +23,21 @@ from glsim.core.rect import Rect
 #: (x, y, z) in the camera frame, metres.
 Point = tuple[float, float, float]
 
-#: Iterations of the fixed-point inversion of the lens model; 30 leave less than 1e-6 px at the
-#: corners of the Kinect V2, whose k1..k3 are the strongest of the shipped rigs.
+#: Iterations of the fixed-point inversion of the lens model. 30 iterations leave an error below
+#: 1e-6 px at the corners of the Kinect V2, whose k1..k3 are the strongest of the shipped rigs.
 _UNDISTORT_ITERATIONS = 30
 
-#: Radii of the table from which the inversion of a lens with a limit starts; between them a guess
-#: is wrong by less than 1e-6.
+#: Number of radii in the table of first guesses for the inversion of a lens with a limit. Between
+#: two radii the interpolated guess is wrong by less than 1e-6.
 _RADII = 4096
 
-#: Captures of a time-of-flight frame that measure: three taps of each of three frequencies.
+#: A time-of-flight frame is measured by nine captures: three taps of each of three frequencies.
 TAPS, FREQUENCIES = 3, 3
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A pinhole camera: image size, focal lengths and principal point, pixels."""
+    """A pinhole camera: image size, focal lengths and principal point, all in pixels."""
 
     width: int
     height: int
@@ -49,8 +49,8 @@ class Intrinsics:
     def clip_matrix(self, near_m: float, far_m: float) -> Floats:
         """Compute the (4, 4) float32 matrix from the camera frame to clip space, with y *down*.
 
-        Row 0 of the GL framebuffer is then the top row of the image: nothing has to be flipped. The
-        matrix mirrors the winding: counter-clockwise faces become clockwise.
+        Row 0 of the GL framebuffer is then the top row of the image, and no image must be flipped.
+        The matrix mirrors the order of vertices: counter-clockwise faces become clockwise.
         """
         n, f = near_m, far_m
         return np.array(
@@ -71,20 +71,20 @@ class Intrinsics:
         return Intrinsics(*size, *(factor * v for v in (self.fx, self.fy, self.cx, self.cy)))
 
     def rays(self) -> Floats:
-        """Compute (H, W, 2) float32 rays, x/z and y/z, through the pixel centres."""
+        """Compute the (H, W, 2) float32 rays x/z and y/z through the pixel centres."""
         x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
         y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
         return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32)
 
     def project(self, points_m: Reals) -> Array:
-        """Project (N, 3) camera-frame points, metres, to (N, 2) float64 image points, pixels."""
+        """Project points, (N, 3) camera frame, metres, to image points, (N, 2) float64 pixels."""
         p = np.asarray(points_m, dtype=np.float64)
         u = self.fx * p[:, 0] / p[:, 2] + self.cx
         v = self.fy * p[:, 1] / p[:, 2] + self.cy
         return np.stack([u, v], axis=1)
 
     def unproject(self, depth_m: Reals) -> Floats:
-        """Convert (H, W) depth, metres, to (H, W, 3) points, camera frame, metres."""
+        """Convert depth, (H, W) metres, to points, (H, W, 3) float32, camera frame, metres."""
         z = np.asarray(depth_m, dtype=np.float32)
         return np.concatenate([self.rays() * z[..., None], z[..., None]], axis=-1)
 
@@ -100,8 +100,9 @@ class Intrinsics:
     ) -> Intrinsics:
         """Return the intrinsics of an uncalibrated depth map that may be a crop of this image.
 
-        By default it has this camera's focal lengths, and its principal point if the sizes are
-        equal, else the map's centre. Raises ConfigError for a focal length that is not above 0.
+        The default focal lengths are this camera's. The default principal point is this camera's if
+        the sizes are equal, otherwise the centre of the map. Raises ConfigError for a focal length
+        that is not positive.
         """
         height, width = shape
         if centre_px is None:
@@ -113,22 +114,23 @@ class Intrinsics:
         return Intrinsics(width, height, *focal, *centre_px)
 
 
-#: The sensor of settings that name none, and its intrinsics, which depth maps have that state none:
-#: here as numbers, so that reading maps needs no sensor. A test compares them with its file.
+#: The sensor of settings that name no sensor. Its intrinsics are the default of depth maps without
+#: a camera. They stand here as numbers, so that reading maps loads no sensor; a test compares them
+#: with the sensor's file.
 DEFAULT_SENSOR = "kinect-v2"
 DEFAULT_INTRINSICS = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """OpenCV's lens distortion, radial and tangential, of normalised coordinates x/z, y/z.
+    """OpenCV's radial and tangential lens distortion of the normalised coordinates x/z and y/z.
 
     Args:
-        k1, k2, k3: of the radial polynomial of r^2, the numerator.
-        p1, p2: tangential.
-        k4, k5, k6: of the denominator, in the rational model; all 0 in the simple one.
-        limit_tan: r up to which the model holds; beyond, where the lens shows nothing, rays are
-            those at this r; 0: everywhere.
+        k1, k2, k3: coefficients of the radial polynomial in r^2 (the numerator).
+        p1, p2: tangential coefficients.
+        k4, k5, k6: coefficients of the denominator in the rational model; 0 in the simple model.
+        limit_tan: largest r at which the model holds; 0 = everywhere. Beyond it the lens shows
+            nothing, and rays are clamped to this r.
     """
 
     k1: float = 0.0
@@ -142,7 +144,7 @@ class Distortion:
     limit_tan: float = 0.0
 
     def distort(self, xy: Reals) -> Array:
-        """Compute the distorted places (..., 2) float64 of ideal image points x/z, y/z."""
+        """Compute the distorted points, (..., 2) float64, of ideal image points x/z, y/z."""
         xy = np.asarray(xy, dtype=np.float64)
         x, y = xy[..., 0], xy[..., 1]
         r2 = x * x + y * y
@@ -164,7 +166,7 @@ class Distortion:
         return any((self.k4, self.k5, self.k6))
 
     def undistort(self, xy: Reals) -> Array:
-        """Compute the ideal places (..., 2) of distorted points, by fixed-point iteration.
+        """Compute the ideal points, (..., 2), of distorted points by fixed-point iteration.
 
         Raises ConfigError if it does not converge: the lens model folds inside the image.
         """
@@ -184,7 +186,7 @@ class Distortion:
         return ideal
 
     def _within_limit(self, target: Array) -> tuple[Array, Array]:
-        """Move (..., 2) distorted points to where the model can be inverted; guess their ideal."""
+        """Clamp distorted points, (..., 2), to the model's limit, and guess their ideal points."""
         ideal_r = np.linspace(0.0, self.limit_tan, _RADII)
         distorted_r = ideal_r * self._radial(ideal_r**2)
         if (np.diff(distorted_r) <= 0).any():
@@ -202,11 +204,11 @@ class Emitter:
     """An infrared light source, a point or a short line.
 
     Args:
-        position_m: its centre, camera frame, metres.
-        spread_m: half its length, along the baseline, metres; 0 for a point.
-        path_from_m: where the path of its light starts for the decoder; None: at position_m.
-        shares: of the light of a spread emitter: that of the end near the camera, of the centre,
-            and of the far end; they add up to 1.
+        position_m: centre, camera frame, metres.
+        spread_m: half the length of the line, metres; 0 for a point. It lies along the baseline.
+        path_from_m: start of the light's path in the decoder's model; None for position_m.
+        shares: shares of the light that come from the end near the camera, the centre and the far
+            end of the line; their sum is 1.
     """
 
     position_m: Point
@@ -222,9 +224,9 @@ class Emitter:
         return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
 
     def shared_points_m(self) -> list[tuple[Array, float]]:
-        """Return two ends and the centre, (3,) m each, with their shares of the light.
+        """Return the two ends and the centre of the emitter, each with its share of the light.
 
-        An emitter without spread gives its centre, with share 1.
+        Points are (3,) metres, camera frame. An emitter without spread gives its centre, share 1.
         """
         centre, end = np.array(self.position_m), np.array([*self.end_m, 0.0])
         if not end.any():
@@ -233,11 +235,11 @@ class Emitter:
 
 
 class SubExposure(NamedTuple):
-    """A part of a frame that is exposed at one time: a capture or a band of rows.
+    """A part of a frame that is exposed at one time: a capture, or a band of rows.
 
     Attributes:
-        time_ms: of its middle, from the frame's instant.
-        capture: None for rows; else 0 to 8: tap capture % 3 of frequency capture // 3.
+        time_ms: middle of this exposure, counted from the frame's instant.
+        capture: 0 to 8, for tap ``capture % 3`` of frequency ``capture // 3``; None for rows.
         rows: (first, end) of the band as shares of the image's height; None for a capture.
     """
 
@@ -250,15 +252,16 @@ class SubExposure(NamedTuple):
 class Exposure:
     """The times at which the parts of a frame are exposed; by default a single time.
 
-    A frame's instant is the middle of its exposure: a scene that moves is drawn at the time of each
-    part, and glsim.render.sub_frames puts the parts together.
+    A frame's instant is the middle of its exposure. A moving scene is rendered at the time of each
+    part, and glsim.render.sub_frames combines the parts into one frame.
 
     Args:
-        captures: of a time-of-flight frame, one after the other; 0: another camera. The first nine
+        captures: number of captures of a time-of-flight frame; 0 for other cameras. The first nine
             measure, frequency by frequency in the rig's order; a tenth is not used.
-        spacing_ms: from one capture to the next.
-        read_out_ms: of a rolling shutter, from the first row to the last; 0: a global one.
-        bands: of rows that share one time.
+        spacing_ms: time from one capture to the next.
+        read_out_ms: time that a rolling shutter takes from the first row to the last; 0 for a
+            global shutter.
+        bands: number of bands; the rows of a band share one time.
     """
 
     captures: int = 0
@@ -285,11 +288,12 @@ class Exposure:
 
 @dataclass(frozen=True)
 class ColourCamera:
-    """The colour camera of a rig, a pinhole camera, to whose image depth is registered.
+    """The pinhole colour camera of a rig; depth can be registered to its image.
 
     Args:
-        position_m: its place, depth camera's frame, metres.
-        turn_deg: axis times angle, degrees: turns directions of the depth camera's frame into its.
+        position_m: position in the depth camera's frame, metres.
+        turn_deg: rotation vector (axis times angle, degrees) from the depth camera's frame to this
+            camera's frame.
     """
 
     intrinsics: Intrinsics
@@ -297,7 +301,7 @@ class ColourCamera:
     turn_deg: Point = (0.0, 0.0, 0.0)
 
     def from_depth(self) -> Array:
-        """Return the (4, 4) matrix from the depth camera's frame to this camera's, both metres."""
+        """Return the (4, 4) matrix, metres, from the depth camera's frame to this camera's."""
         import cv2
 
         matrix = np.eye(4)
@@ -306,7 +310,7 @@ class ColourCamera:
         return matrix
 
     def corner_points(self, window: Rect, z_m: float) -> Array:
-        """Return (4, 3), m, depth camera's frame: a window's corners ``z_m`` before this camera."""
+        """Return a window's corners at depth ``z_m``, (4, 3) metres, depth camera's frame."""
         i = self.intrinsics
         corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * window[2:] + window[:2]
         rays = np.column_stack([(corners - (i.cx, i.cy)) / (i.fx, i.fy), np.ones(4)])
@@ -318,18 +322,20 @@ class SensorRig:
     """The hardware of a depth camera: intrinsics, lens, emitters and imagers.
 
     Args:
-        near_m, far_m: the clip planes of the rendering (the *measuring* range is a noise stage).
-        deliver: "undistorted" puts the frame on the pinhole grid; "raw" on the grid of the lens;
-            "colour" registers it to the colour camera.
+        near_m, far_m: clip planes of the rendering. (A noise stage limits the *measuring* range.)
+        deliver: the grid of the delivered frame. "undistorted": a pinhole camera. "raw": the
+            distorted image of the lens. "colour": the colour camera's image.
         supersample: samples per pixel along each axis, for stages that sum up light; odd.
         modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
-        shadow_map: whether the renderer casts shadows (if not, all is lit, and a stage casts them).
-        imagers_m: positions of the infrared imagers of a camera that triangulates, camera frame,
-            metres: two for stereo, one for structured light (the second view is then the first
-            emitter's); empty for other cameras. Their images have the rig's intrinsics.
-        border_px: left, top, right, bottom: what the imagers' images have around the delivered one.
-        projector_tan: tangents of half the field of view of the image that the emitters throw,
-            columns and rows; 0 without an image.
+        shadow_map: whether the renderer casts shadows. If False, it lights all surfaces, and a
+            stage casts the shadows.
+        imagers_m: positions of the infrared imagers of a triangulating camera, camera frame,
+            metres: two for stereo; one for structured light, whose second view is the first
+            emitter; empty for other cameras. Their images have the rig's intrinsics.
+        border_px: columns and rows that the imagers see left, above, right and below the delivered
+            image.
+        projector_tan: tangents of half the projector's field of view, horizontal and vertical; 0
+            if the emitters project no pattern.
     """
 
     intrinsics: Intrinsics
@@ -358,7 +364,7 @@ class SensorRig:
         return self.intrinsics if self.registered is None else self.registered.intrinsics
 
     def colour_rig(self) -> SensorRig:
-        """Return a rig that sees what the colour camera sees, without light of its own."""
+        """Return a rig with the colour camera's view and without emitters."""
         if self.colour is None:
             raise ConfigError("the rig has no colour camera: give it a table [rig.colour]")
         return SensorRig(
@@ -366,7 +372,7 @@ class SensorRig:
         )
 
     def canvas(self) -> SensorRig:
-        """Return this rig with its image enlarged by ``border_px``, as imagers are rendered."""
+        """Return this rig with its image enlarged by ``border_px``, the image of the imagers."""
         if not any(self.border_px):
             return self
         left, top, right, bottom = self.border_px
@@ -376,14 +382,14 @@ class SensorRig:
 
     def on_canvas(self, window: Rect) -> Rect:
         """Convert a window of the delivered image to pixels of the canvas."""
-        # For registered frames: all that can be seen in the window from ``near_m`` to ``far_m``.
+        # A registered frame needs all surfaces in the window from ``near_m`` to ``far_m``.
         if self.registered is not None:
             window = self._seen_in_colour(self.registered, window)
         left, top = self.border_px[:2]
         return window._replace(left=window.left + left, top=window.top + top)
 
     def _seen_in_colour(self, colour: ColourCamera, window: Rect) -> Rect:
-        """Return the part of the depth image that holds what a window of the colour image shows."""
+        """Return the part of the depth image that covers a window of the colour image."""
         ends = [colour.corner_points(window, z_m) for z_m in (self.near_m, self.far_m)]
         pixels = self.intrinsics.project(np.concatenate(ends))
         left, top = np.floor(pixels.min(axis=0)).astype(int).tolist()
@@ -393,21 +399,21 @@ class SensorRig:
 
     @property
     def keeps_distortion(self) -> bool:
-        """Whether the delivered frames keep the lens distortion."""
+        """Whether the delivered frames have the lens distortion."""
         return self.deliver == "raw" and self.distortion != Distortion()
 
     @property
     def baseline_m(self) -> float:
-        """The distance between the two views that give a disparity, metres; 0 without two views.
+        """The distance between the two views of a disparity, metres; 0 for a single view.
 
-        The views are the imagers; those of one imager and the first emitter; or those of the
-        camera and the first emitter.
+        The views are two imagers, or one imager and the first emitter, or the camera and the first
+        emitter.
         """
         return norm(np.array(self.second_view_m))
 
     @property
     def second_view_m(self) -> Point:
-        """The vector from the first to the second view of ``baseline_m``, metres."""
+        """The vector from the first to the second view of ``baseline_m``, camera frame, metres."""
         views = [*self.imagers_m, *(e.position_m for e in self.emitters)]
         if not self.imagers_m:
             views.insert(0, (0.0, 0.0, 0.0))
@@ -417,27 +423,27 @@ class SensorRig:
         return (bx - ax, by - ay, bz - az)
 
     def reach_of_views(self, nearest_m: float) -> tuple[int, int, int, int]:
-        """Compute the margin (left, top, right, bottom), px, in which other views see a window."""
+        """Compute the margin (left, top, right, bottom), px, of a window in the other views."""
         if not self.imagers_m:
             return (0, 0, 0, 0)
         views = [*self.imagers_m, np.add(self.imagers_m[0], self.second_view_m)]
         shift = np.array([view[:2] for view in views]) * (self.intrinsics.fx, self.intrinsics.fy)
         shift = np.ceil(shift / max(nearest_m, self.near_m))
-        # A view to the right sees things left.
+        # The view from further right shows a point further left.
         left, top = np.maximum(shift.max(axis=0), 0).astype(int).tolist()
         right, bottom = np.maximum(-shift.min(axis=0), 0).astype(int).tolist()
         return left, top, right, bottom
 
     @property
     def emitter_m(self) -> Point:
-        """The start of the light's path, camera frame, m: mean of the emitters, or the origin."""
+        """The origin of the light, camera frame, metres: the emitters' mean, or the camera."""
         if not self.emitters:
             return (0.0, 0.0, 0.0)
         x, y, z = np.mean([e.path_from_m or e.position_m for e in self.emitters], axis=0)
         return (float(x), float(y), float(z))
 
     def rays(self) -> Floats:
-        """Return (H, W, 2) float32, read-only x/z, y/z of true rays; ConfigError for a bad lens."""
+        """Return the undistorted rays x/z, y/z, (H, W, 2) read-only; ConfigError for a bad lens."""
         return _rays(self.intrinsics, self.distortion if self.keeps_distortion else None)
 
     def for_map(
@@ -455,7 +461,7 @@ class SensorRig:
         return replace(self, intrinsics=self.intrinsics.for_map(shape, focal_px, centre_px))
 
     def pinhole(self) -> Intrinsics:
-        """Return the pinhole camera to rasterise with; it covers all distorted rays."""
+        """Return the pinhole camera that rasterises; its image covers all distorted rays."""
         i = self.intrinsics
         if not self.keeps_distortion:
             return i
@@ -467,7 +473,7 @@ class SensorRig:
 
 @lru_cache(maxsize=4)
 def _rays(image: Intrinsics, lens: Distortion | None) -> Floats:
-    """Compute ``SensorRig.rays``, cached, since inverting the lens of a Kinect V2 takes 0.15 s."""
+    """Compute ``SensorRig.rays``, cached because inverting a Kinect V2's lens takes 0.15 s."""
     rays = image.rays()
     if lens is not None:
         rays = lens.undistort(rays).astype(np.float32)

@@ -1,7 +1,7 @@
 """The type of a depth frame from any source, and the type of a set of depth frames.
 
-Data sets, recordings, folders of files and stacks in memory give ``Frames``; scoring, denoising,
-training, fitting and comparing take them.
+Data sets, recordings, folders of files and arrays in memory are read as ``Frames``. Scoring,
+denoising, training, fitting and comparing use ``Frames``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from glsim.core.units import to_metres
 DepthMap = NDArray[np.float32]
 Stack = NDArray[np.float64]
 
-#: A map, or a function that reads it.
+#: A depth map or other layer, or a function that reads it.
 Layer = NDArray[Any] | Callable[[], NDArray[Any]]
 
 _NO_LENS = Distortion()
@@ -40,24 +40,25 @@ class FrameKey(NamedTuple):
 
 
 class DepthFrame(Mapping[str, Any]):
-    """A measured depth map with its camera, and perhaps truth, infrared and other maps.
+    """A measured depth map with its camera, and optionally the truth, infrared and other maps.
 
-    A map that lies in a file is read and checked when it is first used, and raises DatasetError
-    then; so does a map that the frame does not have (``"clean_mm" in frame`` tells). As a mapping,
-    name -> map or part of the key, a frame can be batched by a DataLoader of PyTorch.
+    A map in a file is read and checked at its first use, which can raise DatasetError. A map that
+    the frame lacks raises DatasetError too; test for it by ``"clean_mm" in frame``. The frame is a
+    mapping from names to maps and key parts, so that a DataLoader of PyTorch can batch it.
 
     Args:
         key: subject, sequence and number.
         intrinsics: the camera of the maps.
-        layers: name -> (H, W) map, or a function that reads it; "noisy_mm" at least. Depth is
-            float32 millimetres, 0 = none; "infrared" counts; "reason" and "regions" uint8 codes;
-            "normals" (H, W, 3).
+        layers: name -> (H, W) map, or a function that reads it; "noisy_mm" is required. Depth is
+            float32 millimetres, 0 = none. "infrared" is counts. "reason" and "regions" are uint8
+            codes. "normals" is (H, W, 3).
         offset_mm: millimetres that were subtracted from the depths: 0 as measured; NaN if the
             distance from the camera is unknown.
-        step_mm: step of the stored depths, whose rounding adds step^2 / 12 to a variance; 0: none.
-        record: what a data set says of the frame.
-        name: unique in its set; default: the key.
-        lens: distortion that the maps keep; default: none, they are of a pinhole camera.
+        step_mm: step of the stored depths, whose rounding adds step^2 / 12 to a variance; 0 for
+            depths that were not rounded.
+        record: the fields that a data set stores with the frame.
+        name: a name that is unique in its set; default: the key.
+        lens: distortion of the maps; default: none, for maps of a pinhole camera.
     """
 
     def __init__(
@@ -129,15 +130,15 @@ class DepthFrame(Mapping[str, Any]):
 
     @property
     def rays(self) -> DepthMap:
-        """(H, W, 2) float32 rays of the pixels, x/z and y/z, through the lens if there is one."""
+        """(H, W, 2) float32 rays x/z and y/z of the pixels, undistorted if there is a lens."""
         return _rays(self.intrinsics, self.lens)
 
     def in_metres(self, layer: str) -> DepthMap:
-        """Return a depth layer, such as "noisy_mm", as (H, W) float32 metres, 0 = none."""
+        """Return a depth layer, such as "noisy_mm", as (H, W) float32 metres, 0 = no depth."""
         return to_metres(self.layer(layer))
 
     def points(self, layer: str) -> DepthMap:
-        """Return the points of a depth layer, (H, W, 3) float32 metres, camera frame, 0 = none."""
+        """Return a depth layer's points, (H, W, 3) float32 metres, camera frame, 0 = no depth."""
         z = self.in_metres(layer)[..., None]
         return np.concatenate([self.rays * z, z], axis=-1)
 
@@ -203,12 +204,12 @@ class Frames(Sequence[DepthFrame]):
     Args:
         count: number of frames.
         load: number -> frame; raises DatasetError if it is missing or damaged.
-        key: number -> its key without reading it; default: that of the loaded frame.
-        title: names the set in tables.
+        key: number -> key, without reading the frame; default: the key of the loaded frame.
+        title: name of the set in tables.
         identity: a text that changes whenever the frames may have changed.
         regions: labelled parts of the face, name -> number.
-        protocol: where the depths are counted from.
-        note: what was assumed or left out of the files, a sentence for the user.
+        protocol: the origin of the depths.
+        note: a sentence for the user that says what was assumed or left out.
     """
 
     def __init__(
@@ -229,7 +230,7 @@ class Frames(Sequence[DepthFrame]):
 
     @classmethod
     def of(cls, frames: Sequence[DepthFrame], title: str = "") -> Frames:
-        """Make a set of frames that are in memory."""
+        """Make a set from frames in memory."""
         kept = tuple(frames)
         return cls(len(kept), kept.__getitem__, title=title)
 
@@ -271,7 +272,7 @@ class Frames(Sequence[DepthFrame]):
         return self.whole_mm - self.truth_mm
 
     def stack(self, layer: str) -> NDArray[Any]:
-        """Stack a layer of frames of equal size, (T, H, W) or (T, H, W, components)."""
+        """Stack a layer of all frames, (T, H, W) or (T, H, W, components); sizes must be equal."""
         return np.stack([frame.layer(layer) for frame in self])
 
     def centre(self, width: int = 64, height: int | None = None) -> Frames:
@@ -294,7 +295,7 @@ class Frames(Sequence[DepthFrame]):
     @overload
     def __getitem__(self, number: slice) -> Frames: ...
     def __getitem__(self, number: int | slice) -> DepthFrame | Frames:
-        """Return the frame at a position, from the end if negative, or the frames of a slice."""
+        """Return the frame at a position (negative: counted from the end), or a slice of frames."""
         if isinstance(number, slice):
             numbers = range(*number.indices(self._count))
             load, key = (partial(_at, get, numbers) for get in (self.load, self.key))
@@ -314,8 +315,8 @@ class Frames(Sequence[DepthFrame]):
 
         Args:
             change: takes a frame and returns another.
-            identity: of the change.
-            protocol: of the changed maps; default: as they were.
+            identity: a text that identifies the change.
+            protocol: origin of the changed depths; default: unchanged.
         """
         load = partial(_then, self.load, change)
         name = f"{self.identity} {identity}".strip()
@@ -339,7 +340,7 @@ def _rays(camera: Intrinsics, lens: Distortion) -> DepthMap:
     return SensorRig(camera, distortion=lens, deliver="raw").rays()
 
 
-# Functions of the module, because a set of frames is sent to other processes.
+# These are functions of the module, because a set of frames is pickled for other processes.
 
 
 def _at(get: Callable[[int], Any], numbers: Sequence[int], number: int) -> Any:

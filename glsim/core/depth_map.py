@@ -1,10 +1,11 @@
-"""Surfaces in a depth map: which pixels lie on one, its interior, normals, mesh and shadows.
+"""Surfaces in a depth map: edges, interiors, normals, meshes and shadows.
 
 Functions of ``Maps`` take and return arrays of NumPy or tensors of PyTorch, (..., H, W).
 
-The module defines two kinds of normals. ``normals`` gives one for every pixel, from differences
-within one surface, one-sided at its edges. ``central_normals`` uses the plain central differences
-of the metrics, for pixels that the caller has found to lie within one surface.
+The module defines two kinds of normals. ``normals`` computes one for every pixel from the
+differences to neighbours on the same surface; at the surface's edge the difference is one-sided.
+``central_normals`` uses central differences, at pixels that the caller knows to be inside a
+surface.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ class SurfaceStep(NamedTuple):
         return self.mm + self.share * depth_mm
 
 
-# Limits between surfaces. They differ, since noisier maps need wider ones, and since scores and
-# trained networks keep theirs.
+# Limits between surfaces. They differ because noisier maps need wider limits, and because scores
+# and trained networks depend on the values that they were made with.
 #
 # limit          compares                                    source
 # -------------  ------------------------------------------  ------------------------------------
@@ -59,15 +60,15 @@ FITTED_STEP = SurfaceStep(8.0, 0.01)
 MEASURED_STEP = SurfaceStep(15.0, 0.015)
 FLYING_MM = 50.0
 
-#: The edge band of scores and training reaches BAND_PX rows and columns from an invalid pixel or a
-#: jump; the other valid pixels are the interior.
+#: The edge band of scores and training: pixels within BAND_PX rows and columns of an invalid pixel
+#: or a jump. The other valid pixels are the interior.
 BAND_PX = 3
 
-#: Along each of the axes -2 and -1: all pixels but the last, and the pixels after them.
+#: Pairs of slices along axis -2 and axis -1: all pixels but the last, and their next neighbours.
 NEIGHBOURS = ((np.s_[..., :-1, :], np.s_[..., 1:, :]), (np.s_[..., :-1], np.s_[..., 1:]))
 
-#: A pixel hides a point from the emitter if it is nearer than the line of light by more than this,
-#: metres. The shader's bias, with its slope term, is of the same size.
+#: A pixel blocks a ray to the emitter if it is nearer than the ray by more than this, metres. The
+#: shader's bias, with its slope term, is about as large. The value was chosen, not measured.
 _SHADOW_BIAS_M = 0.003
 
 
@@ -84,7 +85,7 @@ def jumps(depth_mm: Maps) -> Maps:
 
 def interior(valid: Maps, jumping: Maps) -> Maps:
     """Mark valid pixels more than BAND_PX from holes and ``jumps``; the border is no edge."""
-    # Jumping pixels belong to the edge band themselves: hence BAND_PX - 1.
+    # Jumping pixels are part of the edge band themselves: hence BAND_PX - 1.
     return valid & ~dilated(~valid, BAND_PX) & ~dilated(jumping, BAND_PX - 1)
 
 
@@ -93,7 +94,7 @@ def dilated(mask: Maps, radius_px: int) -> Maps:
     for axis in (-2, -1):
         reached = 0
         while reached < radius_px:
-            step = min(reached + 1, radius_px - reached)  # what lies between is marked already
+            step = min(reached + 1, radius_px - reached)  # the pixels between are marked already
             wider = (mask | mask).swapaxes(axis, -1)  # a copy
             narrow = mask.swapaxes(axis, -1)
             wider[..., :-step] |= narrow[..., step:]
@@ -105,8 +106,8 @@ def dilated(mask: Maps, radius_px: int) -> Maps:
 def normals(depth_m: Maps, rays: Maps) -> Maps:
     """Compute (..., H, W, 3) unit normals towards the camera; (0, 0, -1) where depth is 0.
 
-    Differences are taken to neighbours on the same surface only: central if both neighbours are,
-    one-sided if one is.
+    A difference is central if both neighbours lie on the pixel's surface, and one-sided if one of
+    them does.
 
     Args:
         depth_m: (..., H, W) float32 metres, 0 = no depth.
@@ -125,9 +126,9 @@ def normals(depth_m: Maps, rays: Maps) -> Maps:
 
 
 def _surface_steps(points: Sequence[Maps], axis: int) -> list[Maps]:
-    """Compute the mean step to neighbours on the same surface; without one, the unit vector.
+    """Compute the mean step to the neighbours on the same surface; without any, a unit vector.
 
-    ``points`` and the steps are x, y, z, (..., H, W) each. Axis -1 runs along rows.
+    ``points`` and the steps are x, y and z, each (..., H, W). Axis -1 runs along the rows.
     """
     z = points[2]
     xp, last = of(z), z.shape[axis] - 1
@@ -148,8 +149,8 @@ def _surface_steps(points: Sequence[Maps], axis: int) -> list[Maps]:
 def central_normals(depth: Reals, rays: Reals, at: Mask) -> Array:
     """Compute (N, 3) float64 normals, not of unit length, at the N pixels of ``at`` in row order.
 
-    They are the cross products of the central differences of the back-projected points: (H, W)
-    depth in any unit times (H, W, 2) x/z and y/z. ``at`` is False on the image's border.
+    They are the cross products of the central differences of the back-projected points. ``depth``
+    is (H, W) in any unit, ``rays`` (H, W, 2) x/z and y/z. ``at`` is False on the image's border.
     """
     row, column = np.nonzero(at)
 
@@ -175,13 +176,13 @@ def surface(depth_m: Floats, rig: SensorRig, steepest_deg: float | None = None) 
     """Make a mesh of the triangles between pixel centres, cut at edges; None without triangles.
 
     Vertices are in millimetres, in camera axes with y and z negated: ``pose_matrix({})`` moves them
-    back to where they were seen. Seen from elsewhere, triangles across a jump in depth are fins
-    between two surfaces: those that the camera would see at more than ``steepest_deg`` are cut. By
-    default steps of up to 9 % of the depth are bridged: a head casts a shadow without gaps.
+    back to the measured points. Across a jump in depth the triangles are no surface. With
+    ``steepest_deg``, triangles are cut that the camera sees at a greater angle. By default steps of
+    up to 9 % of the depth are bridged, and so a head casts a shadow without gaps.
     """
     if steepest_deg is None:
         largest_share = 3 * EDGE_SHARE
-    else:  # the step in depth from a pixel to the next, over the depth
+    else:  # the depth step from a pixel to the next, divided by the depth
         largest_share = math.tan(math.radians(steepest_deg)) / rig.intrinsics.fx
     triangles = grid_triangles(depth_m.shape)
     z = depth_m.ravel()[triangles]
@@ -199,8 +200,9 @@ def surface(depth_m: Floats, rig: SensorRig, steepest_deg: float | None = None) 
 def lit_by_marching(depth_m: Floats, rig: SensorRig) -> Floats:
     """Compute the (H, W) share of the emitters' light that reaches each pixel, by ray marching.
 
-    Reference for tests of the shadow shader; its substitute without GL. The line from a point to
-    an emitter is a line in the image; a pixel on it that is nearer than the line hides the point.
+    It is the reference for tests of the shadow shader, and replaces it without OpenGL. The ray from
+    a point to an emitter is a line in the image; a pixel on this line that is nearer than the ray
+    puts the point in shadow.
     """
     if not rig.emitters:
         return np.ones_like(depth_m)
@@ -235,15 +237,16 @@ def lit_share(
 ) -> Maps:
     """Compute the (B, H, W) share of light that reaches each pixel from lights beside the camera.
 
-    The line from a surface point to such a light follows a row or a column of the image, and
-    1 / depth grows by the same step per pixel on it. A pixel is in shadow if a pixel ahead reaches
-    above its line: objects count as thick.
+    The ray from a surface point to such a light follows a row or a column of the image, and along
+    it 1 / depth grows by the same step per pixel. A pixel is in shadow if a pixel further along
+    lies nearer than the ray: objects count as infinitely thick.
 
     Args:
-        focal_px: along the row or column, a number or (B, 1, 1).
-        lights: of each light the first two of ``beside_camera``, its distance from the camera, m, a
-            number or (B, 1, 1), and its share.
-        bias_m: how far a surface lies before the lines that it blocks, at least.
+        depth_m: (B, H, W) metres, 0 = no depth.
+        focal_px: focal length along the row or column, a number or (B, 1, 1).
+        lights: for each light the first two results of ``beside_camera``, its distance from the
+            camera in metres (a number or (B, 1, 1)), and its share of the light.
+        bias_m: smallest distance from a surface to a ray behind it at which it blocks the ray.
     """
     xp = of(depth_m)
     seen = depth_m > 0
@@ -266,10 +269,10 @@ def lit_share(
 def _march_shares(
     image: Intrinsics, nearest_m: float, farthest_m: float, emitter_m: Array
 ) -> Array:
-    """Return (S,) places along the line to the emitter, 0 to 1, at most half a pixel apart."""
-    # In the image, the point at share s of a line from depth z to an emitter in the image plane
-    # lies f b / z * t beside its start, with t = s / (1 - s). No surface that casts a shadow is
-    # nearer than ``nearest_m``, so t ends at z / nearest - 1.
+    """Return (S,) positions on the ray to the emitter, 0 to 1, at most half a pixel apart."""
+    # Take a point at share s of the ray from depth z to an emitter in the image plane. In the image
+    # it lies f b / z * t from the start, with t = s / (1 - s). No surface that casts a shadow is
+    # nearer than ``nearest_m``: t ends at z / nearest - 1.
     shift_px = image.fx * float(np.hypot(*emitter_m[:2])) / nearest_m
     step, end = 0.5 / max(shift_px, 0.5), farthest_m / nearest_m - 1.0
     t = np.arange(step, end + step, step)
@@ -288,7 +291,7 @@ def _sample(depth_m: Floats, image: Intrinsics, at: Array) -> Floats:
 
 
 def around(image: NDArray[_T], radius: int, at: Mask, outside: float) -> NDArray[_T]:
-    """Cut (N, (2 radius + 1)^2) windows around the N pixels of ``at``; ``outside`` is a number."""
+    """Cut (N, (2 radius + 1)^2) windows around the N pixels of ``at``; ``outside`` is padding."""
     padded = np.pad(image, radius, constant_values=outside)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1,) * 2)
     return windows[at].reshape(int(np.count_nonzero(at)), (2 * radius + 1) ** 2)

@@ -5,8 +5,8 @@
             at 1 mm, as Kendrick, Yap and Tan position their faces
 
 Data sets record the millimetres that were subtracted from a frame (``depth_offset_mm``), so that
-either protocol can be read from any of them. A protocol decides what training, scoring and
-denoising see; a hole is 0 in both.
+either protocol can be read from any data set. Training, scoring and denoising use the depths of one
+protocol. In both, 0 means no depth.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from glsim.core.errors import ConfigError, did_you_mean
 DepthProtocol = Literal["depth", "paper"]
 #: Depth of the nearest point under ``paper``, mm. Source: the paper's section on training.
 NEAREST_MM: Final = 1.0
-#: Protocol -> what it means, in a line of a report.
+#: Protocol -> its meaning, one line for reports.
 MEANING: Final[dict[DepthProtocol, str]] = {
     "depth": "depth as measured from the camera",
     "paper": f"the nearest point of each frame at {NEAREST_MM:g} mm",
@@ -29,7 +29,7 @@ MEANING: Final[dict[DepthProtocol, str]] = {
 
 
 def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtocol | None:
-    """Return the protocol of this name; None for None. Raises ConfigError for an unknown name."""
+    """Return the protocol with this name; None for None. Raises ConfigError for another name."""
     if text is None:
         return None
     for name in get_args(DepthProtocol):
@@ -39,10 +39,10 @@ def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtoco
 
 
 def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
-    """Return the protocol of a data set's files, given its setting.
+    """Return the protocol of the depths in a data set's files.
 
     Args:
-        nearest_to_mm: its setting of that name.
+        nearest_to_mm: the data set's setting ``nearest_to_mm``.
     """
     return "paper" if nearest_to_mm == NEAREST_MM else "depth"
 
@@ -51,7 +51,8 @@ def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEARES
     """Compute the millimetres to subtract so that the nearest depth becomes ``nearest_mm``.
 
     Args:
-        depth_mm: the true depth, any shape, 0 = none. 0 without any depth.
+        depth_mm: the true depth, any shape, 0 = none. Without any depth the result is 0.
+        nearest_mm: the wanted nearest depth.
     """
     valid = depth_mm[depth_mm > 0]
     return float(valid.min()) - nearest_mm if valid.size else 0.0

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 from importlib.util import find_spec
 
-#: Longest message, characters: a driver's, cut to 2,000, with its file and advice.
+#: Longest message, characters: a driver's log, cut to 2,000, with the file's name and advice.
 _LONGEST = 2500
 #: Control characters of ASCII and Latin 1.
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f]")
@@ -21,8 +21,8 @@ def printable(text: str) -> str:
 class GlsimError(Exception):
     """The base class of all errors of glsim.
 
-    Its text is one line of bounded length, whatever a file or a name put into the message: control
-    characters are escaped, and the middle of a long one is left out.
+    Its text is one line of bounded length, whatever a file or a name adds to the message: control
+    characters are escaped, and a long message loses its middle.
     """
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ class NoDepthError(DatasetError, ConfigError):
 
 
 class MapSizeError(DatasetError, ConfigError):
-    """The error of a depth map too small for the sensor; of a batch, that map is left out."""
+    """The error of a depth map too small for the sensor; a batch goes on without this map."""
 
 
 class TrainError(GlsimError):
@@ -73,7 +73,7 @@ class DenoiserError(GlsimError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of an "unknown name" message: similar names or, without any, all names."""
+    """Return the end of an "unknown name" message: similar names or, if there are none, all."""
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3)
     if near:
@@ -81,14 +81,14 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"known: {', '.join(names)}" if names else "there are none"
 
 
-#: Advice where PyTorch is missing: its default wheel for Linux brings gigabytes of CUDA.
+#: Advice on installing PyTorch: its default wheel for Linux downloads gigabytes of CUDA.
 CPU_TORCH = (
     "without a GPU first: pip install torch --index-url https://download.pytorch.org/whl/cpu"
 )
 
 
 def training_needs_torch(error: ImportError) -> TrainError:
-    """Make the error of a training on a machine without PyTorch."""
+    """Make the error of a command that trains on a machine without PyTorch."""
     return TrainError(
         "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
         f"({CPU_TORCH}) ({error})"

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from glsim.core.array_types import Array, Floats, Reals, Triangles
 from glsim.core.errors import MeshError
 
-#: Default albedo of a mesh without one: diffuse reflectivity of skin at 860 nm relative to a white
-#: wall, 0.5-0.6 (NIST reflectance data of skin, Cooksey 2017) over 0.85-0.9.
+#: Albedo of a mesh that has none: diffuse reflectivity of skin at 860 nm relative to a white wall.
+#: Skin has 0.5-0.6 (NIST reflectance data, Cooksey 2017), a wall 0.85-0.9.
 SKIN_ALBEDO = 0.6
-#: Share of the triangles that is kept; chosen by the error in docs/results/speed.md.
+#: Share of the triangles that a reduced mesh has; chosen by the error in docs/results/speed.md.
 KEPT_SHARE = 0.44
 
-#: Growth of the library's error bound, 1 to 7 (its default): 5 is the least that reaches the share.
+#: Growth of the library's error bound, 1 to 7 (the default): 5 is the smallest that reaches the
+#: share.
 _AGGRESSIVENESS = 5
 #: fast_simplification keeps its mesh in global variables: two threads would mix theirs.
 _SIMPLIFYING = Lock()
@@ -38,10 +39,10 @@ class Mesh:
             topology should share one array object: the renderer then keeps it on the GPU.
         albedo: (V,) float32 in [0, 1], diffuse reflectivity at 860 nm relative to a white wall, or
             None for SKIN_ALBEDO.
-        occluder: (F', 3) int32 fewer triangles that cast the shadows (``occluder_of``), or None for
-            ``faces``.
-        two_sided: whether triangles are drawn from behind too. Those of files are: a file may be
-            open, or wound at random.
+        occluder: (F', 3) int32, a smaller list of triangles that casts the shadows, see
+            ``occluder_of``; None for ``faces``.
+        two_sided: whether the backs of triangles are drawn too. They are for meshes from files,
+            which may be open or have triangles in random orders of vertices.
     """
 
     vertices_mm: Floats
@@ -69,7 +70,7 @@ class Mesh:
 
 
 def vertex_normals(points: Reals, triangles: NDArray[np.integer]) -> Array:
-    """Compute (N, 3) unit normals as area-weighted means over triangles; 0 without any."""
+    """Compute (N, 3) unit normals as area-weighted means over triangles; 0 without triangles."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     corners = triangles.ravel()
@@ -88,17 +89,17 @@ def reduced(
     Edges are collapsed by the smallest quadric error (Garland and Heckbert 1997).
 
     Args:
-        vertices_mm, faces: (V, 3) and (F, 3).
-        share: of the triangles that is kept, 0 to 1.
-        named: vertices that others name, such as landmarks.
+        vertices_mm, faces: the vertices (V, 3) and triangles (F, 3) of the mesh.
+        share: share of the triangles that the result has, 0 to 1.
+        named: indices of vertices that other data refer to, such as landmarks.
 
     Returns:
-        The vertices that are left, (V', 3) mm; their triangles (F', 3); and for each of them a
-        vertex (V',) of the mesh, of those that became one: a named one, or the nearest.
+        The new vertices, (V', 3) mm; the new triangles, (F', 3); and for each new vertex the index
+        of an old vertex that was merged into it, (V',): a named one, or else the nearest.
     """
     import fast_simplification
 
-    # Copies, for the library refuses arrays that are read-only.
+    # The arrays are copied, because the library refuses read-only arrays.
     points, triangles = np.array(vertices_mm, np.float32), np.array(faces, np.int32)
     count = int(share * len(triangles))
     with _SIMPLIFYING:
@@ -110,18 +111,18 @@ def reduced(
     distance = np.linalg.norm(points - places[became], axis=1)
     farthest_first = np.argsort(-distance, kind="stable")
     nearest = np.empty(len(places), dtype=np.int32)
-    nearest[became[farthest_first]] = farthest_first  # the last one written is the nearest
+    nearest[became[farthest_first]] = farthest_first  # the last write, of the nearest vertex, stays
     if named is not None:
         nearest[became[named]] = named
     return places, left, nearest
 
 
 def occluder_of(vertices_mm: Reals, faces: NDArray[np.integer]) -> Triangles:
-    """Reduce a mesh's triangles for shadows to a share of ``KEPT_SHARE``: (F', 3) int32 indices.
+    """Reduce a mesh's triangles to ``KEPT_SHARE`` of them, for shadows: (F', 3) int32 indices.
 
-    Emitters need no more of a head than what it hides, and the cost of a z-buffer is its triangles.
-    The occluder has the mesh's own vertices: one list of triangles serves all blends of a model,
-    whose mean shape is ``vertices_mm``.
+    A shadow needs less detail than an image, and the time to render a shadow map grows with the
+    number of triangles. The occluder uses the mesh's own vertices. A face model therefore has one
+    occluder for all its shapes, made from its mean shape ``vertices_mm``.
     """
     _, left, nearest = reduced(vertices_mm, faces, KEPT_SHARE)
     occluder: Triangles = nearest[left]

@@ -1,12 +1,12 @@
 """Find the entries of registries: files in folders of glsim, and installed plug-ins.
 
-A registry (of sources, metrics, ...) finds its entries in a folder of glsim, where adding one is
-adding a file, and in other packages, which name theirs as entry points:
+A registry (of sources, metrics, ...) has two kinds of entries. Files in a folder of glsim are its
+shipped entries. Other packages declare plug-ins as entry points:
 
     [project.entry-points."glsim.stages"]
     speckle = "my_lab.stages:speckle"      # an object, or a package that holds a file of that name
 
-The names cost nothing; an entry is imported when something of it is used.
+Listing names imports nothing; an entry is imported when it is used.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from glsim.core.errors import ConfigError, GlsimError
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 
-#: What a group "glsim.NAME" of entry points holds, for messages.
+#: Group "glsim.NAME" of entry points -> what its entries are, for messages.
 GROUPS: Final = {
     "sources": "a class derived from glsim.FaceSettings",
     "stages": "a function decorated with @glsim.array_stage, or a package with {name}.glsl",
@@ -37,7 +37,7 @@ GROUPS: Final = {
     "exports": "a glsim.Export",
     "checks": "a function decorated with @glsim.validation_check",
 }
-#: Files of a package that decide what its code does.
+#: Suffixes of the files of a package that decide what its code does.
 _CODE: Final = (".py", ".glsl", ".toml")
 
 
@@ -59,7 +59,7 @@ def _module(folder: str) -> str:
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:
-    """Collect the ``wanted`` objects, also in tuples, of all modules of a folder, each once."""
+    """Collect the ``wanted`` objects of all modules of a folder, in tuples too, without repeats."""
     found: dict[int, Any] = {}
     for name in module_names(folder):
         for value in vars(shipped_module(folder, name)).values():
@@ -84,7 +84,7 @@ def _entry_points(group: str) -> Mapping[str, EntryPoint]:
 
 
 def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
-    """Return the names of a group's plug-ins, sorted, unimported; ConfigError for a name twice."""
+    """Return a group's plug-in names, sorted, without imports; ConfigError if two are equal."""
     found = _entry_points(group)
     for name in set(shipped) & set(found):
         raise ConfigError(
@@ -101,7 +101,7 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
         found = entry.load()
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # the code of another package may raise anything, and exit
+    except BaseException as error:  # another package may raise anything, or exit
         reason = " ".join(str(error).split())[:200]
         raise ConfigError(
             f"{_place(entry)}: {entry.value} cannot be loaded ({type(error).__name__}: {reason}): "
@@ -116,7 +116,7 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
 
 
 def each_usable(names: Iterable[str], load: Callable[[str], _T]) -> Iterator[tuple[str, _T]]:
-    """Yield each name with its entry by ``load``; a warning names those that raise GlsimError."""
+    """Yield each name with its loaded entry; warn of names whose loading raises GlsimError."""
     for name in names:
         try:
             yield name, load(name)
@@ -133,7 +133,7 @@ def plugin_file(package: object, name: str) -> Path | None:
 def plugin_code(group: str, name: str) -> dict[str, Path]:
     """Return the code files of the package of a plug-in: "package/file.py" -> path.
 
-    Empty for what glsim ships. Files of a data set must be hashed with the code that made them.
+    It is empty for shipped code. A data set is hashed with the plug-in code that made it.
     """
     entry = _entry_points(group).get(name)
     if entry is None:

@@ -17,9 +17,9 @@ _FACING = np.diag([1.0, -1.0, -1.0])
 def pose_matrix(pose: Mapping[str, float]) -> Floats:
     """Compute the (4, 4) float32 matrix from canonical millimetres to camera-frame metres.
 
-    The head rotates about its own origin: roll first, then pitch, then yaw. Positive angles turn it
-    to its own left, raise it and tilt it to its own left. A pose has distance_mm, x_mm, y_mm,
-    yaw_deg, pitch_deg, roll_deg; missing entries are 0.
+    The head rotates about the origin of its frame: first roll, then pitch, then yaw. Positive yaw
+    turns it to its own left, positive pitch raises it, positive roll tilts it to its own left. The
+    keys are distance_mm, x_mm, y_mm, yaw_deg, pitch_deg, roll_deg; a missing one counts as 0.
     """
     turn = rotation(*(pose.get(f"{angle}_deg", 0.0) for angle in ("yaw", "pitch", "roll")))
     matrix = np.eye(4)
@@ -29,7 +29,7 @@ def pose_matrix(pose: Mapping[str, float]) -> Floats:
 
 
 def rotation(yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Array:
-    """Compute the (3, 3) rotation that turns a head to its left, then up, then tilts it left."""
+    """Compute the (3, 3) rotation of a head that is tilted left, then raised, then turned left."""
     yaw, pitch, roll = np.radians(yaw_deg), np.radians(pitch_deg), np.radians(roll_deg)
     return product(product(_about(1, yaw), _about(0, -pitch)), _about(2, -roll))
 

@@ -1,8 +1,8 @@
 """Matrix products whose rounding is the same on every machine.
 
-NumPy's ``@`` and ``numpy.linalg`` call BLAS, which rounds by the number of its threads, by the kind
-of processor, and by the place of a row in the matrix. All that lies between a seed and a frame is
-multiplied here instead: every product and every sum is rounded by itself, as IEEE 754 says.
+NumPy's ``@`` and ``numpy.linalg`` call BLAS. Its rounding depends on the number of threads, the
+processor, and the position of a row in the matrix. All products between a seed and a frame are
+computed here instead: every product and every sum is rounded by itself, as IEEE 754 says.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from glsim.core.array_types import Array
 
 _Numbers = NDArray[Any]
 
-_FEW = 32  # elements: fewer are added up by NumPy at once, in the same order; measured
-_SHORT = 32  # columns; measured: shorter rows are faster as columns
-_BLOCK = 32_768  # elements at a time, which stay in a processor's cache; measured
+_FEW = 32  # elements: NumPy adds up fewer at once, in the same order; measured
+_SHORT = 32  # columns: shorter rows are faster when transposed; measured
+_BLOCK = 32_768  # elements per block, which fit into a processor's cache; measured
 
 
 def product(left: _Numbers, right: _Numbers) -> _Numbers:
     """Compute (..., K) @ (K, N), or (..., K) @ (K,), adding the terms of each element in order.
 
-    It is meant for a few terms (K below 100). For one long row times a vector, multiply and sum.
+    Use it for a few terms (K below 100). For a long row times a vector, multiply and sum instead.
     """
     if right.ndim == 1:
         return product(left, right[:, None])[..., 0]
@@ -66,7 +66,8 @@ def nearest_rotation(matrix: Array) -> Array:
     return np.asarray(out)
 
 
-#: The iteration doubles its correct digits: twelve steps suffice for singular values of 1 to 0.001.
+#: The number of correct digits doubles each time: 12 iterations suffice for singular values of 1
+#: to 0.001.
 _ITERATIONS, _CONVERGED = 30, 1e-14
 
 
@@ -88,7 +89,7 @@ _SQUARINGS = 10
 def solve(matrix: Array, right: Array) -> Array:
     """Solve (N, N) @ x = (N, M) by Gaussian elimination without pivoting: (N, M).
 
-    The matrix's diagonal dominates each row.
+    The matrix must be diagonally dominant.
     """
     both = np.concatenate([matrix, right], axis=1)
     for row in range(len(both)):

@@ -1,6 +1,6 @@
 """Reason codes: why each pixel of the noisy depth map is valid, altered or missing.
 
-They are the pixel values of ``*_reason.png``. Shaders see the same names
+The codes are the pixel values of ``*_reason.png``. Shaders see the same names
 (REASON_SHADOW, ...) through ``#include "reason.glsl"``, which is generated from this enumeration.
 """
 

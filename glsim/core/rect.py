@@ -28,7 +28,7 @@ class Rect(NamedTuple):
         )
 
     def intersection(self, other: Rect) -> Rect:
-        """Return the window of common pixels; width or height 0 if there are none."""
+        """Return the window of common pixels; its size is 0 if there are none."""
         left, top = max(self.left, other.left), max(self.top, other.top)
         right = min(self.left + self.width, other.left + other.width)
         bottom = min(self.top + self.height, other.top + other.height)

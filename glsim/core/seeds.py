@@ -1,7 +1,7 @@
-"""Reproducible random seeds and generators, which depend on words and numbers only.
+"""Reproducible seeds and random generators, which depend on words and numbers only.
 
-All are the same on every machine, in every process and order of calls. New code takes ``rng_for``;
-the other generators stay because the bytes of data sets do.
+They are the same on every machine, in every process and order of calls. New code uses ``rng_for``;
+the other generators stay, because existing data sets depend on them.
 """
 
 from __future__ import annotations
@@ -44,5 +44,5 @@ def pcg_rng(*words: object) -> np.random.Generator:
 
 
 def device_key(seed: int, device: int) -> int | None:
-    """Compute the seed of a virtual device's own properties; None for device 0, the typical one."""
+    """Compute the seed of a virtual device's properties; None for device 0, the typical device."""
     return stable_seed("device", seed, device) if device else None

@@ -1,7 +1,7 @@
 """Units of depth: metres in geometry, millimetres in measurements, whole steps in files.
 
-A depth of 0 is "no depth" in all three. Every other module converts by these names: a literal 1000
-beside a depth is refused by ``tests/core/test_units.py``.
+A depth of 0 means "no depth" in all three. Other modules convert by these functions:
+``tests/core/test_units.py`` refuses a literal 1000 beside a depth.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def to_steps(
     Args:
         depth_m: depth, metres, 0 = none; any shape.
         step_mm: millimetres per step.
-        option: the setting that the error message tells to change.
+        option: the setting that the error message advises to change.
 
     Returns:
         uint16 steps of the same shape, 0 = none.
@@ -81,13 +81,15 @@ def subtract_offset(
     """Subtract an offset from depth; 0, no depth, stays 0, other depth is at least ``least``.
 
     Args:
-        depth: float32, 0 = none; offset and least in its unit. Noise before the nearest point of
-            the surface is cut off at ``least``, because a depth of 0 would be a hole.
+        depth: float32, 0 = none.
+        offset: in the unit of the depth.
+        least: smallest result, in the same unit. Noisy depth before the surface's nearest point is
+            raised to it, because a depth of 0 would be a hole.
     """
     moved = np.maximum(depth - np.float32(offset), np.float32(least))
     return np.where(depth > 0, moved, np.float32(0.0))
 
 
 def add_offset(depth: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
-    """Add an offset to depth, as the inverse of ``subtract_offset`` above its ``least``."""
+    """Add an offset to depth; for depths above ``least`` this inverts ``subtract_offset``."""
     return np.where(depth > 0, depth + np.float32(offset), np.float32(0.0))

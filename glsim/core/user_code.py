@@ -1,4 +1,4 @@
-"""Load an object of the user's own code by a text: "module:object" or "file.py:object"."""
+"""Load an object from the user's code, named "module:object" or "file.py:object"."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ log = logging.getLogger(__name__)
 
 
 def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | None]:
-    """Import an object of a module or a Python file, and return it with the file of its code.
+    """Import an object from a module or a Python file, and return it with its code's file.
 
-    A warning names the code before it runs. ``target`` is "module:object", also of a module in the
-    working directory, or "file.py:object" in a folder, by default the working directory. Raises
-    ConfigError if the code cannot be imported or has no such object.
+    A warning names the code before it is run. ``target`` is "module:object", where the module may
+    be in the working directory, or "file.py:object", where the file is in ``folder``, by default
+    the working directory. Raises ConfigError if the code fails or has no such object.
     """
     code, _, name = target.rpartition(":")
     try:
@@ -35,7 +35,7 @@ def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | No
 
 
 def _import(name: str) -> ModuleType:
-    """Import a module, also from the working directory."""
+    """Import a module, which may be in the working directory."""
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
@@ -44,16 +44,16 @@ def _import(name: str) -> ModuleType:
 
 
 def _import_file(path: Path) -> ModuleType:
-    """Run a Python file as a module, anew each time: it may have changed."""
+    """Run a Python file as a module, each time again, because it may have changed."""
     _announce(str(path))
     spec = spec_from_file_location(f"glsim_user_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ImportError("not a Python file")
-    module = sys.modules[spec.name] = module_from_spec(spec)  # data classes look it up there
+    module = sys.modules[spec.name] = module_from_spec(spec)  # data classes search it there
     spec.loader.exec_module(module)
     return module
 
 
-@lru_cache(maxsize=1000)  # one line a process, however often the code is loaded
+@lru_cache(maxsize=1000)  # one warning a process, however often the code is loaded
 def _announce(target: str) -> None:
     log.warning("runs code of %s: name only files whose author you trust", target)

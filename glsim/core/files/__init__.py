@@ -1,1 +1,1 @@
-"""Atomic file writing, JSON, and PNG images."""
+"""Files: atomic writing, data sets on disk and in clouds, JSON, images, EXR and NPY."""

@@ -1,7 +1,7 @@
 """Atomic file writing with checksums, and JSON in a fixed form.
 
-A file is written under a temporary name and renamed, so that its own name never stands for half a
-file. Data and name are flushed to the disk, unless ``sync`` is false: the images of a data set are
+A file is written under a temporary name and then renamed: a file with its final name is complete.
+Data and name are flushed to the disk, unless ``sync`` is false: the images of a data set are
 flushed together, once per chunk (``glsim.core.files.flush``). The size and CRC32 of every file are
 recorded, and compared when a run is resumed.
 """
@@ -42,9 +42,9 @@ _ADVICE = {
 }
 _BLOCK_BYTES = 1 << 20
 
-#: Temporary files beside their target, and temporary folders: PREFIX + random digits + SUFFIX.
+#: Names of temporary files beside their target, and of folders: PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
-#: A temporary file or folder that is this old, seconds, is left over: nothing is written for days.
+#: A temporary file or folder of this age, seconds, is removed: no file takes a day to write.
 _STALE_S = 86_400.0
 
 
@@ -60,7 +60,7 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 
 
 def to_json(value: object, where: str) -> str:
-    """Encode a value, also of NumPy, as one line of JSON. Raises DatasetError, e.g. for NaN."""
+    """Encode a value, which may hold NumPy types, as one line of JSON. NaN: DatasetError."""
     try:
         return _encode(value)
     except (TypeError, ValueError) as error:
@@ -68,7 +68,7 @@ def to_json(value: object, where: str) -> str:
 
 
 def parse_json(data: bytes, where: object) -> dict[str, Any]:
-    """Parse a JSON object. Raises DatasetError, which begins with ``where``, for other bytes."""
+    """Parse a JSON object. Raises DatasetError, with ``where`` in front, for other bytes."""
     try:
         value = json.loads(data)
     except (ValueError, RecursionError) as error:
@@ -90,7 +90,7 @@ def without_nan(value: Any) -> Any:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a file that holds a JSON object, of up to 67 MB. Raises DatasetError for others."""
+    """Read a file of up to 67 MB with one JSON object. Raises DatasetError for other files."""
     try:
         return parse_json(read_regular(path, MOST_HELD), path)
     except OSError as error:
@@ -104,7 +104,7 @@ def cannot_write(path: Path, error: OSError) -> DatasetError:
 
 
 def check_can_write(file: Path) -> None:
-    """Raise DatasetError early if an output file cannot be written; its folder is made later."""
+    """Raise DatasetError before the work if a file cannot be written; its folder may not exist."""
     if _is_device(file):
         return
     with wrap_write_errors(file):
@@ -147,14 +147,15 @@ def missing(where: object) -> DatasetError:
 class AtomicFile:
     """A file that gets its name only when it is complete; it counts its size and CRC32.
 
-    Use it as a context manager: a normal exit renames the file to ``path``, an error removes it.
+    Use it as a context manager: a normal exit renames the file to ``path``, an error removes it. A
+    device, such as /dev/stdout, is written directly.
 
     Args:
-        temporary: path for the unfinished file, on the same file system; by default it lies beside
-            ``path``, whose folder is then created, under a random name, and what a killed process
-            left there is removed. The temporary file must not exist.
-        sync: flush data and name to the disk (a few milliseconds). A device, such as /dev/stdout,
-            is written directly.
+        path: the final path.
+        temporary: path of the unfinished file, on the same file system; it must not exist. By
+            default a random name beside ``path``: the folder is created, and temporary files that
+            killed processes left there are removed.
+        sync: whether data and name are flushed to the disk, which takes a few milliseconds.
     """
 
     def __init__(self, path: Path, temporary: Path | None = None, *, sync: bool = True) -> None:
@@ -217,7 +218,7 @@ class AtomicFile:
 
 
 def write_atomic(data: bytes, path: Path, *, sync: bool = True) -> dict[str, int]:
-    """Write a file that is complete or absent; return size and CRC32. Raises DatasetError."""
+    """Write a complete file or none; return its size and CRC32. Raises DatasetError."""
     with AtomicFile(path, sync=sync) as file:
         file.write(data)
     return file.checksum
@@ -248,9 +249,10 @@ def _temporary_name() -> str:
 
 @contextmanager
 def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
-    """Make a temporary folder, by default the system's, for a block; an error deletes it, too.
+    """Make a temporary folder for a block, by default in the system's; delete it afterwards.
 
-    What killed processes left beside it is removed. Raises DatasetError if it cannot be made.
+    Temporary folders of killed processes beside it are removed. Raises DatasetError if it cannot be
+    made.
     """
     with wrap_write_errors(inside or Path(os.environ.get("TMPDIR", "/tmp"))):
         parent = Path(tempfile.gettempdir()) if inside is None else inside
@@ -267,7 +269,7 @@ def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
 def _remove_stale(folder: Path) -> None:
     """Remove, once per process, the user's temporary files that killed processes left."""
     for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
-        with suppress(OSError):  # gone, or not ours
+        with suppress(OSError):  # deleted meanwhile, or another user's
             status = path.lstat()
             if time.time() - status.st_mtime < _STALE_S or status.st_uid != os.geteuid():
                 continue

@@ -1,4 +1,4 @@
-"""The cache folder of a machine, for data computed or downloaded once."""
+"""The cache folder of this machine, for data that were computed or downloaded once."""
 
 from __future__ import annotations
 

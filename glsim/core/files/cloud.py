@@ -1,8 +1,8 @@
 """Files of a data set in object storage (s3://, gs://, az://), by fsspec, with retries.
 
-An object appears whole or not at all: a file is written on this machine's disk first, uploaded when
-it is complete, and compared with what arrived. What fails for a moment (a timeout, a throttled
-request) is tried again; what cannot succeed is a DatasetError at once.
+An object is complete or absent: a file is written on this machine's disk first, uploaded when it is
+complete, and its checksum is compared with the stored object's. Temporary failures (a timeout, a
+throttled request) are tried again; lasting failures raise DatasetError at once.
 """
 
 from __future__ import annotations
@@ -43,30 +43,30 @@ _T = TypeVar("_T")
 _A = TypeVar("_A")
 _B = TypeVar("_B")
 
-#: The package that fsspec needs for each scheme, for messages. "memory" lies in this process.
+#: Scheme -> package that fsspec needs for it, for messages. "memory" is a store in this process.
 _PACKAGES = {
     **dict.fromkeys(("s3", "s3a"), "s3fs"),
     **dict.fromkeys(("gs", "gcs"), "gcsfs"),
     **dict.fromkeys(("az", "abfs", "abfss"), "adlfs"),
     "memory": "fsspec",
 }
-#: A URL, also with fsspec's caches before it ("blockcache::s3://..."), and also as pathlib writes
-#: it, which joins the slashes: s3:/bucket.
+#: A cloud URL. fsspec's caches may stand before it ("blockcache::s3://..."). pathlib joins slashes:
+#: "s3:/bucket" is accepted as well.
 _URL = re.compile(rf"^((?:[a-z]+::)*(?:{'|'.join(_PACKAGES)})):/+(?=[^/])")
-#: What was meant as a URL: "file:///data", "s3://" without a bucket. One letter is a Windows drive.
+#: Another URL, such as "file:///data", or "s3://" without a bucket. One letter: a Windows drive.
 _SCHEME = re.compile(r"^(?:[a-z]+::)*[A-Za-z][A-Za-z0-9+.-]+:(?:/|$)")
-#: Seconds before each further attempt, doubling as every store asks for: half a minute in all.
+#: Waiting times before further attempts, seconds: they double, 31.5 s in all.
 RETRY_AFTER_S: tuple[float, ...] = (0.5, 1, 2, 4, 8, 16)
-#: Errors that another attempt does not change. ValueError: a name or an option that is refused.
+#: Errors that another attempt does not cure. ValueError: the store refused a name or an option.
 _LASTING = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryError, ValueError)
-#: Classes of botocore and google.auth, by name because neither is imported here.
+#: Names of error classes of botocore and google.auth, neither of which is imported here.
 _NO_ACCESS = ("NoCredentialsError", "DefaultCredentialsError", "PartialCredentialsError")
 _BLOCK_BYTES = 1 << 24
-#: Requests at the same time where there are many: each takes tens of milliseconds.
+#: Number of parallel requests: one request takes tens of milliseconds.
 CONNECTIONS = 16
 #: Largest object that S3 takes in one request (its documentation: 5 GB).
 _MAX_PUT_BYTES = 5 * 1000**3
-#: Attempts to upload a file whose bytes do not arrive as they were sent.
+#: Number of attempts to upload a file if the stored object's checksum differs.
 _UPLOADS = 3
 
 
@@ -79,7 +79,7 @@ def open_store(place: Path | str) -> Store:
 def cloud_url(path: Path | str) -> str | None:
     """Return the cloud URL in a path or text; None for a path on a local disk.
 
-    Raises ConfigError for a URL of another kind: it would become a folder that is called "http:".
+    Raises ConfigError for another URL, which would otherwise become a folder named "http:".
     """
     if match := _URL.match(str(path)):
         return f"{match[1]}://{str(path)[match.end() :]}"
@@ -122,7 +122,7 @@ class CloudStore(Store):
     @override
     def size(self, name: str) -> int | None:
         def ask(fs: Any, path: str) -> int:
-            fs.invalidate_cache()  # of listings, which may be older than the object
+            fs.invalidate_cache()  # a cached listing may be older than the object
             return int(fs.info(path)["size"])
 
         return self._try(name, ask)
@@ -130,8 +130,8 @@ class CloudStore(Store):
     @override
     def checksum(self, name: str) -> dict[str, int] | None:
         """Return the size and CRC32 of an object; None if there is no such object."""
-        # S3 computes the CRC32 of what it holds when it takes an object; elsewhere, and for objects
-        # that others put there, all bytes are read.
+        # S3 computes the CRC32 of an object that glsim uploads. In other stores, and for objects
+        # from other programs, all bytes are read.
 
         def ask(fs: Any, path: str) -> dict[str, int] | None:
             if not hasattr(fs, "call_s3"):
@@ -172,7 +172,7 @@ class CloudStore(Store):
         return bytes(data)
 
     def _blocks(self, name: str, size: int | None) -> Iterator[bytes]:
-        """Return the bytes of an object in blocks, so that memory does not grow with its size."""
+        """Yield the bytes of an object in blocks, so that memory does not grow with its size."""
         if size is None:
             raise missing(self.where(name))
         starts = range(0, size, _BLOCK_BYTES)
@@ -255,7 +255,7 @@ class CloudStore(Store):
 
     @override
     def flush(self) -> None:
-        """Do nothing, because an object is stored as soon as it is visible."""
+        """Do nothing, because an uploaded object is stored already."""
 
     @override
     def delete(self, names: Iterable[str]) -> None:
@@ -325,18 +325,19 @@ class CloudStore(Store):
                         f"{self.where(name)}: {_one_line(error)}: {advice}"
                     ) from error
                 log.info("%s: %s: trying again", self.where(name), _one_line(error))
-                # Jitter, so that workers that were throttled together do not come back together.
+                # Random waiting times, so that throttled workers do not all try again at the same
+                # moment.
                 time.sleep(wait_s * random.uniform(0.5, 1))
         raise AssertionError("the last attempt returns or raises")
 
 
 def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
-    """Return the upload options by which S3 checks the received bytes and keeps their CRC32."""
+    """Return upload options: S3 shall check the received bytes and store their CRC32."""
     if not hasattr(fs, "call_s3"):
         return {}
     options: dict[str, Any] = {"ChecksumAlgorithm": "CRC32"}
     if file is not None and file.stat().st_size < _MAX_PUT_BYTES:
-        options["chunksize"] = _MAX_PUT_BYTES  # one request: S3 keeps its CRC32
+        options["chunksize"] = _MAX_PUT_BYTES  # in one part: S3 stores its CRC32
     return options
 
 

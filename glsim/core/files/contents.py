@@ -7,15 +7,15 @@ import stat
 from functools import lru_cache
 from pathlib import Path
 
-#: Larger files are compared by their size alone: no mesh or stage is read that is as large
+#: Largest hashed file, bytes; larger files are compared by their size. No mesh or stage is as large
 #: (``glsim.faces.meshes.obj.MAX_BYTES``), and hashing would take seconds.
 _MAX_BYTES = 1_000_000_000
 _BLOCK_BYTES = 1 << 20
 
 
 def content_hash(path: Path) -> str:
-    """Compute a hash of a file's bytes; of an unreadable file, return a text with the reason."""
-    # A file of the same size, time and inode is read once per process.
+    """Compute a hash of a file's bytes; for an unreadable file, return the reason as a text."""
+    # A process reads a file again only if its size, time or inode has changed.
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):

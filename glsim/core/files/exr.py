@@ -1,4 +1,4 @@
-"""OpenEXR files, by the library OpenEXR of the extra ``formats``: which channel is depth."""
+"""Read and write OpenEXR files by the library OpenEXR of the extra ``formats``."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from glsim.core.array_types import Floats
 from glsim.core.errors import require_package
 from glsim.core.files.regular import MOST_HELD
 
-#: Words in names of channels that are no depth.
+#: Words in the names of channels that do not hold depth.
 _OTHER: Final = re.compile(
     r"(^|\.)a$|\b(alpha|nn?|ns|normals?|pp?|position|motion|vector|velocity|uv|mist|conf|confidence|variance"
     r"|mask|valid|id|index|albedo|shadow|ao)\b|inv|dispar"
 )
-#: Names of depth in lower case, the surest first. Mitsuba calls it dd.T, Blender *.Z and *.V.
+#: Patterns of depth channels in lower case, the surest first. Mitsuba: dd.T; Blender: *.Z and *.V.
 _DEPTH: Final = (r"(.*\.)?depth(\..*)?|z", r".*depth.*", r".*\.[zt]", r"(.*\.)?v")
-#: Held while the outputs, which all threads share, are turned away.
+#: Held while stdout and stderr, which all threads share, are redirected.
 _OUTPUT: Final = Lock()
-#: Other axes of the vectors and colours that z and v may belong to.
+#: Channels z and v are no depth if these channels exist: a vector x, y, z or a colour h, s, v, u.
 _AXES: Final = {"z": "xy", "v": "uhs"}
 
 
@@ -50,7 +50,7 @@ def encode_exr(depth_m: Floats) -> bytes:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Discard what the EXR library prints; the errors that it prints are also raised."""
+    """Discard the output of the EXR library; it raises the errors that it prints."""
     with _OUTPUT, Path(os.devnull).open("w") as nothing, redirect_stdout(nothing):
         kept = os.dup(2)
         os.dup2(nothing.fileno(), 2)
@@ -64,9 +64,9 @@ def _quiet() -> Iterator[None]:
 def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     """Return the channels of an OpenEXR file by name; None if it is too large.
 
-    It may have ``max_px`` pixels, and MOST_HELD numbers in all channels: the library reads
-    all. In files of several parts the name of the part comes first. Raises ConfigError without the
-    library, ValueError for an unreadable file.
+    The limits are ``max_px`` pixels and MOST_HELD numbers in all channels, because the library
+    reads all of them. In files of several parts a channel's name begins with its part's. Raises
+    ConfigError without the library, ValueError for an unreadable file.
     """
     require_exr("reading OpenEXR files")
     import OpenEXR
@@ -97,7 +97,8 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
 def _displayed(pixels: NDArray[Any], header: dict[str, Any], max_px: int) -> NDArray[Any]:
     """Place the pixels of the data window in the display window, with 0 around. Raises ValueError.
 
-    The frames of an animation have one display window; each data window holds what is not empty.
+    The frames of an animation share one display window; a data window holds the pixels that are not
+    empty.
     """
     (left, top), _ = np.array(header["dataWindow"]).tolist()
     (x, y), (right, bottom) = np.array(header["displayWindow"]).tolist()
@@ -113,16 +114,17 @@ def _displayed(pixels: NDArray[Any], header: dict[str, Any], max_px: int) -> NDA
 
 
 def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) -> NDArray[Any]:
-    """Return the channel with that name, or the one that is depth by its name or as the only one.
+    """Return the depth channel: the chosen one, one with a name of depth, or the only one.
 
-    Raises ValueError, with the names, if there is none, and for several that differ.
+    Raises ValueError, with the channels' names, if there is no such channel, or several that
+    differ.
     """
     name = depth_name(channels, chosen)
     return next(pixels for key, pixels in channels.items() if key.lower() == name)
 
 
 def depth_name(channels: dict[str, NDArray[Any]], chosen: str | None = None) -> str:
-    """Return the name of ``depth_channel`` in lower case. Raises ValueError as it does."""
+    """Return the name of ``depth_channel`` in lower case. Raises the same ValueError."""
     of_name = {name.lower(): pixels for name, pixels in channels.items()}
     names = [name for name in of_name if not _OTHER.search(name)]
     for last, axes in _AXES.items():

@@ -1,8 +1,8 @@
 """Flush files to the disk, so that they survive a power cut.
 
-The kernel keeps what a program writes in memory for up to half a minute, and writes the names of
-files to the disk before their data: after a cut, a renamed file can be there and be empty. What
-says that other files are complete must therefore reach the disk after them.
+The kernel keeps written data in memory for up to half a minute, and may write the name of a file to
+the disk before its data: after a power cut a renamed file can be empty. A file that says that other
+files are complete must therefore be flushed after them.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def _opened(path: Path) -> Iterator[int]:
 
 def flush_all(folder: Path) -> None:
     """Flush all files of the file system that holds a folder to the disk. Raises OSError."""
-    # One call costs less than one per file: a chunk of a data set has a hundred. Linux has it;
-    # other systems flush all their file systems.
+    # One call is cheaper than one per file: a chunk of a data set has a hundred files. Only Linux
+    # has this call; on other systems all file systems are flushed.
     syncfs = _syncfs()
     if syncfs is None:
         os.sync()

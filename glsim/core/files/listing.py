@@ -1,7 +1,7 @@
-"""Listing of folders of any size: visible names in natural order, and no endless loops.
+"""Listing of folders of any size: visible names in natural order; loops of links end.
 
-Files of other kinds are passed over without a call to the disk or an object for each: a million
-take a second. More than MOST_FILES of the wanted kind are refused as soon as they are counted.
+Files with other suffixes are skipped without a call to the disk: a million files take a second.
+More than MOST_FILES of the wanted files are refused as soon as they are counted.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from pathlib import Path
 
 from glsim.core.errors import ConfigError
 
-#: Most files that are listed together: two hours of frames at 30 Hz are 216,000.
+#: Largest number of files in one listing: two hours of frames at 30 Hz are 216,000.
 MOST_FILES = 250_000
-#: Most folders below one; real sets have hundreds, a link to the root of a disk millions.
+#: Largest number of sub-folders: real sets have hundreds, a link to the root of a disk millions.
 _MOST_FOLDERS = 20_000
 _DIGITS = re.compile(r"(\d+)", re.ASCII)
 
 
 def natural(name: str | Path) -> tuple[list[str | int], str]:
-    """Return the key that sorts names in the order of their numbers, in any case: a2, A10, b."""
+    """Return the sort key for natural order, without regard to case: a2, A10, b."""
     parts = _DIGITS.split(str(name))
     return [int(part) if n % 2 else part.lower() for n, part in enumerate(parts)], str(name)
 
 
 def entries(folder: Path, ends: tuple[str, ...] = ("",)) -> tuple[list[str], list[str]]:
-    """Return the names of the visible files with one of these ends, and of the sub-folders.
+    """Return the names of the visible files with one of these suffixes, and of the sub-folders.
 
-    Both in natural order. Ends are in lower case and match names in any case. Raises ConfigError
-    for a folder that cannot be read, or holds more than MOST_FILES of these files.
+    Both are in natural order. ``ends`` are suffixes in lower case; names match in any case. Raises
+    ConfigError for an unreadable folder, or more than MOST_FILES of these files.
     """
     files: list[str] = []
     folders: list[str] = []
@@ -52,7 +52,7 @@ def entries(folder: Path, ends: tuple[str, ...] = ("",)) -> tuple[list[str], lis
 
 
 def check_text(folder: Path, name: str) -> None:
-    """Raise ConfigError for a name that is no UTF-8, which no manifest or terminal can show."""
+    """Raise ConfigError for a name that is not UTF-8: no manifest or terminal can show it."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -60,7 +60,7 @@ def check_text(folder: Path, name: str) -> None:
 
 
 def check_number(folder: Path, count: int) -> None:
-    """Raise ConfigError for more than MOST_FILES files of a folder."""
+    """Raise ConfigError if a folder has more than MOST_FILES files."""
     if count > MOST_FILES:
         raise ConfigError(
             f"{folder}: holds more than {MOST_FILES} files to read: give a folder with a part of "
@@ -73,8 +73,8 @@ def files_below(
 ) -> Iterator[Path]:
     """Yield the files of a folder and its sub-folders, as ``entries`` lists them.
 
-    ``seen`` holds the real paths of folders to pass over; those that are visited are added. Raises
-    ConfigError as ``entries``, and for more than _MOST_FOLDERS folders.
+    ``seen`` holds the real paths of folders to skip; visited folders are added to it. Raises
+    ConfigError like ``entries``, and for more than _MOST_FOLDERS folders.
     """
     seen = set() if seen is None else seen
     if (real := os.path.realpath(folder)) in seen:

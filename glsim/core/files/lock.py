@@ -19,10 +19,10 @@ def locked(
     """Hold a file lock during a block; the kernel frees it if the process dies.
 
     Args:
-        file: created if it is not there (DatasetError if it cannot be), and left there.
-        busy: raised if another process holds the lock.
-        wait: wait until others free it, instead of raising ``busy``.
-        shared: hold it together with others that do so; it excludes those that hold it alone.
+        file: the lock file; it is created if it is missing (DatasetError if that fails), and stays.
+        busy: the error if another process holds the lock.
+        wait: wait until the lock is free, instead of raising ``busy``.
+        shared: several processes may hold the lock together, if all of them ask for a shared one.
     """
     kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
     try:

@@ -1,4 +1,4 @@
-"""NPY files: plain real numbers of others, mapped from the disk, and our own."""
+"""NPY files: map arrays of real numbers from the disk, and encode arrays."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from glsim.core.files.regular import open_regular
 
 
 def map_npy(file: Path) -> NDArray[Any]:
-    """Map an array of real numbers of any shape and type from the disk; no memory is taken.
+    """Map an array of real numbers of any shape and type from the disk, without copying it.
 
-    It is read-only. Raises OSError, whose ``strerror`` says why, for what is no such array.
+    The array is read-only. Raises OSError, whose ``strerror`` gives the reason, for other files.
     """
     open_regular(file).close()  # a pipe would wait for a writer for ever
     try:
         mapped: NDArray[Any] = np.load(file, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # NumPy parses the header as Python, with all its errors
+    except Exception as error:  # NumPy evaluates the header as Python, which can raise any error
         why = " ".join(str(error).split())[:200]
         raise OSError(errno.EINVAL, f"is no whole .npy file: {why}") from None
     if not isinstance(mapped, np.ndarray) or mapped.dtype.kind not in "fiub":
@@ -30,7 +30,7 @@ def map_npy(file: Path) -> NDArray[Any]:
 
 
 def encode_npy(array: NDArray[Any]) -> bytes:
-    """Return an NPY file."""
+    """Encode an array as an NPY file, and return its bytes."""
     data = io.BytesIO()
-    np.save(data, np.asarray(array, order="C"), allow_pickle=False)  # keeps () of a text
+    np.save(data, np.asarray(array, order="C"), allow_pickle=False)  # keeps a shape of ()
     return data.getvalue()

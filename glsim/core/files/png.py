@@ -1,12 +1,12 @@
 """PNG files: a fast encoder for depth maps, the decoder, depth files, and 8-bit pictures.
 
-The encoder puts ISA-L's deflate in the smallest container. OpenCV takes 2.1 ms for a 512 x 424
-frame that holds a face, nearly all of it in zlib; ISA-L takes 0.2 ms. Each row is stored as its
-difference from the row above: 0.61 to 1.01 of the bytes. OpenCV decodes; it is imported when it is
+The encoder compresses with ISA-L's deflate. OpenCV takes 2.1 ms for a 512 x 424 frame with a face,
+nearly all of it in zlib; ISA-L takes 0.2 ms. Each row is stored as its difference from the row
+above, which makes files 0.61 to 1.01 times as large. OpenCV decodes; it is imported when it is
 first needed.
 Width and height are read from the file's own header first: 2 MB of deflate can hold 2 GB of zeros.
 
-Maps may state their step: a text chunk "glsim depth_unit_mm" before the pixels, see
+A depth map may state its step in a text chunk "glsim depth_unit_mm" before the pixels, see
 ``encode_png``.
 
 PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
@@ -27,13 +27,13 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.regular import open_regular, read_data
 
-#: Largest width and height of an image, pixels: those of the largest camera that a sensor file may
-#: have. An image of this size takes 134 MB in 16 bits.
+#: Largest width and height of an image, pixels: the largest camera that a sensor file may describe.
+#: An image of this size takes 134 MB in 16 bits.
 MAX_SIDE_PX = 8192
-#: Largest image file, bytes: 16 bits of every pixel, uncompressed, and some more for its header.
+#: Largest image file, bytes: 16 bits of every pixel, uncompressed, and 1 MiB for its header.
 MAX_IMAGE_BYTES = 2 * MAX_SIDE_PX**2 + (1 << 20)
-#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras reach 1
-#: million. Measured: the shipped network takes 1 kB a pixel, a chain of stages half of that.
+#: Largest depth map of another program, pixels (2048 x 2048): time-of-flight cameras have up to 1
+#: million. Measured: the shipped network takes 1 kB a pixel, a chain of stages half as much.
 MAX_MAP_PX = 1 << 22
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -42,12 +42,12 @@ _GREY, _RGB = 0, 2
 _UP_FILTER = 2
 #: Keyword of the text chunk with the step of a depth map, mm.
 UNIT_KEYWORD = b"glsim depth_unit_mm"
-#: Bytes of a file's beginning that hold that chunk, and more: signature, IHDR, the chunk.
+#: Number of bytes to read of a file's beginning: the signature, IHDR and that chunk need fewer.
 _HEAD_BYTES = 256
-#: Least and largest step of a depth file, mm: those of --depth-unit-mm.
+#: Smallest and largest step of a depth file, mm: the range of --depth-unit-mm.
 UNIT_RANGE_MM = (0.01, 10.0)
-#: Levels 1 and 2 save a sixth, but hash the bytes at 2 from a register that holds an address (ISA-L
-#: 2.32): once in 4,000 files the same pixels become other bytes.
+#: ISA-L's level. Levels 1 and 2 save a sixth of the bytes. But level 2 (ISA-L 2.32) hashes bytes by
+#: a register that holds an address: for 1 of 4,000 files the same pixels become other bytes.
 _ISAL_LEVEL = 0
 
 
@@ -56,7 +56,7 @@ def encode_png(
 ) -> bytes:
     """Encode (H, W) uint16 or uint8 as a grey PNG file, (H, W, 3) as an RGB one.
 
-    The same image gives the same bytes. The file states the step of a depth map, mm, if given.
+    The same image gives the same bytes. The file states the step of a depth map, if it is given.
     """
     height, width = image.shape[:2]
     samples = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8)
@@ -75,16 +75,16 @@ def encode_png(
 
 
 def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
-    """Return the step that a depth PNG of glsim states, mm; None for a file that states no step.
+    """Return the step, mm, that a depth PNG of glsim states; None for a file that states no step.
 
-    Raises DatasetError if what it states is no step. No link may lead out of the folder ``inside``.
+    Raises DatasetError if the statement is no valid step, or for a link out of ``inside``.
     """
     try:
         with open_regular(path, inside=inside) as file:
             head = file.read(_HEAD_BYTES)
     except OSError:  # reported when the map is read
         return None
-    at = 8 + 12 + 13  # behind the signature and IHDR
+    at = 8 + 12 + 13  # position behind the signature and IHDR
     keyword, _, text = head[at + 8 :].partition(b"\0")
     if head[:8] != _SIGNATURE or head[at + 4 : at + 8] != b"tEXt" or keyword != UNIT_KEYWORD:
         return None
@@ -103,7 +103,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
-    """Return (width, height) by the header of a PNG or TIFF file, pixels; None for other files."""
+    """Return (width, height), pixels, from the header of a PNG or TIFF file; None for others."""
     if data[:8] == _SIGNATURE and data[12:16] == b"IHDR" and len(data) >= 26:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
@@ -112,9 +112,9 @@ def image_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _tiff_tags(data: bytes) -> dict[int, tuple[int, int]]:
-    """Return tag -> (value, its place) of the first image of a TIFF or BigTIFF; {} for other files.
+    """Return tag -> (value, its position) of the first image of a TIFF or BigTIFF; {} for others.
 
-    Tag 0 stands for the place of the next image, 0 without one.
+    Tag 0 holds the position of the next image; 0 if there is none.
     """
     order, version = ("<" if data[:2] == b"II" else ">"), data[2:4].strip(b"\0")
     if data[:2] not in (b"II", b"MM") or version not in (b"*", b"+"):
@@ -138,7 +138,7 @@ def _tiff_tags(data: bytes) -> dict[int, tuple[int, int]]:
 
 
 def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
-    """Return why an image file is not decoded: too large, or several images; None if it may be."""
+    """Return why an image file is refused: too large, or several images; None if it is accepted."""
     if _tiff_tags(data).get(0, (0, 0))[0]:
         return "holds several images: give each a file of its own, or all as one .npy stack"
     size = image_size(data)
@@ -151,8 +151,8 @@ def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
 def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic] | None:
     """Decode a PNG or TIFF file: (H, W) or (H, W, channels) in the file's own type.
 
-    None if it is damaged, another kind of file, or larger than ``max_px`` pixels or MAX_SIDE_PX
-    (``size_problem`` then says so); nothing is decoded in that case.
+    None for a damaged file, for another kind of file, and for an image above ``max_px`` pixels or
+    MAX_SIDE_PX (``size_problem`` gives the reason), which is not decoded.
     """
     import cv2
 
@@ -160,7 +160,7 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
         return None
     if data[:8] == _SIGNATURE and not _is_whole_png(data):
         return None
-    cv2.utils.logging.setLogLevel(0)  # what fails is reported here
+    cv2.utils.logging.setLogLevel(0)  # glsim reports failures itself
     tags = _tiff_tags(data)
     half = [tags.get(tag, (0, 0))[0] for tag in (258, 339)] == [16, 3]
     if half:  # OpenCV refuses 16-bit floats (BitsPerSample, SampleFormat), not integers
@@ -176,9 +176,9 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
 
 
 def _is_whole_png(data: bytes) -> bool:
-    """Whether all chunks up to the last lie in the file undamaged, and none is of an animation."""
-    # OpenCV takes as much memory as the length of a chunk says, up to 2 GB, before it reads it, and
-    # its library prints what is damaged.
+    """Whether all chunks up to the last are complete and undamaged, and none is an animation's."""
+    # OpenCV allocates the length that a chunk states, up to 2 GB, before it reads the chunk, and
+    # its library prints messages about damage.
     at, view = len(_SIGNATURE), memoryview(data)
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)

@@ -1,7 +1,7 @@
 """Open untrusted files: only regular files, of bounded size, inside their folder.
 
-Everything that goes wrong is an OSError whose ``strerror`` says why, so that each reader reports
-it as it reports a missing file.
+Every failure is an OSError whose ``strerror`` gives the reason, so that a reader reports it like a
+missing file.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from typing import IO, Any
 from glsim.core.errors import DatasetError
 
 _BLOCK_BYTES = 1 << 22
-#: Most bytes that a reader holds of a text, a header or a part that is unpacked. Recorders of bags
-#: make parts of 1 to 4 MB; MakeHuman's weights, the largest JSON known, have 2 MB: chosen.
+#: Largest text, header or unpacked part that a reader holds, bytes. Recorders of bags make parts of
+#: 1 to 4 MB; MakeHuman's weights, the largest known JSON, have 2 MB. The value was chosen.
 MOST_HELD = 1 << 26
 
 
 def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = None) -> IO[bytes]:
     """Open a file for reading. Raises OSError for a pipe, a device, a folder or a NUL in its name.
 
-    Also for more than ``limit`` bytes, and for links out of the folder ``inside``. The kind is
-    known before the file is opened: a pipe would wait for ever, and a device has no end.
+    OSError is also raised for more than ``limit`` bytes, and for links out of the folder
+    ``inside``. The kind is checked before opening: a pipe would wait for ever.
     """
     return os.fdopen(_open(path, limit, inside), "rb")
 
 
 class BoundedFile:
-    """A file that ends, for a library that reads it, once ``left`` would become negative."""
+    """A file for a library that reads it; reading more than ``left`` bytes raises an error."""
 
     def __init__(self, file: Any, left: int) -> None:
         self._file, self.left = file, left
@@ -55,13 +55,13 @@ def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes
     """Read a whole file of at most ``limit`` bytes. Raises OSError as ``open_regular``."""
     descriptor = _open(path, limit, inside)
     try:
-        whole, left = io.BytesIO(), limit + 1  # joined parts would be in memory twice
+        whole, left = io.BytesIO(), limit + 1  # joining parts would hold the file in memory twice
         while left and (part := os.read(descriptor, min(left, _BLOCK_BYTES))):
             whole.write(part)
             left -= len(part)
     finally:
         os.close(descriptor)
-    if not left:  # files of /proc have a size of 0, and a file may grow
+    if not left:  # files of /proc have size 0, and a file may grow
         raise _too_large(limit + 1, limit)
     return whole.getvalue()
 
@@ -75,13 +75,13 @@ def read_data(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Read a CSV's rows but empty lines and comments (#). Raises OSError or UnicodeDecodeError."""
+    """Read the rows of a CSV but no comments (#). Raises OSError or UnicodeDecodeError."""
     lines = path.read_text(encoding="utf-8-sig").splitlines()
     return list(csv.DictReader(line for line in lines if not line.lstrip().startswith("#")))
 
 
 def _open(path: Path, limit: int | None, inside: Path | None) -> int:
-    """Open a regular file, as ``open_regular``, and return its descriptor."""
+    """Open a regular file like ``open_regular``, and return its descriptor."""
     try:
         if inside is not None and not path.resolve().is_relative_to(inside.resolve()):
             raise OSError(errno.EPERM, f"leads out of {inside}")

@@ -18,16 +18,16 @@ from glsim.core.files.regular import open_regular, read_regular
 
 _A = TypeVar("_A")
 _B = TypeVar("_B")
-#: Largest file that ``put_first`` compares, bytes: far more than a plan has.
+#: Largest file that ``put_first`` compares, bytes: a plan is far smaller.
 MAX_FIRST_BYTES = 1 << 28
 
 
 class Store:
-    """A folder of files, each complete or absent, which is cheap to send to other processes.
+    """A folder of files, each complete or absent; a store is cheap to send to other processes.
 
-    The name of a file is its path in the folder, with slashes; it leads out of it neither by ".."
-    nor by links. Every method raises DatasetError, which names the file, for what fails. If
-    ``is_remote``, each read takes a request over the network.
+    The name of a file is its path in the folder, with slashes; neither ".." nor links may lead out
+    of the folder. A method that fails raises DatasetError, which names the file. If ``is_remote``
+    is true, each read takes a request over the network.
     """
 
     is_remote = False
@@ -92,8 +92,8 @@ class Store:
     def local(self, name: str, expected: dict[str, int] | None, key: str) -> Path:
         """Return a local file with the bytes of ``name``; a remote file is copied.
 
-        A copy with the ``expected`` size and CRC32 is used again; ``key`` names the version of the
-        data set whose copies are kept together.
+        An existing copy is used again if it has the ``expected`` size and CRC32. ``key`` names the
+        version of the data set; the copies of a version share a folder.
         """
         return self.root / name
 
@@ -116,7 +116,7 @@ class Store:
     def create(self, name: str, *, sync: bool = True) -> AbstractContextManager[AtomicFile]:
         """Open a new file for writing, which gets its name when the block ends without an error.
 
-        One of that name is replaced. ``sync`` flushes it to the disk at once, without ``flush``.
+        An existing file is replaced. With ``sync`` it is flushed to the disk at once.
         """
         path = self.root / name
         if self._temporary is None:
