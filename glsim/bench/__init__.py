@@ -1,1 +1,1 @@
-"""Comparison of simulated frames with theory and real recordings: check, compare, fit."""
+"""Comparison of simulated frames with theory (validate) and with real recordings (compare, fit)."""

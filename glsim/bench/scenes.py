@@ -17,14 +17,15 @@ from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import AppearanceSettings
 from glsim.settings.toml_tables import read_toml
 
-#: Focal length times baseline of the device that made the frames, px mm.
+#: Focal length times baseline of the D435 whose real frames show the room corner, px mm.
 _FOCAL_BASELINE_PX_MM = 626_823 / 32
-#: Albedos that give the real frame's counts: 6,000 to 12,000 on the mug, 500 to 700 on the walls.
+#: Albedos with which infrared equals the real frame's: 6,000 to 12,000 counts on the mug, 500 to
+#: 700 counts on the walls.
 _MUG_ALBEDO, _HANDLE_ALBEDO, _WALL_ALBEDO, _SIDE_ALBEDO = 0.5, 0.55, 0.8, 1.0
-#: Albedo of bars: the median over foregrounds that cast shadows in real frames.
+#: Albedo of bars: the median over all foregrounds with a shadow in real frames.
 _BAR_ALBEDO = 0.3
-#: Slant of the edge of ``depth_edge``, columns per row: the edge moves by one pixel about every
-#: 11 rows, so that it crosses pixels at all positions.
+#: Slant of the edge of ``depth_edge``, columns per row. The edge moves by one column in 11 rows, so
+#: that it crosses pixels at every sub-pixel position.
 _EDGE_SLANT = 0.09
 
 
@@ -72,13 +73,13 @@ def wall(z_mm: float, albedo: float = 1.0) -> Mesh:
 
 
 def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 300.0) -> Mesh:
-    """Build a strip on the axis at z, turned about the x axis so that its top is nearer.
+    """Build a strip on the optical axis, turned about the x axis so that its top is nearer.
 
-    An emitter to the side of the camera lights it at the angle at which the camera sees it.
+    An emitter beside the camera lights the strip at the angle at which the camera sees it.
 
     Args:
         z_mm: depth of the middle.
-        angle_deg: between normal and optical axis.
+        angle_deg: angle between the strip's normal and the optical axis.
         albedo: reflectivity of the surface.
         half_mm: half the strip's height.
     """
@@ -90,9 +91,9 @@ def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 
 
 
 def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float) -> Mesh:
-    """Build a wall whose depth grows from left to right, z - half_range_mm to z + half_range_mm.
+    """Build a wall whose depth grows from z - half_range_mm (left) to z + half_range_mm (right).
 
-    It leans a little, so that the rows have different depths.
+    The wall leans a little, so that each row has other depths.
     """
     x, y, dz = half_x_mm, 0.8 * z_mm, half_range_mm
     low, high, lean = z_mm - dz, z_mm + dz, 0.1 * dz
@@ -114,9 +115,10 @@ def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
 
 
 def depth_edge(near_mm: float, far_mm: float) -> Mesh:
-    """Build a foreground left of the axis with a slanted edge, before a wall.
+    """Build a foreground with a slanted edge, left of the optical axis and in front of a wall.
 
-    The emitter is on the right, so the foreground hides its own shadow: the edge is fully lit.
+    The emitter is on the right. The camera does not see the foreground's shadow, so that the wall
+    is lit up to the edge.
     """
     return merge_meshes(_slanted_bar(-1.2 * near_mm, 0.0, near_mm), wall(far_mm))
 
@@ -135,14 +137,14 @@ def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0)
 
 
 def bars(near_mm: float, far_mm: float, albedo: float) -> Mesh:
-    """Build six slanted bars, each as wide as a tenth of their distance, before a wall."""
+    """Build six slanted bars in front of a wall; a bar is as wide as a tenth of its distance."""
     lefts = np.arange(-0.72, 0.7, 0.26) * near_mm
     fronts = [_slanted_bar(x, x + 0.1 * near_mm, near_mm, _BAR_ALBEDO) for x in lefts]
     return merge_meshes(*fronts, wall(far_mm, albedo))
 
 
 def _slanted_bar(left_mm: float, right_mm: float, z_mm: float, albedo: float = 1.0) -> Mesh:
-    """Build a bar at depth z that crosses the image's middle row at two x, slanted."""
+    """Build a slanted bar at depth z; at the image's middle row it reaches from left to right."""
     y, lean = 0.8 * z_mm, _EDGE_SLANT * 0.8 * z_mm
     ends = [(left_mm + lean, y), (right_mm + lean, y), (right_mm - lean, -y), (left_mm - lean, -y)]
     return quad([(*end, z_mm) for end in ends], albedo)
@@ -154,8 +156,8 @@ def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) 
     Args:
         count: number of people.
         z_mm: depth of the heads' origin.
-        seed: of the people.
-        wear: whether they are dressed.
+        seed: seed of the people.
+        wear: whether all people wear hair and clothes, or none.
     """
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
@@ -179,8 +181,9 @@ def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
     dark backpack, a box on the floor, and a frame on the board.
 
     Args:
-        focal_baseline_px_mm: f B of the camera. The scene grows with it, so that all cameras see
-            the same disparities: 11 px on the wall, up to 98 px on the board.
+        focal_baseline_px_mm: focal length times baseline of the camera. The scene is scaled with
+            it, so that all cameras see the same disparities: 11 px on the wall, up to 98 px on the
+            board.
     """
     table = read_toml(Path(__file__).with_name("room_corner.toml"))["rectangles"]
     mesh = merge_meshes(*(rectangle(x, y, z, albedo) for x, y, z, albedo in table))
@@ -191,8 +194,8 @@ def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
 def mug_before_walls() -> Mesh:
     """Build a simple model of an Azure Kinect's real frame: a mug before walls.
 
-    Distances are read off the frame: a mug at 0.26 m, its handle at 0.3 m, a wall that recedes on
-    the left, 0.38 m beside the camera, and one behind at 1.55 m.
+    Distances are read from the frame: the mug is at 0.26 m, its handle at 0.3 m. On the left, 0.38
+        m beside the camera, a side wall recedes; the back wall is at 1.55 m.
     """
     mug = _cylinder((-71.0, 303.0), 41.0, (-18.0, 88.0), _MUG_ALBEDO)
     handle = _cylinder((2.0, 306.0), 6.0, (5.0, 75.0), _HANDLE_ALBEDO)

@@ -20,16 +20,17 @@ from glsim.core.array_types import Array
 
 _FOLDS = 5
 _STRATA = 8
-#: Number of boosted trees and their depth; chosen: a second for 10,000 patches.
+#: Number of boosted trees, and depth of each tree. Chosen: training on 10,000 patches takes 1 s.
 _TREES, _TREE_DEPTH = 80, 4
-#: Standardised features are clipped here, so that single patches do not decide; chosen.
+#: Largest absolute value of a standardised feature; larger values are clipped, so that no single
+#: patch decides. The value was chosen, not measured.
 _CUT = 4.0
-#: Fewest matched patches of each set for an AUC: four per fold.
+#: Smallest number of matched patches per set for which an AUC is computed: four in each fold.
 LEAST_PATCHES = 20
-#: Number of features that a verdict lists.
+#: Number of features listed in a verdict.
 _LISTED = 3
 
-#: AUC of the regression and of the trees, then their standard errors.
+#: AUC of the regression, AUC of the trees, standard error of the first, of the second.
 _Aucs = tuple[float, float, float, float]
 _UNKNOWN: _Aucs = (math.nan, math.nan, math.nan, math.nan)
 
@@ -39,10 +40,10 @@ class TellingFeature:
     """A feature whose values differ between the sets.
 
     Attributes:
-        feature: its name.
+        feature: name of the feature.
         auc: AUC of this feature alone, 0.5 to 1.
-        first, second: its median in each set.
-        apart: difference of the medians over the mean of the two interquartile ranges.
+        first, second: median of the feature in the first and in the second set.
+        apart: difference of the medians, divided by the mean of the two interquartile ranges.
     """
 
     feature: str
@@ -57,10 +58,10 @@ class Verdict:
     """Result of the classifier on one kind of patches.
 
     Attributes:
-        auc: of the logistic regression, mean over five folds of views; NaN with too few patches.
+        auc: AUC of the logistic regression, mean over five folds; NaN with too few patches.
         boosted_auc: AUC of the boosted trees.
-        auc_error, boosted_auc_error: standard errors, from the spread of the folds.
-        patches: number in each set, matched.
+        auc_error, boosted_auc_error: standard errors of both, from the spread over the folds.
+        patches: number of matched patches in each set.
         telling: the features whose medians differ most.
     """
 
@@ -82,8 +83,8 @@ def tell_apart(
 
     Args:
         first, second: patches of one kind.
-        first_views, second_views: number of the view that each frame shows; frames of a static
-            recording show one. Default: every frame shows its own.
+        first_views, second_views: number of the view of each frame; all frames of a static
+            recording have the same number. Default: every frame has another view.
     """
     a, b = _matched(first.matched, second.matched)
     if min(len(a), len(b)) < LEAST_PATCHES:
@@ -98,7 +99,7 @@ def tell_apart(
 
 
 def _cross_validated(x: Array, label: Array, fold: NDArray[np.int64]) -> _Aucs:
-    """Compute the mean AUC over the folds of regression and trees, then both standard errors."""
+    """Cross-validate the regression and the trees; return both mean AUCs and standard errors."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from sklearn.linear_model import LogisticRegression
     from sklearn.metrics import roc_auc_score
@@ -139,7 +140,7 @@ def _telling(name: str, values: Array, label: Array) -> TellingFeature:
 
 
 def _folds(patches: Patches, views: Sequence[int] | None) -> NDArray[np.int64]:
-    """Assign a fold number to each patch by runs of views: frames near in time share a scene.
+    """Assign a fold to each patch; a fold has successive views, since these show the same scene.
 
     The frames of a static recording repeat its fixed noise, so all belong to one view. With fewer
     than five views, each view is cut into five bands of columns.

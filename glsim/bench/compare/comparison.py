@@ -33,7 +33,8 @@ from glsim.measures.stacks import ratio
 from glsim.measures.static import static_pairs, view_numbers
 from glsim.measures.validity import measure_invalid
 
-#: AUC of both classifiers for a simulated sensor's frames against their replay through that sensor.
+#: Lowest AUC that a replay can reach (regression / trees): simulated frames of a sensor, compared
+#: with their replay through the same sensor.
 _FLOORS = {
     "planes": "0.51 / 0.51",
     "curved": "0.59 / 0.57",
@@ -43,7 +44,7 @@ _FLOORS = {
 
 @dataclass(frozen=True)
 class Measurements:
-    """All measures of one set; ``size`` is (width, height), px; no ``light`` without infrared."""
+    """All measures of one set; ``size``: (width, height), px; ``light``: None without infrared."""
 
     title: str
     frames: int
@@ -58,7 +59,7 @@ class Measurements:
 
 @dataclass(frozen=True)
 class Row:
-    """A table row: one measure of both sets, compared by second / first or by second - first."""
+    """A table row: a measure of both sets, and its change: second / first or second - first."""
 
     group: str
     name: str
@@ -147,7 +148,7 @@ class Comparison:
         return {key: without_nan(value) for key, value in tree.items()}
 
 
-#: One line of a set: group, name, unit, and whether sets are compared by their ratio -> value.
+#: Measures of one set: (group, name, unit, whether two sets are compared by ratio) -> value.
 _Lines = dict[tuple[str, str, str, bool], float]
 
 

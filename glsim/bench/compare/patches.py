@@ -1,8 +1,8 @@
 """Small depth patches and their fixed features, for the classifier.
 
-Surface patches are 16 x 16 px without holes and steps; their features describe the residual from a
-quadric, so that shape and pose do not count. Silhouette patches are 13 rows x 24 px around the rim,
-mirrored so that the foreground is on the left. No feature uses infrared.
+Surface patches have 16 x 16 px without holes and depth steps. A quadric is subtracted from each, so
+that the features describe the noise and not the shape or the pose. Silhouette patches have 13 rows
+x 24 columns around a rim, mirrored so that the foreground is on the left. No feature uses infrared.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from glsim.measures.measured_frame import lit, surfaces
 from glsim.measures.quadrics import quadric_basis
 from glsim.measures.silhouettes import HEAD_SHIFTS, find_edges
 
-#: One patch: frame number, first column, matched quantity, features.
+#: One patch: frame number, first column (px), ``Patches.matched``, features.
 _Patch = tuple[int, int, float, Array]
 
 KINDS = ("planes", "curved", "silhouettes, lit side", "silhouettes, shadow side")
 SIDE_PX = 16
 _ROWS, _FRONT_PX, _BACK_PX = 13, 8, 16
-#: Most patches of a kind from one frame.
+#: Largest number of patches of one kind that are taken from a frame.
 MOST_PER_FRAME = 120
-#: A patch is curved if a quadric explains this share of the variance about a plane.
+#: A patch counts as curved if a quadric explains at least this share of its variance about a plane.
 _CURVED = 0.5
-#: Largest residual of a patch without an edge, mm and mm per m of distance.
+#: Largest residual of a patch without a depth edge: a constant (mm) plus a growth (mm per m).
 _ROUGHEST_MM, _ROUGHEST_MM_PER_M = 3.0, 2.0
 
 SURFACE_FEATURES = (
@@ -70,7 +70,8 @@ class Patches:
         features: (N, F) values.
         frame: (N,) frame numbers.
         column: (N,) first columns, px.
-        matched: (N,) log of the distance in mm for surfaces, S in px per m for silhouettes.
+        matched: (N,) quantity that both sets must have equally often: log of the distance in mm for
+            surfaces, S (disparity step in px per m of baseline) for silhouettes.
     """
 
     names: tuple[str, ...]
@@ -81,7 +82,7 @@ class Patches:
 
 
 def surface_patches(frames: Sequence[DepthFrame]) -> dict[str, Patches]:
-    """Cut plane and curved surface patches from the frames, at every half patch."""
+    """Cut plane and curved surface patches from the frames; neighbours overlap by half a patch."""
     patches: dict[str, list[_Patch]] = {"planes": [], "curved": []}
     quadric = quadric_basis(SIDE_PX)
     plane = quadric[:, :3]
@@ -184,7 +185,7 @@ def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
     near_mm = np.minimum(0.25 * (back_mm - front_mm), 60.0)[:, None, None]
     front = np.abs(z - front_mm[:, None, None]) < near_mm
     back = np.abs(z - back_mm[:, None, None]) < near_mm
-    first = z.shape[-1] - front[..., ::-1].argmax(axis=-1)[..., None]  # after the last one
+    first = z.shape[-1] - front[..., ::-1].argmax(axis=-1)[..., None]  # after the foreground
     beyond = back & (column >= first)
     gap = (column >= first) & (column < beyond.argmax(axis=-1)[..., None])
     band = (column >= first) & (column < first + 8)
@@ -206,7 +207,7 @@ def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
 
 
 def _rough(z: Array, used: NDArray[np.bool_]) -> Array:
-    """Compute the logarithm of each patch's roughness: its mean second difference along rows.
+    """Compute the logarithm of each patch's roughness, the mean second difference along rows.
 
     Args:
         z: (N, H, W) depth, mm.

@@ -1,8 +1,8 @@
 """Replay of real frames: the surfaces of each frame are rendered through a simulated sensor.
 
 Both sets then show equal scenes and differ by the camera alone. The reflectivity of a surface is
-the real infrared over simulated infrared of the same surfaces at an even reflectivity; without
-infrared, every surface reflects like skin.
+the real infrared divided by the simulated infrared of the surface at a uniform reflectivity.
+Without infrared, every surface reflects like skin.
 """
 
 from __future__ import annotations
@@ -33,25 +33,26 @@ from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
 
-#: Standard deviation of the smoothing window over the distance at which the noise's correlation is
-#: one half; limits of that deviation, px; quantile of the correlation over tiles of 40 x 40 px
-#: (low, since bends of faces and cloth look correlated too). Chosen: a Kinect V2's noise reaches
-#: 1.5 px and is reduced to a fifth by 3 px, a D435's reaches 5 px and needs 9.
+#: Standard deviation of the smoothing window: its ratio to the distance at which the noise's
+#: correlation is 0.5, and its limits, px. The third number is the quantile of the correlation over
+#: tiles of 40 x 40 px; it is low, since bends of faces and cloth look correlated too. Chosen: noise
+#: of a Kinect V2 is correlated over 1.5 px and is reduced to a fifth by a window of 3 px; noise of
+#: a D435 is correlated over 5 px and needs a window of 9 px.
 _SMOOTH_OVER_CORRELATION, _SMOOTH_PX, _FLATTEST = 2.0, (3.0, 10.0), 0.1
-#: Even reflectivity of the first capture: no surface beyond 0.3 m saturates.
+#: Uniform reflectivity in the first capture; with it, no surface beyond 0.3 m saturates.
 _EVEN_ALBEDO = 0.25
-#: Range of reflectivity; only surfaces that shine back at the lens are brighter. Chosen.
+#: Smallest and largest reflectivity. Chosen: only retroreflectors are brighter.
 _LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
-#: Standard deviation by which infrared images are smoothed before their ratio, px, and least
-#: infrared for a ratio, counts; chosen: above the noise.
+#: Infrared images are smoothed by a Gaussian before their ratio is computed: its standard
+#: deviation, px; and the smallest infrared for a ratio, counts. Chosen: above the noise.
 _LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
 #: The median depth lies beyond the first share of a gate's near limit, the 2nd percentile beyond
 #: the second share of the resulting limit; chosen.
 _BEYOND_GATE, _NEAREST = 0.75, 0.35
-#: Number of frames to measure the noise in; more do not change the smoothing.
+#: Number of frames in which the noise is measured; more frames do not change the smoothing.
 _SOME_FRAMES = 4
-#: Widest hole of a surface to close, px, without and with infrared. Chosen: with infrared the
-#: replay knows how dark the surface is and can lose it again.
+#: Widest hole in a surface that is closed, px: without and with infrared. Chosen: with infrared,
+#: the replay knows how dark the surface is, so that the simulated sensor can lose it again.
 _WIDEST_HOLE_PX = (12, 80)
 
 
@@ -65,19 +66,21 @@ def replay(
 ) -> Frames:
     """Render the surfaces of real frames through a sensor.
 
-    Static frames of ``real`` show one scene here too. If the real shadows lie on the other side
-    than the sensor's, the frames are mirrored, as those of libfreenect2: the replay renders them
-    unmirrored and mirrors its result. Range gates of the sensor are widened to the depths of
-    ``real``.
+    Static frames of ``real`` are rendered as one static scene. If shadows lie on one side in
+    ``real`` and on the other in the sensor's frames, ``real`` is mirrored, as libfreenect2's frames
+    are: the replay renders the scene unmirrored and mirrors its result. Range gates of the sensor
+    are widened to the depths of ``real``.
 
-    Raises ConfigError for an unknown sensor, and for depths far outside its range: another unit.
+    Raises ConfigError for an unknown sensor, and for depths far outside its range, which are most
+    likely in another unit.
 
     Args:
         real: the frames; their intrinsics replace the sensor's.
         sensor: name of a sensor, or a sensor file.
         seed: seed of the device and its noise.
         assignments: parameters of the sensor's stages, in the form of ``--set``.
-        smooth_px: standard deviation of the smoothing. Default: by the noise's correlation.
+        smooth_px: standard deviation of the smoothing window. Default: from the noise's
+            correlation.
 
     Returns:
         Frames with the names, size and order of ``real``.

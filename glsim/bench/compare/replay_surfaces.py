@@ -25,32 +25,39 @@ from glsim.measures.quadrics import local_planes
 
 Labels = NDArray[np.int64]
 
-#: Largest difference of neighbours on one surface over the median difference at their distance,
-#: for large noise; bounds of the classes of distance, mm. Chosen.
+#: Neighbours on one surface differ by at most this multiple of the median difference at their
+#: distance, where noise is large; and the bounds of the classes of distance, mm. Both were chosen,
+#: not measured.
 _STEP_NOISE, _BINS_MM = 8.0, np.geomspace(200.0, 8000.0, 17)
-#: Fewest pixels of a surface; smaller groups are flying pixels and speckle. Chosen.
+#: Smallest number of pixels in a surface; smaller groups are flying pixels and speckle. The value
+#: was chosen, not measured.
 _LEAST_PX = 40
-#: Step between slabs of the smoothing, share of the depth (each plane is fitted to three slabs),
-#: and least share of a window with depth in its slab. Chosen: a rail of 5 px has half.
+#: The smoothing divides depth into slabs and fits each plane to three of them: thickness of a slab
+#: as a share of the depth, and the share of a window's pixels that must lie in the slab. Chosen: a
+#: rail 5 px wide fills half of its window.
 _SLAB, _LEAST_NEIGHBOURS = 0.06, 0.2
-#: Depths at the ends of a gap belong to two surfaces if they differ by more than this many times
-#: the largest difference of neighbours on one surface; chosen.
+#: The two ends of a gap belong to different surfaces if their depths differ by more than this
+#: multiple of the largest difference of neighbours on one surface. Chosen, not measured.
 _APART = 3.0
-#: Pixels by which the near surface of a gap is extended; chosen: half of the gap of two to three
-#: pixels that all cameras leave on the side without shadow.
+#: Number of pixels by which a near surface is extended into the gap beside it. Chosen: half of the
+#: two to three pixels that all cameras leave empty on the side without shadow.
 _RIM_PX = 1
-#: Widest gap to fill, px: inside the image (a head at 0.6 m before a wall at 3 m has 24), and at
-#: its border (the empty band of a D435 at 0.4 m).
+#: Widest gap that is filled, px. Inside the image: a head at 0.6 m before a wall at 3 m has a gap
+#: of 24 px. At the image border: a D435 at 0.4 m leaves an empty band.
 _WIDEST_GAP_PX, _WIDEST_BAND_PX = 80, 60
-#: Extension of a far surface behind a near surface, px: more than any camera here sees around it.
+#: Number of pixels by which a far surface continues behind a near surface. No camera of glsim sees
+#: that far around the near surface.
 _BEHIND_PX = 60
-#: Classes of noise: bounds of infrared, counts (without infrared: of depth, mm); fewest pixels; and
-#: the quantile of the variance that stands for the smoothest surfaces. Chosen.
+#: Noise is measured in classes of infrared, or of depth without infrared: the bounds of the
+#: classes, counts or mm; the smallest number of pixels in a class; and the quantile of the variance
+#: that represents the smoothest surfaces. All three were chosen, not measured.
 _CLASSES, _LEAST_CLASS_PX, _SMOOTHEST = np.geomspace(100.0, 65_000.0, 34), 500, 0.25
-#: Least variance of relief over the noise floor. The lower quartile is 0.8 of the variance of noise
-#: alone in a window of 3 px, so three quarters of a plane keep no relief; chosen.
+#: Variance is relief only above this multiple of the noise floor. Chosen: for noise alone, the
+#: lower quartile in a window of 3 px is 0.8 of the variance, so that three quarters of a plane keep
+#: no relief.
 _RELIEF_OVER_NOISE = 1.7
-#: Distance from a rim within which no relief stays, px, because of flying pixels. Chosen.
+#: Relief is removed up to this distance from a rim, px, since flying pixels look like relief. The
+#: value was chosen, not measured.
 _RELIEF_RIM_PX = 2
 
 
@@ -62,9 +69,9 @@ class ReplaySurfaces:
         front_mm: (H, W) smoothed depth of the visible surfaces, mm; NaN = unknown.
         behind_mm: (H, W) depth of far surfaces behind the rims of near surfaces; NaN elsewhere.
         label: (H, W) number of the surface of ``front_mm``; -1 = none.
-        light_from: (H, W) flat index of the pixel that gives ``front_mm`` its reflectivity: the
-            pixel itself; in a filled gap, the end of the surface that fills it.
-        behind_from: (H, W) flat index of the pixel that gives ``behind_mm`` its reflectivity.
+        light_from: (H, W) flat index of the pixel from which ``front_mm`` takes its reflectivity.
+            It is the pixel itself; in a filled gap, it is the last pixel of the filling surface.
+        behind_from: (H, W) flat index of the pixel from which ``behind_mm`` takes its reflectivity.
     """
 
     front_mm: Array
@@ -86,7 +93,8 @@ def find_surfaces(
         depth_mm: (H, W) mm, NaN where there is no depth.
         smooth_px: standard deviation of the Gaussian window of the smoothing, px.
         widest_hole_px: widest hole within a surface to close.
-        noise_mm2: (H, W) variance of the camera's noise, mm^2: rougher relief stays. None: none.
+        noise_mm2: (H, W) variance of the camera's noise, mm^2; relief above it stays. Default: no
+            relief stays.
     """
     label, front = smooth_surfaces(depth_mm, smooth_px)
     if noise_mm2 is not None:
@@ -127,7 +135,7 @@ def mesh_of(surfaces: ReplaySurfaces, camera: Intrinsics, albedo: Array) -> Mesh
 
 
 def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.int32]]:
-    """Return the used pixels (flat indices) and their triangles, which face the camera."""
+    """Return the flat indices of the pixels with depth, and the triangles between them."""
     corners = grid_triangles(depth.shape)
     z = depth.ravel()[corners]
     low, high = z.min(axis=1), z.max(axis=1)
@@ -147,7 +155,8 @@ def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[La
     """Number the surfaces of a depth map and smooth each surface.
 
     Returns:
-        (H, W) number of the surface, -1 = none, and (H, W) smoothed depth, mm, NaN there.
+        (H, W) number of each pixel's surface, -1 = none; and (H, W) smoothed depth, mm, NaN for
+        pixels without a surface.
     """
     label = _connected(depth_mm)
     smooth = _smoothed(depth_mm, label >= 0, smooth_px)
@@ -194,12 +203,12 @@ def _limit_mm(depth_mm: Array, differences: Array, at: Array) -> Array:
 
 
 def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Array:
-    """Smooth by planes in 1 / z within depth slabs, so that touching surfaces do not mix."""
+    """Smooth by planes in 1 / z. Planes are fitted within depth slabs, so surfaces do not mix."""
     if not known.any():
         return np.full(depth_mm.shape, np.nan)
     level = np.where(known, np.log(np.where(known, depth_mm, 1.0)) / _SLAB, -10.0)
     lower = np.floor(level)
-    above = level - lower  # share of the slab above, for a smooth change from slab to slab
+    above = level - lower  # weight of the next slab, so that slabs blend smoothly
     total, weight = np.zeros(depth_mm.shape), np.zeros(depth_mm.shape)
     away = np.arange(-np.ceil(3 * sigma_px), np.ceil(3 * sigma_px) + 1)
     gaussian = np.exp(-0.5 * (away / sigma_px) ** 2)
@@ -225,11 +234,11 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
-    """Variance of the camera's noise, from smoothing residuals of the smoothest surfaces.
+    """Variance of the camera's noise, from measured minus smoothed depth on smooth surfaces.
 
     Attributes:
-        at: (N,) infrared, counts, or depth, mm, in the middle of each class.
-        variance_mm2: (N,) of the difference from the smoothed depth; empty with too few pixels.
+        at: (N,) middle of each class: infrared in counts, or depth in mm.
+        variance_mm2: (N,) variance of measured minus smoothed depth; empty with too few pixels.
     """
 
     at: Array
@@ -246,7 +255,8 @@ class NoiseFloor:
 def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseFloor:
     """Measure the noise of the smoothest surfaces over infrared (or over depth without infrared).
 
-    Either all frames have infrared or none; ``sigma_px``: of the Gaussian smoothing window, px.
+    Either all frames have infrared or none. ``sigma_px``: standard deviation of the smoothing
+    window, px.
     """
     variances, drivers = [], []
     for frame in frames:
@@ -274,17 +284,19 @@ def keep_relief(
 ) -> Array:
     """Restore in smoothed depth the relief that exceeds the noise: cloth, hair, print.
 
-    The floor is the noise of the real frames, so that a sensor with too little noise gains nothing.
+    The noise floor is measured in the real frames. If real noise were rendered as relief, a
+    simulated sensor with too little noise would seem realistic.
 
     Args:
         depth_mm: (H, W) measured depth, mm.
         smooth_mm: (H, W) smoothed depth, mm, NaN where unknown.
         label: (H, W) number of the surface of each pixel; -1 = none.
-        variance_mm2: (H, W) of the camera's noise, mm^2.
+        variance_mm2: (H, W) variance of the camera's noise, mm^2.
         sigma_px: standard deviation of the Gaussian window, px.
 
     Returns:
-        (H, W) mm: smoothed depth plus a share of the difference, (variance - noise) / variance.
+        (H, W) mm: smoothed depth plus (variance - noise) / variance of the difference between
+        measured and smoothed depth.
     """
     difference = depth_mm - smooth_mm
     variance = _local_variance(difference, label >= 0, sigma_px)
@@ -331,7 +343,7 @@ def _fill_gap(
 ) -> None:
     """Fill the pixels between columns a and b of a row; -1 and the width mean the image border."""
     width = len(z)
-    if a < 0 or b >= width:  # the band at the border: the surface goes on
+    if a < 0 or b >= width:  # a gap at the image border: the surface continues to it
         chosen, end = (slice(0, b), b) if a < 0 else (slice(a + 1, width), a)
         parts = [(chosen, end)] if b - a - 1 <= _WIDEST_BAND_PX else []
     elif b - a - 1 > _WIDEST_GAP_PX:
@@ -354,7 +366,7 @@ def _fill_gap(
 
 
 def _behind_rows(front: Array, index: Labels) -> tuple[Array, Labels]:
-    """Extend far surfaces behind the rims of near surfaces: depth, mm, and source pixel."""
+    """Extend far surfaces behind near surfaces; return (H, W) depth, mm, and source pixels."""
     out, place = np.full(front.shape, np.nan), np.zeros(front.shape, np.int64)
     width = front.shape[1]
     with np.errstate(invalid="ignore"):
@@ -369,7 +381,7 @@ def _behind_rows(front: Array, index: Labels) -> tuple[Array, Labels]:
         with np.errstate(invalid="ignore"):
             open_from = np.flatnonzero(~(z[span] < z[far] - 1.0))
         span = span[: open_from[0]] if open_from.size else span
-        span = span[~(out[row, span] <= z[far])]  # NaN: nothing was continued there yet
+        span = span[~(out[row, span] <= z[far])]  # NaN: no surface was extended to this pixel yet
         # The two meshes overlap by a pixel.
         out[row, span], place[row, span] = z[far], index[row, far]
         out[row, far], place[row, far] = z[far], index[row, far]

@@ -1,8 +1,8 @@
 """Fit of a camera's wiggling: a depth error that is periodic in distance.
 
-Deviations from planes with the periods of the harmonics are wiggling. The recording must show
-undistorted planes that together cover 0.65 m of distance along the rays: a slanted wall, a floor,
-or several walls. More distance makes the error smaller.
+Planes are fitted to the recording; a residual with the period of a harmonic is wiggling. The planes
+must together cover 0.65 m of distance along the rays, without lens distortion: a slanted wall, a
+floor, or several walls. A longer range makes the error smaller.
 """
 
 from __future__ import annotations
@@ -25,22 +25,23 @@ from glsim.sensors.wiggling import CYCLES, Wave
 #: Half a wavelength at 1 MHz, mm: speed of light / 2.
 _HALF_WAVE_MM_MHZ = 149_896.229
 
-#: Frequencies of the result, MHz. Waves at 16 MHz, whose cycle of 3.1 m is longer than the planes
-#: of a room, are fitted with the usual size as a prior, so that they do not bias the others.
+#: Frequencies of the result, MHz. A wave at 16 MHz has a cycle of 3.1 m, longer than the planes of
+#: a room. It is fitted with a prior of the usual size, so that it does not bias the other waves.
 FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
 
 #: Number of fitted waves, and the frequency of each coefficient: cosines, then sines.
 _WAVES = len(CYCLES) * len(FREQUENCIES_MHZ)
 _MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
-#: Usual size of a wave, mm, measured on a Kinect V2.
+#: Typical amplitude of a wave, mm, measured on a Kinect V2.
 _USUAL_MM = 1.5
-#: Side of the tiles of the jackknife, px; chosen.
+#: Side of an image tile that the jackknife leaves out, px. The value was chosen, not measured.
 _TILE_PX = 64
 
-#: Least range of distances of the planes, mm: the longest period of the result, 625 mm.
+#: Smallest range of distances that the planes must cover, mm: a little over the longest period of
+#: the result, 625 mm.
 _LEAST_SPAN_MM = 650.0
 _LEAST_PIXELS = 5000
-#: Most planes; chosen above the number in a room, each takes a search of 0.1 s.
+#: Largest number of planes. Chosen above the number in a room; the search takes 0.1 s per plane.
 _MOST_PLANES = 8
 _STEP_MM = 10.0
 _INLIER_MM = 12.0
@@ -55,7 +56,7 @@ class Wiggling:
     (fifth) times the phase of the light.
 
     Attributes:
-        amplitude: harmonic -> size relative to the fundamental, mean over FITTED_MHZ.
+        amplitude: harmonic -> its size relative to the fundamental wave, mean over FITTED_MHZ.
         phase_rad: harmonic -> (len(FITTED_MHZ),) phases.
         error: harmonic -> standard error of the size.
         sizes: harmonic -> (len(FITTED_MHZ),) sizes.
@@ -95,9 +96,9 @@ def fit_wiggling(
     """Fit the harmonics to all planes of the scene together.
 
     Args:
-        statistics: of a recording without lens distortion, which would bend planes more.
+        statistics: statistics of a recording without lens distortion, which would bend planes.
         image: intrinsics of the recording.
-        emitter_m: position of the emitter in the camera frame.
+        emitter_m: (x, y, z) of the emitter in the camera frame.
 
     Returns:
         The harmonics; None if the planes cover too short a range of distances along the rays.
@@ -164,7 +165,7 @@ def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array
         left += float((target**2).sum())
         pixels += len(target)
     noise = 9.0 * left / pixels
-    # Other frequencies are held to the usual size.
+    # The prior keeps waves of the other frequencies near the typical amplitude.
     prior = np.where(np.isin(_MHZ_OF, FITTED_MHZ), 0.0, noise / _USUAL_MM**2)
     whole, target = np.sum(squares, axis=0) + np.diag(prior), np.sum(products, axis=0)
     fit = np.linalg.lstsq(whole, target, rcond=None)[0]

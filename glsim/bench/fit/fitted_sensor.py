@@ -1,4 +1,4 @@
-"""The sensor that a fit writes: a shipped sensor with fitted values, in a TOML file."""
+"""The result of a fit: a shipped sensor with fitted values, written as a TOML file."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class FittedSensor:
 
     Attributes:
         text: the sensor file.
-        lines: results: name -> text.
+        lines: name of a result -> its text.
         notes: remarks for the user.
-        map_mm: (H, W) float32 fixed pattern of the device, mm, NaN = unknown; None: not measured.
+        map_mm: (H, W) float32 fixed pattern of the device, NaN = unknown. None: not measured.
         table: temporal noise by distance and radius; None for cameras that match images.
     """
 
@@ -48,7 +48,7 @@ def recording_camera(
         stated: intrinsics that the recording states.
         own: intrinsics of the base sensor, for a recording that states none of this size.
         focal_px: focal length that the user gives.
-        other_px: focal length if neither has this size. Without it: ConfigError.
+        other_px: focal length to use if neither intrinsics have this size; None raises ConfigError.
     """
     known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
     fx = fy = focal_px or other_px or 0.0

@@ -21,32 +21,35 @@ from glsim.sensors.kinect_v2 import (
     white_sigma_mm,
 )
 
-#: Number of classes of equal light, and least number of pixels of a class.
+#: Number of classes of pixels with equal light, and smallest number of pixels in a class.
 _CLASSES = 40
 _LEAST_CLASS = 50
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
 
-#: Distance of the neighbours that give a normal, px; chosen.
+#: A normal is computed from neighbours at this distance, px. The value was chosen, not measured.
 _LAG_PX = 4
 
-#: Least cosine between normal and light.
+#: Smallest cosine of the angle between a surface's normal and the light that a fit uses.
 _LEAST_FACING = 0.5
 
-#: Least amplitude at which phases are Gaussian, as the model assumes (measured).
+#: Smallest amplitude that a fit uses. Measured: below it, the noise of a phase is not Gaussian, as
+#: the model assumes.
 _LEAST_AMPLITUDE = 15.0
 
-#: Derived: noise reduction of libfreenect2's 3 x 3 filter, and variance of rounding a tap.
+#: Derived: factor by which libfreenect2's 3 x 3 filter reduces noise, and variance that rounding
+#: adds to a tap.
 FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
 
-#: Bright surfaces: quantile of the light of smooth pixels.
+#: Smooth pixels above this quantile of light are bright surfaces.
 _BRIGHT_SHARE = 0.95
-#: Pairs of frames for noise over infrared; more change no printed digit.
+#: Number of pairs of frames in which noise over infrared is measured; more pairs change no printed
+#: digit.
 _PAIRS = 12
 
 
 class TapNoise(NamedTuple):
-    """Noise of a tap: variance in the dark, LSB^2, and its growth per LSB of light, LSB."""
+    """Noise of a tap: variance in the dark (LSB^2), and growth of the variance with light (LSB)."""
 
     read_variance: float = TAP_READ_LSB2
     shot_variance: float = TAP_SHOT_LSB
@@ -54,7 +57,7 @@ class TapNoise(NamedTuple):
 
 @dataclass(frozen=True)
 class LightProfile:
-    """Light over the image by the tangent t of the angle to the axis; uniform by default.
+    """Light as a function of t, the tangent of the angle to the optical axis; default: uniform.
 
     (tail + (1 - tail) exp(min(flat_to - t, 0) / fall_off)) cos^vignetting.
     """
@@ -76,12 +79,14 @@ class InfraredLaw:
     """Law of light and noise as functions of infrared counts.
 
     Attributes:
-        gain: amplitude of a white wall at 1 m (libfreenect2's infrared units), NaN without a bright
-            surface near the centre.
-        law: sigma^2 = a^2 + (b / IR)^2.
-        floor_mm: noise independent of light, without the noise of the taps.
-        noise_error: relative standard error of the taps' noise; infinite for equal brightness.
-        tap_scale: variance of the taps over the base sensor's.
+        gain: amplitude of a white wall at 1 m (libfreenect2's infrared units); NaN if no bright
+            surface is near the image centre.
+        law: a and b of sigma^2 = a^2 + (b / IR)^2.
+        floor_mm: part of the noise that does not depend on light; it excludes the noise of the
+            taps.
+        noise_error: relative standard error of the taps' noise; infinite if all pixels are equally
+            bright.
+        tap_scale: variance of the taps, divided by the variance of the base sensor's taps.
     """
 
     gain: float
@@ -102,7 +107,7 @@ def fit_infrared(
     """Fit the gain and the noise law to a recording with infrared.
 
     Args:
-        statistics: measured in the frames.
+        statistics: statistics of the recording.
         frames: the recording.
         albedo: reflectivity of the brightest surfaces, relative to white.
         taps: noise of the base sensor's taps.
@@ -160,14 +165,15 @@ def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
 class NoiseModel:
     """Noise of depth: sigma^2 = floor^2 + (white(a) cosine)^2 + unit^2 / 12, a = amplitude * light.
 
-    The cosine between ray and axis projects the noise of the light, white(a), to depth.
+    white(a) is the noise along a ray that light causes; the cosine of the angle between the ray and
+    the optical axis projects it to depth.
 
     Attributes:
         amplitude: amplitude of a white wall at 1 m (libfreenect2's infrared units).
         amplitude_error: relative standard error of the amplitude; infinite = undetermined.
-        floor_mm: noise independent of light.
-        light: (N,) light of the classes of pixels, relative to a facing wall at 1 m.
-        sigma_mm: (N,) noise of the classes.
+        floor_mm: part of the noise that does not depend on light.
+        light: (N,) light of each class of pixels, relative to a frontal wall at 1 m.
+        sigma_mm: (N,) noise of each class.
     """
 
     amplitude: float
@@ -194,11 +200,11 @@ def fit_noise_model(
     """Fit amplitude and floor by weighted least squares over classes of equal light.
 
     Args:
-        statistics: of a recording.
+        statistics: statistics of the recording.
         image: intrinsics of the recording.
         albedo: reflectivity of the scene, relative to a white wall.
         unit_mm: step of the depth files.
-        profile: light over the image.
+        profile: distribution of the light over the image.
         emitter_m: position of the emitter in the camera frame.
         taps: noise of the base sensor's taps.
     """
@@ -221,7 +227,7 @@ def fit_noise_model(
 def _search(
     light: Array, squared: Array, variance: Array, weight: Array, taps: TapNoise
 ) -> tuple[float, float, float]:
-    """Find the amplitude with the least misfit, its relative standard error, and its floor, mm."""
+    """Find the amplitude with the smallest misfit; return it, its relative error, floor (mm)."""
     misfit, floors = np.empty(len(_AMPLITUDES)), np.empty(len(_AMPLITUDES))
     for number, amplitude in enumerate(_AMPLITUDES):
         sigma_mm = white_sigma_mm(amplitude * light, FILTER_GAIN, _TAP_ROUNDING_LSB2, *taps)
@@ -229,7 +235,8 @@ def _search(
         floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
-    # One standard error away the misfit has risen by the mean misfit of a class.
+    # One standard error away from the best amplitude, the misfit is larger by the mean misfit per
+    # class.
     freedom = len(light) - 2
     rise = max(misfit[best] / freedom, 1.0) if freedom > 0 else np.inf
     good = np.flatnonzero(misfit <= misfit[best] + rise)
@@ -251,12 +258,12 @@ def facing_light(
 ) -> Array:
     """Compute the (H, W) light of each pixel relative to a frontal wall at 1 m.
 
-    NaN where neighbours are missing, and on slanted surfaces, whose noise has other causes too.
+    NaN where neighbours are missing, and on slanted surfaces, where noise has further causes.
 
     Args:
         mean_mm: (H, W) mean depth, NaN = none.
-        image: of the recording.
-        profile: directions of the emitter's light.
+        image: intrinsics of the recording.
+        profile: distribution of the emitter's light over directions.
         emitter_m: position of the emitter in camera axes, m.
     """
     rays = _rays(image)
@@ -277,7 +284,7 @@ def facing_light(
 def _classes(
     light: Array, squared: Array, variance: Array, frames: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Average pixels in classes of equal light: (N,) light, squared cosine, variance, weight."""
+    """Average classes of equal light; return (N,) light, squared cosine, variance and weight."""
     edges = np.geomspace(light.min() * 0.999, light.max() * 1.001, _CLASSES + 1)
     which = np.digitize(light, edges) - 1
     rows = []

@@ -22,8 +22,8 @@ from glsim.measures.quadrics import local_planes
 from glsim.measures.stacks import mean_of, moments
 from glsim.sensors.images import LARGEST_MM
 
-#: The map subtracts a plane from each window: side of the window, px, and least share of usable
-#: pixels; chosen. Errors that are smooth over more pixels look like the scene's shape.
+#: A pattern map is depth minus the best plane of a window: side of the window, px, and smallest
+#: share of usable pixels in it. Chosen: smoother errors look like the scene's shape.
 MAP_WINDOW_PX, _LEAST_WINDOW = 15, 0.2
 
 
@@ -33,11 +33,11 @@ def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], 
     A parameter is 0 where the frames are too few or too small to show it.
 
     Args:
-        halves: mean of the even frames and mean of the odd frames; the pattern is in both.
+        halves: mean of the even frames, and mean of the odd frames. Both contain the same pattern.
 
     Returns:
-        Parameters of the stage ``fixed_pattern``, mm (the alternation without its sign, which the
-        stage draws), and the correlation of single pixels at 1 px.
+        Parameters of the stage ``fixed_pattern``, mm, and the correlation of single pixels at 1 px.
+        The alternation has no sign, since the stage draws it at random.
     """
     measured = measure_pattern(halves)
     bands = np.array(measured.alternation_mm)  # half steps of odd rows, from the top to the bottom
@@ -57,7 +57,8 @@ def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     """Compute the (H, W) depth minus the best plane in windows of MAP_WINDOW_PX, mm.
 
-    NaN where the window has too few usable pixels, and beyond LARGEST_MM, which no pattern reaches.
+    NaN where the window has too few usable pixels, and for values above LARGEST_MM, since no
+    pattern is that large.
     """
     if not used.any():
         return np.full(used.shape, np.nan, np.float32)
@@ -69,14 +70,15 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     return np.where(enough, residual, np.nan).astype(np.float32)
 
 
-#: Least share of the frames in which a pixel has depth.
+#: A pixel is measured if it has depth in at least this share of the frames.
 _LEAST_VALID = 0.9
-#: Lag of second differences, px: beyond the reach of two 3 x 3 filters, and even, so that an
-#: alternation of rows cancels.
+#: Lag of second differences, px. Two 3 x 3 filters do not reach that far, and the lag is even, so
+#: that an alternation of rows cancels.
 _LAG_PX = 4
 _LEAST_PIXELS = 100
-#: Flat and even surfaces: largest second difference over 2 x 8 px, mm, and largest relative
-#: variation of infrared in 9 x 9 px. Chosen: an office and a board give the same rows and columns.
+#: Limits for flat, evenly bright surfaces: second difference over 2 x 8 px, mm, and relative
+#: variation of infrared in 9 x 9 px. Chosen: recordings of an office and of a board then give the
+#: same errors of rows and columns.
 _MOST_BEND_MM, _MOST_UNEVEN = 1.0, 0.08
 _LEAST_FLAT_PX = 2000
 
@@ -87,10 +89,10 @@ class RecordingStatistics:
 
     Attributes:
         frames: number of frames.
-        mean_mm: (H, W) mean over time, NaN where depth is rare.
-        variance_mm2: (H, W) variance over time, NaN where depth is rare.
-        smooth: (H, W) pixels of smooth, complete surfaces.
-        table: temporal noise by distance and radius, rounding subtracted.
+        mean_mm: (H, W) mean over time; NaN where too few frames have depth.
+        variance_mm2: (H, W) variance over time; NaN where too few frames have depth.
+        smooth: (H, W) mask of smooth surfaces without holes.
+        table: temporal noise by distance and radius; the noise of rounding is subtracted.
         correlation: correlation of the temporal noise between pixels, at LAGS.
         pattern: parameters of the stage ``fixed_pattern``, mm.
         pixel_correlation: correlation of the pattern's single pixels at 1 px.
@@ -119,7 +121,7 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
             "depth in nearly all frames: record walls, a floor, a table, and do not move"
         )
     noise = np.where(steady, variance / np.maximum(count, 1), 0.0)
-    # Only well-lit pixels: the noise of far walls would hide the pattern.
+    # Use well-lit pixels only: on far walls, noise would hide the pattern.
     lit = smooth & (noise <= 2.0 * np.median(noise[smooth]))
     whole = mean_frame(frames)
     flat = lit & _flat_mask(whole.infrared, mean, steady)
@@ -145,12 +147,13 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
 
 
 def _smooth_mask(mean: Array) -> Mask:
-    """Find pixels whose 9 x 9 window has no holes and is linear in depth, except for noise."""
+    """Find pixels whose 9 x 9 window has no holes and is a plane, except for noise."""
     bend = _bend(mean, _LAG_PX)
     known = np.isfinite(bend)
     if not known.any():
         return known
-    # The median bend is the noise of a wall; curved surfaces bend more than six times as much.
+    # The median second difference is the noise on a wall; on curved surfaces it is six times
+    # larger.
     limit = max(6.0 * float(np.median(bend[known])), 2.0)
     kernel = np.ones((2 * _LAG_PX + 1,) * 2, np.uint8)
     flat = (bend < limit).astype(np.uint8)

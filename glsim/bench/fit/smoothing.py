@@ -15,15 +15,15 @@ from glsim.bench.fit.noise_model import FILTER_GAIN, TapNoise
 from glsim.core.array_types import Array
 from glsim.measures.correlation import LAGS
 
-#: Reach of ``tof_smooth``, px, and the standard deviations of its Gaussian to try, px.
+#: Radius of ``tof_smooth``, px, and standard deviations of its Gaussian that are tried, px.
 _REACH_PX = 3
 _WIDTHS_PX = np.linspace(0.6, 10.0, 189)
-#: Correlation at LAGS after an even mean of 3 x 3 pixels: the narrow filter on a smooth surface.
+#: Correlation at LAGS after a mean of 3 x 3 pixels, which the narrow filter is on a smooth surface.
 _NARROW = np.array([max(3 - abs(down), 0) * max(3 - abs(right), 0) / 9.0 for down, right in LAGS])
-#: Largest rms difference from it, white noise added, that needs no other filter. Chosen: simulated
-#: Kinect V2s have 0.02.
+#: If the correlation differs from the narrow filter's (white noise added) by at most this rms, no
+#: other filter is needed. Chosen: simulated Kinect V2s differ by 0.02.
 _MOST_MISFIT = 0.05
-#: The filters of the two chains.
+#: The stages that filter in the two processing chains.
 NARROW, WIDE = "tof_bilateral", "tof_smooth"
 
 
@@ -33,8 +33,8 @@ class Smoothing:
 
     Attributes:
         width_px: standard deviation of the Gaussian.
-        share: share of the variance that passed the filter; the rest is white.
-        correlation: correlation of the sum at LAGS.
+        share: share of the variance that is filtered noise; the rest is white noise.
+        correlation: correlation of the total noise at LAGS.
     """
 
     width_px: float
@@ -45,7 +45,7 @@ class Smoothing:
 def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
     """Find the filter that explains the correlation of the temporal noise at LAGS.
 
-    None if the Kinect V2's own filter explains it, or if a correlation is unknown.
+    Returns None if the Kinect V2's own filter explains it, or if a correlation is unknown.
     """
     target = np.array(correlation[: len(LAGS)])
     if not np.isfinite(target).all():
@@ -62,7 +62,7 @@ def find_smoothing(correlation: Sequence[float]) -> Smoothing | None:
 
 
 def _misfit(filtered: Array, target: Array) -> tuple[float, float]:
-    """Fit the share of filtered noise (the rest is white); return it and the rms residual."""
+    """Fit the share of filtered noise (the rest is white); return it and the residual's rms."""
     share = float(np.clip((filtered @ target) / (filtered @ filtered), 0.0, 1.0))
     return share, float(np.sqrt(((share * filtered - target) ** 2).mean()))
 
@@ -72,8 +72,9 @@ def smoothed_values(
 ) -> dict[str, float]:
     """Adapt fitted parameters to a processing chain with a wider smoothing filter.
 
-    The noise of taps grows with the filter's gain, so that its output stays. White noise after the
-    filter is the floor: 1 - ``smoothing.share`` of the variance.
+    A wider filter removes more noise. The noise of the taps is raised, so that the filter's output
+    has the same noise as before. 1 - ``smoothing.share`` of the variance is white noise after the
+    filter; it becomes the floor.
 
     Args:
         values: fitted parameters for the narrow filter.

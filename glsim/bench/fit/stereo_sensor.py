@@ -1,7 +1,8 @@
 """Fit of an image-matching sensor to a recording, by simulating planes at equal distances.
 
 The base sensor, with the recording's focal length, baseline and unit, captures tilted planes at the
-distances of the recording; both are measured alike. Each measure is fitted by one parameter:
+distances of the recording. The same function measures the recording and the simulated planes. Each
+measure is fitted by one parameter:
 
     noise from frame to frame    stereo_exposure.speckle_sigma, the noise of the laser's light
     correlation between pixels   match_stereo.support_px, the side of the averaged region; then the
@@ -43,7 +44,7 @@ from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 from glsim.simulation.virtual_camera import VirtualCamera
 
-#: Frames to measure. Chosen: 23 differences give a tile's temporal noise to 3 %.
+#: Number of frames to measure. Chosen: 23 differences determine a tile's temporal noise to 3 %.
 FRAMES = 24
 #: Number of groups of tiles by distance; the fit simulates a plane for each group.
 _GROUPS = 3
@@ -61,8 +62,8 @@ class StereoStatistics:
         lattice: lattice of the depths; None: not found, and f B is the base sensor's.
         noise: noise of disparity, px.
         distances_mm: median distance of each of three groups of tiles, nearest first.
-        slopes: slope of each group, px of disparity per px, on which noise depends; a median,
-            because noise gives single tiles a slope.
+        slopes: median slope of each group, px of disparity per px; noise depends on it. A single
+            tile also has a slope that noise causes.
     """
 
     frames: int
@@ -127,20 +128,22 @@ def measure_stereo(
     )
 
 
-#: Base sensor for depths on a lattice: for frames of this size, and for other sizes.
+#: Base sensor of a recording whose depths lie on a lattice: by the size of the frames, and for all
+#: other sizes.
 _VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
-#: Number of frames to find a lattice in. Chosen: more frames add no new depths.
+#: Number of frames in which a lattice is searched. Chosen: more frames add no new depths.
 _LATTICE_FRAMES = 12
-#: Step and largest side of the averaged region, px.
+#: Step of the search for the side of the averaged region, and its largest value, px.
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
-#: Lags of LAGS_PX to compare: 1 to 8 px.
+#: Lags at which correlations are compared, as a slice of LAGS_PX: 1 to 8 px.
 _LAGS = slice(0, 6)
-#: First and largest value of a parameter; number of rounds, and bounds of the growth of the value's
-#: square in a round. Chosen: a round divides the error by about three.
+#: Search for the value of a parameter: first value, largest value, number of rounds, and smallest
+#: and largest factor of the squared value per round. Chosen: a round divides the error by about 3.
 _FIRST, _MOST, _ROUNDS, _RATIO = 0.1, 0.8, 4, (0.1, 8.0)
-#: Frames of a plane, its albedo (as in the sheets of ``glsim validate``), steepest tilt, degrees.
+#: A simulated plane: number of frames, albedo (as in the sheets of ``glsim validate``), and
+#: steepest tilt, degrees.
 _FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
-#: Stages that expose: for two imagers, for an imager and a pattern.
+#: Stages that simulate the exposure: of two imagers, and of an imager with a projected pattern.
 _EXPOSURES = ("stereo_exposure", "pattern_exposure")
 #: Fitted parameters: the side of the averaged region, and the device's own error.
 _SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
@@ -149,7 +152,8 @@ _SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
 def stereo_base(recording: Recording, base: str | None) -> str | None:
     """Return the sensor that a fit extends; None for a time-of-flight camera.
 
-    ``base``, named by the user, decides; otherwise the recording's statement or its lattice does.
+    It is ``base`` if the user names it. Otherwise the sensor that the recording states, or the
+    lattice of its depths, decides.
     Raises ConfigError if the named sensor does not match images.
     """
     if base is not None:
@@ -183,7 +187,8 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
     Args:
         recording: at least two frames of one view.
         base: sensor that the written file extends.
-        focal_px: focal length of the recording. None: as stated, the base's, or by its baseline.
+        focal_px: focal length of the recording. None: as the recording states; else the base's, or
+            from the base's baseline.
 
     Raises:
         ConfigError: the focal length is not known.
@@ -278,7 +283,8 @@ class _Fit:
         disparity: list[Array] = []
         pairs: list[tuple[int, int]] = []
         for z_mm, slope in zip(self.statistics.distances_mm, self.statistics.slopes, strict=True):
-            # Per pixel, z / f sideways, disparity changes by slope and depth by z^2 slope / (f B).
+            # One pixel is z / f wide. Over it, disparity changes by slope, and depth by z^2 slope /
+            # (f B).
             steep = float(np.degrees(np.arctan(slope * z_mm * focal / product)))
             mesh = scenes.tilted(z_mm, min(steep, _MOST_TILT_DEG), _ALBEDO, half_mm=z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
@@ -290,7 +296,8 @@ class _Fit:
     def support(self) -> None:
         """Choose the matching window that gives the recording's correlation of temporal noise.
 
-        Starting at the base's window, tries larger, then smaller windows while the fit improves.
+        Starts at the window of the base sensor. Tries larger, then smaller windows as long as the
+        fit improves.
         """
         real = self.statistics.noise
         target = np.array([real.frame_rows[_LAGS], real.frame_columns[_LAGS]])
@@ -310,10 +317,10 @@ class _Fit:
         self.values[_SUPPORT] = best
 
     def solve(self, name: str, measure: str) -> None:
-        """Find the value of a parameter that makes a measure of noise equal to the recording's.
+        """Find the value of a parameter with which simulated noise equals the recording's noise.
 
-        The variance is its value at 0 plus a multiple of the parameter's square. Noise that cannot
-        be measured, for lack of tiles full of depth, counts as too large.
+        Model: the variance is a constant plus a multiple of the squared parameter. If no tile is
+            full of depth, noise cannot be measured and counts as too large.
         """
         target = getattr(self.statistics.noise, measure)
         least = getattr(self.noise(name, 0.0), measure)

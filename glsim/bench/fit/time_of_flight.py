@@ -30,7 +30,7 @@ from glsim.sensors.wiggling import Wave
 from glsim.settings.distribution import NumberSetting
 from glsim.settings.toml_tables import read_toml
 
-#: Sensors that a fit of time of flight can start from, the cheapest first.
+#: Base sensors of a time-of-flight fit, fastest simulation first.
 BASES = ("kinect-v2-fast", "kinect-v2")
 
 #: Stage -> parameters that are fitted.
@@ -50,9 +50,10 @@ _FITTED = {
     "fixed_pattern": _PATTERN,
 }
 
-#: Least frames for the pattern of single pixels; with fewer, temporal noise hides it.
+#: Smallest number of frames for the pattern of single pixels; in fewer, temporal noise hides it.
 LEAST_PATTERN_FRAMES = 10
-#: Largest difference between the phases of the frequencies, rad: the shader has one phase for all.
+#: The shader has one phase for all frequencies. It is fitted only if the phases of the frequencies
+#: differ by at most this angle, rad.
 _MOST_APART_RAD = 0.7
 _UNKNOWN = "not determined by this recording (add far or dark walls): the base sensor's is kept"
 
@@ -65,7 +66,7 @@ def fit_time_of_flight(
     Args:
         recording: at least two frames of one view.
         base: one of BASES. None: the first whose filter explains the correlation of the noise.
-        albedo: reflectivity of the scene; with infrared, of its brightest surfaces.
+        albedo: reflectivity of the scene; with infrared, reflectivity of its brightest surfaces.
         focal_px: focal length of the recording. None: as stated, or the base sensor's.
         map_name: file name of the fixed pattern's map in the sensor file.
 
@@ -82,7 +83,7 @@ def fit_time_of_flight(
     statistics = measure_recording(recorded)
     smoothing = find_smoothing(statistics.correlation)
     if smoothing is not None and base is None:
-        name = "kinect-v2"  # its filter can be exchanged
+        name = "kinect-v2"  # only the chain of kinect-v2 lets a fit exchange the filter
     tree = read_toml(SENSOR_FOLDER / f"{name}.toml")
     emitter, taps = load_sensor(name).rig.emitter_m, TapNoise(**_parameters(tree, *_TAPS))
     profile = LightProfile(**_parameters(tree, "flat_to", "fall_off", "tail", "vignetting"))
@@ -144,7 +145,7 @@ def _fitted_values(
     taps: TapNoise,
     wiggling: Wiggling | None,
 ) -> dict[str, float]:
-    """Collect the parameters that the recording determines; infrared is preferred to distances."""
+    """Collect the parameters that the recording determines, from infrared if there is any."""
     values = {"sigma_mm": model.floor_mm, **statistics.pattern}
     if not _knows_pattern(statistics):
         del values["pixel_sigma_mm"]
@@ -160,7 +161,7 @@ def _fitted_values(
 
 
 def _harmonics(wiggling: Wiggling) -> dict[str, float]:
-    """Collect the sizes of significant harmonics, and phases if equal at all frequencies."""
+    """Collect sizes of significant harmonics; phases only if they agree at all frequencies."""
     values: dict[str, float] = {}
     phases: dict[str, float] = {}
     known = [harmonic for harmonic in wiggling.amplitude if wiggling.known(harmonic)]
@@ -188,7 +189,7 @@ def fitted_toml(
 
     Args:
         base: name of the base sensor.
-        tree: the file of the base sensor; its lens distortion is dropped.
+        tree: TOML tree of the base sensor; its lens distortion is not written.
         values: fitted parameters.
         image: intrinsics of the recording.
         comments: lines at the top of the file.
@@ -219,7 +220,7 @@ def _result_lines(
     law: InfraredLaw | None,
     wiggling: Wiggling | None,
 ) -> dict[str, str]:
-    """Describe the results: name -> text."""
+    """Describe the results of a fit for the user: name -> text."""
     pattern = dict(statistics.pattern)
     total_mm = math.hypot(*(pattern | {"row_step_mm": pattern["row_step_mm"] / 2}).values())
     share = 100 * np.isfinite(statistics.map_mm).mean()

@@ -21,22 +21,23 @@ _T = TypeVar("_T")
 INTERNAL = "needs the stages of a time-of-flight chain, which this sensor lacks"
 
 OFF = {"enabled": 0.0}
-#: Layers that hold the phasors of a chain with ``tof_taps``: real and imaginary part of 80 and 16
-#: MHz, and of 120 MHz.
+#: Layers with the phasors (real and imaginary part) of a chain with ``tof_taps``: the first for 80
+#: and 16 MHz, the second for 120 MHz.
 PHASES = ("phasor_a", "phasor_b")
-#: Name of a change to a chain -> "needs": at least one of these stages; "stage": new parameters.
+#: Name of a change to a chain -> "needs": stages of which the chain must have one; "stage":
+#: parameters.
 _ABLATIONS = read_toml(Path(__file__).with_name("ablations.toml"))
 
 
 class Captures:
-    """A virtual camera with a cache of its captures; ``decimated_by`` as in ValidationSheet."""
+    """A virtual camera with a cache of captures; ``decimated_by``: see ``ValidationSheet``."""
 
     def __init__(self, camera: VirtualCamera, decimated_by: int = 1) -> None:
         self.camera, self.decimated_by = camera, decimated_by
         self._cache: dict[str, Any] = {}
 
     def ablation(self, name: str) -> Changes | None:
-        """Return the stage changes of an entry of _ABLATIONS; None if no stage is affected."""
+        """Return an entry of _ABLATIONS as changes of stages; None if it changes no stage."""
         names = {stage.spec.name: stage.name for stage in self.camera.sensor.stages}
         change = _ABLATIONS[name]
         if names.keys().isdisjoint(change["needs"]):
@@ -69,8 +70,8 @@ class Captures:
         return 100.0 * float(np.isfinite(capture.measured_mm).mean())
 
     def levels_on_ramp(self) -> int:
-        """Count the distinct depths, in whole mm, on a ramp of 10 cm at 3 m; 101 if complete."""
-        # 12 cm over 88 px, of which 10 cm are counted.
+        """Count the different whole mm on a ramp of 10 cm at 3 m; 101 if no mm is missing."""
+        # The ramp spans 12 cm over 88 px; 10 cm of it are counted.
         ramp = scenes.depth_ramp(3000.0, 44 * 3000.0 / self.camera.rig.intrinsics.fx, 60.0)
         whole = self.camera.capture(ramp, crop=96, scene="ramp").whole_mm
         return len(set(whole[(whole >= 2950) & (whole <= 3050)].tolist()))
@@ -82,7 +83,7 @@ class Captures:
     def temporal_sigma_mm(
         self, z_mm: float, albedo: float = 1.0, changes: Changes | None = None
     ) -> float:
-        """Measure the temporal sigma of a wall, mm, before rounding, as it may be below 1 mm."""
+        """Measure a wall's temporal sigma, mm, before rounding, since it may be below 1 mm."""
         return measure.sigma_temporal(self.wall(z_mm, albedo, changes).measured_mm)
 
     def mean_error_mm(

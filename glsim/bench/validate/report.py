@@ -1,4 +1,4 @@
-"""Checks with bands, measurements and results, and the report as JSON and Markdown."""
+"""Validation checks and their bands, measurements, results, and the report of all results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Band:
 
     Attributes:
         key: name of the number in the measurement.
-        low, high: least and largest value, in ``unit``.
+        low, high: smallest and largest value, in ``unit``.
         unit: unit of the number.
     """
 
@@ -56,10 +56,10 @@ class Check:
     Attributes:
         number: number of the check in the sheet.
         description: the checked quantity.
-        bands: a band for each number of the quantity.
+        bands: a band for each number that describes the quantity.
         source: origin of the bands.
-        kind: kind of the source: "measured" on devices, "datasheet" (also a decoder's source
-            code), or "derived" from these or from physics.
+        kind: kind of the source: "measured" on devices, "datasheet" (or source code of a decoder),
+            or "derived" from these or from physics.
     """
 
     number: str
@@ -74,7 +74,7 @@ class Measurement:
     """Measured numbers of a check.
 
     Attributes:
-        values: key of the band -> number; None if it does not apply to this sensor.
+        values: key of a band -> measured number; None if the band does not apply to this sensor.
         note: remark for the reader.
         why_not: reason why the whole check does not apply.
         exception: measured reason why a failure is not the sensor's fault.
@@ -95,7 +95,7 @@ def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], Ch
 
     Args:
         sheet: name of the sensor whose validation sheet has the checks.
-        checks: further checks, which no file of ``glsim/bench/validate/sheets`` holds.
+        checks: checks that are not in a file of ``glsim/bench/validate/sheets``.
     """
 
     def mark(function: CheckFunction) -> CheckFunction:
@@ -126,7 +126,7 @@ class CheckResult:
 
     @property
     def state(self) -> str:
-        """State from STATES; a check passes if all numbers that apply lie in their bands."""
+        """State (of STATES) of the check: "pass" if all numbers that apply lie in their bands."""
         if self.measured.why_not:
             return "n/a"
         if all(band.holds(self.value(band)) for band in self.bands):

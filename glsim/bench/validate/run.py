@@ -23,9 +23,9 @@ from glsim.gl.context import borrowed_context
 from glsim.settings.toml_tables import read_toml
 from glsim.simulation.virtual_camera import VirtualCamera
 
-#: Files of checks, by the name of the sensor.
+#: Folder with the checks of each sensor; a file is named after its sensor.
 _SHEETS = Path(__file__).parent / "sheets"
-#: Sheets for sensors without a sheet, by the number of matched imagers.
+#: Sheet that replaces a missing sheet, by the number of imagers that the sensor matches.
 _ALIKE = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
 
 
@@ -34,7 +34,7 @@ class ValidationSheet:
     """Checks of a sheet, and the functions that measure them.
 
     Args:
-        title: device or authors of the checks.
+        title: name of the device, or authors of the model, that the checks describe.
         decimated_by: factor by which librealsense decimated the device's frames, and by which the
             simulated frames are decimated before they are measured.
     """
@@ -47,7 +47,7 @@ class ValidationSheet:
 
 @cache
 def sheets() -> dict[str, ValidationSheet]:
-    """Return the sheets by sensor name: checks of glsim and of other packages."""
+    """Return sensor name -> sheet, with the checks of glsim and of other packages."""
     functions = shipped_objects("bench/validate/checks", _is_check)
     plugins = each_usable(plugin_names("checks"), lambda n: load_plugin("checks", n, _is_check))
     functions += [function for _, function in plugins]
@@ -63,7 +63,7 @@ def _sheet(name: str, functions: list[Any]) -> ValidationSheet:
     file = _SHEETS / f"{name}.toml"
     tree: dict[str, Any] = read_toml(file) if file.is_file() else {"title": name, "check": []}
     decimated_by = tree.get("decimated_by", 1)
-    if "extends" in tree:  # the same measurements; checks of the same number are replaced
+    if "extends" in tree:  # checks of the same number replace those of the extended sheet
         base = _sheet(tree["extends"], functions)
         replaced = {table["number"]: _check(table) for table in tree["check"]}
         checks = [replaced.get(check.number, check) for check in base.checks]

@@ -1,1 +1,1 @@
-"""Checks of sensors: every function decorated with ``validation_check`` in these files."""
+"""Functions decorated with ``validation_check``, which measure the checks of sensors."""

@@ -1,7 +1,7 @@
 """Checks of the Azure Kinect, against its only real frame and Microsoft's published values.
 
 The frame is pyk4a's test recording, NFOV unbinned (docs/explanation/time_of_flight.md).
-tests/bench holds the bands against that frame with the same code.
+tests/bench measures that frame with the same code and compares it with the bands.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from glsim.measures.stacks import half_valid, sigma_temporal, without_plane
 
 _SHEET = "azure-kinect"
 
-#: Limits of the bins of infrared, counts, in which noise is compared.
+#: Noise is compared in bins of infrared; limits of the bins, counts.
 COUNTS = (60, 100, 150, 200, 300, 500, 1000, 3000, 9000)
-#: Range of infrared in which the correlation of noise is measured, counts: noise is largest there.
+#: Correlation of noise is measured in this range of infrared, counts, where noise is largest.
 DIM = (60.0, 200.0)
-#: Rims of the mug and the handle: largest depth of the foreground, least depth of the wall, mm.
+#: Limits for rims of mug and handle: largest depth of the foreground, smallest of the wall, mm.
 MUG_MM, BEHIND_MM = 330.0, 1300.0
 #: Side of a tile for noise, and for the correlation of noise, px.
 SIDE_PX, WIDE_PX = 12, 16
-#: Largest spread of depths in a tile, mm; a wider one holds an edge.
+#: Largest range of depths in a tile, mm; a tile with a larger range contains an edge.
 _MOST_SPREAD_MM = 60.0
-#: Least ratio of far to near depth at a rim.
+#: Smallest ratio of far to near depth at a rim.
 _STEP = 1.15
-#: Widest gap, px; the shadow of an emitter beside the camera is wider in few scenes.
+#: Widest gap beside a rim that is measured, px; few shadows of the emitter are wider.
 _MOST_GAP_PX = 25
-#: Pixels of a run to which its line is fitted, counted from the rim.
+#: First and last pixel of a segment to which a line is fitted, counted from the rim.
 _LINE_PX = (5, 10)
-#: Pixels on each side of a step among which pixels between the surfaces are counted.
+#: Pixels between the two surfaces are counted within this distance of a depth step, px.
 _BAND_PX = 3
-#: Largest root mean square of a smooth run about its line, mm per m of depth.
+#: Largest rms of a smooth segment about its line, mm per m of depth.
 _ROUGH_MM_PER_M = 4.0
-#: Least distance of a pixel between the surfaces from both, as a share of their separation.
+#: A pixel lies between two surfaces if it is at least this share of their distance from both.
 _BETWEEN = 0.15
 #: Distance of the wall with a ramp of albedo, mm.
 _RAMP_MM = 1000.0
@@ -61,8 +61,8 @@ def plane_tiles(
         side_px: side of a tile.
 
     Returns:
-        (N,) median infrared, counts; (N,) root mean square of the residual, mm; and the residual,
-        (N, side, side) depth minus plane, mm.
+        (N,) median infrared, counts; (N,) rms of the residual, mm; and (N, side, side) residual
+        (depth minus plane), mm.
     """
     size, step = (side_px, side_px), side_px // 2
     z, light = (
@@ -88,7 +88,7 @@ def dim_correlation(infrared: Array, residual_mm: Array) -> dict[str, float]:
 
 
 def noise_by_infrared(infrared: Array, rms_mm: Array) -> dict[str, float]:
-    """Compute median tile noise / noise of the real frame (a fit within 12 %), by infrared."""
+    """Compute, by infrared, median tile noise / noise of the real frame (a fit within 12 %)."""
     ratios = {}
     for low, high in pairwise(COUNTS):
         inside = (infrared >= low) & (infrared < high)
@@ -149,16 +149,16 @@ def rims(captures: Captures) -> dict[str, Measurement]:
 def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
     """Measure checks 5 to 8 on a frame of the mug, real or simulated.
 
-    A rim is a step between two successive runs of a row. The bend of a run is the distance of its
-    outermost pixels from a line through its pixels 5 to 10 from the rim, negative towards the
-    camera. A sum of the phasors of two surfaces bends runs either way; a mean of depths would only
-    draw the surfaces together.
+    A row is divided into segments of smooth depth; a rim is a step between two of them. A line is
+    fitted to pixels 5 to 10 from the rim. The bend of a segment is the distance of its outermost
+    pixels from this line, negative towards the camera. A sum of two surfaces' phasors bends a
+    segment either way; a mean of depths bends it towards the other surface only.
 
     Args:
         depth_mm: (H, W) depth, mm; 0 where there is none.
     """
     z = np.nan_to_num(np.asarray(depth_mm, np.float64))
-    # Neighbours belong to one run where their depths differ by less than a tenth.
+    # Neighbours belong to one segment if their depths differ by less than a tenth.
     least = np.minimum(z[:, 1:], z[:, :-1])
     joined = (least > 0) & (np.abs(np.diff(z, axis=1)) < 0.1 * least)
     row, _, end, start, _ = successive_runs(joined, _LINE_PX[1] + 1, _MOST_GAP_PX)
@@ -234,7 +234,7 @@ def limits(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check(f"{_SHEET}-nfov-binned")
 def binned(captures: Captures) -> dict[str, Measurement]:
-    """Measure the noise and the range of the mode that averages 2 x 2 pixels, on whole walls."""
+    """Measure noise and range of the mode that averages 2 x 2 pixels, on image-filling walls."""
     near, middle, *far = (
         captures.camera.capture(scenes.wall(z, 0.6), 4, None, scene=f"binned {z}")
         for z in (1000.0, 1700.0, 2500.0, 3400.0, 4400.0, 5400.0)

@@ -10,16 +10,16 @@ from glsim.bench.validate.report import Measurement, validation_check
 from glsim.measures import stacks as measure
 from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE
 
-#: Allowed periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half
-#: wavelength; and the period of four taps at 80 MHz, which must be absent.
+#: Periods of the ripple of three taps at 80, 16 and 120 MHz, mm: 3 and 6 cycles per half
+#: wavelength. The period of four taps at 80 MHz must be absent.
 WIGGLE_PERIODS_MM = (3125.0, 1562.0, 625.0, 417.0, 312.0, 208.0)
 FOUR_TAP_PERIOD_MM = 468.0
 
-#: Frames of each of the 121 walls for the wiggling, and side of their window, px.
+#: The wiggling is measured on 121 walls: frames per wall, and side of the captured window, px.
 _WIGGLE_FRAMES = 6
 _WIGGLE_PX = 40
 
-#: Albedo of skin relative to white.
+#: Albedo of skin and of a dark surface, relative to white.
 _SKIN, _DARK = 0.6, 0.4
 
 
@@ -29,7 +29,7 @@ def quantisation(captures: Captures) -> dict[str, Measurement]:
     levels = captures.levels_on_ramp()
     wall = captures.wall(900)
     fine = wall.measured_mm[np.isfinite(wall.measured_mm)]
-    # Depth is float32: a difference of up to 0.001 mm from a whole number is no fraction.
+    # Depth is float32, so that a whole number may be off by up to 0.001 mm.
     fractions = float((np.abs(fine - np.rint(fine)) > 1e-3).mean()) if fine.size else float("nan")
     variance, note = None, "the chain's rounding cannot be switched off"
     if (off := captures.ablation("no_rounding")) is not None:
@@ -47,8 +47,8 @@ def quantisation(captures: Captures) -> dict[str, Measurement]:
 def validity(captures: Captures) -> dict[str, Measurement]:
     """Measure check 23: the amplitude at which half of the pixels are valid.
 
-    The scene is a wall at 3 m with a ramp of albedo; the amplitude is the measured infrared of a
-    pixel over 16, noise included, as in the real frames.
+    The scene is a wall at 3 m with a ramp of albedo. The amplitude of a pixel is its measured
+    infrared (with noise) divided by 16, as in the real frames.
     """
     z, half_px = 3000.0, 64
     half_mm = half_px * z / captures.camera.rig.intrinsics.fx
@@ -76,9 +76,9 @@ def validity(captures: Captures) -> dict[str, Measurement]:
 def ranges(captures: Captures) -> dict[str, Measurement]:
     """Measure check 25: validity of walls just inside and outside both range limits.
 
-    The walls are at least 30 mm away from the gates, so that noise has no effect, and too dark to
-    saturate: real frames lose paper beyond 63,000 counts; a wall of albedo 0.6 at 530 mm has
-    64,700.
+    The walls are at least 30 mm away from the range limits, so that noise has no effect. They are
+    too dark to saturate: real frames lose paper beyond 63,000 counts, and a wall of albedo 0.6 at
+    530 mm would have 64,700.
     """
     outside = max(captures.valid_percent(z, _DARK) for z in (300, 470, 4530, 5500))
     inside = min(captures.valid_percent(z, _DARK) for z in (530, 2000, 4470))
@@ -89,7 +89,7 @@ def ranges(captures: Captures) -> dict[str, Measurement]:
 def wiggle(captures: Captures) -> dict[str, Measurement]:
     """Measure check 26: ripple of the mean error on skin-like walls, every 20 mm to 3000 mm.
 
-    "other" is the power of the residual after a fit of all allowed periods, over the power before.
+    "other": share of the error's power that remains after a fit of all allowed periods.
     """
     z = np.arange(600.0, 3001.0, 20.0)
     shots = (
@@ -118,7 +118,7 @@ def wiggle(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def unwrapping(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 28: gross errors on walls over the whole range, dimmed to amplitude 15."""
+    """Measure check 28: gross errors on walls of amplitude 15 over the whole range."""
     gross = total = 0
     for z in (520, 750, 1000, 1250, 1500, 1750, 2000, 2500, 3000, 3500, 4000, 4450):
         near = captures.wall(900, _SKIN).stack("infrared").mean() / _SKIN
@@ -134,9 +134,9 @@ def unwrapping(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def offsets(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 29: mean error of eight devices (seeds), its change in time, bias of skin.
+    """Measure check 29: mean error of eight devices (seeds), its drift in time, and bias of skin.
 
-    The bias of skin is relative to the same wall without the option for skin.
+    The bias of skin is the difference from the same wall without the skin option.
     """
     means = []
     first = captures.camera.seed

@@ -18,22 +18,23 @@ from glsim.simulation.virtual_camera import Changes
 
 NEAR_MM = 900.0
 _EDGE_PX = 96
-#: Half the side of the square that casts shadows, and the side of the window around it, px.
+#: Half the side of the square that casts a shadow, and the side of the window around it, px.
 HALF_PX = 20.0
 _SHADOW_PX = 128
-#: S of bars before a wall, px per m of baseline, and distance and albedos of the wall: the deciles
-#: of S of all silhouettes in 44 real frames, and the usual backgrounds of these silhouettes.
+#: Bars before a wall: their S (disparity step, px per m of baseline), and the wall's distance and
+#: albedos. Taken from 44 real frames: deciles of S of all silhouettes, and their usual backgrounds.
 _BAR_SHIFTS = (16, 40, 60, 80, 115, 155, 195, 240, 300, 400)
 _BAR_WALL_MM, _BAR_ALBEDOS = 2200.0, (0.12, 0.22, 0.35)
-#: Infrared of backgrounds, counts (real gaps there depend on S alone); a ring of the image, px.
+#: Range of infrared of backgrounds, counts, in which real gaps depend on S alone; and inner and
+#: outer radius of a ring in the image, px.
 _BACK_COUNTS, _RING_PX = (600.0, 2500.0), (150.0, 225.0)
-#: Largest depth difference beside a silhouette without background, mm: 30 of noise, and 61 from
-#: light of the lens's halo, measured beside printed edges in real frames.
+#: Largest depth difference beside a silhouette without background, mm. Noise causes 30 mm; stray
+#: light in the lens causes 61 mm, as measured beside printed edges in real frames.
 _STRAY_MM = 90.0
 
 
 def capture_edge(captures: Captures, far_mm: float, changes: Changes | None = None) -> Frames:
-    """Capture 64 rows of a fully lit edge at 0.9 m before a wall at ``far_mm``."""
+    """Capture 64 rows of a fully lit edge at 0.9 m in front of a wall at ``far_mm``."""
     return captures.camera.capture(
         scenes.depth_edge(NEAR_MM, far_mm),
         crop=_EDGE_PX,
@@ -68,7 +69,7 @@ def mixed_pixels(captures: Captures) -> dict[str, Measurement]:
 def silhouette(captures: Captures) -> dict[str, Measurement]:
     """Measure check 19: growth and stray pixels of a square without background.
 
-    Growth per side is computed from the widths of its rows and columns.
+    The growth per side is computed from the widths of the square's rows and columns.
     """
     off = captures.ablation("no_filters")
     values = _measure_silhouette(captures, off)
@@ -114,10 +115,10 @@ def _measure_silhouette(captures: Captures, changes: Changes | None) -> dict[str
 def shadow_profile(
     captures: Captures, far_mm: float, horizontal: bool = True
 ) -> tuple[Array, Array, Frames]:
-    """Measure the light along a line on the wall behind a square of +-20 px at 0.9 m.
+    """Measure the light along a line on a wall; a square of 40 px at 0.9 m casts its shadow there.
 
-    Returns (N,) distances from the axis, px; (N,) light, the infrared relative to the same wall
-    without the square, 0 to 1, NaN on the square; and the capture.
+    Returns (N,) distances from the optical axis, px; (N,) infrared divided by the infrared without
+    the square, 0 to 1, NaN on the square; and the capture.
     """
     focal = captures.camera.rig.intrinsics.fx
     half = HALF_PX * NEAR_MM / focal
@@ -143,9 +144,9 @@ def shadow_profile(
 def _shadow_width(place: Array, profile: Array, side: int) -> float:
     """Compute the width of the shadow beside the square, px; ``side``: -1 or 1.
 
-    It is the width of a sharp shadow that takes as much light: pixels beyond the darkest pixel
-    count by the light they lack; pixels between it and the square count in full, since their light
-    comes from the blurred rim of the square.
+    The result is the width of a sharp shadow that removes as much light. Pixels outside the darkest
+    pixel count with the share of light that they lack. Pixels between it and the square count in
+    full, since their light comes from the blurred rim of the square.
     """
     out = (side * place > HALF_PX) & np.isfinite(profile)
     away, light = side * place[out] - HALF_PX, np.clip(profile[out], 0.0, 1.0)
@@ -160,7 +161,7 @@ def _shadow_width(place: Array, profile: Array, side: int) -> float:
 
 @validation_check("kinect-v2")
 def shadows(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 20 and 21: widths of shadows, and light levels in the penumbra."""
+    """Measure checks 20 and 21: widths of shadows, and steps of light in the penumbra."""
     widths: dict[str, float] = {}
     others: list[float] = []
     for far in (1100, 1500, 2000):

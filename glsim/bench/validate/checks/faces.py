@@ -16,7 +16,7 @@ from glsim.measures.silhouettes import measure_silhouettes
 
 _PEOPLE = 6
 _FRAMES_EACH = 4
-#: Wall behind dressed heads, mm.
+#: Distance of the wall behind dressed heads, mm.
 _WALL_MM = 1800.0
 
 
@@ -38,7 +38,7 @@ def isolated_faces(captures: Captures) -> dict[str, Measurement]:
         grown += int((valid & ~clean).sum())
         rim += int((clean & ~measure.eroded(clean, 1)).sum()) * len(valid)
         clean_normals = measure.normals(capture.truth_mm, capture[0].rays)
-        # On slanted surfaces and at steps the error of normals is not due to noise alone.
+        # On slanted surfaces and at depth steps, noise is not the only cause of wrong normals.
         clean_normals[~interior | (clean_normals[..., 2] > -0.5)] = np.nan
         angles += [
             measure.angular_error_deg(measure.normals(frame, capture[0].rays), clean_normals)

@@ -13,14 +13,14 @@ from glsim.measures import stacks as measure
 from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE, FREQUENCIES_MHZ, FUSION_MM_PER_RAD
 from glsim.simulation.virtual_camera import Changes
 
-#: Distance of the walls; it gives amplitudes of up to 120, and of 20 with a dark albedo.
+#: Distance of the walls, at which amplitude is up to 120, and 20 with a dark albedo.
 _WALL_MM = 1500.0
 
 
 def _measure_wall(
     captures: Captures, albedo: float, raw: Changes, filtered: Changes
 ) -> tuple[Array, Array, float, float]:
-    """Measure a wall: (3,) raw and filtered phase sigma, rad, and depth sigma of both, mm."""
+    """Measure a wall: (3,) phase sigma, raw and filtered, rad; depth sigma of both, mm."""
 
     def capture_wall(changes: Changes) -> Frames:
         return captures.camera.capture(
@@ -43,7 +43,7 @@ def _phase_sigma(phasors: Array) -> Array:
     """Compute the (3,) standard deviation of the phase over time, rad."""
     mean = phasors.mean(axis=1, keepdims=True)
     count = phasors.shape[1]
-    # Angles are relative to each pixel's mean phasor, so that none wraps.
+    # Angles are measured from each pixel's mean phasor, so that no angle wraps.
     angle = np.angle(phasors * np.conj(mean))
     return np.asarray(np.sqrt((angle**2).mean(axis=(1, 2, 3)) * count / (count - 1)))
 

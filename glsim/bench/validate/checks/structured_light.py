@@ -19,9 +19,9 @@ from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 from glsim.simulation.virtual_camera import Changes
 
-#: Distances for the V1's noise and depth steps, mm.
+#: Distances at which noise and depth steps of the Kinect V1 are measured, mm.
 V1_DISTANCES_MM = (900, 1500, 2000, 3000, 4000)
-#: Backgrounds of an occluder at 0.9 m, m.
+#: Distances of the wall behind an occluder at 0.9 m, m.
 SHADOW_M = (1.1, 1.5, 2.0)
 
 _ON = {"enabled": 1.0}
@@ -43,13 +43,13 @@ def v1_noise(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v1")
 def v1_steps(captures: Captures) -> dict[str, Measurement]:
-    """Measure checks 4, 5 and 9 of kinect-v1: depth levels that disparity in 1/8 px causes."""
+    """Measure checks 4, 5 and 9 of kinect-v1: depth steps, since disparity has steps of 1/8 px."""
     on_grid, steps = [], {}
     for z in V1_DISTANCES_MM:
         depth = captures.wall(z).whole_mm
         depth = depth[np.isfinite(depth)]
         eighths = 8.0 * captures.focal_baseline_px_mm / depth
-        # Half a mm of rounding, in eighths of a pixel.
+        # Rounding of depth, half a mm, as disparity in eighths of a pixel.
         tolerance = 0.51 * eighths / depth
         on_grid.append(np.abs(eighths - np.rint(eighths)) <= tolerance)
         steps[f"{z / MM_PER_M:g} m"] = _mean_level_step(captures, z)
@@ -61,7 +61,7 @@ def v1_steps(captures: Captures) -> dict[str, Measurement]:
 
 
 def _mean_level_step(captures: Captures, z_mm: float) -> float:
-    """Measure the mean gap of depth levels on a ramp, mm, at depths within 6 % of z."""
+    """Measure the mean step between depth levels, mm, on a ramp of depths within 6 % of z."""
     half_x = 40 * z_mm / captures.camera.rig.intrinsics.fx
     capture = captures.camera.capture(
         scenes.depth_ramp(z_mm, half_x, 0.09 * z_mm), 16, scene=f"ramp {z_mm}"
@@ -158,13 +158,13 @@ def paper_geometry(captures: Captures) -> dict[str, Measurement]:
 def _measure_range(
     captures: Captures, outside: tuple[float, ...], inside: tuple[float, ...]
 ) -> Measurement:
-    """Measure the share of valid pixels on walls outside and inside the range; distances: mm."""
+    """Measure the share of valid pixels on walls at distances outside and inside the range, mm."""
     low = min(map(captures.valid_percent, inside))
     return Measurement({"outside": max(map(captures.valid_percent, outside)), "inside": low})
 
 
 def _measure_shadow(captures: Captures, changes: Changes) -> Measurement:
-    """Measure the holes around a square at 0.9 m, px; ``changes`` disable other causes of holes."""
+    """Measure the shadow of a square at 0.9 m, px; ``changes`` disable other causes of holes."""
     half = HALF_PX * NEAR_MM / captures.camera.rig.intrinsics.fx
     widths: dict[str, float] = {}
     others: list[float] = []

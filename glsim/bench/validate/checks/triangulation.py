@@ -23,11 +23,11 @@ from glsim.measures.lattice import on_lattice
 from glsim.measures.validity import flip_share, hole_share_beside_band
 from glsim.noise.realsense_filters import decimate
 
-#: Distances between pixels at which correlation is compared: LAGS_PX of the measures without 12.
+#: Distances between pixels at which correlation is compared: LAGS_PX without 12 px.
 _LAGS = (1, 2, 3, 4, 6, 8)
-#: Frames of a plane: enough for six differences in time.
+#: Number of captured frames per plane, enough to measure its noise in time.
 _FRAMES = 4
-#: Tilt of the planes, degrees: disparities cross several whole pixels.
+#: Tilt of the planes, degrees; the disparity on a plane then crosses several whole pixels.
 _TILT_DEG = 10.0
 _ALBEDO = 0.6
 
@@ -45,7 +45,7 @@ def _shot(captures: Captures, mesh: Mesh, frames: int, scene: str) -> tuple[Arra
 
 
 def _plane(captures: Captures, z_mm: float) -> tuple[Array, Array]:
-    """Capture depth and disparity of a tilted plane, once."""
+    """Capture depth, mm, and disparity, px, of a tilted plane; the result is cached."""
     mesh, name = scenes.tilted(z_mm, _TILT_DEG, _ALBEDO, half_mm=2 * z_mm), f"plane {z_mm}"
     return captures.cached(name, lambda: _shot(captures, mesh, _FRAMES, name))
 
@@ -53,7 +53,7 @@ def _plane(captures: Captures, z_mm: float) -> tuple[Array, Array]:
 def _noise_rows(
     captures: Captures, distances_m: Sequence[float], scale: float
 ) -> dict[str, dict[str, float | None]]:
-    """Capture tilted planes; return noise of disparity, px times ``scale``."""
+    """Capture tilted planes; return the noise of their disparity, in px times ``scale``."""
     rows: dict[str, dict[str, float | None]] = {n: {} for n in ("residual", "frame", "static")}
     noises = []
     for distance in distances_m:
@@ -71,7 +71,7 @@ def _noise_rows(
 
 
 def _lattice_share(captures: Captures, z_mm: float, steps: float, unit_mm: float) -> float:
-    """Return the share of a plane's depths that are round(f B steps / n) units of a whole n."""
+    """Return the share of a plane's depths that are round(f B steps / n) units, n an integer."""
     depth_mm = _plane(captures, z_mm)[0]
     constant = captures.focal_baseline_px_mm * steps / unit_mm  # a median keeps the lattice
     return float(on_lattice(np.rint(depth_mm[depth_mm > 0] / unit_mm), constant).mean())
@@ -80,7 +80,7 @@ def _lattice_share(captures: Captures, z_mm: float, steps: float, unit_mm: float
 def _step_rows(
     captures: Captures, near_mm: float, far_mm: float, half_mm: float, *, upright: bool = False
 ) -> Mapping[str, float]:
-    """Capture a square before a wall; measure gaps, depths in between and left border band."""
+    """Capture a square before a wall; measure gaps, intermediate depths and left border band."""
     mesh = scenes.occluder(near_mm, far_mm, half_mm, _ALBEDO)
     _, disparity = _shot(captures, mesh, 2, f"step {near_mm} {far_mm}")
     steps = [find_steps(image.T if upright else image) for image in disparity]
@@ -95,7 +95,7 @@ def _step_rows(
 
 
 def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, float]:
-    """Capture a static scene; measure its holes beside the left band, and flips, percent."""
+    """Capture a static scene; measure holes outside the left border band, and flips, percent."""
     frames = list(_shot(captures, mesh, _FRAMES, scene)[1])
     flips = flip_share(frames, [(k, k + 1) for k in range(_FRAMES - 1)])
     return {"holes": 100 * hole_share_beside_band(frames), "flips": 100 * flips}
@@ -108,7 +108,7 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
     step = _step_rows(captures, 700, 1500, 150)
     values = {k: v for s in captures.camera.sensor.stages for k, v in s.settings.items()}
     names = ("subpixel_steps", "depth_unit_mm")
-    if names[0] not in values:  # a camera of one view
+    if names[0] not in values:  # a sensor with one imager
         names = ("steps_per_px", "step_mm")
     steps, unit = (values[n].bounds()[0] for n in names)
     share = _lattice_share(captures, 1700.0, steps, unit)
@@ -132,12 +132,12 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
 
 
 def _wave_px(captures: Captures) -> float:
-    """Measure the error of a steep plane over its disparity's fraction: amplitude of a sine, px."""
+    """Fit a sine to the error of a steep plane over disparity's fraction; return its size, px."""
     mesh = scenes.tilted(700, 30, _ALBEDO, half_mm=1400)
     shot = captures.camera.capture(mesh, 1, None, scene="steep plane")
     true = captures.focal_baseline_px_mm / shot.truth_mm
     error = captures.focal_baseline_px_mm / shot.measured_mm - true
-    error[np.abs(error) > 1] = np.nan  # another surface
+    error[np.abs(error) > 1] = np.nan  # a pixel on another surface
     return 2 * float(np.abs(np.nanmean(error * np.exp(2j * np.pi * true))))
 
 
@@ -164,7 +164,7 @@ def board_measurements(disparity: Sequence[Array]) -> dict[str, Measurement]:
     """Measure checks 9 to 11 of truedepth on frames of boards, real or simulated.
 
     Args:
-        disparity: (H, W) of each frame, px or 1/m, the baseline along columns.
+        disparity: (H, W) disparity of each frame, px or 1/m; the baseline is along columns.
     """
     tiles = [find_tiles(image) for image in disparity]
     along = measure_disparity_noise(disparity).columns
@@ -179,7 +179,7 @@ def board_measurements(disparity: Sequence[Array]) -> dict[str, Measurement]:
 
 @validation_check("kinect-v1-pattern")
 def kinect_v1(captures: Captures) -> dict[str, Measurement]:
-    """Measure planes and a depth step with a Kinect V1 that matches its dots."""
+    """Measure planes and a depth step with the Kinect V1 whose simulation matches dots."""
     rows = _noise_rows(captures, (0.7, 1.2), 1.0)
     step = _step_rows(captures, 700, 1500, 150)
     along = {k: v for k, v in rows["correlation"].items() if k.startswith("rows")}

@@ -10,7 +10,7 @@ from glsim.bench.validate.report import Measurement, validation_check
 from glsim.core.units import MM_PER_M
 from glsim.measures import stacks as measure
 
-#: Frames of the wall for the fixed pattern.
+#: Number of frames of the wall on which the fixed pattern is measured.
 _PATTERN_FRAMES = 1000
 
 _LAGS = ((0, 1), (0, 2), (0, 3), (1, 1), (2, 2))
@@ -45,9 +45,9 @@ def noise_level(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def tilt(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 6: noise on walls turned about x, so that light and view have equal angles.
+    """Measure check 6: noise on walls turned about x, which light and view meet at equal angles.
 
-    At 80 degrees a row spans 14 mm of depth.
+    At 80 degrees, the depth of the wall changes by 14 mm per row.
     """
     flat = measure.sigma_spatial(captures.wall(900).centre(64, 8).residual_mm)
     ratios = {}
@@ -60,7 +60,7 @@ def tilt(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def albedo(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 7: the white part of the noise on dark and on bright walls."""
+    """Measure check 7: the white part of the noise, on dark and on bright walls."""
     white = captures.ablation("white")
     if white is None:
         return {"7": Measurement(why_not=INTERNAL)}
@@ -115,7 +115,7 @@ def correlations(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def radial(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 14: noise on a wall at the centre, at a face's rim radius and in a corner."""
+    """Measure check 14: noise on a wall at the image centre, at the rim of a face, in a corner."""
     z, image = 1500.0, captures.camera.rig.intrinsics
 
     def sigma(x: float, y: float) -> float:
