@@ -1,1 +1,1 @@
-"""Noise stages of depth cameras: their declarations, the chain that runs them, NumPy twins."""
+"""Noise stages of depth cameras: declarations, the chain that runs them, and their NumPy twins."""

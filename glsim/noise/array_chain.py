@@ -1,10 +1,10 @@
 """Run noise stages on NumPy arrays: Python stages after the shaders, or a whole chain by its twins.
 
-Filters over time read the depth of earlier frames of the same still scene. Any frame must be the
-same alone and in any order, so that the earlier ones are not those of its sequence. They are other
-draws of the noise of this frame: the images are exposed again, by the NumPy twin of the stage that
-exposes them, and matched again. What belongs to the device (dots, gains of pixels, its own error)
-is the same in all of them.
+Filters over time read the depth of earlier frames of the same still scene. A frame must be the same
+if it is simulated alone or in another order. The earlier frames are therefore not the frames before
+it in the sequence, but other draws of this frame's noise: the NumPy twin of the exposing stage
+exposes the images again, and they are matched again. The device's own properties (dots, pixel
+gains, its error) are the same in all of them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from glsim.noise.twins import find_twin, takes_tensors
 
 
 def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
-    """Return the distance, pixels, from which all array stages together read neighbours."""
+    """Return the distance, pixels, from which the array stages together read neighbours."""
     return sum(
         stage.spec.reach_px(values[stage.name])
         for stage in stages
@@ -48,10 +48,10 @@ def run_array_stages(
     *,
     twins: bool = False,
 ) -> None:
-    """Run the array stages on ``layers``, in place; with ``twins`` the whole chain.
+    """Run the array stages on ``layers``, in place.
 
-    The NumPy twins then replace the shaders. Raises ConfigError for a stage that returns a layer of
-    another shape, or without a twin.
+    With ``twins`` the whole chain is run, and NumPy twins replace the shaders. Raises ConfigError
+    for a stage without a twin, or a stage that returns a layer of another shape.
     """
     if twins:
         layers |= {fine: layers[name] for fine, name in FINE_LAYERS.items() if fine not in layers}
@@ -71,7 +71,7 @@ def run_array_stages(
         shape = (view.window.height, view.window.width)
         for name, array in written.items():
             if name == EXPECTED_LAYER and EXPECTED_LAYER not in layers:
-                continue  # not wanted: this frame's other stages did not compute it
+                continue  # no stage computed it, since it was not requested
             if name in INITIAL_LAYERS and array.shape[:2] != shape:
                 raise ConfigError(
                     f"stage {stage.name!r} returned {name!r} of shape {array.shape}, not {shape}"
@@ -85,11 +85,11 @@ def _twin_of(stage: Stage) -> ArrayFunction | None:
 
 
 def _is_shipped(stage: Stage) -> bool:
-    return shipped_stage(stage.spec.name) is stage.spec  # a user's file may have the same name
+    return shipped_stage(stage.spec.name) is stage.spec  # or a user's file of that name
 
 
 def without_tensors(stages: Sequence[Stage]) -> Stage | None:
-    """Return the first stage that may run and does not take tensors of PyTorch, else None."""
+    """Return the first enabled stage that does not take PyTorch tensors, else None."""
     for stage in stages:
         lacking = not (_is_shipped(stage) and takes_tensors(stage.spec.name))
         if lacking and stage.settings[ENABLED].bounds()[1] > 0:
@@ -98,7 +98,7 @@ def without_tensors(stages: Sequence[Stage]) -> Stage | None:
 
 
 def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
-    """Return the names of the layers that earlier frames are exposed from; () if none is needed."""
+    """Return the names of the layers from which earlier frames are exposed; () if not needed."""
     may_run = {s.name: float(s.settings[ENABLED].bounds()[1] > 0) for s in stages}
     asked = _asked_at(stages, {name: {ENABLED: on} for name, on in may_run.items()})
     exposure = None if asked is None else _exposure(stages[:asked])
@@ -108,8 +108,8 @@ def layers_for_earlier(stages: Sequence[Stage]) -> tuple[str, ...]:
 def _earlier_depth(
     stages: Sequence[Stage], number: int, layers: Layers, frame: FrameContext, values: StageValues
 ) -> Floats:
-    """Simulate depth of earlier frames, (h, w, N) m, oldest first. Raises ConfigError."""
-    # Frame k before this one has a seed that is a function of (seed of this frame, k).
+    """Simulate the depth of N earlier frames, (h, w, N) m, oldest first. Raises ConfigError."""
+    # The seed of the k-th frame before this one is a function of (this frame's seed, k).
     matcher, exposure = stages[number], _exposure(stages[:number])
     twin = None if exposure is None else _twin_of(exposure)
     if exposure is None or twin is None or matcher.spec.function is None:
@@ -129,7 +129,7 @@ def _earlier_depth(
 
 
 def _asked_at(stages: Sequence[Stage], values: StageValues) -> int | None:
-    """Return the index of the matcher if a later stage reads its earlier frames, else None."""
+    """Return the index of the matcher if a later stage reads earlier frames, else None."""
     runs = [bool(values[stage.name][ENABLED]) for stage in stages]
     for number, stage in enumerate(stages):
         if stage.spec.name == MATCHER and runs[number]:

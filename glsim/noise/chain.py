@@ -36,7 +36,7 @@ _REASON = Layer("reason", "float")
 
 
 def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
-    """Raise ConfigError, which names the sensor file, if stages do not fit together or the rig."""
+    """Raise ConfigError, with the sensor file, if the stages do not fit each other or the rig."""
     layers = {*INITIAL_LAYERS, *FINE_LAYERS, *IMAGE_CONSTANTS}
     if rig.imagers_m:
         layers |= {n for n in IMAGER_LAYERS if len(rig.imagers_m) > 1 or n.startswith("left")}
@@ -73,7 +73,7 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
 
 
 def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
-    """Return whether a stage uses disparity; a stage whose amplitude in px is 0 does not."""
+    """Return whether a stage uses disparity; one whose amplitude in px is 0 does not."""
     if "u_focal_baseline_px_m" not in source.bound or stage.settings[ENABLED].bounds()[1] == 0:
         return False
     amplitudes = [stage.settings[n] for n in ("sigma_px", "amplitude_px") if n in stage.settings]
@@ -83,9 +83,10 @@ def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
 class StageLayers:
     """The textures that the stages of a frame draw into.
 
-    Without ``kept`` each goes back to its pool once no later stage can read it. With it they stay
-    for the next run over the same rendering, which draws only stages whose inputs differ. A kept
-    target is lent again only after a run that did not use it, so that no kept stage has read it.
+    By default a texture returns to its pool when no later stage can read it. With ``kept`` the
+    textures stay for the next run over the same rendering, which draws only the stages whose inputs
+    differ. A kept texture is reused only after a run that did not need it, so that no kept stage
+    can have read it.
     """
 
     def __init__(self, *, kept: bool = False) -> None:
@@ -97,7 +98,7 @@ class StageLayers:
 
     @contextmanager
     def run(self, rendered: Rendered, frame: FrameContext) -> Iterator[None]:
-        """Own the textures that the block draws over ``rendered``, and give them back after it."""
+        """Hold the textures that a block draws over ``rendered``, and give them back at its end."""
         if self._over is None or self._over[0] is not rendered or self._over[1] != frame:
             self.clear()
             self._over = rendered, frame
@@ -114,8 +115,8 @@ class StageLayers:
     ) -> dict[str, Target]:
         """Return the layers of the stage ``name``; draw them again only if its inputs changed.
 
-        Inputs are all that they depend on, besides the rendering and the frame. Mappings count by
-        their values, stages and targets by identity.
+        ``inputs`` are all values that the layers depend on, besides the rendering and the frame.
+        Mappings are compared by value, stages and targets by identity.
         """
         known = self._stages.get(name)
         if known is None or not all(map(_same, known[0], inputs)):
@@ -126,7 +127,7 @@ class StageLayers:
         return known[1]
 
     def replaced(self, targets: Iterable[Target]) -> None:
-        """Give back the textures that a stage has replaced by new ones, unless all are kept."""
+        """Give back textures that a stage has replaced by new ones; with ``kept`` do nothing."""
         gone = () if self._kept else tuple(targets)
         for _, drawn in self._stages.values():
             for layer in [layer for layer, target in drawn.items() if target in gone]:
@@ -135,12 +136,12 @@ class StageLayers:
             self._give_back()
 
     def clear(self) -> None:
-        """Give all textures back; to be called before the rendering ends."""
+        """Give all textures back. Call it before the rendering ends."""
         self._drop(None)
 
     def _drop(self, names: Sequence[str] | None) -> None:
-        """Give back the textures of the stages ``names``; with None of all stages."""
-        # In reverse: the next frame then takes them in the same order.
+        """Give back the textures of the stages ``names``, or of all stages for None."""
+        # In reverse order, so that the next frame takes them in the same order.
         for name in reversed(tuple(self._stages) if names is None else names):
             self._unused += reversed(self._stages.pop(name)[1].values())
         self._give_back()
@@ -161,13 +162,13 @@ def _same(one: object, two: object) -> bool:
 class ShaderChain:
     """The shader stages of a sensor, linked for one OpenGL context.
 
-    Stages whose layers are neither read back nor read by another stage are left out.
+    Stages are left out if their layers are neither read back nor read by another stage.
 
     Args:
         infrared, expected: whether to read these layers back.
-        images: float32 images that are the same in every frame, by layer: those of a sensor.
-        linked: stages that other chains of the context have linked; equal ones are taken from
-            there.
+        images: float32 images of a sensor that are the same in every frame, by layer.
+        linked: the linked stages of this GL context; a stage that another chain has linked is used
+            again.
     """
 
     def __init__(
@@ -183,7 +184,7 @@ class ShaderChain:
     ) -> None:
         self._context = context
         linked = linked if linked is not None else LinkedStages(context)
-        # Array stages read further layers; without them only those of a Frame are read back.
+        # Extra layers are read back for array stages; otherwise only the layers of a Frame.
         wanted: tuple[str, ...] = FRAME_LAYERS if infrared else FRAME_LAYERS[:-1]
         read = [stage.spec.array_reads for stage in stages if stage.spec.function is not None]
         if read:
@@ -226,13 +227,13 @@ class ShaderChain:
         light: Mapping[str, Target] | None = None,
         truth: Mapping[str, Target] | None = None,
     ) -> None:
-        """Draw all stages over the rendered layers, and request the copy of the result to memory.
+        """Draw all stages over the rendered layers, and queue the copy of the result to memory.
 
         Raises ConfigError for a stage that reads a layer of a stage that is switched off.
 
         Args:
-            owner: of the targets that the stages draw; default: they are given back at the end.
-            light: LIGHT_LAYERS of a frame that moves, instead of those of the light stages.
+            owner: holds the textures of the stages; default: they are given back at the end.
+            light: LIGHT_LAYERS of a moving scene, which replace the light stages.
             truth: layers to read back instead of the rendered ones.
         """
         owner = owner or StageLayers()
@@ -251,7 +252,7 @@ class ShaderChain:
     def light(
         self, rendered: Rendered, frame: FrameContext, values: StageValues
     ) -> Iterator[dict[str, Target]]:
-        """Draw a sub-frame up to the last stage that writes light; yield its LIGHT_LAYERS."""
+        """Draw a sub-frame up to the last stage that writes light, and yield its LIGHT_LAYERS."""
         owner = StageLayers()
         with owner.run(rendered, frame):
             layers = self._draw(rendered, frame, values, owner, self._light_stages)
@@ -259,7 +260,7 @@ class ShaderChain:
 
     @property
     def _light_stages(self) -> int:
-        """The number of stages up to and including the last that writes light."""
+        """The number of stages up to the last one that writes light, inclusive."""
         writes = [{layer.name for layer in step.source.writes} for step in self._passes]
         return max((n for n, names in enumerate(writes, 1) if {*LIGHT_LAYERS} & names), default=0)
 
@@ -272,7 +273,7 @@ class ShaderChain:
         stages: int | None = None,
         light: Mapping[str, Target] | None = None,
     ) -> dict[str, Target]:
-        """Draw all stages, or the first ``stages``, with other ``light``; return all layers."""
+        """Draw all stages, or the first ``stages``, with replaced ``light``; return all layers."""
         pool, silhouette = rendered.pool, rendered.silhouette
         layers = {
             **rendered.layers,
@@ -283,8 +284,8 @@ class ShaderChain:
             **owner.draw(_REASON.name, lambda: self._empty_reason(pool, frame)),
         }
         layers |= {fine: layers[n] for fine, n in FINE_LAYERS.items() if fine not in layers}
-        # The layers that are blank outside the silhouette. Images of the sensor are not; where
-        # there is no depth they are added to nothing.
+        # These layers are blank outside the silhouette. The sensor's images are not, but pixels
+        # without depth do not use them.
         blank = {*layers, *IMAGE_CONSTANTS}
         for number, step in enumerate(self._passes[:stages]):
             if light and number == self._light_stages:

@@ -1,4 +1,4 @@
-"""The data of a frame, besides its layers, that noise stages read: seeds, sizes, emitters, lens."""
+"""The data of a frame that noise stages read besides its layers: seeds, sizes, emitters, lens."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from glsim.core.camera import Distortion, Point, SensorRig
 from glsim.core.rect import Rect
 from glsim.core.seeds import stage_seed
 
-#: Layers by name: (h, w) or (h, w, components) float32 arrays of the window.
+#: Layers by name: (h, w) or (h, w, components) float32 arrays of the frame's window.
 Layers = Mapping[str, Floats]
 
 _ORIGIN: Point = (0.0, 0.0, 0.0)
 
 
 def _two(points: Sequence[Point]) -> tuple[Point, Point]:
-    """Return two points: the first two, the only point twice, or the origin twice."""
+    """Return the first two points; a single point twice; without a point the origin twice."""
     first = points[0] if points else _ORIGIN
     return first, points[1] if len(points) > 1 else first
 
@@ -29,22 +29,22 @@ class FrameContext:
 
     Args:
         window: the part of the frame that the layers hold.
-        width, height: of the frame, pixels.
-        seed, sequence_seed, device_seed: 64 bits; in the ``view`` of a stage its own ones, 32 bits.
-        time_s: since the start of the sequence.
+        width, height: size of the frame, pixels.
+        seed, sequence_seed, device_seed: 64-bit seeds; in a stage's ``view`` its own 32-bit seeds.
+        time_s: time since the start of the sequence.
         focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
-        emitter_m: where paths of light start (SensorRig.emitter_m).
-        modulation_mhz: three frequencies.
+        emitter_m: start of the light's path (SensorRig.emitter_m).
+        modulation_mhz: the three modulation frequencies.
         supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
         nearest_m: a lower bound of all depths in the scene.
-        focal_px: focal length of the columns.
+        focal_px: horizontal focal length.
         emitters_m: the first two emitters; an emitter that the rig lacks lights nothing.
-        imagers_m: the two imagers; the last one again for each that the rig lacks.
-        second_view_m: from the first to the second of the views that are matched.
-        subject_m: depth of the head, to which cameras expose.
-        lens: its distortion, also where frames are delivered without it.
-        projector_tan: tangents of half the field of view of the projectors' image, columns and
-            rows; 0 without one.
+        imagers_m: the two imagers; for an imager that the rig lacks, its last one.
+        second_view_m: vector from the first to the second of the two views that are matched.
+        subject_m: depth of the head, for which cameras set their exposure.
+        lens: lens distortion, also for frames that are delivered without it.
+        projector_tan: tangents of half the projectors' field of view, horizontal and vertical; 0
+            without a projected image.
     """
 
     window: Rect
@@ -74,7 +74,7 @@ class FrameContext:
 
     @classmethod
     def for_frame(cls, rig: SensorRig, **given: Any) -> Self:
-        """Make the context of a frame of ``rig``; ``given`` are further fields, or replace its."""
+        """Make the context of a frame of ``rig``; ``given`` sets or replaces fields."""
         image = rig.intrinsics
         of_rig = {
             "width": image.width,
@@ -89,7 +89,7 @@ class FrameContext:
         return cls(**{**of_rig, **{name: getattr(rig, name) for name in named}, **given})
 
     def view(self, stage: str) -> FrameContext:
-        """Return the context with the seeds of the stage of this name."""
+        """Return the context with the seeds of the stage named ``stage``."""
         return replace(
             self,
             seed=stage_seed(self.seed, stage),

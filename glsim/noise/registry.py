@@ -1,7 +1,8 @@
-"""Find noise stages by name: of glsim, of plug-ins, GLSL files, and Python functions.
+"""Find noise stages by name: shipped stages, plug-ins, GLSL files, and Python functions.
 
-A sensor file that names a Python function decides what code runs on this machine. The code runs
-only to make frames, and a warning names it then (``describe_stage`` and ``is_code`` run nothing).
+A sensor file that names a Python function decides what code runs on this machine. This code runs
+only when frames are made, with a warning that names it; ``describe_stage`` and ``is_code`` run no
+code.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from glsim.gl.shader_source import load_source, parse_source
 from glsim.noise import array_stages, realsense_filters, stereo_matching
 from glsim.noise.stage import StageSpec, array_parameter
 
-#: The folders of the shipped shader stages, below shaders/.
+#: Folders of the shipped shader stages, inside shaders/.
 STAGE_FOLDERS = ("noise", "tof", "stereo")
 
 #: The modules of the shipped array stages; ``__all__`` of a module names its stages.
@@ -38,7 +39,7 @@ def _shipped() -> dict[str, Path | ModuleType]:
 
 @cache
 def shipped_stage(name: str) -> StageSpec | None:
-    """Return a stage of glsim by its name, else None; only text is read, no OpenGL is needed."""
+    """Return a shipped stage by its name, else None; it reads text only and needs no OpenGL."""
     place = _shipped().get(name)
     if isinstance(place, ModuleType):
         return _array_spec(name, getattr(place, name), place.__file__ or "")
@@ -46,20 +47,20 @@ def shipped_stage(name: str) -> StageSpec | None:
 
 
 def shipped_stages() -> dict[str, StageSpec]:
-    """Return name -> stage for all stages of glsim."""
+    """Return all shipped stages: name -> stage."""
     return {name: spec for name in _shipped() if (spec := shipped_stage(name)) is not None}
 
 
 def stage_names() -> list[str]:
-    """Return the names of the stages of glsim and of installed plug-ins."""
+    """Return the names of the shipped stages and of installed plug-ins."""
     return [*_shipped(), *plugin_names("stages", _shipped())]
 
 
 def find_stage(use: str, beside: Path | None = None) -> StageSpec:
     """Return the stage for the word ``use`` of a sensor file. Raises ConfigError, ShaderError.
 
-    It names a shipped stage or a plug-in's, a .glsl file, or "module:function". Relative paths
-    start from ``beside``, by default the working directory.
+    ``use`` is the name of a shipped stage or a plug-in, a .glsl file, or "module:function".
+    Relative paths start in ``beside``, by default the working directory.
     """
     if (shipped := shipped_stage(use)) is not None:
         return shipped
@@ -76,18 +77,18 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
 
 
 def is_code(use: str) -> bool:
-    """Return whether the word ``use`` of a sensor file names a Python function; nothing is run."""
+    """Return whether the word ``use`` of a sensor file names a Python function; no code is run."""
     return use not in _shipped() and ":" in use and not use.endswith(".glsl")
 
 
 def describe_stage(use: str) -> StageSpec:
-    """Return a stage as ``find_stage`` does, from its text, without running a .py file."""
+    """Return the same stage as ``find_stage``, read from its text without running a .py file."""
     target, _, name = use.rpartition(":")
     return declared_stage(Path(target), name) if target.endswith(".py") else find_stage(use)
 
 
 def shader_stage(file: Path, text: str | None = None) -> StageSpec:
-    """Make the stage of a GLSL file, or of a text in its place. Raises ShaderError, with line."""
+    """Make a stage of a GLSL file; ``text`` replaces its content. Raises ShaderError, with line."""
     source = load_source(file) if text is None else parse_source(text, file)
     if not source.writes:
         raise ShaderError(f"{file}: the stage writes no layer: declare e.g. 'out float depth;'")
@@ -128,15 +129,15 @@ def _python_spec(use: str, beside: Path | None) -> StageSpec:
     return _array_spec(name, function, target)
 
 
-#: Largest file, bytes: a stage is a page of code.
+#: Largest file, bytes: a stage is about one page of code.
 _MAX_BYTES = 1 << 20
 
 
 def declared_stage(file: Path, name: str) -> StageSpec:
-    """Read title and parameters of a Python stage from its file, without running it.
+    """Read the title and the parameters of a Python stage from its file, without running it.
 
-    Raises ConfigError if the file cannot be read or has no function ``name`` with a decorator
-    ``@array_stage(...)`` whose parameters are written out as plain values.
+    Raises ConfigError if the file cannot be read, or has no function ``name`` with a decorator
+    ``@array_stage(...)`` whose parameters are literal values.
     """
     where = f"stage '{file}:{name}'"
     try:

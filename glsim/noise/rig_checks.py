@@ -1,4 +1,4 @@
-"""Checks that the stages of a sensor fit its rig: modulated light, emitters, imagers, matcher."""
+"""Check that the stages of a sensor fit its rig: modulation, emitters, imagers and matcher."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from glsim.core.camera import Distortion, SensorRig
 from glsim.core.errors import ConfigError
 from glsim.noise.stage import ENABLED, Stage
 
-#: Metres per second, the value in the Kinect V2's decoder: its tables hold half wavelengths of
-#: 1875, 9375 and 1250 mm (libfreenect2, unambigious_dist 2083.333 mm = c / 2 / 72 MHz). The depth
-#: is right for any value, because light is encoded and decoded with the same one.
+#: Speed of light, m/s, as rounded in the Kinect V2's decoder, whose tables hold half wavelengths of
+#: 1875, 9375 and 1250 mm (libfreenect2: unambigious_dist 2083.333 mm = c / 2 / 72 MHz). The depth
+#: is right for any value, because encoder and decoder use the same one.
 SPEED_OF_LIGHT = 3.0e8
 
-#: Stages that do nothing without an emitter.
+#: Stages that do nothing for a rig without an emitter.
 _SHADOW_STAGES = ("shadow", "tof_shadow")
 
-#: Frequencies are rounded to multiples of this to find their common period, MHz.
+#: Frequencies are rounded to multiples of this step, MHz, to find their common period.
 _GRID_MHZ = Fraction(1, 1000)
 
 
@@ -68,7 +68,7 @@ def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str
             f"{given}: cannot be unwrapped: the phases repeat after {reach:.2f} m, "
             f"nearer than rig.far_m {far_m:g}"
         )
-    # The slow phase repeats this often before all phases repeat together; the third phase must
+    # The slow phase repeats this many times before all phases repeat together; the third phase must
     # differ between these repeats.
     repeats = slow // gcd(fast, slow, other)
     turns = Fraction(other, slow)
@@ -76,10 +76,10 @@ def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str
         raise ConfigError(f"{given}: cannot be unwrapped: the third does not tell slow turns apart")
 
 
-#: The stage that matches two images.
+#: The name of the stage that matches two images.
 MATCHER = "match_stereo"
 
-#: Largest part of a baseline across its main axis: images are matched along rows or columns.
+#: Largest share of a baseline across its main axis: images are matched along rows or columns.
 _LARGEST_SKEW = 1e-3
 
 

@@ -1,7 +1,7 @@
-"""Match rectified images by OpenCV's semi-global matcher; then reject and average as cameras do.
+"""Match rectified images by OpenCV's semi-global matcher; reject and average like a camera.
 
 Hirschmueller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 30(2), 2008.
-All is in whole numbers: the same bytes on every machine and for any number of threads.
+All computation uses whole numbers: the same bytes on every machine and for any number of threads.
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from glsim.core.array_types import Array, Floats
 Disparities = NDArray[np.int32]
 Matched = NDArray[np.int16]
 
-#: Steps per pixel of disparities, and of the places at which the second image is interpolated.
+#: Steps per pixel of disparities, and of the positions where the second image is interpolated.
 STEPS_PER_PX, _TAP_STEPS = 256, 16
 _TAP_BITS = 4
-#: Largest step, 1/256 px; chosen: half a pixel, beyond which images repeat.
+#: Largest change by ``_align``, 1/256 px. Chosen: half a pixel; image detail repeats beyond it.
 _MOST = 128
-#: Steps per pixel of OpenCV's disparities; ``match`` returns STEPS_PER_PX.
+#: Steps per pixel of OpenCV's disparities; ``match`` returns steps of 1 / STEPS_PER_PX.
 _MATCHED_STEPS = 16
-#: A disparity that is none.
+#: The disparity of a pixel without a match.
 NO_MATCH = -1
-#: Stands for no match where differences count, 1/256 px: below all disparities by 2,000 px.
+#: Replaces NO_MATCH where disparities are subtracted, 1/256 px: 2,000 px below all disparities.
 _FAR_OFF = -(1 << 19)
-#: Standard deviation of an image of even contrast, counts: its dots then just fit 8 bits. Chosen.
+#: Standard deviation of an image after ``_even_contrast``, counts: its dots then just fit 8 bits.
+#: The value was chosen, not measured.
 _EVEN_COUNTS = 40
 
 
 def match(left: Floats, right: Floats, p: Mapping[str, float]) -> Disparities:
     """Match two rectified images of whole counts by the parameters of ``match_stereo``.
 
-    The second camera stands to the right of the first. Returns (H, W) int32 disparities of ``left``
-    in 1/256 px, -1 without a match.
+    The second camera stands to the right of the first. Returns the (H, W) int32 disparities of
+    ``left`` in 1/256 px, -1 without a match.
     """
     import cv2
 
@@ -53,7 +54,7 @@ def match(left: Floats, right: Floats, p: Mapping[str, float]) -> Disparities:
         uniquenessRatio=int(p["uniqueness_percent"]),
         mode=cv2.StereoSGBM_MODE_SGBM_3WAY,
     )
-    # OpenCV leaves out the columns whose search would leave the second image: a border holds it.
+    # OpenCV does not match columns whose search range leaves the image: a border adds columns.
     border = searched + shift
     if p["contrast_px"] > 0:
         side, floor = int(p["contrast_px"]) | 1, p["contrast_floor_counts"]
@@ -99,7 +100,7 @@ def _local_moments(image: Floats, side_px: int) -> tuple[Array, Array]:
     import cv2
 
     size, count = (side_px, side_px), side_px**2
-    # Sums of counts and of their squares are whole numbers, exact in float64.
+    # The sums of counts and of their squares are whole numbers, exact in float64.
     counts = image.astype(np.float64)
     total = cv2.boxFilter(counts, cv2.CV_64F, size, normalize=False)
     squares = cv2.boxFilter(counts * counts, cv2.CV_64F, size, normalize=False)
@@ -107,8 +108,8 @@ def _local_moments(image: Floats, side_px: int) -> tuple[Array, Array]:
 
 
 def reject_unlit(found: Disparities, pattern: Floats, window: int) -> None:
-    """Reject disparities (1/256 px), in place, matched where the pattern is constant."""
-    # A projector's image need not fill the view.
+    """Reject, in place, disparities (1/256 px) whose window in the pattern is constant."""
+    # A projector's image may be smaller than the camera's view.
     row, column = np.nonzero(found >= 0)
     there = np.maximum(column - (found[row, column] + STEPS_PER_PX // 2) // STEPS_PER_PX, 0)
     unlit = _local_moments(pattern, window)[1][row, there] == 0
@@ -118,7 +119,7 @@ def reject_unlit(found: Disparities, pattern: Floats, window: int) -> None:
 def _support_mean(
     values: Disparities, along_px: int, across_px: int, step_px: float
 ) -> Disparities:
-    """Average similar disparities (differing by less than a step) along rows, then columns."""
+    """Average disparities that differ by less than a step, along rows, then along columns."""
     step = int(step_px * STEPS_PER_PX)
     for axis, side_px in ((1, along_px), (0, across_px)):
         values = _mean_along(values, axis, side_px // 2, step)
@@ -126,10 +127,10 @@ def _support_mean(
 
 
 def _mean_along(values: Disparities, axis: int, reach: int, step: int) -> Disparities:
-    """Average along one axis the neighbours within ``reach`` that differ by less than ``step``."""
+    """Average the neighbours within ``reach`` on an axis that differ by less than ``step``."""
     known = values >= 0
     own = np.where(known, values, _FAR_OFF)  # differs by more than a step from every disparity
-    # The mean is the own value and the mean of the neighbours' differences from it.
+    # The mean is the pixel's value plus the mean of the neighbours' differences from it.
     total, count = np.zeros(values.shape, np.int32), np.ones(values.shape, np.int32)
     for shift in range(1, min(reach, values.shape[axis] - 1) + 1):
         ahead = (slice(None),) * axis + (slice(shift, None),)
@@ -156,14 +157,14 @@ def _align(
     right: NDArray[np.uint8],
     window_px: tuple[int, int],
 ) -> Disparities:
-    """Refine disparities to the least sum of squared differences between the windows of two images.
+    """Refine disparities: minimise the squared differences between the windows of two images.
 
-    One step of Lucas and Kanade, "An Iterative Image Registration Technique" (1981), in whole
-    numbers. A parabola through the costs of three disparities prefers whole pixels by up to 0.2 px;
-    after one step 0.03 px of that is left.
+    It does one step of Lucas and Kanade, "An Iterative Image Registration Technique" (1981), in
+    whole numbers. Disparities from a parabola through three matching costs are biased towards whole
+    pixels by up to 0.2 px; after this step the bias is 0.03 px.
 
     Args:
-        found: (H, W) in 1/256 px, smooth.
+        found: (H, W) smooth disparities, 1/256 px.
         left, right: (H, W) images of even contrast; the second camera stands to the right.
         window_px: sides of the window along the baseline and across it, odd.
     """
@@ -176,11 +177,12 @@ def _align(
     first = place >> _TAP_BITS
     known = (found >= 0) & (first >= 1) & (first < width - 2)
     seen, steep = _interpolated(right, np.where(known, first, 1), place & (_TAP_STEPS - 1))
-    # Scales: counts 2^13, slope 2^9; disparities 2^8: all differences get 2^17, below 2^27.
+    # Fixed point: counts have the factor 2^13, slopes 2^9, disparities 2^8, differences 2^17 (<
+    # 2^27).
     apart = ((left.astype(np.int32) << 13) - seen) * fine
     apart -= steep * ((coarse << _TAP_BITS) - found)
     steep[~known] = 0
-    # Sums of whole numbers below 2^53 are exact in float64, in any order.
+    # Sums of whole numbers below 2^53 are exact in float64, in any order of the terms.
     slopes = steep.astype(np.float64)
     above, below = (
         cv2.boxFilter(
@@ -188,7 +190,7 @@ def _align(
         )
         for part in (apart.astype(np.float64), slopes)
     )
-    # A larger disparity looks farther to the left: the slope's sign turns.
+    # A larger disparity lies further left in the second image: the slope's sign changes.
     step = np.rint(-above / np.maximum(below, 1.0)).clip(-_MOST, _MOST)
     return np.where(known, found + step.astype(np.int32), found)
 
@@ -198,15 +200,16 @@ def _interpolated(
 ) -> tuple[Disparities, Disparities]:
     """Interpolate counts (times 2 x 16^3) and slope (times 2 x 16^2) between pixels of a row.
 
-    By Catmull and Rom's cubic through the two pixels before and the two after. ``first`` is the
-    column of the last pixel before, and ``share`` the distance behind it, 1/16 px, both (H, W).
+    The interpolation is Catmull and Rom's cubic through two pixels before and two after.
+    ``first`` is the column of the last pixel before, and ``share`` the distance from it in 1/16 px;
+    both are (H, W).
     """
     height, width = image.shape
     flat = image.ravel()
     at = first + np.arange(0, height * width, width, dtype=np.int32)[:, None]
     before, here, there, after = (flat.take(at + k).astype(np.int32) for k in (-1, 0, 1, 2))
     n = _TAP_STEPS
-    # Coefficients of the cubic in powers of the share: 2 here + b f + c f^2 + d f^3.
+    # Coefficients of the cubic in powers of the share f: 2 ``there`` + b f + c f^2 + d f^3.
     b = there - before
     c = 2 * before - 5 * here + 4 * there - after
     d = 3 * (here - there) + after - before

@@ -1,15 +1,15 @@
 """Noise stages: their declaration, their settings, and the values sampled for a frame.
 
-A stage is a GLSL file, or a Python function "file.py:function" or "package.module:function" that
-runs on arrays, after the shaders:
+A stage is a GLSL file, or a Python function "file.py:function" or "package.module:function". Python
+stages run on arrays, after the shaders:
 
     @array_stage(min_area_px=("int", 20, 1, 100000, "px", "smallest island that is kept"))
     def despeckle(view, layers, p):
         ...
         return {"depth": depth, "reason": reason}
 
-A function that reads pixels around its own gives the distance, pixels, as a function of p: the
-first argument of ``array_stage``. ``glsim.noise.registry`` finds stages by name.
+If the function reads neighbouring pixels, the first argument of ``array_stage`` is their largest
+distance, pixels, as a function of p. ``glsim.noise.registry`` finds stages by name.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from glsim.gl.shader_source import ShaderSource
 from glsim.noise.frame_context import FrameContext, Layers
 from glsim.settings.distribution import Distribution, ScopeSeeds, constant
 
-#: A stage on arrays: takes the view of the frame, its layers and the parameters' values; returns
-#: the layers that it writes.
+#: A stage on arrays: (view of the frame, its layers, the parameters' values) -> the layers that it
+#: writes, by name.
 ArrayFunction = Callable[[FrameContext, Layers, Mapping[str, float]], Mapping[str, Floats]]
 
-#: How far around a pixel a stage on arrays reads, pixels, as a function of its parameters' values.
+#: Distance, pixels, at which a stage on arrays reads neighbours: a function of the parameters.
 Reach = Callable[[Mapping[str, float]], int]
 
-#: The parameter that every stage has; it switches the stage off: ``--set axial.enabled=false``.
+#: The parameter of every stage that switches it off: ``--set axial.enabled=false``.
 ENABLED = "enabled"
-#: Names of stages in a chain; they are a part of the names of parameters, of files and of the page.
+#: Pattern of the names of stages, which occur in names of parameters and files, and in the tuner.
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
 
@@ -50,8 +50,8 @@ class StageSpec:
 
     Args:
         title: one line for tables.
-        reach_px: how far around a pixel ``function`` reads.
-        array_reads: layers that ``function`` reads besides those of a Frame.
+        reach_px: distance, pixels, at which ``function`` reads neighbours.
+        array_reads: layers that ``function`` reads besides the layers of a Frame.
     """
 
     name: str
@@ -66,7 +66,7 @@ class StageSpec:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of a chain: its name, unique there, declaration, and parameter -> distribution."""
+    """A stage of a chain: its unique name, its declaration, and parameter -> distribution."""
 
     name: str
     spec: StageSpec
@@ -82,13 +82,14 @@ def array_stage(
 ) -> Callable[[ArrayFunction], ArrayFunction]:
     """Declare a function as a stage; a parameter is name=(type, default, low, high, unit, help).
 
-    A seventh word is for sliders, as in GLSL behind the semicolon: "0, 2000", "log", "step 2".
+    An optional seventh word configures the slider, as in GLSL after the semicolon: "0, 2000",
+    "log", "step 2".
 
     Args:
-        reach_px: how far around a pixel the function reads, so that crops are drawn with that
-            margin.
-        reads: the layers that it reads besides clean, depth, reason and infrared; those that the
-            chain does not have are left out.
+        reach_px: distance, pixels, at which the function reads neighbours; crops are drawn with
+            this margin.
+        reads: layers that the function reads besides clean, depth, reason and infrared. It gets
+            those that the chain has.
     """
 
     def mark(function: ArrayFunction) -> ArrayFunction:
@@ -108,8 +109,8 @@ def array_stage(
 def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Parameter:
     """Make the parameter of a stage on arrays that is declared in a line of a file.
 
-    ``spec`` holds type, default, low, high, unit, help, and perhaps what is for sliders. Raises
-    ShaderError, TypeError or ValueError for other words.
+    ``spec`` is type, default, low, high, unit, help, and optionally the slider's configuration.
+    Raises ShaderError, TypeError or ValueError for other values.
     """
     kind, default, low, high, unit, help, *slider = spec
     default, low, high = float(default), float(low), float(high)
@@ -121,7 +122,7 @@ def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Pa
 def make_stage(
     name: str, spec: StageSpec, settings: Mapping[str, Distribution], where: str
 ) -> Stage:
-    """Make a stage: check its settings, read at ``where``, and add defaults. Raises ConfigError."""
+    """Make a stage: check its settings, and add defaults. Raises ConfigError with ``where``."""
     if not _NAME.fullmatch(name):
         raise ConfigError(
             f"{where}: {name!r:.80} is no name of a stage: take letters, digits, _ and -, with "
@@ -149,8 +150,8 @@ def sample_values(
 ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Sample the parameter values of all stages for one frame. Raises ConfigError.
 
-    Returns the values that are not constant, "stage.parameter" -> value, and all values,
-    stage -> parameter -> value.
+    Returns two dicts: the values that are not constant, "stage.parameter" -> value; and all
+    values, stage -> parameter -> value.
     """
     sampled: dict[str, float] = {}
     values: dict[str, dict[str, float]] = {stage.name: {} for stage in stages}

@@ -18,7 +18,7 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import BLANK
 from glsim.render.silhouette import Silhouette
 
-#: The ``u_`` uniforms other than layers that a stage may declare, and the sources of their values.
+#: Uniform ``u_...`` that is no layer -> function of the frame that gives its value.
 BOUND: dict[str, Callable[[FrameContext], object]] = {
     f"u_{name}": attrgetter(name)
     for name in (
@@ -38,17 +38,17 @@ BOUND: dict[str, Callable[[FrameContext], object]] = {
 
 
 class LinkedStages:
-    """A cache of the linked stages of one context, each kept for as long as a chain has it."""
+    """A cache of the linked stages of one GL context; a stage lives as long as a chain uses it."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._passes = WeakValueDictionary[tuple[str, str, tuple[str, ...]], StagePass]()
 
     def stage_pass(self, name: str, source: ShaderSource) -> StagePass:
-        """Return the linked stage for a name and a source; link it if new. Raises ShaderError."""
+        """Return the linked stage of a name and a source; link a new one. Raises ShaderError."""
         key = (name, source.text, tuple(layer.name for layer in source.writes))
         found = self._passes.get(key)
-        # The text holds all declarations but not the file that messages name.
+        # Equal texts have equal declarations, but messages name the file, which may differ.
         if found is None or found.source.file != source.file:
             found = StagePass(self._context, name, source)
             self._passes[key] = found
@@ -56,7 +56,7 @@ class LinkedStages:
 
 
 class StagePass:
-    """A linked shader stage, which draws the layers it writes from the layers it reads."""
+    """A linked shader stage: it reads layers and draws the layers that it declares."""
 
     def __init__(self, context: moderngl.Context, name: str, source: ShaderSource) -> None:
         self.name, self.source = name, source
@@ -79,7 +79,8 @@ class StagePass:
     ) -> dict[str, Target]:
         """Draw the frame's window; return name -> written layer. Raises ConfigError.
 
-        The caller gives the targets back. Pixels outside the silhouette ``within`` are skipped.
+        The caller gives the returned targets back. Pixels outside the silhouette ``within`` are
+        skipped.
         """
         view = frame.view(self.name)
         for name in self._bound:

@@ -7,9 +7,9 @@
     sigma_px = { loguniform = [0.1, 1] }
     sigma_mm = { uniform = [1.0, 1.3], per = "device" }
 
-The first device of a plan is the typical one: it has the middle of what is sampled per device.
+The first device of a plan is the typical one: its numbers are the medians of their distributions.
 
-A sample is a function of its key and name only: adding a distribution changes no other one.
+A sample is a function of its key and name only: adding a distribution changes no other sample.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from glsim.core.seeds import keyed_rng
 from glsim.settings.toml_tables import TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]
-#: Scope of a number; only numbers of a sensor are drawn per device.
+#: Scope of a sample; only numbers of a sensor are sampled per device.
 DrawScope = Literal[Scope, "device"]
 
 _KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
@@ -66,7 +66,7 @@ class Distribution(TomlTable):
 
     @property
     def is_constant(self) -> bool:
-        """Whether all samples are the same number."""
+        """Whether all samples are equal."""
         return self.constant is not None
 
     def bounds(self) -> tuple[float, float]:
@@ -86,7 +86,7 @@ class Distribution(TomlTable):
         return self._numbers()[0]
 
     def sample(self, keys: ScopeSeeds, name: str) -> float:
-        """Sample the number of the setting ``name`` with the seeds of a frame."""
+        """Sample the number of the setting ``name`` by the seeds of a frame."""
         if self.constant is not None:
             return self.constant
         key = getattr(keys, self.per)
@@ -112,7 +112,7 @@ class ScopeSeeds(NamedTuple):
     device: int | None = None
 
     def held_in_sequence(self) -> ScopeSeeds:
-        """Return keys that give all frames of a sequence the same samples."""
+        """Return seeds that give all frames of a sequence the same samples."""
         return self._replace(frame=self.sequence)
 
 
@@ -121,11 +121,11 @@ def _from_number(value: object) -> object:
         return value
     try:
         return {"constant": float(value)}
-    except OverflowError:  # an integer of hundreds of digits
+    except OverflowError:  # an integer of hundreds of digits is no float
         raise ValueError("the number is too large") from None
 
 
-#: Pydantic field of a Distribution: a bare number in a file or an option becomes a constant.
+#: Pydantic type of a Distribution; a bare number in a file or an option becomes a constant.
 NumberSetting = Annotated[Distribution, BeforeValidator(_from_number)]
 
 

@@ -28,8 +28,8 @@
     [output]
     crop = 128
 
-An unknown key is an error that names similar keys. The parameters of a stage are declared in its
-GLSL file; they are checked when the sensor is loaded (glsim.sensors.sensor).
+An unknown key is an error that names similar keys. The GLSL file of a stage declares its
+parameters; they are checked when the sensor is loaded (glsim.sensors.sensor).
 """
 
 from __future__ import annotations
@@ -65,16 +65,16 @@ DEFAULT_SUBJECTS = 10
 DEFAULT_FRAMES = 30
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
-"""The split by images instead of people, see glsim.simulation.plan.split."""
+"""The value of ``split`` that divides images instead of people: glsim.simulation.plan.split."""
 FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
-"""Largest depth of 16-bit files in the coarsest step, mm."""
+"""Largest depth of 16-bit files, mm, with the coarsest step."""
 POSE_LIMITS = {"motion": (0.0, 5.0)}
-"""Limits of numbers of [pose]. Chosen: turns of 30 degrees within a sequence."""
+"""Limits of the numbers in [pose]. They allow turns of 30 degrees in a sequence; chosen."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
-"""Limits of numbers of [variation]. Chosen."""
+"""Limits of the numbers in [variation]. The values were chosen, not measured."""
 
 
-#: Limits of the numbers of a room. Chosen: homes and offices.
+#: Limits of a room's numbers, chosen to fit homes and offices.
 SCENE_LIMITS = {
     "behind_mm": (400, 8000),
     "width_mm": (1500, 10_000),
@@ -94,7 +94,7 @@ def _number(default: float | tuple[float, float], description: str) -> Any:
 
 
 def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raise ValueError if a setting, or a draw of its distribution, can be outside its limits."""
+    """Raise ValueError if a setting, or a sample of its distribution, can exceed its limits."""
     for name, (least, most) in limits.items():
         setting = getattr(table, name)
         low, high = (least, most) if setting is None else setting.bounds()
@@ -104,7 +104,7 @@ def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -
 
 
 class PoseSettings(TomlTable):
-    """Pose of the head in front of the sensor; positive angles are to its own left, or up."""
+    """Pose of the head in front of the sensor; positive angles turn it to its own left, or up."""
 
     distance_mm: NumberSetting = _number(900.0, "sensor to centre of the face, along z")
     x_mm: NumberSetting = _number(0.0, "to the right in the image")
@@ -144,7 +144,7 @@ class MotionSettings(TomlTable):
     roll_deg_s: NumberSetting = _number(0.0, "tilt to its own left")
 
 
-#: Speed of [motion] -> the number of the pose that it changes.
+#: Name of a speed in [motion] -> the number of the pose that it changes.
 SPEEDS = {
     "x_mm_s": "x_mm",
     "y_mm_s": "y_mm",
@@ -169,16 +169,16 @@ class VariationSettings(TomlTable):
 
 
 class AppearanceSettings(TomlTable):
-    """Hair, beard, glasses and clothes of people, drawn per subject; a share of 0 means nobody."""
+    """Hair, beard, glasses and clothes, sampled for each subject; a share of 0 means nobody."""
 
     wear: Literal["auto", "always", "never"] = Field(
         "auto", description="auto: people are dressed, procedural and ict-facekit heads are not"
     )
-    # Shares without a source are chosen: every second man has a beard, moustache or stubble.
+    # Shares without a source were chosen, e.g. that every second man has a beard or stubble.
     hair: float = Field(0.96, ge=0, le=1, description="share of subjects with hair, also shaven")
     beard: float = Field(0.25, ge=0, le=1, description="share with a beard, moustache or stubble")
     brows: float = Field(1.0, ge=0, le=1, description="share with brows in relief")
-    # 64 % of adults have glasses (The Vision Council), 54 % of these wear them most of the time.
+    # 64 % of adults have glasses (The Vision Council); 54 % of these wear them most of the time.
     glasses: float = Field(0.35, ge=0, le=1, description="share with glasses")
     cloth: float = Field(1.0, ge=0, le=1, description="share with cloth over neck and body")
 
@@ -298,7 +298,7 @@ class Settings(TomlTable):
     )
     scene: SceneSettings = SceneSettings()
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
-    #: Path of a setting -> "--set TEXT" as the user wrote it.
+    #: Path of a setting -> "--set TEXT", as the user wrote it.
     _places: dict[tuple[str, ...], str] = PrivateAttr(default_factory=dict)
     stage: dict[str, dict[str, NumberSetting]] = Field(
         default_factory=dict, description="parameters of the sensor's noise stages, by stage"
@@ -307,7 +307,7 @@ class Settings(TomlTable):
     strict: bool = Field(False, description="stop at the first bad frame instead of recording it")
 
     def __eq__(self, other: object) -> bool:
-        """Compare the values of settings, but not the places where a user wrote them."""
+        """Compare the values of settings, but not where the user wrote them."""
         return isinstance(other, Settings) and self.__dict__ == other.__dict__
 
     @model_validator(mode="after")
@@ -332,7 +332,7 @@ class Settings(TomlTable):
 
 
 def place_of(settings: Settings, *path: str) -> str:
-    """Return where a user gave a setting, for messages: a --set option or the settings."""
+    """Return where the user gave a setting, for messages: a --set option, or the settings."""
     options = (text for at, text in settings._places.items() if at[: len(path)] == path)
     return next(options, "settings (--set or --config)")
 
@@ -346,12 +346,15 @@ def load_settings(
 ) -> Settings:
     """Load settings from a preset, a TOML file, assignments ``a.b=value`` and nested ``overrides``.
 
-    A source that generates faces has 10 subjects and 30 frames of each by default.
+    A source that generates faces has 10 subjects with 30 frames each by default.
 
     Args:
-        preset: name of a shipped preset. Of its [source] only numbers of subjects and frames
-            count for sources of another kind.
+        file: the TOML file.
+        assignments: texts ``a.b=value``, as after ``--set``.
+        overrides: nested dicts, which replace values of the file.
         source: overrides of the single [source] table.
+        preset: name of a shipped preset. If ``source`` is of another kind, only the numbers of
+            subjects and frames are taken from the preset's [source].
 
     Raises:
         ConfigError: a file that cannot be read, an unknown key or an invalid value.
@@ -379,8 +382,8 @@ def load_settings(
 def with_assignments(settings: Settings, values: Mapping[str, Any]) -> Settings:
     """Return settings with changed values, named as for ``--set``: {"tof_floor.sigma_mm": 2}.
 
-    A value is a number, a distribution as in a file ({"uniform": [1, 3]}), or what a file has
-    there. Raises ConfigError for a name or value that ``load_settings`` would refuse.
+    A value is a number, a distribution as in a file ({"uniform": [1, 3]}), or any other value of
+    a settings file. Raises ConfigError for a name or value that ``load_settings`` would refuse.
     """
     tree = settings.model_dump(exclude_none=True)
     places: dict[tuple[str, ...], str] = {}
@@ -392,11 +395,11 @@ def with_assignments(settings: Settings, values: Mapping[str, Any]) -> Settings:
 
 
 def _settings_path(path: list[str]) -> list[str]:
-    """Add "stage" in front of the path of a stage's parameter."""
+    """Prefix the path of a stage's parameter with "stage"."""
     return ["stage", *path] if len(path) == 2 and path[0] not in Settings.model_fields else path
 
 
-#: What every kind of source has.
+#: The settings that every kind of source has.
 _COUNTS = ("subjects", "frames_per_subject")
 
 
@@ -426,7 +429,7 @@ def _with_counts(source: SourceSettings) -> SourceSettings:
 def parse_assignment(text: str) -> tuple[list[str], Any]:
     """Split ``"axial.base_sigma_mm=2.5"`` into (["stage", "axial", "base_sigma_mm"], 2.5).
 
-    As ``split_assignment``; a first word that is not a settings table names a noise stage.
+    Like ``split_assignment``, but a first word that is not a settings table names a noise stage.
     """
     path, value = split_assignment(text, "axial.base_sigma_mm=2.5 or pose.yaw_deg=20")
     return _settings_path(path), value

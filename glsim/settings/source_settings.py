@@ -1,6 +1,6 @@
-"""The settings [[source]] of faces; each kind of source declares a table of its own.
+"""The settings of a [[source]] of faces; each kind of source declares its own table.
 
-A source is a file in glsim/faces/sources, or an entry point "glsim.sources" of another package.
+A kind is a file in glsim/faces/sources, or an entry point "glsim.sources" of another package.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from glsim.settings.toml_tables import TomlTable
 
 _GROUP: Final = "sources"
 _FOLDER: Final = "faces/sources"
-#: Settings of mesh files that data sets record for every source.
+#: Settings of mesh files, which data sets record for every kind of source.
 _RECORDED: Final = {"unit": "auto", "axes": "auto"}
-#: The order of settings in the header of a data set; a kind's own ones stand between.
+#: Settings that come first in the header of a data set; the kind's own settings follow them.
 _FIRST: Final = (
     "kind", "root", "subjects", "frames_per_subject", "frames_per_sequence", "frames_per_second",
     "unit", "axes",
@@ -37,7 +37,7 @@ _LAST: Final = ("weight", "count")
 class SourceSettings(TomlTable):
     """The settings of a source of faces, a generator or a folder of meshes."""
 
-    #: Whether the source generates as many people and frames as are asked for.
+    #: Whether the source generates as many people and frames as the settings ask for.
     endless: ClassVar[bool] = False
 
     kind: str = Field("procedural", description="where faces come from")
@@ -50,7 +50,7 @@ class SourceSettings(TomlTable):
     count: int | None = Field(None, ge=1, description="number of images from this source")
 
     def room_problem(self) -> str:
-        """Return the reason why people of this source cannot stand in a room, or ""."""
+        """Return why people of this source cannot stand in a room, or ""."""
         return ""
 
     @model_validator(mode="before")
@@ -86,7 +86,7 @@ class SourceSettings(TomlTable):
 
 
 def shipped_kinds() -> list[str]:
-    """Return the kinds of sources of glsim, sorted, without importing them."""
+    """Return the shipped kinds of sources, sorted, without importing them."""
     return [name.replace("_", "-") for name in module_names(_FOLDER)]
 
 

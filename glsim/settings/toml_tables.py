@@ -1,6 +1,6 @@
 """TOML tables as nested dicts: read, assign, merge, and validate them by a pydantic model.
 
-Settings (``schema``), sensors, recipes and plans each have a model of their own.
+Settings (``schema``), sensors, recipes and plans each have their own model.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.files.regular import read_regular
 
-#: Largest TOML file, bytes; those that glsim ships have 4,000.
+#: Largest TOML file, bytes; shipped files have about 4,000.
 _MAX_BYTES = 1 << 20
 
 _BACKSLASH = (
@@ -36,7 +36,7 @@ class TomlTable(BaseModel):
 
 
 def read_toml(file: Path) -> dict[str, Any]:
-    """Read a TOML file as nested dicts. Raises ConfigError with the file's name."""
+    """Read a TOML file as nested dicts. Raises ConfigError that names the file."""
     try:
         text = read_regular(file, _MAX_BYTES).decode("utf-8-sig")
         for number, written in enumerate(text.splitlines(), 1):
@@ -52,7 +52,7 @@ def read_toml(file: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         raise ConfigError(f"{file}: line {line} is no UTF-8 text: save the file as UTF-8") from None
-    except ValueError as error:  # no TOML, a number of thousands of digits
+    except ValueError as error:  # not TOML, or a number of thousands of digits
         reason = " ".join(str(error).split())[:200]
         place = re.search(r"at line (\d+)", reason)
         if place and re.search(r'"[^"]*\\', text.splitlines()[int(place[1]) - 1]):
@@ -61,7 +61,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def split_assignment(text: str, example: str) -> tuple[list[str], Any]:
-    """Split ``"a.b=2.5"`` into (["a", "b"], 2.5); a value is TOML, or else a string.
+    """Split ``"a.b=2.5"`` into (["a", "b"], 2.5); a value that is not TOML is a string.
 
     Raises ConfigError, which shows ``example``, if ``text`` is not "name=value".
     """
@@ -106,14 +106,16 @@ def parse_table(
     """Build a ``model`` from nested dicts. Raises ConfigError with the first problem, in one line.
 
     Args:
-        where: the settings' place, such as a file.
-        places: path of a setting -> another place, such as an option.
+        model: the pydantic class.
+        tree: the nested dicts.
+        where: the file or other place of the settings, for messages.
+        places: path of a setting -> a more exact place, such as an option.
     """
     try:
         return model.model_validate(tree)
     except ValidationError as error:
         path, text = first_problem(model, error)
-        path = [part for part in path if not part.isdigit()]  # positions in lists
+        path = [part for part in path if not part.isdigit()]  # without positions in lists
         for at, place in (places or {}).items():
             length = min(len(at), len(path))
             if length and tuple(path[:length]) == at[:length]:
@@ -121,16 +123,16 @@ def parse_table(
         raise ConfigError(f"{where}: {text}") from None
 
 
-#: Characters of a given value that are shown.
+#: Number of characters of a wrong value that a message shows.
 _SHOWN = 60
 _DISTRIBUTION = "give a number, or a distribution such as { uniform = [1, 2] }"
-#: Pydantic's names of unknown settings: in a model, in a dataclass.
+#: Pydantic's error types for an unknown setting: in a model, in a dataclass.
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _TABLE = "is a table: set one of its entries"
 
 
 def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[str], str]:
-    """Return the path of the first wrong setting, misspelt names first, and a one-line message."""
+    """Return the path of the first problem, misspelt names first, and a one-line message."""
     problem = min(error.errors(), key=lambda p: p["type"] not in _UNKNOWN)
     path = [str(part) for part in problem["loc"] if not _is_internal(str(part))]
     name = ".".join(path)

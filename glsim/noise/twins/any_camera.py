@@ -43,7 +43,7 @@ def any_camera_edges(view: FrameContext, layers: Layers, p: Parameters) -> dict[
     bumps = lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + p["rough_px"] * bumps + (normal_share(bumps) - 0.5)
     chance = [uniform01(word) for word in random_bits(x, y, view.seed, 1)]
-    bright = skin_signal(clean, layers["albedo"], 1.0, 1.0)  # as if each surface faced the camera
+    bright = skin_signal(clean, layers["albedo"], 1.0, 1.0)  # as if facing the camera
     step = 0.001 * p["step_mm_per_m"] * clean
     at, own_p = where_worthwhile(view, value_range(view, clean, 2) > step, p)
     depths, lights = (around(view, part, 2, clamped=True, at=at) for part in (clean, bright))
@@ -88,12 +88,12 @@ def _beside_steps(
 
     Args:
         depths, lights: functions (dx, dy) -> clean depth, m, and brightness at that offset.
-        growth: width by which near surfaces grow, px; negative where they shrink.
+        growth: width, px, by which near surfaces grow; negative if they shrink.
         chance: uniform random numbers, 0 to 1.
 
     Returns:
-        Depth of the surface, m; mixed depth, m; share of other surfaces; collected light; whether a
-        nearer surface has grown over the pixel; whether the pixel is lost.
+        Depth of the surface, m; mixed depth, m; share of other surfaces; collected light; mask of
+        pixels over which a nearer surface has grown; mask of lost pixels.
     """
     clean = depths(0, 0)
     xp, zero = of(clean), of(clean).zeros_like(clean)
@@ -142,7 +142,7 @@ def _hazed(
     view: FrameContext, clean: Image, bright: Image, z: Image, own: Image, light: Image,
     p: Parameters,
 ) -> tuple[Image, Image]:  # fmt: skip
-    """Pull depth, m, towards its surroundings by stray light; return also their least depth, m."""
+    """Pull depth, m, to its surroundings by stray light; also return their smallest depth, m."""
     xp, (x, y) = of(z), pixels(view.window, view.seed)
     around_ = pull = xp.zeros_like(z)
     least = clean
@@ -160,7 +160,7 @@ def _hazed(
 
 
 def _infrared(view: FrameContext, layers: Layers, p: Parameters, light: Image) -> Image:
-    """Compute infrared counts with read noise and shot noise, 0 to 65535."""
+    """Compute infrared counts, 0 to 65535, with read noise and shot noise."""
     xp = of(light)
     cosine, squared, _ = incidence(layers["normal"], layers["rays"])
     lambert = xp.maximum(cosine, 0.0) * layers["lit"]
@@ -180,7 +180,7 @@ def incidence(normal: Image, rays: Image) -> tuple[Image, Image, Mask]:
 
 
 def skin_signal(depth: Image, albedo: Image, lambert: Numbers, squared: Numbers) -> Image:
-    """Compute the returned light, 1 for skin that faces the camera at 0.9 m; as skin_signal.glsl.
+    """Compute the returned light as skin_signal.glsl does; 1 = skin facing the camera at 0.9 m.
 
     Args:
         depth: metres, 0 = none.
@@ -228,7 +228,7 @@ def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[
 
 
 def _systematic_mm(view: FrameContext, p: Parameters, z: Image) -> Image:
-    """Compute the systematic depth error at the depths ``z`` (m), mm; positive measures too far."""
+    """Compute the systematic error, mm, at the depths ``z`` (m); a positive error is too far."""
     xp, seed = of(z), view.device_seed
     phase = uniform01(pcg_word(xp.words(seed, seed)))
     x, y = (xp.floats(n) + 0.5 for n in pixels(view.window, seed))
@@ -272,21 +272,21 @@ def any_camera_losses(view: FrameContext, layers: Layers, p: Parameters) -> dict
 
 
 def _node(word: Words) -> Image:
-    """Convert the random word of a lattice node to a value of variance 1: the sum of four bytes."""
+    """Convert a lattice node's random word to a value of variance 1, from the sum of its bytes."""
     xp, byte = of(word), of(word).word(255)
     total = (word & byte) + (xp.shifted(word, 8) & byte) + (xp.shifted(word, 16) & byte)
     return (xp.floats(total + xp.shifted(word, 24)) - 510.0) * 6.76583e-3
 
 
 def lattice_noise(view: FrameContext, spacing_px: tuple[float, float], seed: Any) -> Image:
-    """Return an (h, w) smooth random field of variance 1 between nodes ``spacing_px`` apart."""
+    """Return a smooth random (h, w) field of variance 1; its nodes are ``spacing_px`` apart."""
     xp, blends, nodes = of(seed), [], []
     key = pcg_word(xp.words(seed, seed))
     starts, (left, top, width, height) = (uniform01(key), uniform01(pcg_word(key))), view.window
     for first, side, spacing, start in zip(
         (left, top), (width, height), spacing_px, starts, strict=True
     ):
-        # Reading a tensor's spacing would stall a GPU: allow for a node on every pixel.
+        # Reading a tensor's spacing would stall a GPU: assume a node on every pixel.
         apart = 1.0 if view.batched and not isinstance(spacing, float) else float(spacing)
         node = xp.range(int(first / apart) - 1, int((first + side - 1) / apart) + 4, key)
         at = xp.floats(xp.range(first, first + side, key))[:, None] / spacing + start
@@ -300,5 +300,5 @@ def lattice_noise(view: FrameContext, spacing_px: tuple[float, float], seed: Any
 
 
 def normal_share(n: Image) -> Image:
-    """Compute the cumulative normal distribution at ``n``, within 0.0003."""
+    """Compute the cumulative normal distribution at ``n``; its error is at most 0.0003."""
     return 0.5 + 0.5 * of(n).tanh(0.7978846 * (n + 0.044715 * n * n * n))

@@ -1,4 +1,4 @@
-"""Batches of depth maps: seeds as words, values sampled per map, lights beside the camera."""
+"""Batches of depth maps: seeds as 32-bit words, values per map, lights beside the camera."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.twins.layers import Image, normal_pair, pcg_word, uniform01
 from glsim.settings.distribution import Distribution
 
-#: Largest offset of an emitter across the axis on which it lies, relative to its distance; and
-#: along the optical axis, m. Chosen: rectified imagers are as well aligned.
+#: Largest offset of an emitter across its main axis, as a share of its distance, and largest offset
+#: along the optical axis, m. Chosen: rectified imagers are aligned as well as this.
 _MOST_SKEW = 1e-3
 
 
@@ -24,13 +24,13 @@ class WordContext(FrameContext):
     """The context of a frame, or of a batch of maps (B, H, W), whose seeds are 32-bit words.
 
     Args:
-        seed, sequence_seed, device_seed: integers of a frame; in a batch words (B, 1, 1), or
-            (1, 1, 1) for all maps.
-        focal_px, focal_baseline_px_m: numbers; in a batch also (B, 1, 1).
+        seed, sequence_seed, device_seed: integers for a frame; for a batch words (B, 1, 1), or
+            (1, 1, 1) if all maps share them.
+        focal_px, focal_baseline_px_m: numbers; for a batch also (B, 1, 1).
     """
 
     def view(self, stage: str) -> WordContext:
-        """Return the context with the seeds of a stage: each XOR the stage's checksum."""
+        """Return the context with a stage's seeds: each one XOR the stage's checksum."""
         # CRC32 is linear, so this equals ``FrameContext.view`` of the seeds behind these words.
         checksum = stage_seed(0, stage)
         checksum = of(self.seed).word(checksum) if self.batched else checksum
@@ -39,16 +39,16 @@ class WordContext(FrameContext):
 
 
 def seed_word(seed: int) -> int:
-    """Convert a seed of 64 bits to the word that a WordContext has instead."""
+    """Convert a 64-bit seed to the 32-bit word that a WordContext holds."""
     return stage_seed(seed, "") ^ stage_seed(0, "")
 
 
 def map_words(seed: int, seeds: Any, frames: Any) -> tuple[Words, Words]:
-    """Compute the random words of a batch of maps, from the settings' seed.
+    """Compute the random words of a batch of maps.
 
-    ``seeds`` and ``frames`` are (B,) seeds and frame numbers of the maps, arrays or tensors of
-    integers that wrap at 2^32. Returns (B,) words that change from frame to frame, and (B,) words
-    that all frames of a map share.
+    ``seed`` is the settings' seed. ``seeds`` and ``frames`` are (B,) integers, arrays or tensors:
+    each map's seed and frame number; they wrap at 2^32. Returns (B,) words that change from frame
+    to frame, and (B,) words that all frames of a map share.
     """
     xp = of(seeds)
     held = pcg_word(pcg_word(xp.words(seeds)) ^ xp.word(seed_word(seed)))
@@ -76,10 +76,10 @@ def sample(setting: Distribution, name: str, words: Mapping[str, Words]) -> Imag
 
 
 def beside_camera(point_m: Sequence[float]) -> tuple[int, int, float]:
-    """Locate a light (x, y, z), m, that is straight beside, above or below the camera.
+    """Locate a light at (x, y, z), m, that is straight beside, above or below the camera.
 
-    Returns the image axis towards it (-1 for x, -2 for y), the direction along the axis (1 or -1),
-    and its distance from the camera, m. Raises ConfigError for a light elsewhere.
+    Returns the image axis towards it (-1 for x, -2 for y), the direction on this axis (1 or -1),
+    and its distance from the camera, m. Raises ConfigError for a light at another position.
     """
     x, y, z = point_m
     axis, along, across = (-1, x, y) if abs(x) >= abs(y) else (-2, y, x)

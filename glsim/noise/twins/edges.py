@@ -1,4 +1,4 @@
-"""Twins of the stages that read neighbouring pixels: at edges, and of structured light."""
+"""Twins of the stages at depth edges, and of structured light; they read neighbouring pixels."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from glsim.noise.twins.values import angle_ratio, angle_to_axis
 
 CELL_PX = 3
 _CELLS = Layer("dot_match", "float", Fraction(1, CELL_PX))
-_REACH_PX = 4  # 9x9
-_REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of its cell
+_REACH_PX = 4  # of a 9x9 window
+_REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of the dot's cell
 
 
 def lateral(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
@@ -85,18 +85,18 @@ def max_filter(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 
 
 def dot_place(x: Words, y: Words) -> Whole:
-    """Sample the pixel of a 3x3 cell that holds the dot: 0 to 8 in reading order."""
+    """Sample the pixel of a 3x3 cell where its dot lies: 0 to 8 in reading order."""
     place: Whole = (random_bits(x, y, 0xD075, 0)[0] % np.uint32(9)).astype(np.int64)
     return place
 
 
 def place_pixel(x: Words, y: Words, place: Whole) -> tuple[Words, Words]:
-    """Return the frame's column and row of pixel ``place`` (0 to 8) of the 3x3 cell (x, y)."""
+    """Return the column and the row of pixel ``place`` (0 to 8) of the 3x3 cell (x, y)."""
     return x * CELL_PX + place % CELL_PX, y * CELL_PX + place // CELL_PX
 
 
 def cells(window: Rect, around: int = 0) -> Rect:
-    """Return the window of 3x3-pixel cells that covers a window, plus ``around`` on each side."""
+    """Return the window of 3x3-pixel cells that covers a window, ``around`` cells wider."""
     left, top, width, height = _CELLS.window(window)
     more = 2 * around
     return Rect(left - around, top - around, width + more, height + more)
@@ -113,7 +113,7 @@ def correlation_window(view: FrameContext, layers: Layers, p: Parameters) -> dic
     own = (slice(_REACH_CELLS, -_REACH_CELLS),) * 2
     dots, found, total, agree = (np.zeros(seen[own].shape, np.float32) for _ in range(4))
     neighbours = []
-    # The neighbours of all cells at once: the same window, shifted by whole cells.
+    # The neighbours of all cells are computed together: the same window, shifted by whole cells.
     height, width = seen[own].shape
     for left, top in square(_REACH_CELLS):
         row, column = _REACH_CELLS + top, _REACH_CELLS + left

@@ -15,16 +15,16 @@ from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import FrameContext
 
-#: Float32 numbers of pixels: (h, w) or (h, w, components) of NumPy, (B, h, w) or (B, h, w,
-#: components) of PyTorch. Types are NumPy's: they say how arrays meet, not of which library.
+#: Float32 pixels: (h, w) or (h, w, components) of NumPy, (B, h, w) or (B, h, w, components) of
+#: PyTorch. The types are NumPy's for both libraries.
 Image = Reals
-#: Layers by name, and parameters by their GLSL names: numbers, or one number per map, (B, 1, 1).
+#: Layers by name. Parameters, too, by their GLSL names: numbers, or (B, 1, 1) one for each map.
 Layers = Mapping[str, Image]
 Parameters = Mapping[str, float]
-#: Gives each pixel the value at an offset (dx, dy): see ``around``.
+#: A function (dx, dy) -> each pixel's neighbour at that offset: see ``around``.
 Neighbours = Callable[[int, int], Image]
 
-#: Least depth of a moved pixel, m: 0 would mean that it has no depth.
+#: Smallest depth of a moved pixel, m, because 0 means no depth.
 _LEAST_M = 1e-4
 
 #: libfreenect2's 3x3 Gaussian: |dx| + |dy| of a neighbour -> weight.
@@ -33,17 +33,17 @@ KERNEL_UNIT = 2.99791
 
 
 def pixels(window: Rect, like: Any = 0) -> tuple[Words, Words]:
-    """Return columns (1, w) and rows (h, 1) of a window in the frame, on the device of ``like``."""
+    """Return a window's columns (1, w) and rows (h, 1) in the frame, on the device of ``like``."""
     left, top, width, height = window
     xp = of(like)
     return (xp.range(left, left + width, like)[None, :], xp.range(top, top + height, like)[:, None])
 
 
 def fetch(layer: Image, window: Rect, x: Words, y: Words) -> Image:
-    """Read a window's layer at columns x, rows y of the frame, which broadcast; 0 outside."""
+    """Read a window's layer at columns x and rows y of the frame, which broadcast; 0 outside."""
     xp = of(layer)
     column, row = x - window.left, y - window.top
-    # Columns and rows are compared before they broadcast: h + w comparisons, not h w.
+    # Columns and rows are compared before they broadcast: h + w comparisons instead of h w.
     inside = ((column >= 0) & (column < window.width)) & ((row >= 0) & (row < window.height))
     column, row = xp.clip(column, 0, window.width - 1), xp.clip(row, 0, window.height - 1)
     if layer.ndim == 2:
@@ -58,11 +58,11 @@ def fetch(layer: Image, window: Rect, x: Words, y: Words) -> Image:
 def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = False) -> Image:
     """Pad a layer by ``reach`` pixels on each side.
 
-    Beyond the frame, if ``clamped``, its nearest pixel is repeated. Within the frame, beyond the
-    window, and else, the padding is 0.
+    Inside the frame but outside the window the padding is 0. Outside the frame it is 0 too, or, if
+    ``clamped``, the nearest pixel of the frame.
     """
     left, top, width, height = view.window
-    if view.batched:  # the window is the frame
+    if view.batched:  # the window of a batch is the whole frame
         tensor: Any = layer
         planes = tensor.movedim(3, 0) if layer.ndim == 4 else tensor[None]
         mode = "replicate" if clamped else "constant"
@@ -86,10 +86,10 @@ def padded(view: FrameContext, layer: Image, reach: int, *, clamped: bool = Fals
 def around(
     view: FrameContext, layer: Image, reach: int, *, clamped: bool = False, at: Any = None
 ) -> Neighbours:
-    """Return a function (dx, dy) -> the values of the layer at that offset from each pixel.
+    """Return a function (dx, dy) -> the layer's values at that offset from each pixel.
 
-    Its results may be views of one array: do not write to them. ``at`` is map, row and column of
-    some pixels of a batch, by default all of the window; other arguments are as in ``padded``.
+    Its results may share memory: do not write to them. ``at`` is the map, row and column of some
+    pixels of a batch; by default all pixels of the window. Other arguments are as in ``padded``.
     """
     wide, (_, _, width, height) = padded(view, layer, reach, clamped=clamped), view.window
     if at is None:
@@ -108,17 +108,17 @@ def around(
 
 
 def value_range(view: FrameContext, layer: Image, reach: int) -> Image:
-    """Compute the largest less the smallest value within ``reach`` px; the frame's rim repeats."""
+    """Compute the largest minus the smallest value within ``reach`` px, clamped at the border."""
     xp, there = of(layer), around(view, layer, reach, clamped=True)
     parts = [there(*to) for to in square(reach)]
     return reduce(xp.maximum, parts) - reduce(xp.minimum, parts)
 
 
 def where_worthwhile(view: FrameContext, needed: Any, p: Parameters) -> tuple[Any, Parameters]:
-    """Return the pixels of a mask (map, row, column) and the parameters of each pixel.
+    """Return the pixels of a mask (map, row, column), and the parameters of each pixel.
 
-    This is for a batch on a CPU. NumPy, and a GPU, where counting the pixels would stall, get None
-    and the unchanged parameters: they compute all pixels.
+    This saves work for a batch on a CPU. NumPy and GPUs get None and the unchanged parameters, and
+    compute all pixels; a GPU would stall to count the masked pixels.
     """
     if not view.batched or needed.device.type != "cpu":
         return None, p
@@ -127,7 +127,7 @@ def where_worthwhile(view: FrameContext, needed: Any, p: Parameters) -> tuple[An
 
 
 def square(reach: int) -> Iterator[tuple[int, int]]:
-    """Yield the offsets (dx, dy) of the pixels within ``reach``, in reading order."""
+    """Yield the offsets (dx, dy) of a square of half side ``reach``, in reading order."""
     side = range(-reach, reach + 1)
     return ((dx, dy) for dy in side for dx in side)
 
@@ -145,7 +145,7 @@ def select(choices: Sequence[tuple[Mask, Numbers]], other: Image) -> Image:
 
 
 def has_depth(reason: Image) -> Mask:
-    """Mark the reason codes of pixels that have depth."""
+    """Mark the pixels whose reason code means that they have depth."""
     codes = [float(r) for r in Reason if r.has_depth]
     mask: Mask = reason == codes[0]
     for code in codes[1:]:
@@ -154,7 +154,7 @@ def has_depth(reason: Image) -> Mask:
 
 
 def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
-    """Update the reason codes to new depths, m; pixels that lose their depth get ``lost``."""
+    """Match the reason codes to new depths, m; pixels that lose their depth get ``lost``."""
     xp, here = of(depth_m), layers["depth"]
     new = xp.where(layers["clean"] > 0, float(Reason.MOVED), float(Reason.GROWN))
     reason = xp.where((depth_m <= 0) & (here > 0), float(lost), layers["reason"])
@@ -173,7 +173,7 @@ def disparity_px(depth_m: Image, focal_baseline_px_m: float) -> Image:
 
 
 def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) -> dict[str, Image]:
-    """Return the layer depth, moved first by pixels of disparity, then by millimetres."""
+    """Return the layer depth, moved first by disparity, px, then by millimetres."""
     depth, fb = layers["depth"], view.focal_baseline_px_m
     xp = of(depth)
     moved = fb / xp.maximum(disparity_px(depth, fb) + by_px, 1e-3)
@@ -181,7 +181,7 @@ def displaced(view: FrameContext, layers: Layers, by_mm: Image, by_px: Image) ->
 
 
 def without(layers: Layers, lost: Mask, reason: Reason | Image) -> dict[str, Image]:
-    """Return the layers depth and reason without the depth of the pixels ``lost``."""
+    """Return the layers depth and reason after removing the depth of the pixels ``lost``."""
     depth = layers["depth"]
     xp, lost = of(depth), lost & (depth > 0)
     return {
@@ -197,11 +197,11 @@ def random_bits(x: Any, y: Any, seed: Any, draw: Any) -> tuple[Words, Words, Wor
 
     Args:
         x, y: columns and rows of pixels, integers.
-        seed: wraps at 2^32.
-        draw: number that separates several uses of one seed.
+        seed: an integer; it wraps at 2^32.
+        draw: a number that separates several uses of one seed.
     """
     xp = of(seed)
-    # One step of a linear congruential generator.
+    # One step of a linear congruential generator for each word.
     a, b, c, d = (
         xp.words(n, seed) * xp.word(1664525) + xp.word(1013904223) for n in (x, y, seed, draw)
     )
@@ -226,7 +226,7 @@ def pcg_word(word: Words) -> Words:
 
 
 def uniform01(bits: Words) -> Image:
-    """Convert 32-bit words to uniform numbers in the open interval (0, 1), with 23 bits."""
+    """Convert 32-bit words to uniform numbers in the open interval (0, 1), with 23 random bits."""
     xp = of(bits)
     return (xp.floats(xp.shifted(bits, 9)) + 0.5) * (1.0 / 8388608.0)
 
@@ -255,11 +255,11 @@ def correlated_noise(view: FrameContext, seed: Any) -> Image:
     return smooth
 
 
-#: sqrt(6) / 65536 times KERNEL_UNIT, which makes the variance 1. Each factor is rounded to float32
-#: before the product, as in the shader.
+#: Scale that makes the variance 1: sqrt(6) / 65536 times KERNEL_UNIT. Both factors are rounded to
+#: float32 before the product, as in the shader.
 _CORRELATED_UNIT = float(of(0).float32(KERNEL_UNIT) * of(0).float32(3.73772e-5))
 
 
 def deep(value: Any) -> Any:
-    """Append an axis to numbers per map, so that they broadcast with arrays of components."""
+    """Append an axis to one number per map, so that it broadcasts with arrays of components."""
     return value if isinstance(value, float) else value[..., None]

@@ -32,7 +32,7 @@ def single_view_match(view: FrameContext, layers: Layers, p: Parameters) -> dict
     rough = p["rough_px"] * lattice_noise(view, (p["rough_length_px"],) * 2, view.seed)
     growth = p["growth_px"] + rough, p["growth_in_shadow_px"] + rough
     disparity = _support(view, seen_px, _step(axis, way), growth, p)
-    # The largest disparity that a march towards the imager meets: k px ahead it counts k px less.
+    # March towards the imager, and keep the largest disparity; a pixel k px ahead counts k px less.
     column, row = pixels(view.window, view.seed)
     place = way * xp.floats(column if axis == -1 else row)
     nearest = xp.minimum(p["largest_px"], fb / max(view.nearest_m, 1e-3))
@@ -69,7 +69,7 @@ def _support(
     Args:
         px: disparities of the surfaces, px, 0 = none.
         step: offset (dx, dy) of the next pixel along the axis.
-        growth_px: width by which near surfaces grow backwards and forwards along the axis, px.
+        growth_px: widths by which near surfaces grow backwards and forwards along the axis, px.
     """
     xp, reach, apart_px = of(px), int(p["support_px"]) // 2, p["support_step_px"]
     front, total, count, neighbour = px, px, xp.floats(px > 0), around(view, px, reach)

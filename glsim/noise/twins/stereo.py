@@ -84,12 +84,12 @@ def dots(tangent: Image, key: Words, p: Parameters) -> Image:
     return total
 
 
-#: Exponents below this are 0 in float32; NumPy would warn.
+#: Exponents below this give 0 in float32; NumPy would warn of an underflow.
 _LEAST = np.float32(-80)
 
 
 def _thrown(view: FrameContext, layers: Layers, tangent: Image, key: Words, p: Parameters) -> Image:
-    """Compute the brightness of a projector in directions (..., 2); -1 outside its view."""
+    """Compute a projector's brightness in directions (..., 2); -1 outside its field of view."""
     if PROJECTOR_LAYER not in layers:
         return dots(tangent, key, p)
     image, half = layers[PROJECTOR_LAYER], np.float32(0.5)
@@ -152,7 +152,7 @@ def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
 
 
 def _noise_and_gain(view: FrameContext) -> tuple[tuple[Image, Image], tuple[Image, Image]]:
-    """Sample noise and gain of both images, (h, w) standard normal numbers each."""
+    """Sample the noise and the pixel gains of both images, each (h, w) standard normal numbers."""
     first, second, _, _ = random_bits(*pixels(view.window), view.seed, 0)
     noise = normal_pair(first, second)
     first, second, _, _ = random_bits(*pixels(view.window), view.device_seed, 1)

@@ -1,4 +1,4 @@
-"""Twins of time-of-flight stages that decode light: taps, filters, unwrapping, tof_fast."""
+"""Twins of the time-of-flight stages that decode light: taps, filters, unwrapping, tof_fast."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ from glsim.noise.twins.tof_light import (
     unwrapped_cycles,
 )
 
-#: Weight of each frequency (libfreenect2's ab_multiplier_per_frq), and the phases of the taps.
+#: Weight of each frequency (libfreenect2: ab_multiplier_per_frq); cosines, sines of tap phases.
 CONTRAST_MULTIPLIER = np.array([1.322581, 1.0, 1.612903], np.float32)
 TAP_COS, TAP_SIN = (1.0, -0.5, -0.5), (0.0, 0.86602540378, -0.86602540378)
-#: The largest value of the 11-bit code (libfreenect2's lookup table).
+#: The largest tap that the 11-bit code represents (libfreenect2's lookup table).
 LARGEST_TAP = 16320.0
 _COUNTS_PER_AMPLITUDE, _LIMIT = 16.0, 65535.0
-#: The halo: weights along an axis within 3x3, by distance; weight of the four pixels 2 px away.
+#: Halo of the lens: distance -> weight along an axis within 3x3.
 _HALO = {0: 0.332485, 1: 0.234939}
 _HALO_OUTER = 0.0891
-#: Blur of tof_fast: weights along an axis, by distance.
+#: Blur of tof_fast: distance -> weight along an axis.
 _BLUR = {0: 0.8, 1: 0.1}
-#: Weights along an axis, by distance: their products are KERNEL within 1e-7.
+#: Distance -> weight along an axis; the products of two weights are KERNEL within 1e-7.
 _KERNEL_ALONG = tuple(KERNEL[k] / KERNEL[0] ** 0.5 for k in (0, 1))
 _STEEPEST = 12.0
 _LOG2_E, _LOG10_2, _LOG2_10 = 1.442695, 0.301030, 3.321928
@@ -64,7 +64,7 @@ _TINY, _HALF_ROOT_3 = 1e-20, 0.86602540378
 
 
 def _parts(layers: Layers) -> tuple[Image, Image]:
-    """Return the real and the imaginary parts of the phasors, (..., 3) each."""
+    """Return the real and the imaginary parts of the phasors, each (..., 3)."""
     a, b = layers["phasor_a"], layers["phasor_b"]
     xp = of(a)
     real = xp.stack([a[..., 0], a[..., 2], b[..., 0]], -1)
@@ -77,16 +77,17 @@ def _bilateral(
 ) -> tuple[Image, Image, Image, Any]:  # fmt: skip
     """Average phasors over a square; neighbours of different phase weigh less.
 
-    Bright pixels average bright neighbours. A pixel below ``min_amplitude`` averages all
+    Bright pixels average bright neighbours. A pixel below ``min_amplitude`` averages all its
     neighbours, whatever their phase.
 
     Args:
-        sharpness: decay of the weight with the phase distance: 0 for equal, 1 for opposite phases.
+        sharpness: decay of the weight with the phase distance, which is 0 for equal and 1 for
+            opposite phases.
         along: weights along an axis, by distance.
         clamped: as in ``padded``.
 
     Returns:
-        Real and imaginary parts, sum of the phase distances, and number of neighbours.
+        Real parts, imaginary parts, sum of the phase distances, and number of neighbours.
     """
     real, imaginary = _parts(layers)
     xp, reach = of(real), len(along) - 1
@@ -114,7 +115,7 @@ def _bilateral(
 
     sums: list[Image] = [xp.zeros_like(real)] * 3
     for dx, dy in (to for to in square(reach) if to[::-1] > (0, 0)):
-        # Two neighbours weigh the same for each other: computed once.
+        # Two neighbours give each other the same weight: compute it once.
         ahead, behind = max(dx, 0), max(-dx, 0)
         first = reach - ahead, reach - dy, abs(dx), dy
         second = reach + dx - ahead, reach, abs(dx), dy
@@ -144,13 +145,13 @@ def _bilateral(
 def _filtered(
     layers: Layers, kept: Mask, marked: Mask, real: Image, imaginary: Image
 ) -> dict[str, Image]:
-    """Pack filtered phasors into their layers, beside infrared counts and flags.
+    """Pack filtered phasors into their layers, together with infrared counts and flags.
 
     Args:
-        layers: before the filter.
+        layers: the layers before the filter.
         kept: mask of the pixels that stay unfiltered.
-        marked: mask of edges: adds 1 to the flags (2 = saturated).
-        real, imaginary: (..., 3) filtered parts.
+        marked: mask of edges, which adds 1 to the flags (2 = saturated).
+        real, imaginary: filtered parts, each (..., 3).
     """
     xp, b, keep = of(real), layers["phasor_b"], kept[..., None]
     own_real, own_imaginary = _parts(layers)
@@ -167,7 +168,7 @@ def companded(taps: Image) -> Image:
     """Round taps to the values that the Kinect's 11-bit code can represent."""
     xp = of(taps)
     size = xp.minimum(xp.abs(taps), LARGEST_TAP)
-    # The bits of a float's exponent alone are the next lower power of 2; the code adds 7 bits.
+    # A float's exponent bits alone are the next lower power of 2; the code adds 7 bits.
     power = (size.view(xp.int32) & 0x7F800000).view(xp.float32)
     step = xp.maximum(power / 128.0, 1.0)
     rounded = xp.minimum(xp.floor(size / step + 0.5) * step, LARGEST_TAP)
@@ -210,7 +211,7 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, Mask]:
-    """Blur the light: (..., 7) phasors and amplitude; mask of pixels with light in 3 x 3."""
+    """Blur the light, (..., 7) phasors and amplitude; also mark the pixels with light in 3 x 3."""
     a, b = layers["light_a"], layers["light_b"]
     xp = of(a)
     planes = [*(a[..., k] for k in range(4)), *(b[..., k] for k in range(3))]
@@ -238,7 +239,7 @@ def _blurred(view: FrameContext, layers: Layers, p: Parameters) -> tuple[Image, 
 
 
 def _turned(light: Image, c: Image, s: Image) -> Image:
-    """Rotate the phasors of (..., 7) light; c and s are (3,) cosines and sines per frequency."""
+    """Rotate the phasors of (..., 7) light; c and s are each frequency's cosine and sine, (3,)."""
     turned = []
     for k in range(3):
         real, imaginary = light[..., 2 * k], light[..., 2 * k + 1]
@@ -285,7 +286,7 @@ def tof_unwrap(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, I
 def decoded(
     view: FrameContext, layers: Layers, p: Parameters, real: Image, imaginary: Image
 ) -> tuple[Image, Image, Image]:
-    """Decode phasors, (..., 3) parts, to depth, m; reason code; sum of the three amplitudes."""
+    """Decode phasor parts, (..., 3), to depth, m; reason code; sum of the three amplitudes."""
     xp, f = of(real), frequencies(view)
     amplitude = xp.sqrt(real * real + imaginary * imaginary)
     fast, slow, third = unwrapped_cycles(phases(real, imaginary), f)
@@ -343,7 +344,7 @@ def tof_floor(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: Image) -> Image:
-    """Compute the variance of the noise that does not depend on the light, mm^2."""
+    """Compute the variance, mm^2, of the noise that does not depend on the light."""
     normal, rays, xp = layers["normal"], layers["rays"], of(depth_m)
     facing = normal[..., 0] * rays[..., 0] + normal[..., 1] * rays[..., 1] + normal[..., 2]
     aside = xp.sqrt(normal[..., 0] * normal[..., 0] + normal[..., 1] * normal[..., 1])
@@ -353,7 +354,7 @@ def floor_variance(view: FrameContext, layers: Layers, p: Parameters, depth_m: I
 
 
 def _border(view: FrameContext) -> Mask:
-    """Mark the outermost pixels of the frame, which the decoder leaves unfiltered."""
+    """Mark the outermost pixels of the frame, which the decoder does not filter."""
     x, y = pixels(view.window, view.seed)
     outermost: Mask = (x == 0) | (x == view.width - 1) | (y == 0) | (y == view.height - 1)
     return outermost
@@ -411,7 +412,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     turns = xp.sqrt((sigma * sigma).sum(-1)) / xp.maximum(amplitude, 1.0) / TWO_PI
     light_mm: Image = 1000.0 * turns * HALF_WAVE_M_MHZ / float(frequencies(view).sum())
     ray_x, ray_y = layers["rays"][..., 0], layers["rays"][..., 1]
-    # From the error along the ray to the error along z.
+    # Convert the error along the ray to an error along z.
     light_mm = light_mm / xp.sqrt(ray_x * ray_x + ray_y * ray_y + 1.0)
     light_mm = xp.where(at_step, 0.0, light_mm)
     spread = xp.sqrt(floor_variance(view, layers, p, z) + light_mm * light_mm)
@@ -428,7 +429,7 @@ def tof_fast(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
 
 
 def _part_sigma(p: Parameters, amplitude: Image) -> Image:
-    """Compute the standard deviation (..., 3) of the filtered phasors' real and imaginary parts."""
+    """Compute the noise's standard deviation in the filtered phasors' parts, (..., 3)."""
     xp, read, shot = of(amplitude), p["read_variance"], p["shot_variance"]
     return xp.stack(
         [
@@ -444,9 +445,9 @@ def _at_steps(
 ) -> list[Any]:
     """Blur, filter and add noise to the phasors of pixels beside depth steps.
 
-    ``there`` are three functions (dx, dy) -> real part, imaginary part, amplitude at that offset;
-    ``random`` is column, row and seed of the noise. Returns real and imaginary parts, amplitude,
-    standard deviation of the parts, and the edge mask.
+    ``there`` are three functions (dx, dy) -> real part, imaginary part and amplitude at that
+    offset. ``random`` is the column, row and seed of the noise. Returns real parts, imaginary
+    parts, amplitude, standard deviation of the parts, and the edge mask.
     """
     xp = of(there[2](0, 0))
     blurred: list[Any] = [0.0, 0.0, 0.0]

@@ -24,9 +24,9 @@ from glsim.noise.twins.layers import (
 
 TWO_PI, _PI = 6.28318530718, 3.14159265359
 _GOLDEN_ANGLE = 2.39996322973
-#: Half the speed of light, m MHz: over a frequency in MHz, half a wavelength in m.
+#: Half the speed of light, m MHz: divided by a frequency in MHz it is half a wavelength in m.
 HALF_WAVE_M_MHZ = SPEED_OF_LIGHT / 2e6
-#: Offsets of the pixels from which a sample may take its normal.
+#: Offsets of the pixels from which a sample may copy its normal.
 _NEAR = ((0, -1), (-1, 0), (0, 1), (1, 0), (0, 0))
 _MOST_TURNS, _FARTHEST_PX = 64, 128
 
@@ -46,7 +46,7 @@ def phases(real: Image, imaginary: Image) -> Image:
 
 
 def unwrapped_cycles(phase: Image, f: Floats) -> tuple[Image, Image, Image]:
-    """Unwrap (..., 3) phases, 0 to 1, to whole and broken cycles of each of the frequencies f."""
+    """Unwrap phases, (..., 3) in 0 to 1, to whole cycles plus phase of each frequency in ``f``."""
     xp, (f0, _, f2) = of(phase), f.tolist()
     ratio, turns_of_third = float(f[0] / f[1]), f[2] / f[1]
     fast = phase[..., 0] + xp.floor(ratio * phase[..., 1] - phase[..., 0] + 0.5)
@@ -65,7 +65,7 @@ def unwrapped_cycles(phase: Image, f: Floats) -> tuple[Image, Image, Image]:
 
 
 def distance_of(fast: Image, slow: Image, third: Image, f: Floats) -> Image:
-    """Compute half the path emitter, surface, camera, m, from unwrapped cycles; f: (3,) MHz."""
+    """Compute half the path emitter, surface, camera, m, from unwrapped cycles; f is (3,) MHz."""
     return (fast + slow + third) * HALF_WAVE_M_MHZ / float(f.sum())
 
 
@@ -133,7 +133,7 @@ def tof_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Im
 
 
 def packed(name: str, real: Image, imaginary: Image, one: Image, other: Image) -> dict[str, Image]:
-    """Pack (..., 3) phasors and two last components into the layers NAME_a and NAME_b, (..., 4)."""
+    """Pack phasors, (..., 3), and two more components into NAME_a and NAME_b, each (..., 4)."""
     parts = [part[..., k] for k in range(3) for part in (real, imaginary)]
     xp = of(one)
     return {
@@ -143,7 +143,7 @@ def packed(name: str, real: Image, imaginary: Image, one: Image, other: Image) -
 
 
 def _add_samples(view: FrameContext, layers: Layers, p: Parameters, light: Light) -> None:
-    """Average samples of the light, in place, where a pixel sees several surfaces."""
+    """Replace the light, in place, by the mean of samples in pixels that see several surfaces."""
     side, rays = view.supersample, layers["rays"]
     even_m = 0.001 * p["smooth_mm"] * np.maximum(layers["clean"], 1.0) ** 2
     mixed = layers["uneven"] > even_m
@@ -168,7 +168,7 @@ def _add_samples(view: FrameContext, layers: Layers, p: Parameters, light: Light
 
 
 def _lit(view: FrameContext, p: Parameters, lit: Image, light: Light) -> Light:
-    """Shorten phasors where indirect light, whose paths differ in length, arrives."""
+    """Shorten phasors by indirect light, whose paths differ in length."""
     xp, (real, imaginary, amplitude) = of(lit), light
     around_ = p["indirect"] * (1.0 - lit)
     share = around_ / xp.maximum(lit + around_, 1e-6)
@@ -181,7 +181,7 @@ def _lit(view: FrameContext, p: Parameters, lit: Image, light: Light) -> Light:
 
 
 def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
-    """Copy lit share and normal of each sample from the neighbour of most similar depth."""
+    """Copy each sample's lit share and normal from the neighbour of the most similar depth."""
     apart = np.where(depths > 0, np.abs(depths - seen[:, 0]), np.float32(1e5))
     alike, some = apart.argmin(axis=0), apart.min(axis=0) < 1e5
     each = np.arange(len(alike))
@@ -200,10 +200,10 @@ def surface_light(
         z: depth, m, 0 = none.
         shape: (..., 4) normal and albedo.
         ray: (..., 2) x/z and y/z.
-        lit: share of the emitter that is seen, 0 to 1.
+        lit: share of the emitter that lights the surface, 0 to 1.
 
     Returns:
-        Amplitude, and half the path emitter, surface, camera, m, with all delays.
+        Amplitude; and half the path emitter, surface, camera, m, with all delays.
     """
     ex, ey, ez = np.asarray(view.emitter_m, np.float32).tolist()
     xp, x, y = of(z), ray[..., 0], ray[..., 1]
@@ -225,9 +225,10 @@ def surface_light(
 
 
 def device_harmonics(view: FrameContext, p: Parameters) -> list[Image]:
-    """Sample real and imaginary part of a device's second, then its fifth harmonic, (..., 3) each.
+    """Sample the real and imaginary parts of a device's second and fifth harmonics.
 
-    The parameters state the sizes and the mean phases; each device differs in phase.
+    Returns four arrays (..., 3): real and imaginary part of the second, then of the fifth. The
+    parameters give the amplitudes and the mean phases; each device differs in phase.
     """
     seed = view.device_seed
     xp = of(seed)
@@ -242,10 +243,10 @@ def device_harmonics(view: FrameContext, p: Parameters) -> list[Image]:
 
 
 def correlate(view: FrameContext, p: Parameters, distance_m: Image) -> tuple[Image, Image]:
-    """Compute phasors of amplitude 1, with harmonics: real and imaginary parts, (..., 3)."""
+    """Compute phasors of amplitude 1, with harmonics: real and imaginary parts, each (..., 3)."""
     xp = of(distance_m)
     f = xp.vector(frequencies(view), distance_m)
-    # Stacked: each frequency keeps an image of its own in memory, which is faster.
+    # Stacked: the image of each frequency is contiguous in memory, which is faster.
     turns = xp.stack([distance_m * f[k] / HALF_WAVE_M_MHZ for k in range(3)], -1)
     angle = TWO_PI * (turns - xp.floor(turns))
     real_2, imaginary_2, real_5, imaginary_5 = device_harmonics(view, p)

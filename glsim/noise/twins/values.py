@@ -24,13 +24,13 @@ from glsim.noise.twins.layers import (
     without,
 )
 
-#: The angle term a / (pi/2 - a) has a pole at 90 degrees: the denominator is at least this, rad.
+#: The angle term a / (pi/2 - a) has a pole at 90 degrees: its denominator is at least 1e-3 rad.
 _HALF_PI, _FROM_POLE = 1.57079632679, 1e-3
 
-#: Number of random values down the image between which the row profile is interpolated.
+#: Number of random values of the row profile from top to bottom, interpolated between them.
 _PROFILE_STEPS = 6.0
 
-#: Coordinates x, y, z, which broadcast.
+#: Coordinates x, y and z, which broadcast.
 Vector = tuple[Image, Image, Image]
 
 
@@ -89,7 +89,7 @@ def fixed_pattern(view: FrameContext, layers: Layers, p: Parameters) -> dict[str
     alternation = alternation + 0.5 * p["row_step_mm"]
     error = p["pixel_sigma_mm"] * own + p["column_sigma_mm"] * column
     error = error + p["row_sigma_mm"] * row + odd * alternation
-    if "pattern_map" in layers:  # covers the whole frame, as on the GPU
+    if "pattern_map" in layers:  # the map covers the whole frame, as on the GPU
         measured = layers["pattern_map"][view.window.slices]
         error = xp.where(measured < 1e5, measured, error)
     return {"depth": moved_by_mm(layers["depth"], error)}
@@ -99,7 +99,7 @@ def perlin(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image
     """Adds Perlin noise: a sum of octaves."""
     seed = field_seed(view, p["drift_hz"])
     at = field_position(view, p["lattice_x_px"], p["lattice_y_px"], p["drift_hz"])
-    if p["drift_hz"] <= 0:  # without drift: the plane z = 0 of nodes
+    if p["drift_hz"] <= 0:  # without drift the noise is a plane z = 0 of the lattice
         at = (at[0], at[1], 0.0 * at[2])
     lacunarity, persistence = p["lacunarity"], p["persistence"]
     total: Any = 0.0
@@ -176,7 +176,7 @@ def _hash(node: tuple[Words, Words, Words], seed: Words) -> Words:
 
 
 def _gradient(bits: Words, offset: Vector) -> Image:
-    """Compute the dot product of an offset and a random gradient, one of 12 edges of a cube."""
+    """Compute the dot product of an offset with a random gradient: one of a cube's 12 edges."""
     xp = of(bits)
     h = xp.shifted(bits, 28)
     x, y, z = offset
@@ -186,7 +186,7 @@ def _gradient(bits: Words, offset: Vector) -> Image:
 
 
 def perlin_at(at: Vector, seed: Any) -> Image:
-    """Compute Perlin noise on a cubic lattice, about -1 to 1, at float32 lattice cells."""
+    """Compute Perlin noise on a cubic lattice, about -1 to 1, at float32 positions in cells."""
     xp = of(at[0])
     whole = [xp.floor(part) for part in at]
     f = [part - start for part, start in zip(at, whole, strict=True)]
@@ -211,7 +211,7 @@ def _total(vector: Vector, factor: float) -> Image:
 
 
 def simplex_at(at: Vector, seed: Any) -> Image:
-    """Compute simplex noise on a lattice of tetrahedra, about -1 to 1, at float32 cells."""
+    """Compute simplex noise on tetrahedra, about -1 to 1, at float32 positions in cells."""
     xp = of(at[0])
     skew = _total(at, 1 / 3)
     cell = [xp.floor(part + skew) for part in at]
@@ -221,7 +221,8 @@ def simplex_at(at: Vector, seed: Any) -> Image:
     ranks = xy + xz, 1 - xy + yz, 2 - yz - xz
     n, key = [xp.words(part) for part in cell], xp.words(seed, at[0])
     total: Any = 0.0
-    # Four corners: the cell's origin, then a step along the largest coordinate, the next, the last.
+    # The corners: the cell's origin, then a step along the largest coordinate, the second, the
+    # third.
     for least, back in ((3, 0.0), (2, 1 / 6), (1, 1 / 3), (0, 0.5)):
         step = [xp.floats(rank >= least) for rank in ranks]
         x, y, z = (part - one + back for part, one in zip((x0, y0, z0), step, strict=True))
@@ -235,14 +236,14 @@ def simplex_at(at: Vector, seed: Any) -> Image:
 
 
 def field_seed(view: FrameContext, drift_hz: float) -> Any:
-    """Return the seed of a noise field: the frame's without drift, the sequence's with drift."""
+    """Return the seed of a noise field: the frame's seed, or with drift the sequence's."""
     return view.sequence_seed if drift_hz > 0 else view.seed
 
 
 def field_position(
     view: FrameContext, lattice_x_px: float, lattice_y_px: float, drift_hz: float
 ) -> Vector:
-    """Return each pixel's position, lattice cells, in a noise field that drifts along z."""
+    """Return each pixel's position, in lattice cells, in a noise field that drifts along z."""
     seed = field_seed(view, drift_hz)
     xp, (x, y) = of(seed), pixels(view.window, seed)
     start = [3.0 * uniform01(word) for word in random_bits(0, 0, seed, 0xF1E1D)[:3]]

@@ -1,6 +1,6 @@
 """Presets: complete settings for common data sets, as TOML files beside this module.
 
-A file has the tables of a settings file, and ``title``, a line that ``glsim presets`` prints.
+A file has the tables of a settings file and a ``title``, a line that ``glsim presets`` prints.
 """
 
 from __future__ import annotations
