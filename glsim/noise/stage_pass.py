@@ -18,7 +18,7 @@ from glsim.noise.frame_context import FrameContext
 from glsim.noise.layer_names import BLANK
 from glsim.render.silhouette import Silhouette
 
-#: Uniform ``u_...`` that is no layer -> function of the frame that gives its value.
+#: Uniform that is no layer -> function of the frame that gives its value.
 BOUND: dict[str, Callable[[FrameContext], object]] = {
     f"u_{name}": attrgetter(name)
     for name in (
