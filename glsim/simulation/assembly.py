@@ -1,4 +1,4 @@
-"""Assembly of a Frame from the layers of a noise chain: crop, masks, reasons and normalisation."""
+"""Assemble a Frame from the layers of a noise chain: crop, mask, match reasons, normalise."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ def assemble_frame(
     extra: Sequence[str] = (),
     **identity: Any,
 ) -> Frame:
-    """Make a Frame: crop the layers, match reasons to depths, and apply the output settings.
+    """Make a Frame: crop the layers, match the reasons to the depths, apply the output settings.
 
     Raises ConfigError if a stage wrote NaN or infinity.
 
     Args:
-        layers: (h, w) float32 of ``window``: clean and depth in metres, reason, and optionally
-            expected (metres), infrared (counts), region (numbers), normal, and color (uint8).
-        window, crop: the rectangles of ``image`` that the layers hold and that is delivered.
+        layers: (h, w) float32 layers of ``window``: clean and depth in metres, reason, and
+            optionally expected (metres), infrared (counts), region (numbers), normal, and color
+            (uint8).
+        window: the rectangle of ``image`` that the layers hold.
+        crop: the rectangle of ``image`` that is delivered.
         extra: names of layers to copy to ``Frame.extra``.
         identity: the other fields of Frame.
     """
@@ -58,7 +60,7 @@ def assemble_frame(
         clean = np.where(noisy > 0, clean, none)
     step_m, offset_mm = output.depth_unit_mm / MM_PER_M, 0.0
     expected = layers.get("expected")
-    if expected is not None:  # where clean has depth, at least one step there
+    if expected is not None:  # at least one step where clean has depth
         expected = np.where(clean > 0, np.maximum(expected[inside], np.float32(step_m)), none)
     if output.nearest_to_mm is not None and (clean > 0).any():
         offset_mm = MM_PER_M * offset_to_nearest(clean, 0.0) - output.nearest_to_mm
@@ -87,10 +89,11 @@ def assemble_frame(
 
 
 def seen_landmarks(points_m: Array, frame: Frame) -> Landmarks:
-    """Project the landmarks (68, 3), camera-frame metres, into a frame and test their visibility.
+    """Project landmarks, (68, 3) camera-frame metres, into a frame and test their visibility.
 
-    One is visible if the clean depth of its pixel lies within 5 mm of it: vertices lie on the
-    surface, which changes by less within a pixel unless it is seen edge on. Chosen.
+    A landmark is visible if the clean depth of its pixel is within 5 mm of its depth. Landmarks are
+    vertices of the surface, whose depth changes by less within a pixel unless it is seen edge on.
+    The 5 mm were chosen, not measured.
     """
     pixels = frame.intrinsics.project(points_m)
     column, row = np.floor(pixels - (frame.window.left, frame.window.top)).astype(np.int64).T
@@ -102,7 +105,7 @@ def seen_landmarks(points_m: Array, frame: Frame) -> Landmarks:
 
 
 def _cut(layer: Floats, window: Rect, inside: tuple[slice, slice]) -> Any:
-    """Crop a layer to a part of ``window``, also if the layer's pixels are finer."""
+    """Crop a layer to a part of ``window``; the layer may have several samples per pixel."""
     factor = max(layer.shape[1] // window.width, 1)
     rows, columns = (slice(factor * s.start, factor * s.stop) for s in inside)
     return layer[rows, columns]

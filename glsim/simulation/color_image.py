@@ -1,7 +1,7 @@
 """Colour images of scenes: reflectance of each region under a lamp and ambient light, 8-bit sRGB.
 
-The renderer's albedo is one number, that of infrared. A colour per region turns it into three; they
-are chosen to look plausible, not measured. No shadows are cast.
+The renderer's albedo is a single number, for infrared light. Each region has a colour, which turns
+it into red, green and blue. The colours look plausible but are not measured. No shadows are cast.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ from glsim.noise.frame_context import Layers
 from glsim.settings.distribution import ScopeSeeds
 
 _Color = tuple[float, float, float]
-#: Linear reflectance of the darkest and the palest skin and hair; people lie between. Chosen.
+#: Linear reflectance (red, green, blue) of the darkest and the palest skin; a subject's skin lies
+#: between them. The values were chosen, not measured.
 _SKIN: Final[tuple[_Color, _Color]] = ((0.10, 0.055, 0.04), (0.72, 0.50, 0.40))
 _HAIR: Final[tuple[_Color, _Color]] = ((0.012, 0.010, 0.009), (0.42, 0.29, 0.15))
-#: Colour of one surface relative to its albedo; of the skin's parts relative to the skin. Chosen.
+#: Linear colour of a region relative to its albedo; of parts of the skin relative to the skin. The
+#: values were chosen, not measured.
 _OF_SKIN: Final[Mapping[str, _Color]] = {
     "lips": (0.95, 0.55, 0.55), "mouth": (0.5, 0.15, 0.15), "mouth socket": (0.5, 0.15, 0.15),
     "gums": (0.8, 0.35, 0.35), "ear": (1.0, 0.92, 0.9), "nose": (1.0, 0.95, 0.93),
@@ -35,17 +37,17 @@ _PLAIN: Final[Mapping[str, _Color]] = {
     "ceiling": (0.9, 0.9, 0.88), "door": (0.75, 0.68, 0.58), "furniture": (0.55, 0.43, 0.32),
 }  # fmt: skip
 _HAIRY: Final = ("hair", "beard", "brow", "scalp")
-#: Share of the light that comes from everywhere, more of it from above; mean brightness to which
-#: the camera exposes, of white. Chosen.
+#: _AMBIENT: share of ambient light, which is stronger from above. _MEAN: mean brightness to which
+#: the camera exposes; white is 1. The values were chosen, not measured.
 _AMBIENT, _MEAN = 0.45, 0.22
 
 
 def color_image(layers: Layers, numbers: Mapping[str, int], seeds: ScopeSeeds) -> NDArray[np.uint8]:
-    """Return an (h, w, 3) uint8 sRGB image, red first, 0 where there is no surface.
+    """Return an (h, w, 3) uint8 sRGB image, red first; 0 where there is no surface.
 
-    Layers are (h, w) clean, metres; (h, w, 4) normal, unit vectors of the camera frame and albedo;
-    optionally (h, w) region, of ``numbers``. Surfaces without a region have the colour of skin.
-    Colours of skin, hair and cloth depend on the subject's seed, the lamp on the sequence's.
+    Layers are clean, (h, w) metres; normal, (h, w, 4) unit vectors in the camera frame and albedo;
+    and optionally region, (h, w) numbers as in ``numbers``. A surface without a region has the
+    colour of skin. The subject's seed decides colours, the sequence's seed the lamp.
     """
     seen, normal = layers["clean"] > 0, layers["normal"]
     region = layers.get("region")
@@ -60,13 +62,13 @@ def color_image(layers: Layers, numbers: Mapping[str, int], seeds: ScopeSeeds) -
     bright = palette[codes] * (light * normal[..., 3] / SKIN_ALBEDO)[..., None]
     mean = bright[seen].mean() if seen.any() else 1.0
     cut = np.clip(np.where(seen[..., None], bright * (_MEAN / mean), 0), 0, 1)
-    # The curve of sRGB (IEC 61966-2-1).
+    # The transfer curve of sRGB (IEC 61966-2-1).
     srgb = np.where(cut <= 0.0031308, 12.92 * cut, 1.055 * cut ** (1 / 2.4) - 0.055)
     return np.asarray(np.rint(255 * srgb).astype(np.uint8))
 
 
 def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, Array]:
-    """Return number -> linear colour of each region; 0 is skin."""
+    """Return the linear colour of each region, number -> colour; number 0 is skin."""
     person = rng_for(seeds.subject, "colours")
     skin = _between(_SKIN, person.uniform())
     hair = _between(_HAIR, person.uniform() ** 2)
@@ -88,6 +90,6 @@ def _palette(numbers: Mapping[str, int], seeds: ScopeSeeds) -> dict[int, Array]:
 
 
 def _between(ends: tuple[_Color, _Color], share: float) -> Array:
-    """Interpolate two colours by the logarithm, as pigment darkens."""
+    """Interpolate the logarithms of two colours, because pigment darkens exponentially."""
     low, high = np.log(ends)
     return np.asarray(np.exp(low + share * (high - low)))

@@ -1,4 +1,4 @@
-"""Simulation of sensor noise on given clean depth maps, one by one: by OpenGL, or by NumPy."""
+"""Simulate sensor noise on given clean depth maps, one by one: by OpenGL or NumPy."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from glsim.settings.schema import OutputSettings, Settings
 from glsim.simulation.assembly import assemble_frame
 from glsim.simulation.frame import Frame
 
-#: Shortest side of a map for cameras that match two images, pixels: smaller ones leave no place to
-#: the matcher's windows and steps (measured).
+#: Shortest side of a map, pixels, for cameras that match two images: a smaller map is no larger
+#: than the matcher's windows and steps (measured).
 _LEAST_MATCHED_PX = 8
-#: The floating types that both NumPy and PyTorch have, by name.
+#: Names of the floating types that NumPy and PyTorch share.
 _FLOATS = ("float16", "float32", "float64")
 
 
@@ -65,11 +65,11 @@ class MapEngine:
     Each process opens a GL context of its own with its first map.
 
     Args:
-        settings: sensor, rig, seed, stage parameters and output.depth_unit_mm are used.
+        settings: the settings; sensor, rig, seed, stage parameters and output.depth_unit_mm count.
         shape: (height, width) of the maps, pixels.
         backend: "egl", "osmesa", "numpy" (the twins, without GL) or None (a GL that works).
-        focal_px, centre_px: (x, y) of the camera that made the maps; by default the sensor's own
-            for maps of the sensor's size, else (crops) its focal length and the map's centre.
+        focal_px, centre_px: (x, y) of the camera that made the maps. By default the sensor's for
+            maps of the sensor's size; crops get its focal length, and their own centre.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class MapEngine:
         if (own := self.sensor.pattern_map) is not None:
             check_shape(own.values, shape, str(own.file))
         self._output = OutputSettings(depth_unit_mm=settings.output.depth_unit_mm)
-        #: The graphics once they are open; a finalizer releases them with the engine.
+        #: The graphics once they are open; a finalizer releases them at the end of the engine.
         self._opened: list[_Graphics] = []
         weakref.finalize(self, _release, self._opened).atexit = False
 
@@ -106,7 +106,7 @@ class MapEngine:
         _release(self._opened)
 
     def frame(self, depth_m: Floats, key: FaceKey, seeds: ScopeSeeds) -> Frame:
-        """Simulate the frame of a map of ``surface_depth``. Raises ConfigError."""
+        """Simulate the frame of a map from ``surface_depth``. Raises ConfigError."""
         sampled, values = sample_values(self.sensor.stages, seeds)
         whole = self.rig.intrinsics
         delivered = self.rig.on_canvas(Rect(0, 0, whole.width, whole.height))
@@ -148,8 +148,8 @@ class MapEngine:
     def _context(
         self, window: Rect, seeds: ScopeSeeds, depth_m: Floats, nearest_m: float
     ) -> FrameContext:
-        # Nobody says what a map shows. Cameras expose to a mean brightness, and light falls with
-        # the square of the distance.
+        # The content of a map is unknown. Cameras expose to a mean brightness, and light decreases
+        # with the square of the distance.
         brightness = np.mean(depth_m[depth_m > 0].astype(np.float64) ** -2)
         return FrameContext.for_frame(
             rig=self.canvas,
@@ -159,11 +159,11 @@ class MapEngine:
             device_seed=stable_seed("device", self._settings.seed, 0),
             nearest_m=nearest_m,
             subject_m=float(brightness**-0.5),
-            supersample=1,  # a map has no samples
+            supersample=1,  # a map has one sample per pixel
         )
 
     def _array_layers(self, depth_m: Floats) -> dict[str, Floats]:
-        """Compute the input layers of a noise chain in NumPy, without GL."""
+        """Compute the input layers of a noise chain in NumPy, without OpenGL."""
         rays = self.rig.rays()
         albedo = np.where(depth_m > 0, np.float32(SKIN_ALBEDO), np.float32(0))
         return {
@@ -179,16 +179,17 @@ class MapEngine:
 
 
 def noise_name(depth_mm: Floats) -> str:
-    """Return the name of a map's noise: the same for the same depths in any format and place."""
-    # Rounding to 1/64 mm makes metres and steps alike: no step of 0.05 mm or more, and none of a
-    # power of 2, lies between two of these.
+    """Return the name of a map's noise: equal depths in any format and file have the same name."""
+    # Rounding to 1/64 mm makes metres and steps equal: multiples of a step of 0.05 mm or more, or
+    # of a step that is a power of 2, do not fall between two of these numbers.
     steps = np.rint(depth_mm * np.float32(64)).astype("<i4")
     return f"{stable_seed(depth_mm.shape, zlib.crc32(steps.tobytes())):x}"
 
 
 def surface_depth(depth: Reals, far_m: float) -> Floats:
     """Return depth as float32 metres with 0 for NaN, for values up to 0, and beyond ``far_m``."""
-    # Simulators use any of these for the empty background. Memory is shared where nothing changes.
+    # Simulators use any of these for the empty background. Unchanged maps share memory with the
+    # input.
     seen = (depth > 0) & (depth <= far_m)  # NaN compares as False
     if seen.all() and depth.dtype == np.float32:
         return np.ascontiguousarray(depth, np.float32)
@@ -198,12 +199,12 @@ def surface_depth(depth: Reals, far_m: float) -> Floats:
 def depth_batch(depth: Any, shape: tuple[int, int]) -> tuple[Reals, Reals, Callable[[], Any]]:
     """View an array or tensor of float depth as a batch of maps of ``shape`` (height, width).
 
-    PyTorch is not imported: its tensors are known by their type's module.
+    PyTorch is not imported: a tensor is recognised by the module of its type.
 
     Returns:
-        (B, H, W) view of the maps, a copy only of a tensor on a GPU and of rows that are not
-        contiguous; (B, H, W) view of the array to return, unset; and a function that gives that
-        array in the form of the input: type, shape, number type and device.
+        The maps, (B, H, W): a view, or a copy of a tensor on a GPU or of rows that are not
+        contiguous. The result, (B, H, W), not yet filled. And a function that returns the result in
+        the form of the input: type, shape, number type and device.
     """
     full, stack = tuple(int(side) for side in depth.shape), (-1, *shape)
     if type(depth).__module__.partition(".")[0] != "torch":
@@ -218,9 +219,9 @@ def depth_batch(depth: Any, shape: tuple[int, int]) -> tuple[Reals, Reals, Calla
 def map_shape(depth: Any, size: tuple[int, int] | None = None) -> tuple[tuple[int, int], int]:
     """Return (height, width) and the number of maps of an array or tensor of float depth.
 
-    It is (H, W), (B, H, W), with more leading axes, and any of them with a last axis of length 1.
-    Raises ConfigError for whole numbers, for another (height, width) than ``size`` and for what is
-    no array.
+    Its shape is (H, W) or (B, H, W) or has more leading axes; a last axis of length 1 is allowed.
+    Raises ConfigError for whole numbers, for another (height, width) than ``size``, and for other
+    types and shapes.
     """
     full = tuple(int(side) for side in getattr(depth, "shape", ()))
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")

@@ -1,4 +1,4 @@
-"""Noise of a sensor on depth maps of one's own: arrays of NumPy, tensors of PyTorch, batches.
+"""Noise of a sensor on the user's own depth maps: NumPy arrays, PyTorch tensors, batches.
 
     noise = glsim.DepthNoise("kinect-v2", p=0.9)
     noisy_m = noise(clean_m)                       # drawn by OpenGL, map by map
@@ -8,8 +8,7 @@
     noise = glsim.DepthNoise("kinect-v2-fast", device="cuda")
     noisy_m = noise(depth_m, seeds=environments, frame=step)  # whole batches, on the device
 
-PyTorch is not imported for arrays. Where it is loaded, the seeds of its DataLoader's workers are
-used.
+PyTorch is not imported for arrays. If it is loaded, the seeds of its DataLoader's workers are used.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from glsim.simulation.frame import Frame, refuse_millimetres
 
 #: An array of NumPy or a tensor of PyTorch.
 _Depths = TypeVar("_Depths")
-#: Sizes of maps whose programs are kept; crops of one size are the rule.
+#: Number of map sizes whose programs are kept; most users have crops of one size.
 _SIZES: Final = 4
 _BACKENDS: Final = ("egl", "osmesa", "numpy", "torch")
 
@@ -45,27 +44,28 @@ _BACKENDS: Final = ("egl", "osmesa", "numpy", "torch")
 class DepthNoise:
     """Adds a sensor's noise to depth maps, with new noise in each call, or repeatable noise.
 
-    Without ``frame``, the noise is a function of the seed, the seed of a DataLoader's worker (so of
-    ``torch.manual_seed``) and the number of maps before in the process. With ``frame`` it is one of
-    the seed, ``sequence`` and ``frame``; with ``seeds`` one of the seed, the map's seed and frame.
+    Without ``frame``, the noise is a function of the seed, the seed of a DataLoader's worker (and
+    so of ``torch.manual_seed``) and the number of earlier maps in the process. With ``frame`` it is
+    a function of the seed, ``sequence`` and ``frame``. With ``seeds`` it is a function of the seed,
+    the map's seed and the frame.
 
-    It may be pickled, and used in forked and spawned workers: each opens a GL context of its own
-    with its first map. As a context manager it releases them at its end.
+    It can be pickled, and used in forked and spawned workers: each worker opens a GL context with
+    its first map. Use it as a context manager to release the contexts at the end of a block.
 
     Args:
         sensor: a shipped sensor, a sensor file, or whole settings (``glsim.load_settings``).
         p: probability that a call changes the maps (with ``seeds``: that a map is changed).
-        seed: of the noise; default: the settings'.
+        seed: seed of the noise; default: the seed in the settings.
         backend: "egl" or "osmesa" (OpenGL, map by map), "numpy" (the twins, map by map), "torch"
-            (whole batches on their device). Default: "torch" if ``device`` or ``seeds`` are given
-            and for tensors on a GPU if the sensor's stages take them, else an OpenGL that works.
-        device: of the tensors that come back, for "torch"; default: the depth's own.
-        focal_px: (x, y) of the camera that made the maps; default: the sensor's.
-        centre_px: (x, y) of its principal point; default: the sensor's for maps of its size, or the
-            middle of crops.
+            (whole batches on their device). Default: "torch" if ``device`` or ``seeds`` are given,
+            and for tensors on a GPU if the sensor's stages take them; otherwise OpenGL.
+        device: device of the returned tensors, for "torch"; default: the device of the depth.
+        focal_px: focal lengths (x, y) of the camera that made the maps; default: the sensor's.
+        centre_px: principal point (x, y) of that camera; default: the sensor's for maps of its
+            size, otherwise the centre of the map.
 
     Raises:
-        ConfigError: for an unknown sensor or backend, and a probability outside of 0 to 1.
+        ConfigError: an unknown sensor or backend, or a probability outside of 0 to 1.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class DepthNoise:
             sensor = load_settings(overrides={"sensor": sensor})
         own_seed = sensor.seed if seed is None else seed
         self.settings = sensor.model_copy(update={"seed": own_seed})
-        stages = sensor_of(self.settings).stages  # now, not in a worker
+        stages = sensor_of(self.settings).stages  # errors appear here, not in a worker
         self._takes_tensors = without_tensors(stages) is None
         self.p, self.device = p, device
         self._backend = "torch" if device is not None else backend
@@ -113,15 +113,16 @@ class DepthNoise:
         first_pixel: float,
         **options: Any,
     ) -> DepthNoise:
-        """Make the noise for the images of another simulator's camera, of one size.
+        """Make the noise for the images of one size from another simulator's camera.
 
         Args:
-            sensor: gives the noise, the emitters and the clip planes; the camera replaces its
-                intrinsics.
-            width, height, fx, fy, cx, cy: of the simulator's pinhole camera, pixels.
-            first_pixel: where its cx and cy have the centre of the first pixel: 0.5 if the image
-                reaches from 0 to its width (cx = width / 2 is the middle), 0 as in OpenCV and ROS.
-            options: those of DepthNoise.
+            sensor: the sensor, whose noise, emitters and clip planes are used; the camera replaces
+                its intrinsics.
+            width, height, fx, fy, cx, cy: the simulator's pinhole camera, pixels.
+            first_pixel: coordinate of the first pixel's centre in the convention of cx and cy: 0.5
+                if the image reaches from 0 to its width (cx = width / 2 is the middle), 0 as in
+                OpenCV and ROS.
+            options: further arguments of DepthNoise.
 
         Raises:
             ConfigError: the camera or an option is wrong.
@@ -164,24 +165,26 @@ class DepthNoise:
     ) -> _Depths:
         """Return noisy depth of the same type and shape as the clean depth.
 
-        The gradient of a noisy depth with respect to the clean depth of its pixel is 1, and that of
-        a lost pixel 0 ("torch" only).
+        The gradient of a noisy depth with respect to the clean depth of its pixel is 1, and of a
+        lost pixel 0 ("torch" only).
 
         Args:
-            depth_m: (H, W), (1, H, W), (B, 1, H, W) or other leading axes, and any of them with a
-                last axis of 1: metres, float16, float32 or float64. 0, NaN, infinity and what lies
-                beyond the sensor's far plane are no surface. The input is not changed.
-            frame: makes the noise repeatable: map b of a batch has that of frame + b. With
-                ``seeds``: the frame of all maps, or (B,) of each; default 0.
-            sequence: of ``frame``: what is drawn per device and sequence is drawn once for it.
-            seeds: (B,) integers of 32 bits, for instance of environments: each is a device with
-                parameters of its own, drawn from the sensor's distributions. For "torch".
-            given: for "torch": fx, fy, cx, cy of the maps, pixels, numbers or (B,), cx and cy with
-                the first pixel's centre at 0.5; normal, (B, H, W, 3) towards the camera; albedo,
+            depth_m: clean depth, metres, float16, float32 or float64. Shapes are (H, W), (1, H, W),
+                (B, 1, H, W) or others with leading axes; a last axis of 1 is allowed. 0, NaN,
+                infinity and depths beyond the sensor's far plane are no surface. The input is not
+                changed.
+            frame: makes the noise repeatable: map b of a batch has the noise of ``frame + b``. With
+                ``seeds``: the frame of all maps, or (B,) one for each map; default 0.
+            sequence: name of the sequence of ``frame``. Numbers that are sampled per sequence or
+                device are sampled once for it.
+            seeds: (B,) integers of 32 bits, for instance one per environment; "torch" only. Each
+                seed is a device, whose parameters are sampled from the sensor's distributions.
+            given: for "torch" only: fx, fy, cx, cy of the maps, pixels, numbers or (B,), with the
+                first pixel's centre at 0.5; normal, (B, H, W, 3) towards the camera; albedo,
                 (B, H, W).
 
         Raises:
-            ConfigError: for whole numbers, millimetres, and what is no depth map.
+            ConfigError: whole numbers, millimetres, or another shape or type.
         """
         shape, count = map_shape(depth_m, self._size)
         if seeds is None:

@@ -1,4 +1,4 @@
-"""Loading of the faces of tasks: varied, dressed, and one batch ahead of the rendering."""
+"""Load the faces of tasks, vary and dress them, one batch ahead of the rendering."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from glsim.looks.room.other_people import OtherPeople
 from glsim.settings.schema import Settings
 from glsim.simulation.plan.tasks import Task
 
-#: Faces per batch: a matrix product of this many rows keeps a core busy, and the vertices of a
-#: batch take tens of megabytes.
+#: Faces per batch: a matrix product of 32 rows keeps a core busy, and the vertices of a batch take
+#: tens of megabytes.
 _FACE_BATCH = 32
 
 Loaded = list[tuple[Task, Face | BadFace]]
 
 
 class FaceLoader:
-    """Loads the faces of tasks for one rig, with the people in their backgrounds."""
+    """Loads the faces of tasks for one rig, together with other people for the background."""
 
     def __init__(
         self,
@@ -38,12 +38,12 @@ class FaceLoader:
         dressers: Sequence[Dresser] | None = None,
         others: OtherPeople | None = None,
     ) -> None:
-        """Store settings and sources; ``dressers``, one per source, can be given to share them."""
+        """Store settings and sources; loaders can share ``dressers``, one for each source."""
         self.settings, self.sources, self.rig = settings, sources, rig
         self.dressers = dressers or [Dresser(source, settings.appearance) for source in sources]
         self.others = others or OtherPeople(settings, sources, self.dressers, rig)
         self._loading = Lock()  # sub-frames load faces too, while a thread loads ahead
-        self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, and as changed
+        self._loaded: tuple[Task, Face, Face] | None = None  # as loaded, as changed
 
     def changed_settings(self, settings: Settings) -> set[str]:
         """Return the names of the settings tables that differ from this loader's."""
@@ -59,13 +59,13 @@ class FaceLoader:
         return FaceLoader(settings, self.sources, rig, dressers, others)
 
     def held(self, task: Task) -> Task:
-        """Return a task whose values are drawn once per sequence if ``settings.redraw`` is set."""
+        """Return the task; with ``settings.redraw`` its values are sampled once per sequence."""
         if self.settings.redraw is None:
             return task
         return replace(task, seeds=task.seeds.held_in_sequence())
 
     def load_ahead(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
-        """Yield each task with its face, in order; a thread loads the next batch meanwhile."""
+        """Yield each task with its face, in order, while a thread loads the next batch."""
         with ThreadPoolExecutor(1, "faces") as reader:
             ahead: deque[Future[Loaded]] = deque()
             for _, run in itertools.groupby(tasks, key=lambda task: task.source):
@@ -77,7 +77,7 @@ class FaceLoader:
                 yield from ahead.popleft().result()
 
     def load(self, batch: Sequence[Task]) -> Loaded:
-        """Load the faces of tasks of one source; a file that crashes its reader gives a BadFace."""
+        """Load the faces of one source's tasks; a file that crashes its reader gives a BadFace."""
         source, loaded = self.sources[batch[0].source], Loaded()
         with self._loading:
             for task in batch:
@@ -94,9 +94,9 @@ class FaceLoader:
                         raise
                     except Exception as error:
                         if not task.key.path:
-                            raise  # no file is to blame
+                            raise  # the error is not a file's fault
                         loaded.append((task, BadFace(task.key, unusable(task, error))))
-                        break  # the iterator has ended: the others get a new one
+                        break  # the iterator has ended; the remaining tasks get a new one
                     if face is None:
                         raise GlsimError(f"source {source.name} gave no face for {task.stem}")
                     loaded.append((task, face))
@@ -142,6 +142,6 @@ def alike(one: object, other: object) -> bool:
 
 
 def unusable(task: Task, error: Exception) -> MeshError:
-    """Return a MeshError for a face whose loading raised another exception."""
+    """Make the MeshError of a face whose loading raised another exception."""
     what = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}".removesuffix(": ")
     return MeshError(f"{task.key.path or task.stem}: cannot be used ({what})")

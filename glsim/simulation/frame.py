@@ -23,22 +23,23 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=np.generic)
 
-#: Code of a normal's component of 0, and steps from 0 to 1: -1 becomes 1, so that 0 is "none".
+#: _ZERO encodes a normal's component 0; a component of 1 is _STEPS more. -1 is encoded as 1, so
+#: that 0 can mean "no surface".
 _ZERO, _STEPS = 32768, 32767
 
-#: The images of every frame: clean, noisy, infrared are uint16, reason is uint8.
+#: The images of every frame: clean, noisy and infrared are uint16, reason is uint8.
 LAYERS = ("clean", "noisy", "infrared", "reason")
-#: The images that can be written to files; regions (uint8) and expected (uint16) are drawn on
-#: request only, and so are normals (uint16, three channels), color (uint8, three channels) and, of
-#: stereo cameras, the second infrared image (uint16).
+#: The images that can be written to files. Rendered on request only: regions (uint8), expected
+#: (uint16), normals (uint16, three channels), color (uint8, three channels), and the second
+#: infrared image of stereo cameras (uint16).
 WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right", "color")
 
 
 def refuse_millimetres(depth: Reals, near_m: float, far_m: float) -> None:
     """Raise ConfigError if depths that should be metres look like millimetres.
 
-    In metres they would be beyond the sensor's far plane, and the result empty without a word. A
-    background at one distance is none: simulators put their far plane there.
+    Metres of this size would be beyond the sensor's far plane, and the result would be empty. A map
+    with one distance only is accepted: simulators put an empty background at their far plane.
     """
     seen = depth[(depth > 0) & (depth < np.inf)]
     if not seen.size:
@@ -59,7 +60,7 @@ def encode_normals(normals: Reals, seen: Mask) -> NDArray[np.uint16]:
 
 
 def decode_normals(codes: NDArray[np.uint16]) -> Floats:
-    """Decode uint16 codes to float32 unit normals (..., 3), 0 where there is no surface."""
+    """Decode uint16 codes to float32 unit normals, (..., 3); 0 where there is no surface."""
     seen = codes.any(axis=-1, keepdims=True)
     normals = (codes.astype(np.float32) - _ZERO) / _STEPS
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -77,9 +78,9 @@ class Landmarks:
 
     Attributes:
         points_m: (68, 3) float64, camera frame, metres.
-        pixels: (68, 2) float64, x and y in glsim's convention (first centre at 0.5), also outside
-            the image.
-        visible: (68,) whether the clean depth at the pixel is that of the point.
+        pixels: (68, 2) float64 x and y, pixels; the first pixel's centre is at 0.5. They may lie
+            outside the image.
+        visible: (68,) whether the clean depth at the pixel agrees with the landmark's depth.
     """
 
     points_m: Array
@@ -95,30 +96,30 @@ class Frame:
     ``infrared``, ``reason``, ``regions`` and ``expected`` paste it into the frame, (height, width)
     of ``intrinsics``.
 
-    key: subject, sequence and frame number. source: the name of the face source.
+    key: subject, sequence and frame number.
+    source: name of the face source.
     seed: the frame's 64-bit seed.
-    intrinsics: the pinhole camera of the delivered frame, crop included.
-    window: the place of the arrays below in the delivered frame; all are (h, w) of it.
-    clean_m, noisy_m: float32 metres along the optical axis, 0 = no surface or no return.
-    expected_m: float32 metres, what the sensor says of the surfaces without noise, blur, edges and
-        fixed pattern: clean plus the device's systematic error; > 0 where clean is. None if not
-        requested.
+    intrinsics: pinhole camera of the delivered frame, crop included.
+    window: position of the arrays in the delivered frame; (h, w) below is its size.
+    clean_m, noisy_m: (h, w) float32 metres along the optical axis, 0 = no surface or no return.
+    expected_m: (h, w) float32 metres, the clean depth with the device's systematic error, but
+        without noise, blur, edges and fixed pattern; > 0 where clean is. None if not requested.
     normal: (h, w, 3) float32 unit normals of the meshes, camera frame; None if not requested.
-    head_to_camera: (4, 4) float64, from the canonical head frame (x the subject's left, y up, z out
+    head_to_camera: (4, 4) float64 from the canonical head frame (x the subject's left, y up, z out
         of the face), metres, to the camera frame, metres; None if there is no head.
-    landmarks: the 68 points of the face; None if not requested or not known.
-    infrared_counts: float32, in counts of the 16-bit image.
+    landmarks: the 68 landmarks of the face; None if not requested or not known.
+    infrared_counts: (h, w) float32 counts of the 16-bit image.
     color_rgb: (h, w, 3) uint8, see glsim.simulation.color_image; None if not requested.
-    infrared_right_counts: the same of a stereo camera's second imager; None if not requested.
-    reason_codes: uint8 codes of glsim.core.reason.Reason.
-    region_codes: uint8 numbers of the parts of the face, 0 = none; None if not requested.
+    infrared_right_counts: the same for a stereo camera's second imager; None if not requested.
+    reason_codes: (h, w) uint8 codes of glsim.core.reason.Reason.
+    region_codes: (h, w) uint8 numbers of face parts, 0 = none; None if not requested.
     region_numbers: part of the face -> its number.
     extra: further float32 layers of the stages, by name.
     depth_unit_mm: millimetres per step of ``clean``, ``expected`` and ``noisy``.
     depth_offset_mm: millimetres subtracted from every depth (0 unless normalised).
-    pose: distance_mm, yaw_deg, ... as drawn, plus the motion of generated heads.
+    pose: sampled distance_mm, yaw_deg, ..., plus the motion of generated heads.
     expression: action unit or blend shape -> intensity in [0, 1].
-    parameters: "stage.parameter" -> sampled value; constants are left out.
+    parameters: "stage.parameter" -> sampled value, without constants.
     notes: further JSON values about the face, from its source.
     """
 
@@ -159,7 +160,7 @@ class Frame:
 
     @property
     def expected(self) -> NDArray[np.uint16]:
-        """Clean depth with the systematic error only, uint16; ConfigError if not requested."""
+        """Clean depth with the systematic error, (H, W) uint16; ConfigError if not requested."""
         depth_m = self._requested("expected", self.expected_m)
         return self._paste(to_steps(depth_m, self.depth_unit_mm))
 
@@ -181,7 +182,7 @@ class Frame:
 
     @property
     def regions(self) -> NDArray[np.uint8]:
-        """Region numbers, (H, W) uint8, 0 = none. Raises ConfigError if they were not drawn."""
+        """Region numbers, (H, W) uint8, 0 = none; ConfigError if not requested."""
         return self._paste(self._requested("regions", self.region_codes))
 
     @property
@@ -192,7 +193,7 @@ class Frame:
 
     @property
     def color(self) -> NDArray[np.uint8]:
-        """Colour image, (H, W, 3) uint8 sRGB. Raises ConfigError if it was not requested."""
+        """Colour image, (H, W, 3) uint8 sRGB; ConfigError if not requested."""
         return self._paste(self._requested("color", self.color_rgb))
 
     @property
@@ -211,10 +212,10 @@ class Frame:
     def measured(self, name: str = "", *, rounded: bool = True) -> DepthFrame:
         """Convert to a depth frame of the whole delivered image, in millimetres from the camera.
 
-        It has noisy_mm, clean_mm, infrared, reason, and whatever else was requested; each layer is
-        computed when it is first used. Depths are whole steps and infrared whole counts, as in
-        files, if ``rounded``; else both are as they left the noise stages. The default name is the
-        frame's key.
+        It has noisy_mm, clean_mm, infrared, reason, and the other requested layers; each is
+        computed at its first use. With ``rounded``, depths are whole steps and infrared is whole
+        counts, as in files; otherwise both are unrounded results of the noise stages. The default
+        name is the frame's key.
         """
         layers: dict[str, Layer] = {
             "noisy_mm": partial(self._depth_mm, "noisy", rounded),

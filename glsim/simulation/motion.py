@@ -1,8 +1,8 @@
-"""Drawing of frames whose scene moves during the exposure.
+"""Rendering of frames whose scene moves during the exposure.
 
-true scene, at the frame's instant ------------------------> clean, normal, region
-scene of each capture --light stages--> light, added up ---> taps of the true scene's chain
-scene of each band of rows --copied--> layers of a rolled frame, on which the chain runs
+scene at the frame's instant ------------------------------> clean, normal, region
+scenes of the captures --light stages--> mean light -------> taps of the chain at the instant
+scenes of the bands of rows --copied--> layers of one frame -> the whole chain (rolling shutter)
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from glsim.render.renderer import Rendered, Renderer
 from glsim.render.sub_frames import LIGHT_LAYERS, SubFrames
 from glsim.simulation.scenes import FrameScene
 
-#: Layers of the true scene that are delivered instead of a rolled frame's.
+#: Layers of the scene at the frame's instant, which a rolling-shutter frame delivers too.
 _TRUE_LAYERS = ("clean", "normal", "region")
 
 
@@ -53,7 +53,7 @@ class MovingFrames:
         sub_frames: SubFrames,
         parts: tuple[SubExposure, ...],
     ) -> None:
-        """Store the renderer and noise chain of a sensor, and the parts of its exposure."""
+        """Store the renderer and the noise chain of a sensor, and the parts of its exposure."""
         self._renderer, self._chain, self._sub_frames = renderer, chain, sub_frames
         self.parts = parts
 
@@ -71,19 +71,20 @@ class MovingFrames:
         values: StageValues,
         readback: Readback,
     ) -> FrameContext:
-        """Draw a frame, queue its readback, and return its FrameContext.
+        """Render a frame, queue its readback, and return its FrameContext.
 
         Args:
             still: the scene at the frame's instant.
-            scenes: of the parts of the exposure.
-            reach_px: how far around the crop stages read.
-            frame_of: describes a rendered frame to the stages.
+            scenes: the scenes of the parts of the exposure.
+            reach_px: distance around the crop at which stages read pixels.
+            frame_of: makes the FrameContext of a rendered frame.
+            values: the stages' parameter values.
         """
         renderer = self._renderer
         window = union([renderer.window(s.meshes, s.crop, reach_px) for s in (still, *scenes)])
         drawing = renderer.render(still.meshes, still.crop, still.labels, reach_px, window)
         with drawing as true, renderer.everywhere(window) as everywhere:
-            # The scene moves beyond its silhouette at the frame's instant, and perhaps nearer.
+            # The scene moves out of its silhouette at the frame's instant, and can come nearer.
             true = replace(true, silhouette=everywhere, nearest_m=renderer.rig.near_m)
             frame = frame_of(true)
             with true.pool.scope() as held:
@@ -103,7 +104,7 @@ class MovingFrames:
         readback: Readback,
         held: list[Target],
     ) -> None:
-        """Run the noise chain on layers joined from bands of rows; keep the still clean layers."""
+        """Run the noise chain on layers joined from bands; keep the still scene's clean layers."""
         window, render = true.window, self._renderer.render
         layers = self._sub_frames.rows(
             self.parts,
@@ -141,11 +142,11 @@ class MovingFrames:
 
 
 def settle_reasons(layers: dict[str, Floats]) -> None:
-    """Match the reasons of a rolling-shutter frame to the still scene's depth, in place."""
+    """Match the reasons of a rolling-shutter frame, in place, to the depth of the still scene."""
     surface, depth = layers["clean"] > 0, layers["depth"] > 0
     reason = layers["reason"].copy()
     reason[depth & ~surface] = Reason.GROWN
     reason[depth & surface & (reason == Reason.GROWN)] = Reason.VALID
-    # Where the surface was elsewhere when its row was exposed.
+    # The surface was elsewhere when this row was exposed.
     reason[~depth & surface & (reason == Reason.NO_SURFACE)] = Reason.DROPPED
     layers["reason"] = reason

@@ -55,8 +55,8 @@ from glsim.simulation.registration import register
 from glsim.simulation.render_cache import RenderCache
 from glsim.simulation.scenes import FrameScene
 
-#: Frames in flight between drawing and readback. A GPU draws asynchronously and needs a few; the
-#: software rasteriser draws at once, where more frames only add delay.
+#: Number of frames between drawing and readback on a GPU, which draws asynchronously. The software
+#: rasteriser draws at once: more frames would only add delay.
 _RING_ON_GPU = 4
 
 
@@ -64,7 +64,7 @@ _RING_ON_GPU = 4
 class _InFlight:
     """A frame between drawing and readback.
 
-    ``true`` are the layers that the colour camera sees; ``rolled`` marks a rolling-shutter frame.
+    ``true`` holds the layers in the colour camera's view; ``rolled`` marks a rolling-shutter frame.
     """
 
     readback: Readback
@@ -89,14 +89,16 @@ def simulate(
 ) -> Iterator[Frame | Skipped]:
     """Yield one result per task, in order; by default for the whole Plan of the settings.
 
-    A face that cannot be rendered becomes a Skipped.
+    A face that cannot be rendered gives a Skipped.
 
     Args:
-        sources: the open face sources, any FaceSource (default: those of ``settings.source``).
+        settings: the settings of the frames.
+        tasks: the frames to simulate.
+        sources: open face sources, any FaceSource (default: those of ``settings.source``).
         backend: "egl" or "osmesa".
-        context: draws the frames; by default one of this thread is used.
-        layers: the images that are needed. Without "infrared" that image is 0 unless a stage reads
-            it; "regions", the parts of the face, and "expected" are drawn on request only.
+        context: the GL context; by default this thread's.
+        layers: the requested images. Without "infrared" that image is 0 unless a stage reads it;
+            "regions" (the parts of the face) and "expected" are rendered on request only.
         extra_layers: layers of the stages to copy to ``Frame.extra``.
 
     Raises:
@@ -112,9 +114,9 @@ def simulate(
 def frames(
     settings: Settings, tasks: Iterable[Task] | None = None, **options: Any
 ) -> Iterator[Frame]:
-    """Yield Frames as ``simulate`` does, with the same options, but never a Skipped.
+    """Yield Frames like ``simulate``, with the same options, but never a Skipped.
 
-    Raises MeshError if a face cannot be rendered, whatever ``settings.strict`` says.
+    Raises MeshError if a face cannot be rendered, even if ``settings.strict`` is False.
     """
     strict = settings.model_copy(update={"strict": True})
     for frame in simulate(strict, tasks, **options):
@@ -133,9 +135,9 @@ def open_sources(settings: Settings) -> list[FaceSource]:
 class Simulator:
     """Makes frames of one sensor on one GL context.
 
-    ``with_values``, ``with_stage`` and ``with_layers`` return another simulator of the same
-    sources and context, and leave this one as it is. The two share linked programs and the last
-    frame, which is drawn again from the first changed stage on only.
+    ``with_values``, ``with_stage`` and ``with_layers`` return another simulator with the same
+    sources and context, and do not change this one. Both share the linked programs and the last
+    frame, which is drawn again from its first changed stage on.
     """
 
     def __init__(
@@ -153,8 +155,9 @@ class Simulator:
 
         Args:
             layers, extra_layers: as in ``simulate``.
-            changes: stages with other code than the sensor's file says.
-            cache: of another simulator of the same sources and context; default: a new one.
+            changes: stages whose code replaces the code that the sensor's file names.
+            cache: the cache of another simulator with the same sources and context; default: a new
+                one.
         """
         self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context, self._layers, self._changes = context, layers, tuple(changes)
@@ -217,7 +220,7 @@ class Simulator:
         """Return a simulator with changed settings, named as in ``--set``.
 
         For instance {"tof_floor.sigma_mm": 2, "pose.yaw_deg": {"uniform": [-30, 30]}, "seed": 3}.
-        Raises ConfigError for an unknown name or a value out of range, and for a change of the
+        Raises ConfigError for an unknown name, for a value out of range, and for a change of the
         source, which needs another Simulator.
         """
         return self._like(settings=with_assignments(self._settings, values))
@@ -230,11 +233,11 @@ class Simulator:
         Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
 
         Args:
-            code: the text, or the path of a file.
-            file: of a text, for messages and includes; default: the file of the stage, or
-                NAME.glsl.
-            before: inserts a new stage before another; a name that the chain does not have is
-                otherwise put after the last shader stage.
+            code: the GLSL text, or the path of a file.
+            file: the path of a text in messages and for its includes; default: the file of the
+                stage, or NAME.glsl.
+            before: the stage before which a new stage is inserted; by default it is inserted after
+                the last shader stage.
         """
         known = {stage.name: stage for stage in self.sensor.stages}
         if isinstance(code, Path):
@@ -277,7 +280,7 @@ class Simulator:
             yield self._deliver(in_flight.popleft())
 
     def _start(self, task: Task, face: Face | BadFace, readback: Readback) -> _InFlight | Skipped:
-        """Queue the drawing of one frame, or return the Skipped of a bad face."""
+        """Queue the drawing of one frame; return a Skipped for a bad face."""
         try:
             if isinstance(face, BadFace):
                 raise face.error
@@ -295,7 +298,7 @@ class Simulator:
 
     def _draw(self, task: Task, face: Face, readback: Readback) -> _InFlight:
         rig, stages = self._canvas, self.sensor.stages
-        make_current(self._context)  # the caller may have used another since the last frame
+        make_current(self._context)  # the caller may have used another context since the last frame
         scene = self._scenes.build(task, face)
         sampled, values = sample_values(stages, self._scenes.loader.held(task).seeds)
         reach_px = array_reach_px(stages, values)
@@ -310,7 +313,7 @@ class Simulator:
                 device_seed=stable_seed("device", self._settings.seed, task.device),
                 time_s=task.key.time_s,
                 nearest_m=rendered.nearest_m,
-                # The middle of the head, or what stands for a face nearer or farther.
+                # The depth of the head; beyond the face's depths, the nearest or farthest of these.
                 subject_m=float(np.clip(scene.head_to_camera_m[2, 3], *rendered.face_m)),
             )
 
@@ -368,7 +371,7 @@ class Simulator:
         if "color" in self._layers:
             shown["color"] = color_image(layers, self._scenes.region_numbers, task.seeds)
         for name, layer in (("region", "regions"), (NORMAL.name, "normals")):
-            if layer not in self._layers and name not in self._extra:  # drawn for colours alone
+            if layer not in self._layers and name not in self._extra:  # for colour only
                 shown.pop(name, None)
         made = assemble_frame(
             shown,

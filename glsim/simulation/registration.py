@@ -1,7 +1,7 @@
-"""Registration of a noisy frame to the colour camera of its rig, as librealsense aligns depth.
+"""Registration of a noisy frame to its rig's colour camera, as librealsense aligns depth.
 
-Each depth pixel covers the pixels of the colour image that its four corners span at its depth, and
-the nearest surface wins. Around things that the colour camera sees past, gaps stay.
+A depth pixel covers the pixels of the colour image that its four corners span at its depth. The
+nearest surface wins. Colour pixels that no depth pixel covers, beside near surfaces, stay empty.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import Layers
 
-#: Depth pixels that would cover more colour pixels than this along an axis are cut: chosen, far
-#: more than any pair of cameras needs.
+#: Largest number of colour pixels that one depth pixel covers along an axis. Chosen: far more than
+#: any pair of cameras needs.
 _MOST_PX: Final = 64
 
 
@@ -27,12 +27,12 @@ def register(
     """Return the layers of a frame in the colour camera's view.
 
     Args:
-        noisy: (h, w) of ``window``: depth and clean, metres along the depth camera's axis, reason,
-            and optionally infrared.
+        noisy: (h, w) layers of ``window``: depth and clean, metres along the depth camera's axis,
+            reason, and optionally infrared.
         window: a part of the depth camera's image, whose intrinsics are ``image``.
-        true: layers that the colour camera sees: clean, and optionally normal and region; of
-            ``crop``.
-        crop: the part of the colour image that is delivered.
+        true: layers of ``crop`` in the colour camera's view: clean, and optionally normal and
+            region.
+        crop: the delivered part of the colour image.
 
     Returns:
         ``true`` with depth (metres along the colour camera's axis), reason and infrared. A surface
@@ -50,16 +50,16 @@ def register(
 
 
 def _taken(layer: Floats, source: Whole, other: Floats) -> Floats:
-    """Return the layer's values at flat indices ``source``, and ``other`` where these are -1."""
+    """Return the layer's values at flat indices ``source``, and ``other`` where an index is -1."""
     return np.where(source >= 0, layer.ravel()[source], other)
 
 
 def _land(
     depth_m: Floats, window: Rect, image: Intrinsics, colour: ColourCamera, crop: Rect
 ) -> tuple[Whole, Floats]:
-    """Return per pixel of ``crop`` the flat index of the nearest depth pixel, or -1, and its depth.
+    """Find the nearest depth pixel for each pixel of ``crop``: its flat index, or -1, and depth.
 
-    The depth is that along the colour camera's axis, metres; 0 = none.
+    The depth is along the colour camera's axis, metres; 0 = none.
     """
     source = np.flatnonzero(depth_m)
     row, column = np.divmod(source, depth_m.shape[1])
@@ -70,7 +70,7 @@ def _land(
         x = (column + (window.left + side - image.cx)) * (z / image.fx)
         y = (row + (window.top + side - image.cy)) * (z / image.fy)
         px, py, pz = (a * x + b * y + c * z + d for a, b, c, d in matrix[:3])
-        np.maximum(pz, 1e-6, out=pz)  # behind the colour camera: far outside its image
+        np.maximum(pz, 1e-6, out=pz)  # behind the colour camera: moved far outside its image
         u, v = px * (seen.fx / pz) + seen.cx, py * (seen.fy / pz) + seen.cy
         ends.append((u - crop.left, v - crop.top, pz))
     (u0, v0, near), (u1, v1, far) = ends
@@ -79,7 +79,7 @@ def _land(
     area = (right - left) * (bottom - top)
     along = (0.5 * (near + far)).astype(np.float32)
     kept = np.flatnonzero(area)
-    kept = kept[np.argsort(-along[kept], kind="stable")]  # of several values NumPy keeps the last
+    kept = kept[np.argsort(-along[kept], kind="stable")]  # NumPy keeps the last of several values
     each = np.repeat(kept, area[kept])
     starts = np.cumsum(area[kept]) - area[kept]
     down, across = np.divmod(
@@ -93,7 +93,7 @@ def _land(
 
 
 def _span(one: Array, other: Array, size: int) -> tuple[Whole, Whole]:
-    """Return the first pixels that spans along an axis touch, and those after the last ones."""
+    """Return the first pixel that each span touches along an axis, and the pixel after its last."""
     first = np.floor(np.minimum(one, other)).clip(0, size).astype(np.int64)
     end = np.floor(np.maximum(one, other)).clip(-1, size - 1).astype(np.int64) + 1
     return first, np.clip(end, first, first + _MOST_PX)

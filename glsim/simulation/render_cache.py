@@ -20,15 +20,15 @@ from glsim.settings.schema import Settings
 from glsim.simulation.face_loader import FaceLoader
 from glsim.simulation.scenes import FrameScene, FrameScenes
 
-#: Scenes of a plan, of the pose that is shown and of the one before.
+#: Number of kept scene builders: for the plan, the displayed pose, and the pose before it.
 _KEPT_SCENES = 3
 
 
 class RenderCache:
-    """A cache of all linked programs, and of the last scene's rendered and stage layers.
+    """A cache of all linked programs, and of the rendered and the stage layers of the last scene.
 
-    Another noise over the same scene runs the stages alone, from the first changed one on. What is
-    of another rig, other faces or another pose replaces what is kept.
+    For other noise over the same scene, only the stages from the first changed one on are run
+    again. Another rig, face or pose replaces the kept layers.
     """
 
     def __init__(self, context: moderngl.Context) -> None:
@@ -42,11 +42,11 @@ class RenderCache:
 
     @cached_property
     def sub_frames(self) -> SubFrames:
-        """Composer of frames from sub-frames, for moving scenes."""
+        """The composer of frames from sub-frames, for moving scenes."""
         return SubFrames(self._context)
 
     def renderer(self, rig: SensorRig) -> Renderer:
-        """Return the renderer of a rig: those of the last depth and colour camera are kept."""
+        """Return the renderer of a rig; the last depth camera's and colour camera's are kept."""
         renderer = self._renderers.pop(rig, None) or Renderer(self._context, rig)
         self._renderers = dict([*self._renderers.items(), (rig, renderer)][-2:])
         return renderer
@@ -54,7 +54,7 @@ class RenderCache:
     def scenes(
         self, settings: Settings, sources: Sequence[FaceSource], rig: SensorRig, *, regions: bool
     ) -> FrameScenes:
-        """Return the scene builder for some settings. Raises as FrameScenes does."""
+        """Return the scene builder of these settings. Raises the errors of FrameScenes."""
         for scenes in self._scenes:
             same = rig == scenes.loader.rig and regions == scenes.regions
             if same and scenes.loader.changed_settings(settings) <= {"stage"}:
@@ -71,15 +71,15 @@ class RenderCache:
     ) -> tuple[Rendered, StageLayers | None]:
         """Return a scene's clean layers, and the cache of its stage layers.
 
-        Both are valid until another scene is asked for. A new scene has None as owner: few are
-        asked for again. Raises MeshError.
+        Both are valid until another scene is rendered. The cache of a new scene is None, because
+        few scenes are requested again. Raises MeshError.
         """
         asked = scene, reach_px
         if self._last is not None and self._last[0] == asked:
             return self._last[1], self._stages
         self._stages.clear()
         self._last = None
-        self._rendering.close()  # its targets are used again
+        self._rendering.close()  # its textures are used again
         drawing = renderer.render(scene.meshes, crop, scene.labels, reach_px)
         rendered = self._rendering.enter_context(drawing)
         self._last = asked, rendered

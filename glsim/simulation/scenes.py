@@ -1,4 +1,4 @@
-"""Build the scene of a frame: its face in its pose, the room, and other people."""
+"""Build the scene of a frame: the face in its pose, the room, and other people."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ from glsim.settings.source_settings import generates
 from glsim.simulation.face_loader import FaceLoader, alike
 from glsim.simulation.plan.tasks import Task
 
-#: Pixels of this size, mm, see no difference between a mesh and its occluder beside their noise,
-#: which is 3 mm there (Kinect V2, 1.5 m); the error is in docs/results/speed.md. Chosen.
+#: Pixel size at the face, mm, from which the occluder is rendered instead of the mesh. The
+#: difference is then hidden by the noise, 3 mm there (Kinect V2, 1.5 m); its size is in
+#: docs/results/speed.md. The value was chosen, not measured.
 _FAR_PIXEL_MM = 4.0
 
 
@@ -35,11 +36,12 @@ class FrameScene:
     """All meshes of a frame in camera coordinates, with their labels and sampled values.
 
     Attributes:
-        meshes: each with its (4, 4) matrix from canonical mm to camera m; the face comes first.
-        labels: per mesh the (V,) region numbers of its vertices, or None; empty without regions.
-        pose: its values, with motion.
-        sampled: values that were sampled for the face, what it wears and the room, by their names.
-        head_to_camera_m: (4, 4), both in metres.
+        meshes: each mesh with its (4, 4) matrix from canonical mm to camera m; the face is first.
+        labels: for each mesh the (V,) region numbers of its vertices, or None; empty without
+            regions.
+        pose: the values of the pose, with motion.
+        sampled: sampled values of the face, its clothes and the room, by their names.
+        head_to_camera_m: (4, 4) from the head frame, metres, to the camera frame, metres.
         landmarks_m: (68, 3) camera-frame metres, or None.
     """
 
@@ -57,7 +59,7 @@ class FrameScenes:
     """Builds the scenes of a loader's faces, and keeps the last scene for reuse."""
 
     def __init__(self, loader: FaceLoader, *, regions: bool) -> None:
-        """Prepare region labels if asked for. Raises ConfigError if the sources have none."""
+        """Prepare region labels if requested. Raises ConfigError if the sources have none."""
         settings, self.loader, self.regions = loader.settings, loader, regions
         worn = worn_regions(settings.appearance, loader.sources)
         further = [*scene_regions(settings.scene), *worn]
@@ -66,7 +68,7 @@ class FrameScenes:
 
     @property
     def region_numbers(self) -> Mapping[str, int]:
-        """Numbers of the regions, name -> number."""
+        """The numbers of the regions: name -> number."""
         return {} if self._labels is None else self._labels.numbers
 
     def build(self, task: Task, face: Face) -> FrameScene:
@@ -78,7 +80,7 @@ class FrameScenes:
         return scene
 
     def moved(self, task: Task, face: Face, times_s: Sequence[float]) -> list[FrameScene] | None:
-        """Build the scenes at other times, s, as ``build`` does; None if nothing moves."""
+        """Build the scenes at other times, s, like ``build``; None if nothing moves."""
         speeds = {SPEEDS[n.removeprefix("motion.")]: v for n, v in self.speeds(task).items()}
         follows = generates(self.loader.sources[task.source].name)
         if not follows and not any(speeds.values()):
@@ -94,7 +96,7 @@ class FrameScenes:
         return scenes
 
     def speeds(self, task: Task) -> dict[str, float]:
-        """Draw the speeds in [motion]: "motion.NAME" -> mm or degrees per second."""
+        """Sample the speeds in [motion]: "motion.NAME" -> mm or degrees per second."""
         seeds, motion = self.loader.held(task).seeds, self.loader.settings.motion
         return {f"motion.{n}": getattr(motion, n).sample(seeds, f"motion.{n}") for n in SPEEDS}
 
@@ -155,7 +157,7 @@ class FrameScenes:
 
 
 def _as_seen(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh:
-    """Return a mesh as a far camera sees it: with the triangles that cast its shadows."""
+    """Return a mesh as a far camera sees it, reduced to the triangles that cast its shadows."""
     pixel_mm = MM_PER_M * float(view[2, 3]) / rig.intrinsics.fx
     if mesh.occluder is None or pixel_mm < _FAR_PIXEL_MM:
         return mesh
@@ -163,11 +165,11 @@ def _as_seen(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh:
 
 
 def crop_window(rig: SensorRig, pose: Mapping[str, float], side: int | None) -> Rect:
-    """Return the delivered square, centred on the face but within the image; None: the image."""
+    """Return the delivered square, centred on the face but inside the image; None: the image."""
     image = rig.delivered
     if side is None:
         return Rect(0, 0, image.width, image.height)
-    # A face at or behind the camera has no place in the image; the renderer reports it.
+    # A face at or behind the camera has no position in the image; the renderer reports it.
     depth_mm = max(pose["distance_mm"], 1.0)
     place = np.array([[pose["x_mm"], pose["y_mm"], depth_mm]])
     if rig.registered is not None:

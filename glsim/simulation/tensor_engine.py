@@ -1,4 +1,4 @@
-"""The noise chain of a sensor on tensors of PyTorch: whole batches, on the device of the depth."""
+"""The noise chain of a sensor on PyTorch tensors: whole batches, on the device of the depth."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ from glsim.settings.distribution import ScopeSeeds
 from glsim.simulation.assembly import reconcile_reasons
 from glsim.simulation.frame import refuse_millimetres
 
-#: A parameter of a batch: a number for all maps, or (B, 1, 1).
+#: Stage -> parameter -> its value for a batch: a number for all maps, or (B, 1, 1).
 Values = Mapping[str, Mapping[str, Any]]
-#: Pixels of a part of a batch on a CPU, whose layers stay in the cache. Measured: 2^17 is best.
+#: Number of pixels computed together on a CPU: their layers stay in the cache. Measured: 2^17 is
+#: the fastest.
 _CACHED_PX = 2**17
-#: What simulators know of their maps.
+#: What simulators may give with their maps: the camera, and properties of the surface.
 _CAMERA, _SURFACE = ("fx", "fy", "cx", "cy"), ("normal", "albedo")
 
 
 def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tensors that a chain starts from, by name, on the device of the maps.
 
-    Maps are (B, H, W) float32 metres. Given are seeds, frames, fx, fy, cx, cy: numbers or (B,);
-    normal: (B, H, W, 3); albedo: (B, H, W). Raises ConfigError for another name or shape.
+    Maps are (B, H, W) float32 metres. ``given`` may hold seeds, frames, fx, fy, cx, cy (numbers or
+    (B,)), normal (B, H, W, 3) and albedo (B, H, W). Raises ConfigError for another name or shape.
     """
     count, device = len(maps), maps.device
     known = (*_CAMERA, *_SURFACE)
@@ -85,7 +86,7 @@ class TensorEngine:
         ]
         self._rays: dict[Any, Any] = {}
         self._size = rig.intrinsics.height, rig.intrinsics.width
-        self._compared = False  # whether a depth's range has been looked at
+        self._compared = False  # whether the range of a depth has been checked
 
     @torch.compiler.disable  # type: ignore[untyped-decorator]  # a function of the user's that is compiled calls it as it is
     def measure(
@@ -99,14 +100,15 @@ class TensorEngine:
         expected: bool = False,
         **given: Any,
     ) -> tuple[Any, dict[str, Any]]:
-        """Return noisy depth in the form of the clean depth, and the layers (B, H, W) of it.
+        """Return noisy depth in the form of the clean depth, and its layers, each (B, H, W).
 
         Args:
-            depth_m: as of a call of DepthNoise.
-            device: to compute on; default: the depth's.
-            keys: the maps' seeds, if they are not given as seeds.
-            p: probability that a map is changed, if seeds are given.
-            given: of ``batch_inputs``.
+            depth_m: the clean depth, as in a call of DepthNoise.
+            device: device to compute on; default: the depth's.
+            keys: the maps' 64-bit seeds, or None if ``given`` has seeds.
+            seed: the settings' seed.
+            p: probability that a map is changed, if ``given`` has seeds.
+            given: further inputs, see ``batch_inputs``.
         """
         array = not isinstance(depth_m, torch.Tensor)
         whole = torch.from_numpy(np.require(depth_m, None, ("C", "W"))) if array else depth_m
@@ -115,7 +117,7 @@ class TensorEngine:
         except (RuntimeError, AssertionError) as error:
             raise ConfigError(f"device {device!r}: {str(error).splitlines()[0]}") from None
         maps = whole.reshape(-1, *self._size).to(torch.float32)
-        if whole.device.type == "cpu" or not self._compared:  # a GPU is waited for, once
+        if whole.device.type == "cpu" or not self._compared:  # once, since a GPU stalls
             refuse_millimetres(maps.detach().cpu().numpy(), self.rig.near_m, self.rig.far_m)
             self._compared = True
         count = len(maps) if maps.is_cuda else max(_CACHED_PX // math.prod(self._size), 1)
@@ -140,7 +142,7 @@ class TensorEngine:
     def _named(
         self, seed: int, inputs: Mapping[str, Any], keys: Sequence[ScopeSeeds]
     ) -> dict[str, Any]:
-        """Return the layers of a batch whose maps have seeds of 64 bits, as frames of OpenGL."""
+        """Return the layers of a batch whose maps have 64-bit seeds, as in frames by OpenGL."""
         maps = inputs["maps"]
         samples = [sample_values(self._stages, key)[1] for key in keys]
         values = self._values(
@@ -189,7 +191,7 @@ class TensorEngine:
     def _answer(
         self, inputs: Mapping[str, Any], words: Sequence[Any], values: Values
     ) -> dict[str, Any]:
-        """Run the chain for words of frames, sequences and devices, (B,) or (1,)."""
+        """Run the chain; ``words`` belong to frames, sequences and devices, (B,) or (1,)."""
         maps = inputs["maps"]
         clean = torch.where((maps > 0) & (maps <= self.rig.far_m), maps, 0.0)  # NaN compares False
         image, (_, height, width) = self.rig.intrinsics, maps.shape
@@ -240,7 +242,7 @@ class TensorEngine:
         return {"clean": clean, "depth": depth, "reason": reason, **more}
 
     def _rays_of(self, depth_m: Any, camera: Mapping[str, Any]) -> Any:
-        """Return (1 or B, H, W, 2) x/z and y/z of each pixel."""
+        """Return the rays x/z and y/z of each pixel, (1 or B, H, W, 2)."""
         if not any(name in camera for name in _CAMERA):
             if depth_m.device not in self._rays:
                 rays = torch.from_numpy(np.moveaxis(self.rig.rays(), -1, 0).copy())

@@ -1,4 +1,4 @@
-"""A virtual camera that captures frames of a scene through the simulator."""
+"""A virtual camera that captures frames of a mesh through the simulator."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from glsim.simulation.plan.tasks import make_tasks
 #: Signs that turn camera axes into canonical axes: a half turn about x.
 _TO_CANONICAL = np.array([1, -1, -1], np.float32)
 
-#: Simulators to keep; the programs and render targets of each take about 80 MB.
+#: Number of kept simulators; the programs and render targets of one take about 80 MB.
 _KEPT_SIMULATORS = 4
 
 #: Changes to a sensor's stages: stage -> parameter -> value.
@@ -30,7 +30,7 @@ Changes = Mapping[str, Mapping[str, float]]
 
 
 class VirtualCamera:
-    """Virtual camera that captures frames of meshes with one sensor in one GL context."""
+    """A virtual camera that captures frames of meshes with one sensor in one GL context."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class VirtualCamera:
         rig: Mapping[str, Any] | None = None,
         assignments: Sequence[str] = (),
     ) -> None:
-        """Load the sensor with other keys of [rig] and assignments as of ``--set``."""
+        """Load the sensor; ``rig`` replaces keys of its [rig]."""
         self.name, self.seed, self.frames = sensor, seed, frames
         self._assignments = tuple(assignments)
         self._own_rig = dict(rig or {})
@@ -51,7 +51,7 @@ class VirtualCamera:
 
     @property
     def rig(self) -> SensorRig:
-        """Geometry of the sensor: its imagers and emitters."""
+        """The geometry of the sensor: its imagers and emitters."""
         return self.sensor.rig
 
     def capture(
@@ -66,21 +66,21 @@ class VirtualCamera:
         seed: int | None = None,
         extra: Sequence[str] = (),
     ) -> Frames:
-        """Capture frames of a mesh, with clean depth, infrared and depth before rounding.
+        """Capture frames of a mesh, with clean depth, infrared and unrounded depth.
 
         Args:
-            mesh: in the camera frame, mm.
-            frames: their number; default: that of the camera.
+            mesh: the mesh in the camera frame, mm.
+            frames: number of frames; default: the camera's.
             crop: side of the square around the image of ``at_mm``, px; None: the whole image.
             at_mm: centre of the crop, in the camera frame.
             changes: parameters of the sensor's stages.
             scene: name that, with the seed, decides the noise.
-            seed: of the device; default: the camera's.
+            seed: seed of the device; default: the camera's.
             extra: layers of the stages to return as well.
         """
         x, y, z = at_mm
         if x == 0 and y == 0:
-            z = MM_PER_M  # one window for all distances: they share a simulator
+            z = MM_PER_M  # one window for all distances, so that they share a simulator
         overrides = {
             "sensor": self.name,
             "seed": self.seed if seed is None else seed,
@@ -101,13 +101,13 @@ class VirtualCamera:
         kept.show(source)
         self._simulators[key] = simulator, kept
         if len(self._simulators) > _KEPT_SIMULATORS:
-            del self._simulators[next(iter(self._simulators))]  # the one unused the longest
+            del self._simulators[next(iter(self._simulators))]  # the least recently used
         made = [f for f in simulator.frames(make_tasks(settings, [kept])) if isinstance(f, Frame)]
         return Frames.of([f.measured(rounded=False) for f in made], scene)
 
 
 class _Scene(OneMesh):
-    """A source of a replaceable mesh, whose scene name decides the noise."""
+    """A source with a replaceable mesh, whose scene name decides the noise."""
 
     def show(self, other: _Scene) -> None:
         self._mesh, self._subject = other._mesh, other._subject

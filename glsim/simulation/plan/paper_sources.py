@@ -1,4 +1,4 @@
-"""The paper's face sets in the paper's proportions; embedded heads replace absent sets."""
+"""The paper's face sets in the paper's proportions; embedded heads replace missing sets."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ class PaperSource(NamedTuple):
     images: int
 
 
-#: Kind of the source -> the set. The paper prints people, and for FaceWarehouse 19 expressions
-#: of each, no neutral face; it does not print how its 45,938 images divide. Biwi: all images
-#: of the set as published. D3DFACS, sequences at 60 frames per second: the rest.
+#: Kind of source -> its face set. The paper prints the numbers of people, and for FaceWarehouse 19
+#: expressions each, without a neutral face. It does not print how its 45,938 images are divided.
+#: Biwi: all images of the published set. D3DFACS, sequences at 60 frames per second: the rest.
 PAPER_SOURCES: Final = {
     "d3dfacs": PaperSource("D3DFACS", 10, sum(PAPER_IMAGES) - 150 * 19 - 15_678),
     "facewarehouse": PaperSource("FaceWarehouse", 150, 150 * 19),
     "biwi": PaperSource("Biwi", 20, 15_678),
 }
-#: The source that stands in.
+#: The kind of source that replaces missing sets.
 STAND_IN: Final = "procedural"
 
 
@@ -43,9 +43,10 @@ def paper_counts(images: int) -> dict[str, int]:
 
 
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
-    """Count how many images of each source kind are missing from the paper's mix.
+    """Count how many images of each kind of source are missing from the paper's mix.
 
-    ``held`` are the images of each kind. Kinds short by one or less, by rounding, are left out.
+    ``held`` are the available images of each kind. A kind that lacks at most one image, by
+    rounding, is left out.
     """
     wanted = paper_counts(sum(held.values()))
     lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}
@@ -55,8 +56,8 @@ def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
 def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]]:
     """Return the [[source]] tables of a data set of ``images`` in the paper's proportions.
 
-    A set without a folder in ``roots``, or with fewer images than its share, is filled up with
-    embedded heads, as many people as are missing. Raises ConfigError for a folder without the set.
+    If a set has no folder in ``roots``, or fewer images than its share, embedded heads are added
+    for as many people as are missing. Raises ConfigError for a folder that does not hold its set.
     """
     tables: list[dict[str, Any]] = []
     for kind, count in paper_counts(images).items():

@@ -15,7 +15,7 @@ from glsim.settings.schema import SPLIT_NAMES
 #: Training, validation and test images of Kendrick, Yap and Tan.
 PAPER_IMAGES: Final = (32_029, 5_503, 8_406)
 
-_MAX_EXACT_PEOPLE: Final = 9  # up to here all 3**9 divisions are tried
+_MAX_EXACT_PEOPLE: Final = 9  # for up to 9 people all 3**9 divisions are tried
 
 
 def split_subjects(
@@ -42,11 +42,12 @@ def split_subjects(
 
 
 def split_as_paper(frames: Mapping[str, int], seed: int) -> dict[str, str]:
-    """Assign subjects of so many frames to splits, near the paper's counts: subject -> split.
+    """Assign subjects to splits near the paper's image counts: subject -> split.
 
-    The image counts approach the paper's numbers, scaled to the total. The sum of the three
-    differences is minimal for up to nine people; for more, neither moving a person nor swapping two
-    lowers it. Three people or more leave no split empty. ``seed`` breaks ties.
+    ``frames`` is subject -> number of frames. The targets are the paper's image counts, scaled to
+    the total. For up to nine people the sum of the three differences is minimal; for more people,
+    no move of one person and no swap of two lowers it. With three people or more no split is empty.
+    ``seed`` breaks ties.
     """
     names = sorted(frames, key=lambda name: (-frames[name], stable_seed("split", seed, name)))
     sizes = np.array([frames[name] for name in names], dtype=np.int64)
@@ -96,8 +97,8 @@ def _best_swap(
 ) -> tuple[float, list[tuple[int, int]]]:
     """Return the best swap of splits a and b: its cost change and [(person, new split)]."""
     persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
-    # Of people with equally many images the first one is enough. The last entry of each list is
-    # nobody: a swap with nobody is a move.
+    # Among people with equally many images one is enough. The last entry of each list means nobody:
+    # a swap with nobody is a move.
     from_a, from_b = (
         np.append(who[np.sort(np.unique(sizes[who], return_index=True)[1])], -1)
         for who in (persons_a, persons_b)
@@ -107,7 +108,7 @@ def _best_swap(
     change = np.abs(missing[a] + moved) + np.abs(missing[b] - moved)
     change = change - abs(missing[a]) - abs(missing[b])
     if len(persons_a) == 1:
-        change[0, -1] = 0.0  # the last person stays
+        change[0, -1] = 0.0  # the last person of a split stays
     if len(persons_b) == 1:
         change[-1, 0] = 0.0
     i, j = np.unravel_index(np.argmin(change), change.shape)

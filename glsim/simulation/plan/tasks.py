@@ -1,8 +1,8 @@
 """The Plan of a data set: its subjects and their splits, and the name and seeds of each frame.
 
 The plan depends only on the settings and reads no geometry: any worker can take any part of it, in
-any order, and produces the same frames. It is a function of the frame's index: what is kept in
-memory grows with the people and not with their frames.
+any order, and produces the same frames. A task is computed from the frame's index: the memory grows
+with the number of people, not of frames.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class Task:
         index: position in the data set.
         split: train, val or test.
         subject: name in the data set; the source's number precedes it if there are several.
-        source: position in ``settings.source``.
+        source: index in ``settings.source``.
         key: the frame's name in that source.
         seeds: 64-bit seeds of the frame, its sequence and its subject.
-        repeat: how often the mesh was used before, where a subject of files has fewer meshes than
-            frames; each use is a sequence of its own, with its own pose, distance and noise.
+        repeat: number of earlier uses of the mesh, if a subject from files has fewer meshes than
+            frames. Each use is a sequence of its own, with its own pose, distance and noise.
     """
 
     index: int
@@ -65,9 +65,9 @@ def _sequence(key: FaceKey, repeat: int) -> str:
 
 
 class PersonFrames(NamedTuple):
-    """A person's run of consecutive tasks in a Plan: ``frames`` tasks from ``first`` on.
+    """The consecutive tasks of one person in a Plan: ``frames`` tasks, from index ``first`` on.
 
-    ``name`` is the person's in the source; the other fields are those of Task.
+    ``name`` is the person's name in the source; the other fields are those of Task.
     """
 
     split: str
@@ -80,7 +80,7 @@ class PersonFrames(NamedTuple):
 
 @dataclass(frozen=True)
 class Thinning:
-    """A choice of ``count`` evenly spaced frames out of the ``total`` frames of a source."""
+    """A choice of ``count`` evenly spaced frames from the ``total`` frames of a source."""
 
     total: int
     count: int
@@ -90,12 +90,12 @@ class Thinning:
         return position * self.count // self.total if self.total else 0
 
     def position(self, number: int) -> int:
-        """Return the position of the chosen frame ``number`` among all frames, both from 0."""
+        """Return the index, among all frames, of the chosen frame ``number``; both count from 0."""
         return -(-(number + 1) * self.total // self.count) - 1
 
 
-#: Largest plan of generated faces. dataset.json names each person and each shard of 512 frames,
-#: with 14 and 95 bytes (measured): these are its 16 MB.
+#: Largest plan of generated faces. dataset.json has 14 bytes for each person and 95 for each shard
+#: of 512 frames (measured); these numbers fill its 16 MB.
 MAX_PEOPLE, MAX_FRAMES = 500_000, 50_000_000
 
 
@@ -103,13 +103,14 @@ class Plan(Sequence[Task]):
     """The tasks of a data set, sorted by source, subject and frame, and computed on access."""
 
     def __init__(self, settings: Settings, sources: Sequence[FaceSource]) -> None:
-        """Count the frames of all people. Raises ConfigError as ``make_tasks`` does."""
+        """Count the frames of all people. Raises ConfigError like ``make_tasks``."""
         self._settings, self._sources = settings, sources
         self._names: list[str] = []
         self._last: tuple[int, Sequence[FaceKey]] = -1, ()
         numbers: list[int] = []
         frames: list[int] = []
-        #: Source -> what its keys are computed from; sources that list them are not in it.
+        #: Source -> the arguments from which its keys are computed; a source that lists keys is
+        #: absent.
         self._computed: dict[int, tuple[object, ...]] = {}
         for number, source in enumerate(sources):
             wanted = settings.source[number]
@@ -126,7 +127,7 @@ class Plan(Sequence[Task]):
         available = [int(have[self._source == n].sum()) for n in range(len(sources))]
         counts = image_counts(settings.source, available)
         self._thinned = [Thinning(*both) for both in zip(available, counts, strict=True)]
-        #: Position of each person's first frame among all frames of the source, chosen or not.
+        #: Index of each person's first frame among all frames of the source, chosen or not.
         self._before = np.zeros(len(have), np.int64)
         chosen = np.zeros(len(have), np.int64)
         for number, thinning in enumerate(self._thinned):
@@ -134,7 +135,7 @@ class Plan(Sequence[Task]):
             ends = np.cumsum(have[own])
             self._before[own] = ends - have[own]
             chosen[own] = np.diff(ends * thinning.count // max(1, thinning.total), prepend=0)
-        #: Index of each person's first task, and the number of all tasks.
+        #: Index of each person's first task; the last entry is the number of all tasks.
         self._first = np.concatenate([[0], np.cumsum(chosen)])
         images = dict(zip(map(self._subject, range(len(have))), chosen.tolist(), strict=True))
         if len(images) < len(have):
@@ -198,7 +199,7 @@ class Plan(Sequence[Task]):
         return Task(index, split, subject, number, key, seeds, device, repeat)
 
     def people(self) -> Iterator[PersonFrames]:
-        """Yield each person's run of tasks, in order, leaving out people without frames."""
+        """Yield each person's tasks, in order; people without frames are left out."""
         first = self._first.tolist()
         for person, (start, end) in enumerate(pairwise(first)):
             if start < end:
@@ -209,8 +210,8 @@ class Plan(Sequence[Task]):
     def stems(self) -> Iterator[str]:
         """Yield the file stems to check before a run.
 
-        Of people whose keys are listed by their source, that is every frame's. Raises DatasetError
-        if two frames have the same.
+        They are the stems of all frames of the people whose keys the source lists. Raises
+        DatasetError if two frames have the same stem.
         """
         for split, subject, source, _, first, frames in self.people():
             if source in self._computed:
@@ -249,9 +250,9 @@ class Plan(Sequence[Task]):
 def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) -> list[int]:
     """Compute how many images each source contributes: its count, its weighted share, or all.
 
-    The scarcest of the weighted sources limits the images that they share. Raises ConfigError for
-    a count above the available images, and for a source without weight or count beside a weighted
-    one.
+    Weighted sources share images in proportion to their weights; the source with the fewest images
+    for its weight limits them all. Raises ConfigError for a count above the available images, and
+    for a source without weight or count beside a weighted one.
     """
     weighted = any(source.weight for source in sources)
     for number, (source, images) in enumerate(zip(sources, available, strict=True)):
@@ -283,7 +284,7 @@ def make_tasks(settings: Settings, sources: Sequence[FaceSource]) -> Plan:
 
 
 def people_of(tasks: Sequence[Task]) -> Iterator[PersonFrames]:
-    """Yield each person's run of consecutive tasks in a Plan or a list of tasks."""
+    """Yield each person's consecutive tasks in a Plan or a list of tasks."""
     if isinstance(tasks, Plan):
         yield from tasks.people()
         return
