@@ -15,7 +15,7 @@ from glsim.eval.metrics.metric import Direction, Metric
 from glsim.eval.metrics.scored_map import PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
 
-#: A normal with a smaller error, degrees, counts as good.
+#: A normal counts as good if its error is smaller than this angle, degrees.
 _GOOD_DEG: Final = 10.0
 
 
@@ -28,7 +28,7 @@ def _angle(prediction: ScoredMap, of: Callable[..., float]) -> float:
     return float(of(angle)) if angle.size else math.nan
 
 
-#: (Base set, part) of ``ScoredMap.errors`` -> definition of the pixels.
+#: Definitions of sets of pixels; ``_SETS``: (base, part) of ``ScoredMap.errors`` -> definition.
 _BOTH: Final = "prediction and clean valid"
 _INPUT: Final = (
     "input and clean valid, the same pixels for every method; where the method has no "
@@ -45,7 +45,7 @@ _SETS: Final = {
     ("input", "edge"): _INPUT + _EDGE,
     ("filled", "all"): "prediction and clean valid, input not",
 }
-#: Statistics of the error, prediction - clean: key -> (direction, definition).
+#: Statistics of the error (prediction - clean): key -> (better direction, definition).
 _STATISTICS: Final[dict[str, tuple[Direction, str]]] = {
     "rmse": ("lower", "root mean square error"),
     "mae": ("lower", "mean absolute error"),

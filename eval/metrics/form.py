@@ -1,7 +1,7 @@
-"""Loss of a surface's form by a denoiser: share of relief that remains, and the systematic error.
+"""Loss of form: how much relief of a surface a denoiser keeps, and its systematic error.
 
-An error against the truth is remaining noise plus lost form. Noise differs from frame to frame and
-does not depend on the surface; lost form is the same in each frame.
+The error of a denoised map is remaining noise plus lost form. Noise differs from frame to frame and
+does not depend on the surface. Lost form is the same in each frame.
 """
 
 from __future__ import annotations
@@ -19,16 +19,19 @@ from glsim.eval.metrics.scored_map import ScoredMap
 #: Standard deviations of two Gaussians, px. Their difference passes relief of 4 to 8 px: 0.29, 0.51
 #: and 0.51 of waves of 4, 6 and 8 px, and 0.24 of waves of 16 px.
 _BAND_PX: Final = (1.0, 2.2)
-#: Least standard deviation of the clean relief, mm. Chosen: below it, remaining noise decides.
+#: Smallest standard deviation of clean relief that is scored, mm. Chosen: below it, remaining noise
+#: would decide the result.
 _LEAST_MM: Final = 0.1
-#: Largest share of different clean pixels in frames of one view. Chosen; faces: 0.0001 in 1 ms.
+#: Two frames show one view if at most this share of their clean pixels differs. Chosen: on faces, a
+#: share of 0.0001 differs after 1 ms.
 _OTHER_SHARE: Final = 0.001
 
 
 def relief_kept_pct(prediction: ScoredMap) -> float:
-    """Compute the share of the clean relief of 4 to 8 px in a prediction, %; NaN without any.
+    """Compute the share of the clean relief of 4 to 8 px that a prediction keeps, %.
 
-    The slope of a regression in the interior, which noise does not change on average.
+    The share is the slope of a regression over interior pixels, which noise does not change on
+    average. NaN for a clean map without relief.
     """
     truth = prediction.truth
     inside = prediction.valid & truth.parts["interior"]
@@ -44,9 +47,9 @@ def systematic_mm2(
 ) -> float:
     """Compute the mean square of the error that two frames of one view share, mm2.
 
-    The mean product of both errors: 0 on average for noise alone, which is independent. NaN for
-    another view (clean maps that differ in more than 0.1 % of the pixels), and without a pixel in
-    both interiors.
+    It is the mean product of both errors. Noise of two frames is independent, so that its product
+    is 0 on average. NaN if the frames show different views (clean maps differ in more than 0.1 % of
+    the pixels), or if no pixel is interior in both.
 
     Args:
         prediction: map of a frame.
@@ -66,7 +69,7 @@ def systematic_mm2(
 
 
 def _relief(depth: NDArray[np.float64], inside: Mask) -> NDArray[np.float64]:
-    """Return the part of a depth image of 4 to 8 px, (H, W) mm; 0 outside of the mask."""
+    """Return (H, W) relief of 4 to 8 px in a depth image, mm; 0 outside the mask."""
     share = inside.astype(np.float64)
     fine, coarse = (
         cv2.GaussianBlur(depth * share, (0, 0), sigma)

@@ -1,6 +1,7 @@
 """Scoring of one frame: the table METRICS and the function that computes all of its metrics.
 
-A metric is one of ``definitions.SHIPPED_METRICS``, or a package's entry point "glsim.metrics".
+A metric comes from ``definitions.SHIPPED_METRICS``, or from another package by its entry point
+"glsim.metrics".
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def score(
     truth: Truth,
     earlier_mm: tuple[Depth | None, Depth | None] = (None, None),
 ) -> dict[str, float]:
-    """Compute all metrics of a frame except the time, by name, regions last; NaN if undefined.
+    """Compute all metrics of a frame but the time: name -> value, regions last; NaN = undefined.
 
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.

@@ -10,7 +10,7 @@ from glsim.eval.metrics.scored_map import ScoredMap
 
 Direction = Literal["lower", "higher", "neither"]
 MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]
-#: Groups of metrics in the order of the columns of rows.csv -> the title of their table.
+#: Group of metrics -> title of its table, in the order of the columns of rows.csv.
 GROUPS: Final[dict[MetricGroup, str]] = {
     "paper": "The paper's metrics: all pixels, holes are depth 0",
     "validity": "Which pixels have depth",
@@ -41,7 +41,8 @@ class Metric:
         better: the direction of better values.
         group: one of GROUPS.
         help: the definition in one line.
-        value: computes the metric of a frame, NaN if undefined. None: ``score`` or its caller does.
+        value: computes the metric of a frame, NaN if undefined. None: computed by ``score``, or by
+            the caller of ``score``.
         in_table: whether the metric is a column of table.md; table.csv has all metrics.
     """
 

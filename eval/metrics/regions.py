@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Array
 
-#: Name of a region metric, without "@nose" -> the metric of ``METRICS`` for the whole frame.
+#: Name of a region metric without its "@nose" -> metric of the whole frame, in ``METRICS``.
 REGION_METRICS: Final = {
     "rmse_mm": "input_interior_rmse_mm",
     "bias_mm": "input_interior_bias_mm",

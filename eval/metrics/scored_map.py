@@ -19,7 +19,7 @@ from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
 from glsim.measures.stacks import eroded
 
-#: The MAX of the paper's PSNR, mm.
+#: Signal maximum MAX in the PSNR of the paper, mm.
 PSNR_MAX_MM: Final = 8000.0
 
 
@@ -28,10 +28,10 @@ class Truth:
 
     Args:
         clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth.
-        rays: (H, W, 2), x/z and y/z.
+        rays: (H, W, 2), x/z and y/z of each pixel.
         regions: the face regions, if known.
-        offset_mm: depth that was subtracted from both maps. It is added again for normals, which
-            are undefined for an unknown offset, NaN.
+        offset_mm: depth that was subtracted from both maps, NaN = unknown. It is added again to
+            compute normals; they are undefined without it.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ScoredMap:
         truth: the clean frame and the input.
 
     Raises:
-        DenoiserError: for another shape, and for depth that is negative or no number.
+        DenoiserError: the prediction has another shape, or depth that is negative or NaN.
     """
 
     def __init__(self, prediction_mm: NDArray[np.generic], truth: Truth) -> None:
@@ -112,9 +112,9 @@ class ScoredMap:
         """Select a set of pixels and return its (N,) errors, mm, and its (H, W) mask.
 
         Args:
-            base: "both": prediction and clean are valid; "filled": both, but the input is not;
-                "input": input and clean are valid; errors of the input stand in for missing
-                predictions.
+            base: "both": prediction and clean map are valid. "filled": both are valid, the input is
+                not. "input": input and clean map are valid; a missing prediction has the error of
+                the input.
             part: "all", "interior" or "edge" of the clean map.
         """
         truth = self.truth
@@ -129,7 +129,7 @@ class ScoredMap:
         return errors, pixels
 
     def statistics(self, base: str, part: str) -> dict[str, float]:
-        """Compute RMSE, mean, median, 95th percentile of |error| and mean error of a set, mm."""
+        """Compute RMSE, mean error, and mean, median, 95th percentile of |error| of a set, mm."""
         if (base, part) not in self._statistics:
             error, _ = self.errors(base, part)
             self._statistics[base, part] = error_statistics(error)

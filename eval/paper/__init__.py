@@ -1,1 +1,1 @@
-"""The paper's tables, which compare printed values with our measured values."""
+"""Reproduction of the paper: its tables and figures, with printed values beside our values."""

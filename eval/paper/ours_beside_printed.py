@@ -1,8 +1,8 @@
 """Comparison of the paper's 39 printed values with our values in four cases, with verdicts.
 
 The paper states neither the origin of its depths nor whether its clean maps have holes. So there
-are four cases: two protocols (``glsim.core.depth_protocol``) times two kinds of clean maps: dense,
-or as BlenSor's, without depth where the noisy map has none.
+are four cases: two depth protocols (``glsim.core.depth_protocol``) times two kinds of clean maps.
+Clean maps are dense, or as in BlenSor: without depth wherever the noisy map has none.
 """
 
 from __future__ import annotations
@@ -45,23 +45,24 @@ VERDICTS: Final[dict[Verdict, str]] = {
     "other order": "in no case they do",
     "not comparable": "not scored, or the noisy input itself, whose noise is the paper's own",
 }
-#: Standard deviations of our seeds within which a value is reproduced: 95 % of a normal law.
+#: A value is reproduced if it lies within this number of standard deviations over our seeds, which
+#: is 95 % of a normal distribution.
 _SPREADS: Final = 2.0
-#: Half of the last printed digit: smaller differences from the noisy input do not count.
+#: Half of the last printed digit; smaller differences from the noisy input count as 0.
 _ROUNDING: Final = 5e-5
 
-#: Metric -> mean over frames, of one method.
+#: Means of one method: metric -> mean over frames.
 _Means = dict[str, float]
 
 
 @dataclass
 class Case:
-    """Our scores in one case, which is a depth protocol with a mask.
+    """Our scores in one case: one depth protocol with one mask of clean maps.
 
     Attributes:
         title: protocol and mask.
-        seeds: row of the paper or trivial prediction -> for each seed, the means of the method and
-            of the noisy input on the same frames.
+        seeds: row of the paper, or trivial prediction -> a pair for each seed: means of the method,
+            and means of the noisy input on the same frames.
         sizes: row -> size of the network.
     """
 
@@ -118,7 +119,7 @@ def _add_networks(case: Case, folder: Path) -> None:
         return
     try:
         groups = with_twins(group_by_network(find_trained_runs(folder / "runs").runs))
-    except ConfigError:  # nothing was trained there
+    except ConfigError:  # the folder has no trained network
         return
     means = read_means(folder / "table.csv")
     for group in sorted(groups, key=lambda group: group.size == "full"):

@@ -1,4 +1,4 @@
-"""The paper's tables 1 (filters), 2 and 3 (networks), which show printed values and our values."""
+"""The paper's tables 1 (filters), 2 and 3 (networks), with printed values beside our values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from glsim.eval.scoring.evaluate import Evaluation
 from glsim.eval.scoring.trained_networks import SeedGroup, TrainedRun, group_by_network
 from glsim.networks.composites import COMPOSITES
 
-#: Table -> rows. Table 2 compares architectures, table 3 each depth with and without AR.
+#: Number of a table -> its rows. Table 2 compares architectures; table 3 compares DnCNNs of several
+#: depths, with and without artefact removal (AR).
 PAPER_ROWS: Final = {
     1: PAPER_FILTERS,
     2: ("Restormer", "UNet", "D7", "D20", "D64"),
@@ -28,8 +29,8 @@ PAPER_ROWS: Final = {
 }
 #: Names of the trivial predictions that every method must beat.
 NOTHING_LOSES_TO: Final = ("zero image", "mean face")
-#: Our metric -> heading of the printed columns. Of all readings of SSIM, L of 16-bit maps gives
-#: values closest to the printed values.
+#: Our metric -> heading of the printed column. The paper does not state its SSIM constants; with L
+#: of 16-bit maps, our SSIM is closest to the printed values.
 PAPER_COLUMNS: Final = {
     "mse_mm2": "MSE [mm²]",
     "psnr_db": "PSNR per image [dB]",
@@ -96,11 +97,11 @@ def paper_table(
     """Return the page of a table of the paper, with printed values and our values.
 
     Args:
-        which: 1, 2 or 3.
+        which: number of the table: 1, 2 or 3.
         evaluation: the scores.
-        table: the scores by the label of a method.
-        trained: the scored networks.
-        refused: reasons why other networks are left out.
+        table: label of a method -> its scores.
+        trained: the networks that were scored.
+        refused: a reason for each network that was left out.
     """
     groups = with_twins(group_by_network(trained)) if which > 1 else []
     rows = _network_rows(which, groups, table)
@@ -151,8 +152,8 @@ def paper_table(
 def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     """Add rows with artefact removal that were not trained, as copies of rows without it.
 
-    The measurement operator of denoising is the identity, so that artefact removal changes no bit
-    of a network's output.
+    Artefact removal applies the measurement operator, which is the identity in denoising. It
+    changes no bit of a network's output.
     """
     trained = {(group.row, group.size) for group in groups}
     twins = [

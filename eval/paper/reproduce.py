@@ -39,7 +39,7 @@ CleanMask = Literal["dense", "as-noisy"]
 
 
 class TrainingGroup(TomlTable):
-    """Recipes with common training limits; all are trained with a seed before the next seed."""
+    """Recipes with common limits; all of them are trained with one seed, then with the next."""
 
     recipes: tuple[str, ...] = Field(min_length=1)
     steps: int | None = Field(None, ge=1, description="default: as in the recipe")
@@ -49,7 +49,7 @@ class TrainingGroup(TomlTable):
 
 
 class FilterSets(TomlTable):
-    """Settings of the data sets for table 1 alone: a data set for each seed and mask."""
+    """Settings of the data sets that only table 1 uses: one data set for each seed and mask."""
 
     seeds: tuple[int, ...] = Field((1,), min_length=1)
     subjects: int = Field(ge=1)
@@ -127,10 +127,10 @@ def reproduce(
     Args:
         plan: the steps.
         runner: the folder, and the display of progress.
-        roots: kind of source -> folder of each face set of the paper that is present.
+        roots: kind of face source -> folder, for each face set of the paper that the user has.
 
     Returns:
-        The files with printed values beside ours.
+        Paths of the written files, which show printed values beside ours.
 
     Raises:
         GlsimError: a step failed; the message names it.

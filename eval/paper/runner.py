@@ -1,7 +1,7 @@
-"""Runner of a reproduction's steps (data sets, trainings, scores), which resumes.
+"""Runner of a reproduction's steps (data sets, trainings, scores); it skips finished steps.
 
-A step is skipped if its output exists and FOLDER/steps/NAME.json records equal inputs. Steps
-without an output run every time: scoring reuses its finished blocks by itself.
+A step is skipped if its output exists and FOLDER/steps/NAME.json records equal inputs. A step
+without an output, such as scoring, runs every time; scoring itself skips finished blocks.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Runner:
         workers: number of worker processes.
         announce: called with a line before each step.
         displays: progress of the steps.
-        dry: announce the steps without running them.
+        dry: whether steps are announced but not run.
     """
 
     out: Path
@@ -104,7 +104,7 @@ class Runner:
         """Train a network, or continue its interrupted training.
 
         Raises TrainError without PyTorch, the errors of ``glsim.train.loop.fit``, and
-        KeyboardInterrupt for a training that a signal has stopped, which is saved.
+        KeyboardInterrupt if a signal stops the training, after it was saved.
         """
 
         def run() -> None:

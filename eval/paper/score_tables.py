@@ -37,7 +37,7 @@ def score_tables(
         out: folder of the results.
         tables: numbers of the paper's tables to write as paper_table_N.md.
         runs: folder with a folder per run of ``glsim train``.
-        figures, workers, progress: as in ``score_denoisers``.
+        figures, workers, progress: see ``score_denoisers``.
 
     Returns:
         The written files, and a line for each method that harms surfaces.

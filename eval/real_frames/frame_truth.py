@@ -1,8 +1,8 @@
 """Measures of a denoiser on one real frame, without clean truth: sums of five measures.
 
-A pixel is lost if its depth is gone or has moved by half of the least step of a silhouette. Lost
-pixels are counted; in measures of surfaces they have the input's depth, so that a few of them do
-not dominate the mean.
+A pixel is lost if the denoiser removes its depth or moves it by half of the smallest depth step of
+a silhouette. Lost pixels are counted. Measures of surfaces use the input's depth for them, so that
+a few lost pixels do not dominate the mean.
 """
 
 from __future__ import annotations
@@ -24,23 +24,25 @@ from glsim.measures.depth_noise import still_difference
 from glsim.measures.measured_frame import surface_mm, surfaces
 from glsim.measures.silhouettes import STEP_MM, find_edges
 
-#: Bounds of the distances of tables, m; chosen.
+#: Bounds of the distance bins of all tables, m. The values were chosen, not measured.
 BINS_M: Final = (0.5, 0.65, 0.9, 1.2, 1.5, 2.6, 4.4)
 _BINS: Final = len(BINS_M) - 1
-#: Width of the bins of the shift, mm, and their number from 0 m on.
+#: The shift is reported in bins of distance that start at 0 m: width of a bin, mm; number of bins.
 SHIFT_BIN_MM: Final = 100
 SHIFT_BINS: Final = int(MM_PER_M * BINS_M[-1] / SHIFT_BIN_MM)
-#: Largest movement of a pixel that is not lost, mm.
+#: A pixel whose depth changes by more than this is lost, mm.
 _LOST_MM: Final = STEP_MM / 2
-#: Side of the tiles in which planes are searched, px; least share of a tile on the plane; outliers,
-#: in medians of the absolute residual (4.4: 3 sigma), and rounds of removing them; least residual
-#: of a surface of second degree over the plane's; largest residual relative to the distance: beyond
-#: it a tile shows two surfaces (a D435 has 0.014 at 1.7 m). Chosen.
+#: Planes are searched in tiles of this side, px. All constants of the search were chosen.
+#: _LEAST_SHARE: smallest share of a tile's pixels on its plane.
+#: _OUTLIER, _ROUNDS: pixels with a residual above 4.4 medians (3 sigma) are removed, three times.
+#: _STRAIGHT: smallest ratio of a quadric's residual to the plane's; below it, the tile is curved.
+#: _ROUGHEST: largest residual / distance; above it, a tile shows two surfaces (D435: 0.014 at 1.7
+#: m).
 _TILE_PX: Final = 48
 _LEAST_SHARE, _OUTLIER, _ROUNDS, _STRAIGHT, _ROUGHEST = 0.85, 4.4, 3, 0.95, 0.03
-#: Fewest of eight neighbours with depth for a pixel that is not alone.
+#: A pixel is alone if fewer than this number of its eight neighbours have depth.
 _COMPANY: Final = 3
-#: Names of the sums of edges, in order.
+#: Names of the sums in ``Tally.edges``, in order.
 EDGE_SUMS: Final = (
     "ring_1", "ring_1_lost", "ring_2", "ring_2_lost", "shadow", "shadow_filled",
     "surface", "surface_lost", "alone", "alone_filled", "pinholes", "frames",
@@ -48,14 +50,14 @@ EDGE_SUMS: Final = (
 
 
 class Tally(NamedTuple):
-    """Sums of the measures of a denoised map; the last axis is (number of pixels, sum).
+    """Sums of the measures of one denoised map; the last axis is (number of pixels, sum).
 
     Attributes:
-        pair: (units, bins, 2) squared error on static pairs, by BINS_M.
+        pair: (units, bins, 2) squared error on static pairs, by distance bin of BINS_M.
         paper: (bins, 2) squared residuals of the board's paper from its plane.
-        shift: (SHIFT_BINS, 2) shift of smooth surfaces, by 100 mm.
+        shift: (SHIFT_BINS, 2) shift of smooth surfaces, in bins of 100 mm.
         planes: (bins, 2) squared residuals of walls and table tops from fitted planes.
-        edges: (len(EDGE_SUMS),) pixels.
+        edges: (len(EDGE_SUMS),) numbers of pixels.
     """
 
     pair: Array
@@ -69,7 +71,7 @@ class FrameTruth:
     """The pixels of one raw frame on which all methods are measured."""
 
     def __init__(self, recording: SplitRecording, number: int, pairs_only: bool = False) -> None:
-        """Find the pixels of frame ``number``; with ``pairs_only``, of its static pair alone."""
+        """Find the pixels of frame ``number``; with ``pairs_only``, only those of static pairs."""
         frame = self.frame = recording.frames[number]
         self._pairs_only = pairs_only
         self._units, self._unit_count = recording.units(number), recording.unit_count
@@ -123,7 +125,7 @@ class FrameTruth:
     def _planes(self, filled: Array) -> Array:
         """Return pixels and squared residuals, mm^2, of planes fitted to tiles, by distance.
 
-        Unlike static pairs, planes show errors that stay from frame to frame, as of stereo cameras.
+        Planes show errors that are equal in each frame, as of stereo cameras; static pairs do not.
         """
         sums = np.zeros((_BINS, 2))
         for tile, inliers in self._tiles:
@@ -162,7 +164,8 @@ class FrameTruth:
 def find_planes(depth_mm: NDArray[np.floating]) -> list[tuple[tuple[slice, slice], Mask]]:
     """Return the tiles of a raw map that show one plane, and their pixels without outliers.
 
-    A plane is linear in 1/depth. Outliers are removed in _ROUNDS; a tile that bends is no plane.
+    Planes are fitted to 1/depth, which is linear on them. Outliers are removed in several rounds. A
+    tile that a quadric fits better is left out.
     """
     planes = []
     height, width = depth_mm.shape
@@ -198,7 +201,7 @@ def _fitted(values: Array, pixels: tuple[NDArray[np.intp], ...], degree: Literal
 
 
 def distance_bin(depth_mm: NDArray[np.floating] | float) -> NDArray[np.int64]:
-    """Return the index of each depth's bin in BINS_M; -1 outside all bins and for NaN."""
+    """Return the index of the bin of BINS_M for each depth; -1 outside all bins and for NaN."""
     bins = np.digitize(np.nan_to_num(depth_mm), MM_PER_M * np.array(BINS_M)) - 1
     return np.where(bins < _BINS, bins, -1)
 

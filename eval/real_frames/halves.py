@@ -1,4 +1,4 @@
-"""A recording to score on: its static pairs, and its two halves for tuning and scoring."""
+"""A recording on which denoisers are scored: its static pairs, its tuning and scoring halves."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from glsim.data.recording import DEFAULT_FRAMES
 from glsim.measures.boards import PATTERN
 from glsim.measures.static import static_pairs
 
-#: Side of a tile of the image, px. Chosen: three times the widest filter that tuning tries, so that
-#: most pixels of a tile share no input with the next tile.
+#: Side of an image tile, px. Chosen: three times the widest filter that tuning tries, so that most
+#: pixels of a tile are denoised from no pixel of the next tile.
 TILE_PX: Final = 64
-#: Least number of static scenes for halves and intervals over scenes instead of tiles. Chosen.
+#: With at least this number of static scenes, halves and intervals are over scenes; with fewer,
+#: over image tiles. The value was chosen, not measured.
 LEAST_SCENES: Final = 6
 
 
@@ -38,7 +39,7 @@ class SplitRecording:
     """A recording with its static scenes and its units, which are scenes or image tiles.
 
     Attributes:
-        source: path and settings.
+        source: path and settings of the recording.
         frames: the frames in order.
         partner: frame -> another frame of the same static scene.
         scene: frame -> number of the static scene.
@@ -56,7 +57,7 @@ class SplitRecording:
 
     @property
     def by_scene(self) -> bool:
-        """Whether the units of tuning, scoring and intervals are scenes; image tiles otherwise."""
+        """Whether units of tuning, scoring and intervals are scenes; else they are image tiles."""
         return self.scenes >= LEAST_SCENES
 
     @property

@@ -20,7 +20,7 @@ from glsim.eval.scoring.evaluate import ScoringProgress, load_methods
 
 #: Label of the first row, the raw frames.
 RAW = "raw"
-#: Most frames of static pairs that tuning denoises; chosen.
+#: Largest number of frames that tuning denoises. The value was chosen, not measured.
 _TUNING_FRAMES = 12
 
 
@@ -81,7 +81,8 @@ def score_recording(
     Args:
         recording: the recording to score on.
         denoisers: specifications for ``load_denoiser``.
-        scoring_half: use the half of the static pairs that ``tune_on_pairs`` does not use.
+        scoring_half: score on static pairs of the scoring half only, which ``tune_on_pairs`` does
+            not use.
         workers: number of processes. Default: one per core.
         progress: called after each frame.
 
@@ -127,7 +128,7 @@ def tune_on_pairs(
     scored = run_frames(job, numbers[::stride], workers, progress)
     scores = add_up(recording, scored, {}, tuning_half=True)
     changes = {spec: measures.pair_change.value for spec, measures in scores.methods.items()}
-    # An unknown change, NaN, is never the least.
+    # A NaN change (unknown) is never the smallest.
     best = [
         min(specs, key=lambda s: (math.isnan(changes[s]), changes[s])) for specs in by_name.values()
     ]
@@ -143,9 +144,9 @@ def run_frames(
     """Score frames in worker processes; return the scores in order.
 
     Args:
-        job: recording and methods.
+        job: the recording and the denoisers.
         numbers: numbers of the frames.
-        workers: number of processes; None chooses.
+        workers: number of processes. None: one per core.
         progress: called after each block of frames.
     """
     frames = []

@@ -21,15 +21,15 @@ from glsim.measures.stacks import ratio
 
 #: Version of the measures; increase it with a change that alters a number.
 VERSION: Final = 2
-#: Least pixels of a bin. Derived: the mean has an error of at most 0.1 mm under noise of 2 mm that
-#: is correlated over ten neighbours.
+#: Smallest number of pixels in a bin. Derived: noise of 2 mm, correlated over ten neighbours, gives
+#: the mean an error of at most 0.1 mm.
 _LEAST_PIXELS: Final = 1000
-#: Least number of units or boards to resample.
+#: Smallest number of units, or of frames with a board, for a bootstrap interval.
 _LEAST_UNITS = 5
 
 
 class ScoredFrame(NamedTuple):
-    """The sums of one frame by method, and the first four EDGE_SUMS of its static partner."""
+    """Sums of one frame for each method, and the first four EDGE_SUMS of its static partner."""
 
     number: int
     tallies: dict[str, Tally]
@@ -52,14 +52,15 @@ class RealMeasures:
 
     Attributes:
         pair_rmse_mm: error on static pairs.
-        pair_change: geometric mean over the bins of RMSE / raw RMSE, as a change in %.
+        pair_change: change of the RMSE on static pairs against the raw frames, %: geometric mean
+            over the bins.
         paper_rmse_mm: residual of the board's white paper from its plane.
-        paper_change: change of it, computed as pair_change.
+        paper_change: change of paper_rmse_mm, computed as pair_change.
         shift_mm: mean of denoised - raw over smooth surfaces.
-        shift_by_100mm: (from mm, shift mm) of bins of 100 mm.
+        shift_by_100mm: (lower edge of the bin, shift), both mm, for bins of 100 mm.
         plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
-        plane_change: change of it, computed as pair_change.
-        edges: values of EDGES.
+        plane_change: change of plane_rmse_mm, computed as pair_change.
+        edges: values of the measures EDGES.
     """
 
     pair_rmse_mm: list[float]
@@ -78,9 +79,10 @@ class RealMeasures:
         return max((s for _, s in self.shift_by_100mm), key=abs, default=math.nan)
 
 
-#: Lost shares of the first and second ring of foregrounds and of smooth surfaces, filled share of
-#: holes beside foregrounds; per frame: lone pixels (at most two neighbours with depth), lone pixels
-#: without depth in the input, and dropped pixels with at least six neighbours.
+#: Measures at edges. Shares: lost pixels of the first and second ring of foregrounds and of smooth
+#: surfaces, filled pixels of holes beside foregrounds. Pixels per frame: lone pixels (at most two
+#: neighbours have depth), lone pixels where the input has no depth, and removed pixels with at
+#: least six neighbours.
 EDGES: Final = (
     "ring_1_lost", "ring_2_lost", "surface_lost", "shadow_filled",
     "alone", "alone_filled", "pinholes",
@@ -100,7 +102,8 @@ class RealScores:
         scenes: number of static scenes.
         boards: number of frames with a board.
         by_scene: whether units are scenes; otherwise tiles.
-        own_ring_losses: shares of both rings that another raw frame of the view lacks.
+        own_ring_losses: shares of the first and second ring that are lost in another raw frame of
+            the view.
         pixels: number of pixels of the static pairs, by BINS_M.
     """
 
@@ -169,10 +172,10 @@ def add_up(
 def _measures(total: Tally, raw: Tally) -> RealMeasures:
     middles_m = SHIFT_BIN_MM * (np.arange(SHIFT_BINS) + 0.5) / MM_PER_M
     shift = np.zeros((len(BINS_M) - 1, 2))
-    np.add.at(shift, np.digitize(middles_m, BINS_M) - 1, total.shift)  # none below the first bin
+    np.add.at(shift, np.digitize(middles_m, BINS_M) - 1, total.shift)  # none is below bin 0
     by_100mm = enumerate(_means(total.shift[None], _LEAST_PIXELS).tolist())
     sums = dict(zip(EDGE_SUMS, total.edges.tolist(), strict=True))
-    of = {name: name.rpartition("_")[0] for name in EDGES[:4]}  # ring_1_lost is of ring_1
+    of = {name: name.rpartition("_")[0] for name in EDGES[:4]}  # ring_1_lost -> ring_1
     edges = {name: ratio(sums[name], sums[of.get(name, "frames")]) for name in EDGES}
     return RealMeasures(
         pair_rmse_mm=_roots(total.pair, _LEAST_PIXELS),
@@ -202,7 +205,7 @@ def _roots(sums: Array, least: int) -> list[float]:
 
 
 def _change(sums: Array, raw: Array, least: int) -> Interval:
-    """Compute the geometric mean over bins of RMSE / raw RMSE, as a change in %, with interval."""
+    """Compute the change of the RMSE in %, with interval: geometric mean over bins."""
     used = raw[:, :, 0].sum(axis=0) >= least
     if not used.any():
         return Interval(math.nan)
@@ -212,7 +215,8 @@ def _change(sums: Array, raw: Array, least: int) -> Interval:
         weights = np.concatenate([weights, resampled(units)])
     ours, theirs = (np.tensordot(weights, s[:, used, 1], 1) for s in (sums, raw))
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Both have the same pixels, so sums have the ratio of means. A draw without a bin is NaN.
+        # Both sums have the same pixels, so their ratio is the ratio of the means. A draw without
+        # pixels in a bin gives NaN.
         change = np.log(np.maximum(ours, 0.0) / theirs) / 2.0
     known = theirs > 0
     mean = np.where(known, change, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)

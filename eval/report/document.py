@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Final
 from glsim.core.errors import GlsimError
 from glsim.core.files.markdown import markdown_table
 
-#: A cell that starts with a number, bold or not: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
+#: Matches a cell that starts with a number, bold or not: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
 _NUMBER: Final = re.compile(r"\W{0,3}\d")
-#: Cells without a number in columns of numbers.
+#: Texts of cells without a value in columns of numbers.
 _NO_VALUE: Final = frozenset(("", "-", "nan", "n/a", "not scored"))
 
 
@@ -29,9 +29,9 @@ class TextTable:
     rows: Sequence[Sequence[str]]
 
     def numeric_columns(self) -> list[bool]:
-        """Return whether each column holds numbers, in at least half of its cells with a value.
+        """Return for each column whether at least half of its cells with a value are numbers.
 
-        Such columns are aligned right; the first column holds names.
+        Columns of numbers are aligned right; the first column has names.
         """
         numeric = [False]
         for index in range(1, len(self.head)):
@@ -93,13 +93,14 @@ def html_page(
 ) -> str:
     """Return a complete HTML page. Raises GlsimError without Jinja2.
 
-    All text is escaped; **bold** and `code` become HTML. Intervals, last in a cell, are small.
+    All text is escaped; **bold** and `code` become HTML. An interval at the end of a cell is
+    printed small.
 
     Args:
-        title: of the page.
+        title: title of the page.
         documents: the page's body.
         pictures: shown after the documents.
-        notes: shown last.
+        notes: shown after the pictures.
     """
     return _template().render(title=title, documents=documents, pictures=pictures, notes=notes)
 

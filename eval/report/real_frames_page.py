@@ -17,7 +17,7 @@ from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealSco
 from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable, html_page
 from glsim.eval.report.score_tables import format_number
 
-#: Headings of EDGES, in order, and their factor: shares are printed in %.
+#: Measure of EDGES -> heading of its column and factor: shares are printed in %.
 _EDGE_HEADS: Final = {
     "ring_1_lost": ("outermost ring lost [%]", 100.0),
     "ring_2_lost": ("second ring lost [%]", 100.0),
@@ -105,7 +105,7 @@ def _table(
 ) -> TextTable:
     """Return a table with a row per method, without columns that hold no number.
 
-    With ``change``, the least number of each column is bold.
+    With ``change``, the smallest number of each column is bold.
     """
     rows = np.array([values(measures) for measures in scores.methods.values()])
     used = ~np.isnan(rows).all(axis=0)
@@ -139,10 +139,10 @@ def write_real_frames(
     Returns the paths. Raises DatasetError if writing fails.
 
     Args:
-        scores: of the recording.
-        out: folder of the files.
-        pictures: of the report.
-        remarks: added to the notes of the scores.
+        scores: scores of the recording.
+        out: folder of the written files.
+        pictures: pictures of the report.
+        remarks: paragraphs that are added to the notes.
     """
     page = real_frames_document(scores, remarks)
     paths = [out / "table.md", out / "scores.json"]

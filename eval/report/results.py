@@ -27,7 +27,7 @@ from glsim.eval.report.score_tables import (
 from glsim.eval.scoring.blocks import ScoringJob, denoise, stacks_of
 from glsim.eval.scoring.evaluate import Evaluation
 
-#: Largest number of methods side by side in a figure, which is as wide as a paper page.
+#: Largest number of methods beside each other in a figure, which is as wide as a printed page.
 _COLUMNS: Final = 5
 
 
@@ -49,7 +49,7 @@ def write_results(
         job: the scored job.
         out: folder of the results.
         pages: file name without .md -> page, which report.html shows first.
-        drawn: denoisers of the job in figures; None: no figures and no report.html.
+        drawn: denoisers of the job that figures show; None: neither figures nor report.html.
 
     Returns:
         The written files.
@@ -109,7 +109,8 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
 def example_frame(job: ScoringJob) -> tuple[DepthFrame, dict[str, Depth], str] | None:
     """Denoise the middle frame of the set, or the next readable frame, by every method.
 
-    The title names methods that fail. Returns None without a readable frame.
+    Returns the frame, label -> map, and a title, which names methods that fail; None without a
+    readable frame.
     """
     frames = job.frames()
     methods = [load_denoiser(spec) for spec in job.denoisers]
@@ -124,7 +125,7 @@ def example_frame(job: ScoringJob) -> tuple[DepthFrame, dict[str, Depth], str] |
         for method in methods:
             try:
                 maps |= denoise(method, stacks, number)[0]
-            except Exception:  # whatever a denoiser raises; scoring has counted it
+            except Exception:  # a denoiser may raise any error; scoring counted it
                 title += f"; {method.label} fails"
         return frame, maps, title
     return None

@@ -32,7 +32,7 @@ def score_denoisers(
         job: frames and denoisers (default: the paper's filters); the noisy input is always scored.
         out: folder of the results.
         trained: networks of ``glsim train``, scored beside the denoisers.
-        pages: makes further pages from the scores: file name without .md -> page.
+        pages: function that makes further pages from the scores: file name without .md -> page.
         figures: draw report.html.
         workers: number of processes.
         progress: called after each block of frames.

@@ -26,14 +26,16 @@ TABLE_SECTIONS: Final[dict[str, list[str]]] = {
     title: [m.name for m in METRICS.values() if m.in_table and GROUPS[m.group] == title]
     for title in dict.fromkeys(reversed(GROUPS.values()))
 }
-#: Metric by which a method harms surfaces, and the name of the input among the methods.
+#: A method harms surfaces if this metric is worse than the input's; and the input's label in
+#: tables.
 _INSIDE, _INPUT = "input_interior_rmse_mm", "noisy"
 #: The metrics of trivial baselines in tables.
 _BASELINE_METRICS: Final = (
     *("mse_mm2", "psnr_db", "ssim_paper", "ssim_standard", "iou", "flips_px", "both_rmse_mm"),
     "normal_mean_deg",
 )
-#: Fewer subjects than this are too few for a bootstrap: 3^3 = 27 draws of 3 differ. Chosen.
+#: Results with fewer subjects get a warning. Chosen: of 3 subjects, a bootstrap has only 3^3 = 27
+#: different draws.
 FEW_SUBJECTS: Final = 5
 
 
@@ -60,7 +62,7 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
 def worse_inside(table: ResultTable) -> dict[str, tuple[float, float]]:
     """Return the methods with a larger error inside surfaces than their input.
 
-    Method -> RMSE of the method and of the input on the input's interior pixels, mm.
+    Returns method -> (RMSE of the method, RMSE of its input), mm, on interior pixels of the input.
     """
     means = {name: entries[_INSIDE].mean for name, entries in table.items() if _INSIDE in entries}
     before = means.get(_INPUT, math.nan)

@@ -27,7 +27,7 @@ class MetricMean:
         mean: mean over frames.
         low, high: ends of the 95 % interval over subjects.
         frames: number of frames where the metric is defined.
-        undefined: number of the other frames.
+        undefined: number of frames where the metric is undefined.
     """
 
     metric: Metric
@@ -40,7 +40,7 @@ class MetricMean:
 
 @dataclass
 class ScoreSummary:
-    """Sums of the scores of all frames by method and subject, in memory independent of frames.
+    """Sums of scores by method and subject; memory does not grow with the number of frames.
 
     Attributes:
         metrics: name -> metric, the columns of the rows.
@@ -53,7 +53,7 @@ class ScoreSummary:
 
     @property
     def methods(self) -> list[str]:
-        """Names of the methods in the given order."""
+        """Names of the methods in the order in which they were added."""
         return list(self._totals)
 
     @property
@@ -62,7 +62,7 @@ class ScoreSummary:
         return sorted({name for totals in self._totals.values() for name in totals})
 
     def only(self, denoisers: Collection[str]) -> ScoreSummary:
-        """Return a summary of the denoisers with these labels, with all their composites."""
+        """Return the summary of the denoisers with these labels, including all their composites."""
         return self._of({name for name in self.methods if name.split(" [")[0] in denoisers})
 
     def one_composite(self) -> ScoreSummary:

@@ -1,4 +1,4 @@
-"""Trivial predictions: their scores are a scale for an MSE."""
+"""Trivial predictions, whose scores show how good an MSE is."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from glsim.core.errors import DatasetError
 
 
 def trivial_predictions(clean: Depth, mean: Depth | None) -> dict[str, Depth]:
-    """Return name -> prediction of a frame; without the mean face if its size differs."""
+    """Return name -> trivial prediction; the mean face is left out if its size differs."""
     predictions = {"zero image": np.zeros_like(clean)}
     if mean is not None and mean.shape == clean.shape:
         predictions["mean face"] = mean
     return predictions
 
 
-#: Largest number of frames, evenly spread, for baselines: only their magnitude matters.
+#: Largest number of frames (evenly spread) on which baselines are scored; a rough mean is enough.
 BASELINE_FRAMES: Final = 200
 
 

@@ -1,8 +1,8 @@
 """Bias over distance: the mean error of a method per 100 mm of the truth's depth.
 
-An error that depends on distance is systematic: of the training device, or of the network. It is
-measured in interior pixels where the method and its input have depth; errors beyond FLYING_MM count
-in ``flying_px`` instead.
+An error that depends on distance is systematic: the training device or the network causes it. It is
+measured in interior pixels where the method and its input have depth. Larger errors than FLYING_MM
+are flying pixels, which ``flying_px`` counts.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
 #: Width of a bin, mm.
 BIAS_BIN_MM: Final = 100
-#: Least pixels of a bin that counts for the largest bias. Chosen: the mean of so many pixels with
-#: noise of 1.2 mm, correlated over 5 neighbours, has an error of 0.04 mm.
+#: A bin needs this number of pixels to count for the largest bias. Chosen: with noise of 1.2 mm,
+#: correlated over 5 neighbours, the mean of the bin then has an error of 0.04 mm.
 ENOUGH_PIXELS: Final = 5000
 
-#: Bin's lower edge, mm, as text (for JSON) -> sum of errors, mm, and number of pixels.
+#: Lower edge of a bin in mm, as text for JSON -> [sum of errors in mm, number of pixels].
 BinSums = dict[str, list[float]]
 #: Method -> subject -> bins.
 BiasSums = dict[str, dict[str, BinSums]]
@@ -56,9 +56,10 @@ class BiasBin:
 
 
 def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
-    """Sum errors and count pixels of a frame by distance bin; depth: (H, W) mm, 0 = no depth.
+    """Sum errors and count pixels of a frame by distance bin.
 
-    The distance is from the camera; with an unknown offset, the depth in the map.
+    ``depth``: (H, W) mm, 0 = no depth. Distances are from the camera; if the offset is unknown,
+    they are the depths of the map.
     """
     error = depth - truth.clean
     pixels = (depth > 0) & truth.input_valid & truth.parts["interior"]
@@ -79,7 +80,7 @@ def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list
         total: the sums.
         method: name of the denoiser.
         subject: name of the person.
-        bins: bin -> numbers to add.
+        bins: bin -> [sum of errors, number of pixels] to add.
     """
     known = total.setdefault(method, {}).setdefault(subject, {})
     for edge, (error, pixels) in bins.items():
@@ -88,7 +89,7 @@ def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list
 
 
 def bias_by_distance(subjects: Mapping[str, BinSums]) -> list[BiasBin]:
-    """Return a method's bins from near to far, given subject -> bins."""
+    """Return the bins of a method, near to far, from subject -> sums of bins."""
     result = []
     for edge in sorted({int(edge) for bins in subjects.values() for edge in bins}):
         both = np.array([bins.get(str(edge), [0.0, 0]) for bins in subjects.values()], np.float64)

@@ -45,7 +45,7 @@ class ScoredBlock:
         rows: a row per frame and method.
         baselines: a row per frame and trivial baseline.
         bias: method -> subject -> bins, see ``glsim.eval.scoring.bias``.
-        bad: frames that could not be scored, by all methods or by one method, and the reason.
+        bad: frames that all methods or one method could not score, with the reason.
     """
 
     number: int
@@ -66,7 +66,8 @@ class ScoringJob:
         baseline_every: score trivial baselines on every n-th frame; 0: never.
         stride: score only every n-th frame.
         device: sensor file; its fixed pattern and wiggling are subtracted from all inputs.
-        protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: as in the files.
+        protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: protocol of the
+            files.
     """
 
     dataset: Path
@@ -99,7 +100,7 @@ class ScoringJob:
 
 @contextmanager
 def warned_already() -> Iterator[None]:
-    """Silence warnings of denoisers within the block: the main process has logged them."""
+    """Silence warnings of denoisers, which the main process already logged."""
     logger = logging.getLogger("glsim.denoise")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -136,7 +137,7 @@ def labelled(method: Denoiser, estimate: Estimate) -> dict[str, Depth]:
 
 
 def default_composites(labels: Iterable[str]) -> list[str]:
-    """Return the labels of methods without composites of networks other than the default."""
+    """Return the labels, but of a network's composites only the default composite."""
     others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
     return [label for label in labels if not label.endswith(others)]
 

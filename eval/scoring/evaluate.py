@@ -31,7 +31,7 @@ from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.baselines import BASELINE_FRAMES, mean_face
 from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
 
-#: Frames in a block: few enough that a crash costs little and all cores end together.
+#: Number of frames in a block. Small blocks lose little in a crash, and all cores end together.
 _BLOCK: Final = 25
 #: Version of the scores; increase it with a change that alters the scores of a frame.
 _VERSION: Final = 3
@@ -86,7 +86,7 @@ def evaluate(
         baselines: also score trivial predictions.
         progress: called after each block.
     """
-    methods = load_methods(job.denoisers)  # reports errors before scoring starts
+    methods = load_methods(job.denoisers)  # raises errors before scoring starts
     frames = job.frames()
     if len(frames) == 0:
         raise ConfigError(f"{job.dataset}: has no frames in {job.split}")

@@ -13,8 +13,8 @@ from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate, w
 
 #: Target number of tuning frames, evenly spread over the split.
 TUNING_FRAMES: Final = 150
-#: Metric that chooses a filter's settings: the interior error, on the same pixels for all methods,
-#: without silhouettes, whose errors are the largest, and which smoothing cannot reduce.
+#: Metric that chooses the settings of a filter: the interior error, on the same pixels for all
+#: methods. Silhouettes are excluded: their errors are largest, and smoothing cannot reduce them.
 SURFACE: Final = "input_interior_rmse_mm"
 #: Metric that then chooses the window of the mask clean-up.
 SILHOUETTE: Final = "flips_px"
@@ -39,8 +39,8 @@ def tune_filters(
 ) -> list[Tuned]:
     """Score each filter's grid of settings on ``job.split``; write all trials to tuning.csv.
 
-    First choose the parameters of the filter by SURFACE with the input's mask, then the clean-up by
-    SILHOUETTE. Raises the errors of ``evaluate``.
+    The metric SURFACE chooses the filter's parameters, with the input's mask. Then SILHOUETTE
+    chooses the window of the mask clean-up. Raises the errors of ``evaluate``.
 
     Args:
         job: frames; its denoisers are ignored.

@@ -1,6 +1,6 @@
 """Pairs of true and noisy frames to score, from a glsim data set or a folder of depth maps.
 
-The truth is the layer clean, or expected: clean with the sensor's systematic error.
+The truth is the layer "clean", or "expected", which is clean plus the sensor's systematic error.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ def _folder_frames(
 ) -> tuple[Frames, DepthProtocol]:
     """Open pairs of files ``*_clean`` (or ``*_expected``) and ``*_noisy`` by ``open_maps``.
 
-    The folder of a file is the subject, a number at the end of its name the frame. The camera is
-    the stated one, a Kinect V2, or one with focal length ``focal_px`` and its axis through the
-    image centre. The protocol is paper if the nearest point of the first truth is at 1 mm; then the
-    distance from the camera is unknown.
+    The folder of a file names the subject; a number at the end of its name is the frame. With
+    ``focal_px``, the camera has this focal length and its axis in the image centre; otherwise it is
+    stated in the folder, or a Kinect V2. If the nearest point of the first truth is at 1 mm, the
+    protocol is paper and the distance from the camera is unknown.
 
     Raises DatasetError without any pair.
     """
@@ -63,7 +63,7 @@ def _folder_frames(
             f"*_{truth} and *_noisy depth maps"
         )
     protocol: DepthProtocol = "depth"
-    with suppress(DatasetError, LookupError):  # reported when the frame is scored
+    with suppress(DatasetError, LookupError):  # scoring reports the frame later
         if is_moved(found[truth][stems[0]].load().layer(f"{truth}_mm")):
             protocol = "paper"
 
@@ -111,9 +111,9 @@ class _Map(NamedTuple):
 
 
 def _maps(path: Path, layer: DepthKind) -> tuple[dict[str, _Map], str]:
-    """Find the maps of a layer in a folder: relative path without the layer's mark -> map.
+    """Find the maps of a layer: relative path without the layer's suffix -> map.
 
-    Also returns what was assumed about them, a sentence.
+    Also returns a sentence with the assumptions about the maps (unit, camera).
     """
     try:
         recording = open_maps(path, layer)
@@ -172,7 +172,7 @@ def open_frames(
         focal_px: focal length of the camera of pairs; default: a Kinect V2's.
         truth: layer that becomes ``clean_mm``.
         device: sensor file whose fixed pattern and wiggling are subtracted from noisy maps.
-        protocol: default: that of the files.
+        protocol: origin of depths. Default: protocol of the files.
 
     Raises:
         DatasetError: there is no such folder, split, layer or pair.

@@ -1,7 +1,8 @@
 """Means over frames, and their confidence intervals.
 
 Frames of one subject are alike, so the bootstrap (Efron 1979) resamples subjects.
-scipy.stats.bootstrap returns NaN if a draw lacks all frames of a metric, and would be an extra.
+scipy.stats.bootstrap is not used: it returns NaN if a draw lacks all frames of a metric, and SciPy
+would be another dependency.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from glsim.core.array_types import Array
 
-#: Bootstrap repetitions; chosen, intervals vary by less than a tenth of their width.
+#: Number of bootstrap draws. Chosen: intervals vary by less than a tenth of their width.
 _DRAWS: Final = 2000
 _SEED: Final = 5
 

@@ -49,7 +49,7 @@ class TrainedRun(BaseModel):
 
     @property
     def network(self) -> tuple[str, str | None, str]:
-        """Title, row and size of the network, which are equal for all seeds."""
+        """Title, row and size; trainings with other seeds have the same."""
         return self.title, self.row, self.size
 
     @property
@@ -62,7 +62,7 @@ class TrainedNetworks(NamedTuple):
     """The trained networks of a folder.
 
     Attributes:
-        folder: has a folder per run of ``glsim train``.
+        folder: folder with a sub-folder per run of ``glsim train``.
         runs: the networks, sorted by name.
         refused: a reason for each omitted checkpoint.
     """
@@ -94,7 +94,7 @@ def find_trained_runs(folder: Path) -> TrainedNetworks:
         first = seen.setdefault((*run.network, run.seed), checkpoint)
         if first == checkpoint:
             runs.append(run)
-        else:  # counted twice, it would understate the spread over seeds
+        else:  # a repeated seed would make the spread over seeds too small
             refused.append(
                 f"{checkpoint}: is the same recipe and seed as {first}: if it is another network, "
                 "train it with glsim train --set title=..."

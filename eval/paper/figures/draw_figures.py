@@ -25,12 +25,12 @@ from glsim.eval.scoring.trained_networks import SeedGroup, find_trained_runs, gr
 
 #: Folder of the figures, within a reproduction's folder.
 FOLDER: Final = "paper_figures"
-#: Title of a column -> the denoiser (``glsim.load_denoiser``) that makes it.
+#: Title of a column -> specification of its denoiser for ``glsim.load_denoiser``.
 _Columns = dict[str, str]
 _NOISY: Final[_Columns] = {"noisy\nBaseline": "noisy"}
 #: The filters of figure 2, in the order of the paper's table 1.
 _FILTERS: Final = ("median", "nlm", "adaptive", "bilateral")
-#: Figure of networks -> rows of the paper's tables, kinds of panels, caption.
+#: Name of a figure of networks -> (rows of the paper's tables, kinds of panels, caption).
 _NETWORKS: Final[dict[str, tuple[tuple[str, ...], tuple[PanelRow, ...], str]]] = {
     "figure_4": (
         ("Restormer", "UNet"),
@@ -44,7 +44,7 @@ _NETWORKS: Final[dict[str, tuple[tuple[str, ...], tuple[PanelRow, ...], str]]] =
         "AR is its partner's network: depth, error, and normal maps.",
     ),
 }
-#: The paper's network in figure 6, and our shipped network.
+#: Networks of figure 6: the paper's, by its table row, and ours, by the name of its file.
 _THEIRS, _SHIPPED = "D20", "face"
 
 
@@ -54,9 +54,9 @@ def write_paper_figures(
     """Draw the figures from REPRODUCTION/data and REPRODUCTION/runs; return the written files.
 
     Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and
-    paper_figures.html with all of them. Figures show the networks of the folder, whatever their
-    size; captions name missing networks, and a figure without networks is left out. ``drawing`` is
-    called with the name of each figure.
+    paper_figures.html with all of them. The networks of the folder are drawn, of any size. Captions
+    name missing networks; a figure without any network is left out. ``drawing`` is called with the
+    name of each figure.
 
     Raises ConfigError without a data set, DatasetError, DenoiserError; GlsimError: no Matplotlib.
     """
@@ -88,7 +88,7 @@ def write_paper_figures(
 def _figures(
     dataset: Dataset, groups: Sequence[SeedGroup], note: str
 ) -> dict[str, tuple[str, Callable[[], Any]]]:
-    """Return name -> caption and drawing function of the six figures, without drawing them."""
+    """Return the figures, not yet drawn: name -> (caption, drawing function)."""
     example = choose_frame(dataset)
     scan = choose_frame(dataset, "facewarehouse")
     figures: dict[str, tuple[str, Callable[[], Any]]] = {

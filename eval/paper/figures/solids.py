@@ -27,10 +27,10 @@ _TEXT_SIZE: Final = 7
 _LIGHT: Final = np.array([-0.4, -0.75, 0.55]) / np.linalg.norm([-0.4, -0.75, 0.55])
 #: Brightness of a triangle that the light does not reach.
 _AMBIENT: Final = 0.35
-#: Colours: seen and lit by the projector; seen in its shadow.
+#: Colours of a surface: lit by the projector, in the projector's shadow, and skin.
 _LIT, _SHADOW, _SKIN = "#e9b98a", "#7b1e3a", "#dbccbd"
 _CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072b2"
-#: Number of drawn rays of light to the shadow.
+#: Number of rays drawn from the projector to points in its shadow.
 _RAYS: Final = 9
 #: Margin around a head, mm.
 _MARGIN_MM: Final = 15.0
@@ -89,7 +89,7 @@ def surfaces_figure(frame: DepthFrame, note: str) -> Any:
     figure = new_figure(7.6, 4.3)
     bounds = _bounds(frame)
     for column, title in enumerate(("clean", "noisy")):
-        # From a little above the head, and from the side where no shadow falls.
+        # The view is from a little above the head and from the side without shadow.
         axis = _axes_3d(figure, column, *bounds, 12.0, -62.0)
         axis.set_title(title, fontsize=_TEXT_SIZE + 1, y=1.0, pad=-4)
         _draw_surface(axis, frame.layer(f"{title}_mm"), frame, bounds)
@@ -140,10 +140,10 @@ def _draw_surface(
     mesh = surface(to_metres(depth_mm), SensorRig(frame.intrinsics), STEEPEST_DEG)
     if mesh is None:
         return
-    points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # to the axes of the camera
+    points = mesh.vertices_mm * np.array([1.0, -1.0, -1.0])  # mesh axes to camera axes
     corners = to_figure_axes(points)[mesh.faces]
     inside = ((corners >= bounds[0]) & (corners <= bounds[1])).all(axis=(1, 2))
-    # Normals come from the map: those of triangles would show each millimetre as a step.
+    # Normals are computed from the map; normals of triangles would show each mm as a step.
     towards = to_figure_axes(normals(to_metres(depth_mm), frame.rays))
     column, row = np.floor(frame.intrinsics.project(points)).astype(np.int64).T
     row, column = row.clip(0, depth_mm.shape[0] - 1), column.clip(0, depth_mm.shape[1] - 1)
@@ -185,7 +185,7 @@ def _draw_rays(
     points = to_figure_axes(frame.intrinsics.unproject(frame.clean_mm))[rows, columns]
     order = np.argsort(points[:, 2])
     for point in points[order[np.linspace(0, len(order) - 1, _RAYS).astype(int)]]:
-        share = (low[1] - emitters[0, 1]) / (point[1] - emitters[0, 1])  # where it enters the box
+        share = (low[1] - emitters[0, 1]) / (point[1] - emitters[0, 1])  # entry into the box
         start = emitters[0] + share * (point - emitters[0])
         axis.plot(*np.stack([start, point]).T, color=_PROJECTOR, linewidth=0.6, linestyle=":")
 

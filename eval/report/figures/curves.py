@@ -10,9 +10,10 @@ from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM
 
 _TEXT_SIZE: Final = 7
-#: A curve of bias leaves the axis beyond this many times the median curve's extent. Chosen.
+#: The axis of bias ends at this multiple of the median curve's extent; larger curves leave it. The
+#: value was chosen, not measured.
 _FAR: Final = 5.0
-#: Least extent of the axis of bias, mm: the step of a depth file. Chosen.
+#: Smallest extent of the axis of bias, mm. Chosen: the step of a depth file.
 _LEAST_MM: Final = 1.0
 
 
@@ -37,7 +38,7 @@ def bias_curves(summary: ScoreSummary) -> Any | None:
         tops[method] = max(map(abs, means))
     if not tops:
         return None
-    # The axis fits most curves; a note names the others, which would flatten them.
+    # The axis fits most curves. Larger curves would flatten them; a note names these.
     end_mm = max(_FAR * sorted(tops.values())[(len(tops) - 1) // 2], _LEAST_MM)
     far = [f"{method} to {top:.3g} mm" for method, top in tops.items() if top > end_mm]
     if far:

@@ -1,6 +1,7 @@
 """Figure that compares methods: rows of depth, errors, normals, side views and a scan line.
 
-A column for the truth and one per method, all in the scales of the truth.
+The first column is the truth, then one column per method. All columns have the colour scales of the
+truth.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ _LABELS: Final[dict[PanelRow, str]] = {
 }
 PANEL_ROWS: Final[tuple[PanelRow, ...]] = ("depth", "error", "normals", "side", "scan")
 _TITLE_SIZE, _TEXT_SIZE = 8, 6
-#: Side of a panel, and room for labels at both sides, and at both ends, inch.
+#: Side of a panel; width for labels left and right; height for labels above and below, inch.
 _PANEL_IN, _SIDES_IN, _ENDS_IN = 1.35, 1.2, 1.1
 #: Range of the signed-error colours, mm, in every figure.
 _ERROR_RANGE_MM: Final = 10.0
-#: Colours: no depth in either map; depth without a surface; a surface without depth.
+#: Colours of pixels: no depth in both maps, depth in the prediction only, depth in the truth only.
 _NOTHING, _FALSE_VALID, _FALSE_INVALID = "#dcdcdc", "#ffc20a", "#1a1a1a"
 #: Margin around the face, px.
 _MARGIN_PX: Final = 6
 #: Margin around the nearest and farthest depth of scan lines, mm.
 _MARGIN_MM: Final = 25.0
-#: Distance assumed for a face at an unknown distance, mm: the paper's distance.
+#: Distance of the paper's faces, mm; assumed for a face at an unknown distance.
 _ASSUMED_MM: Final = 900.0
 
 
@@ -50,7 +51,8 @@ def method_panels(
 
     Args:
         frame: a frame with clean depth; surfaces are drawn at their distance from the camera.
-        methods: title -> (H, W) millimetres, 0 = no depth; lines after the first are small.
+        methods: title -> (H, W) millimetres, 0 = no depth. The second and further lines of a title
+            are small.
         rows: kinds of panels.
         note: a line below the panels.
     """
@@ -100,7 +102,7 @@ def _draw(
         slice(max(0, first - _MARGIN_PX), last + 1 + _MARGIN_PX)
         for first, last in (_ends(seen.any(axis=1)), _ends(seen.any(axis=0)))
     )
-    nose = int(np.argmin(np.where(seen, clean, np.inf).min(axis=1)))  # the nearest row
+    nose = int(np.argmin(np.where(seen, clean, np.inf).min(axis=1)))  # the row of the nearest point
     if kind == "scan":
         low, high = _depth_range(frame.clean_mm)
         for map_, colour, width in ((clean, "#888888", 1.5), (depth, "#0072b2", 0.6)):
@@ -121,7 +123,7 @@ def _draw(
             ((depth > 0) & ~seen, _FALSE_VALID),
             ((depth <= 0) & seen, _FALSE_INVALID),
         ]
-    else:  # x is red, y (up) green, towards the camera blue
+    else:  # red: x, green: y (up), blue: towards the camera
         normal = normals(to_metres(in_space(frame, depth)), frame.rays)
         picture = 0.5 + 0.5 * normal.astype(np.float64) * (1, -1, -1)
     for pixels, colour in marks:
@@ -134,7 +136,7 @@ def _draw(
 
 
 def in_space(frame: DepthFrame, depth: Depth) -> Depth:
-    """Add the frame's offset to a depth map, and 0.9 m if it is unknown: from the camera, mm."""
+    """Add the frame's offset (0.9 m if unknown) to a depth map: mm from the camera."""
     return add_offset(depth, frame.offset_mm if math.isfinite(frame.offset_mm) else _ASSUMED_MM)
 
 

@@ -14,7 +14,7 @@ from glsim.eval.report.figures.style import method_style, new_figure
 from glsim.eval.scoring.blocks import default_composites
 
 _TEXT_SIZE: Final = 7
-#: Uncalibrated networks shift depth by a few mm, filters by tenths of a mm.
+#: Range of the axis of shifts, mm: uncalibrated networks shift depth by a few mm, filters by less.
 _SHIFT_RANGE_MM: Final = 6.0
 
 
@@ -22,7 +22,7 @@ def measures_figure(scores: RealScores) -> Any:
     """Draw errors on static pairs and on the board, depth shift, and losses at edges."""
     figure = new_figure(10.0, 7.4)
     (pairs, papers), (shifts, edges) = figure.subplots(2, 2)
-    names = default_composites(scores.methods)  # tables have all
+    names = default_composites(scores.methods)  # only the tables show all composites
     kinds = ("ring_1_lost", "ring_2_lost", "shadow_filled")
     for number, name in enumerate(names):
         m, style = scores.methods[name], method_style(number)

@@ -20,18 +20,18 @@ from glsim.eval.report.figures.style import matplotlib
 FLYING: Final = "#dc1e1e"
 #: Yaw of the head in the side view, degrees.
 TURN_DEG: Final = 30.0
-#: Camera of the side view: a square image, px, focal length, px, and distance; a face fills it.
+#: Camera of the side view, which a face fills: side of the image, px; focal length, px; distance.
 _SIDE, _FOCAL, _DISTANCE_MM = 420, 1050.0, 900.0
-#: From camera axes to x right, y up, z towards the camera.
+#: Factors from camera axes to view axes (x right, y up, z towards the camera).
 _TO_VIEW: Final = np.array([1.0, -1.0, -1.0])
 _VIEW: Final = Intrinsics(_SIDE, _SIDE, _FOCAL, _FOCAL, _SIDE / 2, _SIDE / 2)
-#: Steepest triangle towards the sensor, degrees; steeper ones are cut. Chosen by eye: at 88, fins
-#: bridge cheeks and ears; at 80, the noise of kinect-v2-paper tears holes into foreheads.
+#: Triangles steeper than this angle to the sensor, degrees, are not drawn. Chosen by eye: at 88,
+#: thin surfaces join cheeks and ears; at 80, noise of kinect-v2-paper tears holes into foreheads.
 STEEPEST_DEG: Final = 83.0
 
 
 def half_width_mm() -> float:
-    """Compute half the width that a side view shows at the depth of the head's middle, mm."""
+    """Compute half the width of a side view at the depth of the head's middle, mm."""
     return _SIDE / 2 * _DISTANCE_MM / _FOCAL
 
 

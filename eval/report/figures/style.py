@@ -37,10 +37,10 @@ def add_note(figure: Any, text: str) -> None:
     figure.supxlabel(lines, fontsize=_NOTE_SIZE, color="#555555")
 
 
-#: Size of notes, points, and letters of this size per inch.
+#: Font size of notes, points, and number of letters of this size per inch.
 _NOTE_SIZE, _NOTE_LETTERS_PER_IN = 6, 17
-#: Colours of methods in the order of the tables: Okabe and Ito's, for colour-blind readers. Further
-#: methods reuse them with other line styles.
+#: Colours of methods in the order of the tables, which colour-blind readers can distinguish (Okabe
+#: and Ito). Further methods reuse the colours with other line styles.
 _COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#999900")
 _DASHES = ("-", "--", ":")
 
