@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from glsim.cli.common import BackendOption, WorkersOption, epilog, with_messages
 
@@ -20,8 +21,22 @@ glsim import kinect2 recordings -o real --every 10 --split 0.8,0,0.2
 glsim import kinect2 dumps -o real --mirror
 """
 
+
+class _KindFinder(TyperGroup):
+    """The commands of ``import``; a path in place of a command takes that of its recordings."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the kind before a path: Biwi's persons have a template NN.obj beside each folder."""
+        if args and args[0] not in self.commands and Path(args[0]).exists():
+            args = ["biwi" if any(Path(args[0]).glob("[0-9][0-9].obj")) else "kinect2", *args]
+        return super().parse_args(ctx, args)
+
+
 app = typer.Typer(
-    help="Convert real depth maps to a data set.", no_args_is_help=True, rich_markup_mode=None
+    cls=_KindFinder,
+    help="Convert real depth maps to a data set: glsim import DIR -o OUT finds the kind.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 

@@ -65,6 +65,15 @@ def test_a_calibration_folder_becomes_a_data_set_without_clean_maps(tmp_path: Pa
         _ = pairs[0].clean_mm
 
 
+def test_import_finds_the_kind_of_a_path(tmp_path: Path) -> None:
+    root, out = _iai(tmp_path / "room"), tmp_path / "out"
+    assert main(["import", str(root), "-o", str(out), "-q"]) == 0
+    assert _import(root, tmp_path / "named") == 0
+    names = [p.relative_to(out) for p in sorted(out.rglob("*.png"))]
+    assert names
+    assert all((out / n).read_bytes() == (tmp_path / "named" / n).read_bytes() for n in names)
+
+
 def test_a_resumed_import_gives_the_same_bytes(tmp_path: Path) -> None:
     root, out = _iai(tmp_path / "room"), tmp_path / "out"
     assert _import(root, out) == 0
