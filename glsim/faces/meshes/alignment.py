@@ -1,11 +1,9 @@
-"""Detect the unit and the axes of a face mesh, and align the mesh with the canonical frame.
+"""Find the unit and the pose of the head in a mesh, and align the mesh with the canonical frame.
 
-Unit: the largest side of a head's bounding box is 80 to 600 mm. Only one of metres, decimetres,
-centimetres and millimetres gives such a size, because the four intervals do not overlap.
-
-Axes: each of the 24 rotations by quarter turns gives a height map seen from +z. The nose template
-(nose, eye hollows, lips; left-right symmetric, convex) slides over it, and the rotation with the
-highest correlation wins. It fails where pouting lips reach further than the nose.
+The head decides both: the mean face is fitted (``face_fit``) from the best matches of the nose
+template: first at the unit that makes the bounding box a head, in 24 orientations by quarter turns;
+then in all units; then in all orientations. The size of the face names the unit, for metric units
+differ far more than faces do. A face of another size is refused with the unit to give.
 """
 
 from __future__ import annotations
@@ -13,32 +11,50 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
+from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM, FaceFit, even_rotations, search_face
 from glsim.faces.meshes.nose_template import NoseMatch, find_tip, match_nose, sample_surface
 
-UNITS_MM: Final = {"m": 1000.0, "dm": 100.0, "cm": 10.0, "mm": 1.0, "inch": 25.4}
+UNITS_MM: Final = {"m": 1000.0, "dm": 100.0, "cm": 10.0, "mm": 1.0, "inch": 25.4, "foot": 304.8}
 """Length of each named unit, mm; ``unit`` may also be a number of millimetres, such as "125"."""
 DETECTED_UNITS: Final = ("m", "dm", "cm", "mm")
 
+#: Units that a face may have but a metric file has not: the name or the length, mm.
+OTHER_UNITS: Final = {"inch": 25.4, "foot": 304.8, "20": 20.0}
+
 MIN_HEAD_MM: Final = 80.0  # a cropped patch with eyes, nose and mouth
-MAX_HEAD_MM: Final = 600.0  # a head with neck and shoulders
+MAX_HEAD_MM: Final = 700.0  # a head with neck and shoulders
+MAX_SCENE_MM: Final = 2600.0  # a body, or a head before a backdrop
 
 #: Largest distance of a head from its file's origin, over its size: steps of float32 are then 2 mm
 #: on a head of 200 mm.
 _MAX_AWAY: Final = 1e5
 
-ORIGIN_BEHIND_NOSE_MM: Final = 45.0
-"""Distance of the canonical origin, between the cheek bones, behind the nose tip, mm."""
-
 MIN_MATCH: Final = 0.6  # faces reach 0.8 to 0.97, shapes without a nose less than 0.4
-TIE_LEAD: Final = 0.02  # the file's own axes win unless another rotation leads by more
-CLEAR_LEAD: Final = 0.05  # the smallest lead on 100 neutral ICT-FaceKit people
+GOOD_FIT: Final = 0.45  # of ``FaceFit.score``: other shapes and other poses reach 0.37
+PLAIN_FIT: Final = 0.3  # is enough at a metric unit of the bounding box, upright in quarter turns
+FACE_RATIO: Final = 1.45  # of a face to the mean face; smallest children to largest adults
+GIVEN_RATIO: Final = 2.5  # a given unit is obeyed below; inches differ from centimetres by 2.54
+ALIKE_RATIO: Final = 1.13  # decides between inch and 20 mm
+UPRIGHT_DEG: Final = 12.0  # heads of ICT-FaceKit seem tilted by up to 10 degrees
+FINE_ROTATIONS: Final = 200  # 30 degrees apart
+FINE_SAMPLES: Final = 5  # every fifth
+
+_SAME_NOSE_MM: Final = 30.0
+_OTHER_WAY_DEG: Final = 40.0  # a fit that differs by more from given axes contradicts them
+_NORMALISED: Final = 2e-3  # difference of the largest side from 1 or 2
+
+Turns = tuple[float, float, float]
+NO_TURNS: Final = (0.0, 0.0, 0.0)
 
 _AXES = re.compile(r"([+-][xyz]){3}", re.ASCII)
 
@@ -56,6 +72,8 @@ class Alignment:
         detected: the names "unit" and "axes", if they were detected.
         doubts: problems that a person should check, one sentence each.
         better_axes: axes that fit the face clearly better than the user's; "" without.
+        rotation_deg: turns about the canonical x, y and z, in this order, after ``axes``.
+        extent_mm: largest side of the mesh's bounding box.
     """
 
     unit: str
@@ -67,11 +85,14 @@ class Alignment:
     detected: tuple[str, ...]
     doubts: tuple[str, ...] = ()
     better_axes: str = ""
+    rotation_deg: Turns = NO_TURNS
+    extent_mm: float = 0.0
 
     def apply(self, vertices: NDArray[np.floating]) -> NDArray[np.float32]:
         """Transform (V, 3) vertices of the file into (V, 3) float32 canonical millimetres."""
         with np.errstate(over="ignore", invalid="ignore"):  # the size is checked afterwards
-            rotated = vertices @ (rotation(self.axes).T * self.mm_per_unit)
+            turn = rotation(self.axes, self.rotation_deg)
+            rotated = vertices @ (turn.T * self.mm_per_unit)
             return np.ascontiguousarray(rotated - np.array(self.origin_mm), dtype=np.float32)
 
     def notes(self) -> dict[str, object]:
@@ -79,6 +100,7 @@ class Alignment:
         return {
             "unit": self.unit,
             "axes": self.axes,
+            **({"rotation_deg": list(self.rotation_deg)} if any(self.rotation_deg) else {}),
             "origin_mm": [round(value, 3) for value in self.origin_mm],
             "winding_flipped": self.flip_winding,
             "nose_match": round(self.nose_match, 3),
@@ -89,7 +111,9 @@ class Alignment:
     def __str__(self) -> str:
         """Describe the alignment in one line for the log."""
         how = f"{' and '.join(self.detected)} found by rule" if self.detected else "as given"
-        text = f"unit {self.unit}, axes {self.axes} ({how}; nose match {self.nose_match:.2f})"
+        tilt = f", rotation_deg {list(self.rotation_deg)}" if any(self.rotation_deg) else ""
+        text = f"unit {self.unit}, axes {self.axes}{tilt}, {self.extent_mm:.0f} mm across"
+        text += f" ({how}; nose match {self.nose_match:.2f})"
         return "; ".join([text, *(["winding flipped"] if self.flip_winding else []), *self.doubts])
 
 
@@ -99,84 +123,202 @@ def estimate_alignment(
     *,
     unit: str = "auto",
     axes: str = "auto",
+    rotation_deg: Turns | None = None,
     recentre: bool = True,
 ) -> Alignment:
-    """Detect unit and axes where they are "auto", and check them where the user gives them.
-
-    The best nose among all 24 rotations decides the axes, or is compared with the user's axes.
+    """Find unit and pose where they are "auto", and check them where the user gives them.
 
     Args:
         vertices: (V, 3) in the file's frame, each used by a triangle.
         faces: (F, 3).
+        rotation_deg: as of ``Alignment``; None: found if ``axes`` is "auto", otherwise 0.
 
     Raises:
         ConfigError: an invalid setting.
-        MeshError: no unit gives the size of a head, or ``axes`` is "auto" and no nose is detected;
-            the message has no file name.
+        MeshError: no face is found, or one of a size that no unit explains; without file name.
     """
+    if rotation_deg is not None and axes == "auto":
+        axes = "+x+y+z"
     check_axes(axes)
+    check_unit(unit)
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)
-    unit_name, mm_per_unit = _find_unit(float((upper - lower).max()), unit)
-    away = float(max(np.abs(lower).max(), np.abs(upper).max()) / (upper - lower).max())
+    extent = float((upper - lower).max())
+    away = float(max(np.abs(lower).max(), np.abs(upper).max()) / extent)
     if away > _MAX_AWAY:
         raise MeshError(
             f"it lies {away:.3g} times its size away from the file's origin: move it there"
         )
-    samples = sample_surface(vertices, faces) * mm_per_unit
     doubts: list[str] = []
     better = ""
-    # Each row of a rotation has one entry that is not 0: a third of the time of a product.
-    turned = {n: samples[np.abs(m).argmax(1)] * m.sum(1)[:, None] for n, m in _ROTATIONS.items()}
-    matches = {name: match_nose(points) for name, points in turned.items()}
-    best = max(matches, key=lambda name: matches[name].score)
-    if axes == "auto":
-        chosen = _best_axes(matches, best, doubts)
-    else:
-        chosen = axes
-        if matches[best].score > max(MIN_MATCH, matches[axes].score + CLEAR_LEAD):
-            better = best
-            doubts.append(
-                f"with axes={axes} the face may look away or stand on its head: {best} fits "
-                f"better ({matches[best].score:.2f} against {matches[axes].score:.2f})"
-            )
-    nose = matches[chosen]
-    points_mm = vertices @ (_ROTATIONS[chosen] * mm_per_unit).T
+    samples = sample_surface(vertices, faces)
+    given = None if axes == "auto" else rotation(axes, rotation_deg or NO_TURNS)
+    fit = _find_face(samples, _lengths(extent, unit), given)
+    if fit is None and unit != "auto":  # it may have another unit
+        with suppress(MeshError):
+            fit = _find_face(samples, _lengths(extent, "auto"), given)
+    if fit is None and given is None:
+        raise MeshError(
+            f"no face is found{'' if unit == 'auto' else f' with unit={unit}; try unit=auto, or'}: "
+            "give the axes yourself, such as axes='+x+y+z' for x the subject's left, y up, z out "
+            "of the face"
+        )
+    name, mm_per_unit = _unit_of(fit, extent, unit, doubts)
+    turn, chosen, degrees = given, axes, rotation_deg or NO_TURNS
+    if turn is None:
+        turn, chosen, degrees = _upright(fit.rotation)
+    elif fit is not None and _angle_deg(fit.rotation, turn) > _OTHER_WAY_DEG:
+        better, fit = _nearest_axes(fit.rotation), None
+        doubts.append(
+            f"with axes={axes} the face may look away or stand on its head: {better} fits better"
+        )
+    nose = match_nose((turn * mm_per_unit) @ samples)
+    points_mm = vertices @ (turn * mm_per_unit).T
     flip = _is_clockwise(points_mm, faces)
     origin = (0.0, 0.0, 0.0)
     if recentre:
-        if nose.score >= MIN_MATCH:
-            x, y, z = find_tip(points_mm, faces, nose.near_mm)
+        near = _nose_near(nose, turn, mm_per_unit, fit)
+        if near is not None:
+            x, y, z = find_tip(points_mm, faces, near)
         else:
             low, high = points_mm.min(axis=0), points_mm.max(axis=0)
             x, y, z = (float(value) for value in (*(low + high)[:2] / 2, high[2]))
             doubts.append("no nose is found: centred on the bounding box")
         origin = (x, y, z - ORIGIN_BEHIND_NOSE_MM)
-    detected = tuple(name for name, value in (("unit", unit), ("axes", axes)) if value == "auto")
+    detected = tuple(word for word, value in (("unit", unit), ("axes", axes)) if value == "auto")
     return Alignment(
-        unit_name, mm_per_unit, chosen, origin, flip, nose.score, detected, tuple(doubts), better
+        name, mm_per_unit, chosen, origin, flip, nose.score, detected, tuple(doubts), better,
+        degrees, extent * mm_per_unit,
+    )  # fmt: skip
+
+
+def _upright(turn: Floats) -> tuple[Floats, str, Turns]:
+    """Return a rotation, axes and turns of an upright head: quarter turns, unless it is tilted."""
+    axes = _nearest_axes(turn)
+    if _angle_deg(turn, _ROTATIONS[axes]) <= UPRIGHT_DEG:
+        return _ROTATIONS[axes], axes, NO_TURNS
+    degrees = _degrees(turn @ _ROTATIONS[axes].T)
+    return rotation(axes, degrees), axes, degrees
+
+
+def _nose_near(
+    nose: NoseMatch, turn: Floats, mm_per_unit: float, fit: FaceFit | None
+) -> tuple[float, float] | None:
+    """Return (x, y) near the tip of the nose, mm: the template's, if the fit agrees."""
+    near = None if nose.score < MIN_MATCH else nose.near_mm
+    if fit is not None:
+        behind = np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM]) - fit.shift_mm
+        x, y, _ = (mm_per_unit / fit.mm_per_unit) * (turn @ fit.rotation.T @ behind)
+        if near is None or math.dist(near, (x, y)) > _SAME_NOSE_MM:
+            near = float(x), float(y)
+    return near
+
+
+def _lengths(extent: float, unit: str) -> list[float]:
+    """Return the lengths of a unit to try, mm: first the one that makes the bounding box a head."""
+    if unit != "auto":
+        length = UNITS_MM[unit] if unit in UNITS_MM else float(unit)
+        if MIN_HEAD_MM <= extent * length <= MAX_SCENE_MM:
+            return [length]
+        raise MeshError(
+            f"with unit={unit} it is {extent * length:.4g} mm across, and should be "
+            f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; try unit='auto' or another unit"
+        )
+    lengths = [UNITS_MM[name] for name in DETECTED_UNITS]
+    lengths.sort(key=lambda mm: not MIN_HEAD_MM <= extent * mm <= MAX_HEAD_MM)
+    lengths = [
+        mm for mm in (*lengths, *OTHER_UNITS.values()) if MIN_HEAD_MM <= extent * mm <= MAX_SCENE_MM
+    ]
+    if lengths:
+        return lengths
+    raise MeshError(
+        f"the mesh is {extent:.4g} units across: read as {', '.join(UNITS_MM)} that is no head or "
+        f"body of {MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; give a unit's length in millimetres, "
+        f"such as unit='{float(f'{250 / extent:.2g}'):g}' for a head of 250 mm"
     )
 
 
-def _best_axes(matches: dict[str, NoseMatch], best: str, doubts: list[str]) -> str:
-    """Return the axes of a face with the best nose; append to ``doubts``. Raises MeshError."""
-    score = matches[best].score
-    if score < MIN_MATCH:
-        raise MeshError(
-            f"no nose is found in any of the 24 orientations (best match {score:.2f}, wanted "
-            f"{MIN_MATCH}): give the axes yourself, such as axes='+x+y+z' for x the subject's "
-            "left, y up, z out of the face"
-        )
-    chosen = "+x+y+z" if matches["+x+y+z"].score > score - TIE_LEAD else best
-    runner_up = max(match.score for name, match in matches.items() if name != chosen)
-    if runner_up > matches[chosen].score - CLEAR_LEAD:
-        doubts.append(f"another orientation fits nearly as well as {chosen}: look at a picture")
-    return chosen
+def _find_face(samples: Floats, lengths: list[float], given: Floats | None) -> FaceFit | None:
+    """Return the fit of the face, in the ``given`` rotation if it is one there; None: no face."""
+    if given is not None:
+        fit = search_face(samples, lengths, [given], 3, GOOD_FIT)
+        if fit and fit.score >= GOOD_FIT and _angle_deg(fit.rotation, given) < _OTHER_WAY_DEG:
+            return fit
+    quarters = list(_ROTATIONS.values())
+    fit = search_face(samples, lengths[:1], quarters, 3, GOOD_FIT)
+    if fit is not None and fit.score > PLAIN_FIT and _is_plain(fit, lengths[0]):
+        return fit
+    if fit is None or fit.score < GOOD_FIT:
+        fit = search_face(samples, lengths, quarters, 20, GOOD_FIT)
+    if given is None and (fit is None or fit.score < GOOD_FIT):
+        extent = float(np.ptp(samples, axis=1).max())
+        heads = [mm for mm in lengths if extent * mm <= MAX_HEAD_MM]
+        turns = even_rotations(FINE_ROTATIONS)
+        fit = search_face(samples[:, ::FINE_SAMPLES], heads, turns, 40, GOOD_FIT)
+    return fit if fit is not None and fit.score >= GOOD_FIT else None
 
 
-def rotation(axes: str) -> NDArray[np.float64]:
+def _is_plain(fit: FaceFit, length: float) -> bool:
+    """Return whether the face has a head's size in a metric unit, and stands in quarter turns."""
+    metric = length in (UNITS_MM[name] for name in DETECTED_UNITS)
+    upright = _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation))) <= UPRIGHT_DEG
+    return metric and upright and _ratio(fit.mm_per_unit, length) < FACE_RATIO
+
+
+def _ratio(first: float, second: float) -> float:
+    return max(first / second, second / first)
+
+
+def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -> tuple[str, float]:
+    """Return name and length (mm) of the unit; append to ``doubts``. Raises MeshError."""
+    if unit != "auto":
+        length = UNITS_MM[unit] if unit in UNITS_MM else float(unit)
+        if fit is not None and _ratio(length, fit.mm_per_unit) > GIVEN_RATIO:
+            raise MeshError(
+                f"with unit={unit} the face is {length / fit.mm_per_unit:.2g} times as large as a "
+                f"mean one; unit='{fit.mm_per_unit:.3g}' makes it so, or unit='auto' finds it"
+            )
+        return (unit if unit in UNITS_MM else f"{length:g} mm"), length
+    if fit is None:
+        length = _lengths(extent, unit)[0]
+        return next((n for n, mm in UNITS_MM.items() if mm == length), f"{length:g} mm"), length
+    normalised = min(abs(extent - 1), abs(extent - 2)) < _NORMALISED
+    metric = min(DETECTED_UNITS, key=lambda name: _ratio(UNITS_MM[name], fit.mm_per_unit))
+    if not normalised and _ratio(UNITS_MM[metric], fit.mm_per_unit) < FACE_RATIO:
+        return metric, UNITS_MM[metric]
+    other = min(OTHER_UNITS, key=lambda name: _ratio(OTHER_UNITS[name], fit.mm_per_unit))
+    if not normalised and _ratio(OTHER_UNITS[other], fit.mm_per_unit) < ALIKE_RATIO:
+        doubts.append(f"unit {other} is found by the size of the face alone")
+        return (other if other in UNITS_MM else f"{other} mm"), OTHER_UNITS[other]
+    raise MeshError(
+        f"it is of unknown scale, {extent:.4g} units across"
+        f"{' (normalised)' if normalised else ''}: unit='{fit.mm_per_unit:.3g}' gives its face "
+        "the mean size; set that, or its true unit"
+    )
+
+
+def _angle_deg(first: Floats, second: Floats) -> float:
+    """Return the angle of the rotation from one to the other."""
+    return math.degrees(math.acos(np.clip((np.trace(first @ second.T) - 1) / 2, -1, 1)))
+
+
+def _nearest_axes(turn: Floats) -> str:
+    return max(_ROTATIONS, key=lambda name: float(np.sum(_ROTATIONS[name] * turn)))
+
+
+def _degrees(turn: Floats) -> Turns:
+    """Return the turns about x, y and z, in this order, to 0.1 degrees."""
+    x, z = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
+    y = math.asin(np.clip(-turn[2, 0], -1, 1))
+    return round(math.degrees(x), 1), round(math.degrees(y), 1), round(math.degrees(z), 1)
+
+
+def rotation(axes: str, rotation_deg: Turns = NO_TURNS) -> NDArray[np.float64]:
     """Return the (3, 3) rotation from file directions to canonical ones. Raises ConfigError."""
     check_axes(axes)
-    return _ROTATIONS[axes]
+    turn = _ROTATIONS[axes]
+    for vector, degrees in zip(np.eye(3), rotation_deg, strict=True):
+        turn = cv2.Rodrigues(vector * math.radians(degrees))[0] @ turn if degrees else turn
+    return turn
 
 
 def check_unit(unit: str) -> None:
@@ -205,28 +347,6 @@ def check_axes(axes: str) -> None:
         f"axes={axes!r}: write which axis of the file is canonical x (subject's left), y (up) and "
         "z (out of the face), such as '+x+y+z' or '+x-y-z', or 'auto'"
     )
-
-
-def _find_unit(extent: float, unit: str) -> tuple[str, float]:
-    """Return name and length (mm) of the unit; ``extent``: largest side of the bounding box."""
-    check_unit(unit)
-    if unit == "auto":
-        for name in DETECTED_UNITS:
-            if MIN_HEAD_MM <= extent * UNITS_MM[name] <= MAX_HEAD_MM:
-                return name, UNITS_MM[name]
-        raise MeshError(
-            f"the mesh is {extent:.4g} units across: read as m, dm, cm or mm that is not a head of "
-            f"{MIN_HEAD_MM:.0f} to {MAX_HEAD_MM:.0f} mm; give the length of a unit in millimetres, "
-            f"such as unit='{float(f'{250 / extent:.2g}'):g}' for a head of 250 mm"
-        )
-    length = UNITS_MM[unit] if unit in UNITS_MM else float(unit)
-    size = extent * length
-    if not MIN_HEAD_MM <= size <= MAX_HEAD_MM:
-        raise MeshError(
-            f"with unit={unit} the head is {size:.4g} mm across, and should be "
-            f"{MIN_HEAD_MM:.0f} to {MAX_HEAD_MM:.0f} mm; try unit='auto' or another unit"
-        )
-    return (unit if unit in UNITS_MM else f"{length:g} mm"), length
 
 
 def _is_clockwise(points_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> bool:

@@ -24,9 +24,8 @@ from glsim.core.errors import MeshError, did_you_mean
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.core.products import product
 from glsim.faces.meshes.alignment import (
-    MAX_HEAD_MM,
-    MIN_HEAD_MM,
     Alignment,
+    Turns,
     check_axes,
     check_unit,
     estimate_alignment,
@@ -48,6 +47,9 @@ _READERS: Final = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
 _MATERIAL_FILES: Final = re.compile(r"\"[^\"]+\"|'[^']+'|.+?\.mtl(?=\s|$)|\S+", re.IGNORECASE)
 #: Largest spread of luma in a file of a single colour, relative to its median. Chosen.
 _ONE_COLOUR: Final = 1e-3
+
+#: Ratio of two meshes' sizes, of which one has another unit: hair or shoulders make less.
+_OTHER_UNIT: Final = 4.0
 
 _LOG = logging.getLogger(__name__)
 
@@ -96,13 +98,19 @@ class LoadedMesh:
 
 
 def load_mesh(
-    path: Path | str, *, unit: str = "auto", axes: str = "auto", recentre: bool = True
+    path: Path | str,
+    *,
+    unit: str = "auto",
+    axes: str = "auto",
+    rotation_deg: Turns | None = None,
+    recentre: bool = True,
 ) -> LoadedMesh:
     """Read a mesh and align it with the canonical frame (millimetres, y up, z out of the face).
 
     Args:
         unit: "auto", a name ("m", "dm", "cm", "mm", "inch") or a number of millimetres ("125").
         axes: "auto", or the file's axes that become canonical x, y, z ("+x-y-z").
+        rotation_deg: turns about canonical x, y and z after ``axes``; None: found with the axes.
         recentre: move the origin to 45 mm behind the tip of the nose; else keep the file's.
 
     Raises:
@@ -113,13 +121,19 @@ def load_mesh(
     check_axes(axes)
     path = Path(path)
     file_mesh = read_mesh(path)
-    alignment = find_alignment(path, file_mesh, unit=unit, axes=axes, recentre=recentre)
+    alignment = find_alignment(path, file_mesh, unit, axes, rotation_deg, recentre=recentre)
     notes = manifest_notes(file_mesh, alignment)
     return LoadedMesh(file_mesh.to_mesh(alignment), alignment, notes)
 
 
 def find_alignment(
-    path: Path, file_mesh: FileMesh, *, unit: str, axes: str, recentre: bool
+    path: Path,
+    file_mesh: FileMesh,
+    unit: str,
+    axes: str,
+    rotation_deg: Turns | None = None,
+    *,
+    recentre: bool = True,
 ) -> Alignment:
     """Estimate the alignment of a mesh and log it. Errors name the file.
 
@@ -127,7 +141,12 @@ def find_alignment(
     """
     try:
         alignment = estimate_alignment(
-            file_mesh.vertices, file_mesh.faces, unit=unit, axes=axes, recentre=recentre
+            file_mesh.vertices,
+            file_mesh.faces,
+            unit=unit,
+            axes=axes,
+            rotation_deg=rotation_deg,
+            recentre=recentre,
         )
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
@@ -144,7 +163,7 @@ def find_alignment_in_format(
     for a face that looks away or is upside down in them.
     """
     chosen = format_axes if axes == "auto" else axes
-    alignment = find_alignment(path, file_mesh, unit=unit, axes=chosen, recentre=True)
+    alignment = find_alignment(path, file_mesh, unit, chosen)
     if axes == "auto" and alignment.better_axes:
         raise MeshError(
             f"{path}: the face looks away or stands on its head in the format's own axes "
@@ -153,14 +172,14 @@ def find_alignment_in_format(
     return alignment
 
 
-def check_head_size(path: Path, mesh: Mesh) -> Mesh:
-    """Return the mesh if its largest side is 80 to 600 mm. Raises MeshError otherwise."""
+def check_head_size(path: Path, mesh: Mesh, alignment: Alignment) -> Mesh:
+    """Return the mesh if it is as large as its sequence's first one. Raises MeshError otherwise."""
     with np.errstate(over="ignore", invalid="ignore"):
         size = float(np.ptp(mesh.vertices_mm, axis=0).max())
-    if not MIN_HEAD_MM <= size <= MAX_HEAD_MM:
+    if not 1 / _OTHER_UNIT < size / alignment.extent_mm < _OTHER_UNIT:
         raise MeshError(
-            f"{path}: the head is {size:.4g} mm across in the unit of its sequence, and should be "
-            f"{MIN_HEAD_MM:.0f} to {MAX_HEAD_MM:.0f} mm; set the unit, or mend the file"
+            f"{path}: it is {size:.4g} mm across in the unit of its sequence, whose first mesh has "
+            f"{alignment.extent_mm:.4g} mm; set the unit, or mend the file"
         )
     return mesh
 

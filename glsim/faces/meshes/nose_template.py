@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,8 @@ MIN_COVERAGE: Final = 0.6  # share of template cells with surface: more than at 
 RIDGE_MM: Final = 6.0  # least height of a nose tip over the points 20 mm beside it
 FAR_MM: Final = 25.0  # allowed distance of the tip behind the foremost point (chin, cap, fringe)
 FAR_COST: Final = 0.004  # correlation subtracted per mm beyond FAR_MM
+FARTHEST_MM: Final = 50.0  # beyond, what is in front is no part of the head: an arm, a table
+APART_CELLS: Final = 6  # 30 mm: the width of a nose
 ASYMMETRY_COST: Final = 0.005  # subtracted per mm of left-right difference, mean over 140 mm
 ASYMMETRY_CLIP_MM: Final = (-60.0, 15.0)  # mm; ears, 90 mm behind the tip, are clipped
 
@@ -31,10 +34,11 @@ _HALF_FACE = 14  # cells, 70 mm: width on each side for the comparison of left a
 
 @dataclass(frozen=True)
 class NoseMatch:
-    """The best match of the template: correlation (-1: none), and (x, y) of its middle cell, mm."""
+    """A match: correlation (-1: none), (x, y) of the template's middle cell, and its height, mm."""
 
     score: float
     near_mm: tuple[float, float]
+    top_mm: float = 0.0
 
 
 def sample_surface(
@@ -88,7 +92,15 @@ def find_tip(
 
 
 def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
-    """Slide the template over the height map of points (3, N) seen from +z."""
+    """Return the best match of the template in points (3, N) seen from +z."""
+    return match_noses(points_mm, 1)[0]
+
+
+def match_noses(points_mm: NDArray[np.floating], count: int) -> list[NoseMatch]:
+    """Slide the template over the height map of points (3, N) seen from +z; best matches first.
+
+    They are at least APART_CELLS apart. Without any there is one of correlation -1.
+    """
     lower = points_mm[:2].min(axis=1)
     column, row = ((points_mm[:2] - lower[:, None]) / CELL_MM).astype(np.int64)
     width, height = int(column.max()) + 1, int(row.max()) + 1
@@ -100,24 +112,31 @@ def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
     beside = np.maximum(
         padded[rows, _SIDE - 4 : _SIDE - 4 + width], padded[rows, _SIDE + 4 : _SIDE + 4 + width]
     )
-    y, x = np.nonzero(np.isfinite(top) & (top > beside + RIDGE_MM))
+    kernel, anchor = _X.shape[::-1], (_SIDE, _BELOW)
+    surface = np.isfinite(top).astype(np.float32)
+    covered = cv2.boxFilter(surface, -1, kernel, anchor=anchor, borderType=cv2.BORDER_CONSTANT)
+    y, x = np.nonzero((surface > 0) & (covered > MIN_COVERAGE) & (top > beside + RIDGE_MM))
     if len(y) == 0:
-        return NoseMatch(-1.0, (0.0, 0.0))
+        return [NoseMatch(-1.0, (0.0, 0.0))]
     windows = np.lib.stride_tricks.sliding_window_view(padded, _X.shape)[y, x]
     depth = windows.reshape(len(y), -1) - top[y, x][:, None]
-    surface = np.isfinite(depth)
-    depth = np.where(surface, np.clip(depth, *CLIP_MM), HOLE_MM)
+    depth = np.where(np.isfinite(depth), np.clip(depth, *CLIP_MM), HOLE_MM)
     depth -= depth @ _PLANE @ _PLANE.T
     product = depth @ _TEMPLATES.T
     correlation = product / (np.linalg.norm(depth, axis=1)[:, None] * _TEMPLATE_NORMS + 1e-9)
     gain = product / _TEMPLATE_NORMS**2
-    fits = (gain > GAIN[0]) & (gain < GAIN[1]) & (surface.mean(axis=1) > MIN_COVERAGE)[:, None]
+    fits = (gain > GAIN[0]) & (gain < GAIN[1])
     score = np.where(fits, correlation, correlation * 0.5).max(axis=1)
     score -= ASYMMETRY_COST * _asymmetry(top, y, x)
-    score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, None)
-    best = int(np.argmax(score))
-    x_mm, y_mm = lower + (np.array([x[best], y[best]]) + 0.5) * CELL_MM
-    return NoseMatch(float(score[best]), (float(x_mm), float(y_mm)))
+    score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, FARTHEST_MM)
+    matches: list[NoseMatch] = []
+    while len(matches) < count and np.isfinite(score).any():
+        best = int(np.argmax(score))
+        x_mm, y_mm = lower + (np.array([x[best], y[best]]) + 0.5) * CELL_MM
+        near = float(x_mm), float(y_mm)
+        matches.append(NoseMatch(float(score[best]), near, float(top[y[best], x[best]])))
+        score[np.hypot(x - x[best], y - y[best]) < APART_CELLS] = -np.inf
+    return matches
 
 
 def _asymmetry(

@@ -151,7 +151,7 @@ class Biwi(FileFaces):
         alignment = find_alignment_in_format(
             path, file_mesh, unit=unit, axes=self._axes, format_axes=AXES
         )
-        mesh = check_head_size(path, file_mesh.to_mesh(alignment))
+        mesh = check_head_size(path, file_mesh.to_mesh(alignment), alignment)
         return replace(mesh, faces=self.shared(mesh.faces)), alignment
 
     @cached_property

@@ -27,7 +27,7 @@ from pydantic import Field
 
 from glsim.core.errors import MeshError
 from glsim.faces.face_source import FaceKey, FaceSource, MeshFileSettings
-from glsim.faces.meshes.alignment import Alignment
+from glsim.faces.meshes.alignment import Alignment, Turns
 from glsim.faces.meshes.load import FileMesh, find_alignment_in_format, read_mesh
 from glsim.faces.scans.file_source import one_bad_file
 from glsim.faces.sources.folder import Folder
@@ -122,7 +122,9 @@ class D3dfacs(Folder):
         self.subjects(None)  # lists the tree, which fills _patches
         return [self.root / name for name in (key.path, *self._patches.get(key.path, []))]
 
-    def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
+    def _align(
+        self, path: Path, file_mesh: FileMesh, unit: str, axes: str, turns: Turns | None
+    ) -> Alignment:
         unit = "m" if unit == "auto" and path.suffix.lower() == ".ply" else unit
         return find_alignment_in_format(path, file_mesh, unit=unit, axes=axes, format_axes=AXES)
 

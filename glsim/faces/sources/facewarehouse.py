@@ -165,7 +165,8 @@ class FaceWarehouse(FileFaces):
         weights = self._weights(key)
         points = self._points(key, weights, person.vertices)
         vertices_mm = person.alignment.apply(points)
-        mesh = check_head_size(self.root / key.path, Mesh(vertices_mm, person.faces))
+        mesh = Mesh(vertices_mm, person.faces)
+        mesh = check_head_size(self.root / key.path, mesh, person.alignment)
         notes = person.alignment.notes()
         if person.estimated_scale:
             notes["scale"] = "from the width of the neutral face"

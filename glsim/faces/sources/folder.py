@@ -23,11 +23,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from pydantic import Field
 
 from glsim.core.errors import MeshError
 from glsim.core.files.listing import entries, files_below, natural
 from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
-from glsim.faces.meshes.alignment import Alignment
+from glsim.faces.meshes.alignment import Alignment, Turns
 from glsim.faces.meshes.load import (
     FileMesh,
     check_head_size,
@@ -47,9 +48,15 @@ FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects Face
 class FolderSettings(MeshFileSettings):
     """Any tree of OBJ, PLY, STL, GLB or OFF files, one folder per subject."""
 
+    rotation_deg: Turns | None = Field(
+        None,
+        description="turns about x (left), y (up) and z (forward) after axes, degrees, in this "
+        "order; default: found if axes is auto",
+    )
+
     def open(self, seed: int) -> FaceSource:
         """Open the tree. Raises ConfigError without meshes."""
-        return Folder(self.folder, unit=self.unit, axes=self.axes)
+        return Folder(self.folder, self.unit, self.axes, self.rotation_deg)
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
@@ -64,8 +71,8 @@ class Folder(FileFaces):
     moves within a sequence.
 
     Args:
-        unit, axes: as for ``load_mesh``. "auto" is detected on the first valid mesh of a subject
-            and used for all its meshes, so that a sequence does not jump.
+        unit, axes, rotation_deg: as for ``load_mesh``. "auto" is detected on the first valid mesh of
+            a subject and used for all its meshes, so that a sequence does not jump.
 
     Raises:
         ConfigError: an invalid setting, a missing root or a root without meshes.
@@ -73,6 +80,16 @@ class Folder(FileFaces):
 
     name = "folder"
     nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
+
+    def __init__(
+        self,
+        root: Path | str,
+        unit: str = "auto",
+        axes: str = "auto",
+        rotation_deg: Turns | None = None,
+    ) -> None:
+        super().__init__(root, unit, axes)
+        self._turns = rotation_deg
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a subject's first ``count`` frames. Raises ConfigError."""
@@ -87,7 +104,7 @@ class Folder(FileFaces):
     def _face(self, key: FaceKey) -> Face:
         """Return a frame's face; consecutive meshes of one topology share one ``faces`` array."""
         file_mesh, alignment = self._read(key), self._alignment_of(key)
-        mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment))
+        mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment), alignment)
         if self._topologies and np.array_equal(self._topologies[0], mesh.faces):
             mesh = replace(mesh, faces=self._topologies[0])
         self._topologies = [mesh.faces]
@@ -100,8 +117,10 @@ class Folder(FileFaces):
     def _read(self, key: FaceKey) -> FileMesh:
         return merge_patches([read_mesh(path) for path in self._paths(key)])
 
-    def _align(self, path: Path, file_mesh: FileMesh, unit: str, axes: str) -> Alignment:
-        return find_alignment(path, file_mesh, unit=unit, axes=axes, recentre=True)
+    def _align(
+        self, path: Path, file_mesh: FileMesh, unit: str, axes: str, turns: Turns | None
+    ) -> Alignment:
+        return find_alignment(path, file_mesh, unit, axes, turns)
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
         return {}
@@ -109,14 +128,21 @@ class Folder(FileFaces):
     def _alignment_of(self, key: FaceKey) -> Alignment:
         """Combine the subject's alignment with the origin of the sequence. Raises MeshError."""
         keys = self.frames(key.subject, None)
-        subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes)
+        subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes, self._turns)
         keys = [other for other in keys if other.sequence == key.sequence]
         unit = str(subject.mm_per_unit)
-        sequence = self._first_alignment(key.subject, key.sequence, keys, unit, subject.axes)
+        placed = unit, subject.axes, subject.rotation_deg
+        sequence = self._first_alignment(key.subject, key.sequence, keys, *placed)
         return replace(subject, origin_mm=sequence.origin_mm)
 
     def _first_alignment(
-        self, subject: str, sequence: str, keys: list[FaceKey], unit: str, axes: str
+        self,
+        subject: str,
+        sequence: str,
+        keys: list[FaceKey],
+        unit: str,
+        axes: str,
+        turns: Turns | None,
     ) -> Alignment:
         """Return the alignment of the first valid mesh; without one, raise the first error."""
 
@@ -126,7 +152,7 @@ class Folder(FileFaces):
                 path = self.root / key.path
                 try:
                     with one_bad_file(path):
-                        return self._align(path, self._read(key), unit, axes)
+                        return self._align(path, self._read(key), unit, axes, turns)
                 except MeshError as error:
                     errors.append(error)
             raise errors[0] if errors else MeshError(f"{self.root}: {subject} has no mesh")

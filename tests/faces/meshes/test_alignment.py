@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.meshes.alignment import (
-    CLEAR_LEAD,
     ORIGIN_BEHIND_NOSE_MM,
     UNITS_MM,
     check_unit,
@@ -134,7 +133,7 @@ def test_an_open_mouth_does_not_disturb() -> None:
 def test_no_nose_is_an_error_or_with_given_axes_a_doubt() -> None:
     flat = FACE.copy()
     flat[:, 2] = 40 - flat[:, 0] ** 2 / 160 - flat[:, 1] ** 2 / 440
-    with pytest.raises(MeshError, match="no nose is found in any of the 24 orientations"):
+    with pytest.raises(MeshError, match="no face is found: give the axes"):
         estimate_alignment(flat, TRIANGLES)
     alignment = estimate_alignment(flat, TRIANGLES, axes="+x+y+z")
     assert alignment.doubts == ("no nose is found: centred on the bounding box",)
@@ -142,23 +141,25 @@ def test_no_nose_is_an_error_or_with_given_axes_a_doubt() -> None:
     assert points[:, 2].max() == pytest.approx(ORIGIN_BEHIND_NOSE_MM, abs=0.5)
 
 
-@pytest.mark.parametrize("factor", [1e-6, 0.35, 3.0, 1e3, 1e30])
+@pytest.mark.parametrize("factor", [1e-6, 1e5, 1e30])
 def test_sizes_no_unit_explains_are_refused(factor: float) -> None:
-    with pytest.raises(MeshError, match=r"units across: read as m, dm, cm or mm .* unit='"):
+    with pytest.raises(
+        MeshError, match=r"units across: read as m, dm, cm, mm, inch, foot .* unit='"
+    ):
         estimate_alignment(FACE * factor, TRIANGLES)
 
 
 @pytest.mark.parametrize(("unit", "size"), [("m", "2.15e"), ("0.1", "21.5 mm")])
 def test_a_given_unit_must_make_a_head(unit: str, size: str) -> None:
-    with pytest.raises(MeshError, match=f"the head is {size}.*should be 80 to 600 mm"):
+    with pytest.raises(MeshError, match=f"it is {size}.*should be 80 to 2600 mm"):
         estimate_alignment(FACE, TRIANGLES, unit=unit)
 
 
 def test_advice_for_an_unknown_size_works() -> None:
     with pytest.raises(MeshError) as caught:
-        estimate_alignment(FACE * 0.0033, TRIANGLES)
+        estimate_alignment(FACE * 1e-5, TRIANGLES)
     unit = str(caught.value).split("unit='")[1].split("'")[0]
-    assert estimate_alignment(FACE * 0.0033, TRIANGLES, unit=unit).axes == "+x+y+z"
+    assert estimate_alignment(FACE * 1e-5, TRIANGLES, unit=unit).axes == "+x+y+z"
 
 
 @pytest.mark.parametrize("unit", ["metre", "", "-5", "nan", "inf", "0"])
@@ -183,6 +184,5 @@ def test_notes_are_json_and_the_line_names_everything() -> None:
     assert notes["winding_flipped"] is True
     assert notes["found_by_rule"] == ["unit", "axes"]
     assert str(alignment).startswith(
-        "unit cm, axes +z+x+y (unit and axes found by rule; nose match 0."
+        "unit cm, axes +z+x+y, 215 mm across (unit and axes found by rule; nose match 0."
     )
-    assert 0 < CLEAR_LEAD < 0.2

@@ -86,7 +86,9 @@ def test_settings_are_used_and_the_guess_is_logged(
     with caplog.at_level(logging.INFO, logger="glsim.faces.meshes.load"):
         loaded = load_mesh(path, recentre=False)
     np.testing.assert_allclose(loaded.mesh.vertices_mm, FACE, atol=1e-4)
-    assert f"{path}: unit mm, axes +x+y+z (unit and axes found by rule" in caplog.text
+    assert (
+        f"{path}: unit mm, axes +x+y+z, 215 mm across (unit and axes found by rule" in caplog.text
+    )
     assert json.loads(json.dumps(loaded.notes))["unit"] == "mm"
     given = load_mesh(path, unit="2", axes="-x+y-z")
     assert given.alignment.mm_per_unit == 2.0
@@ -174,7 +176,7 @@ BAD_TEXT = {
     "nan.obj": (_obj("v 0 0 nan\nv 1 0 0\nv 0 1 0"), "1 of 1 triangles have a vertex at NaN"),
     "flat.obj": (_obj("v 0 0 0\nv 1 0 0\nv 2 0 0"), "all 1 triangles are degenerate"),
     "small.obj": (_obj("v 0 0 0\nv 2e-4 0 0\nv 0 1e-4 0"), "0.0002 units across"),
-    "noseless.obj": (_obj("v 0 0 0\nv 200 0 0\nv 0 150 0"), "no nose is found"),
+    "noseless.obj": (_obj("v 0 0 0\nv 200 0 0\nv 0 150 0"), "no face is found"),
     "empty.ply": ("ply\n", "damaged, cut short or not PLY"),
     "points.gltf": ("{}", "no triangles in it"),
     "face.fbx": ("0", ".fbx is not a mesh format"),

@@ -109,7 +109,7 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(tmp_
     assert isinstance(tiny, Face)  # the first mesh in order: all of subject "a" is in metres now
     smile = by_path["a/smile/1.ply"]
     assert isinstance(smile, BadFace)
-    assert "the head is" in str(smile.error)
+    assert "it is 2.15e+04 mm across" in str(smile.error)
 
     (tmp_path / "a/tiny.ply").unlink()
     source = Folder(tmp_path)
@@ -154,7 +154,7 @@ def test_bad_meshes_are_bad_faces_and_do_not_stop_the_rest(tmp_path: Path) -> No
     reasons = [str(result.error) for result in results if isinstance(result, BadFace)]
     assert "no triangles" in reasons[0]
     assert "not PLY" in reasons[1]
-    assert "no nose is found" in reasons[2]
+    assert "no face is found" in reasons[2]
     assert all(str(tmp_path) in reason for reason in reasons)
 
 
