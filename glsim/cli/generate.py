@@ -45,6 +45,8 @@ The same command again resumes an interrupted run, or checks a finished one.
 #: What ``--plan`` draws to measure time and size: frames of each of some people, and the seconds
 #: after which it draws no more. Chosen.
 _SAMPLED_FRAMES, _SAMPLED_PEOPLE, _SAMPLING_S = 4, 3, 8.0
+#: People of each folder whose unit and pose are printed first. Chosen.
+_SHOWN_PEOPLE = 3
 #: Seconds until a worker process has imported what it needs, measured on a two-core cloud machine.
 _PROCESS_S = 1.5
 #: Bytes of a frame's record, measured with kinect-v2.
@@ -110,6 +112,7 @@ def generate(
     from glsim.data.driver import generate_part
 
     count = worker_count(workers)
+    _print_poses(settings)
     if part is None:
         with generation_progress() as progress:
             whole = make_all(
@@ -131,6 +134,25 @@ def generate(
         print_message(
             f"{made.absent_chunks} chunks of other parts are not made yet; the last part merges"
         )
+
+
+def _print_poses(settings: Settings) -> None:
+    """Print the unit and the pose that are found in the first meshes of files, and the doubts."""
+    from glsim.faces.face_source import BadFace
+    from glsim.faces.meshes.alignment import describe_notes
+    from glsim.faces.scans.file_source import FileFaces
+    from glsim.simulation.pipeline import open_sources
+
+    for table, source in zip(settings.source, open_sources(settings), strict=True):
+        if isinstance(source, FileFaces):
+            people = source.subjects(table.subjects)
+            keys = [source.frames(person, 1)[0] for person in people[:_SHOWN_PEOPLE]]
+            for face in source.load(keys):
+                if not isinstance(face, BadFace):
+                    placement, doubts = describe_notes(face.notes)
+                    print_message("; ".join([f"{face.key.path}: {placement}", *doubts]))
+            if len(people) > _SHOWN_PEOPLE:
+                print_message(f"{len(people)} people: glsim inspect {source.root} -o shows them")
 
 
 def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:

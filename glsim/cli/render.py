@@ -68,6 +68,7 @@ def render(
     )
     settings = load_settings(config, assignments or [], {**given, "strict": True}, preset=preset)
     loaded = load_mesh(face, unit=unit, axes=axes)
+    print_message(f"{face}: {loaded.alignment}")
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
     single = parse_source({"subjects": 1, "frames_per_subject": 1})
     one_frame = settings.model_copy(update={"source": (single,)})

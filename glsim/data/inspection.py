@@ -18,6 +18,7 @@ from glsim.core.files.listing import entries
 from glsim.data.disk_format import HEADER
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSource
+from glsim.faces.meshes.alignment import describe_notes
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.scans.file_tree import check_root
@@ -138,15 +139,10 @@ def preview_faces(
 
 def _add_notes(report: FaceSetReport, face: Face) -> None:
     """Add a face's unit, axes and doubts about them to the report's counts."""
-    unit, axes = face.notes.get("unit"), face.notes.get("axes")
-    if unit is not None:
-        detected = face.notes.get("found_by_rule")
-        names = " and ".join(map(str, detected)) if isinstance(detected, list) else ""
-        rule = f" ({names} found by rule)" if names else ""
-        scale = f" {face.notes['scale']}" if "scale" in face.notes else ""
-        report.placements[f"unit {unit}{scale}, axes {axes}{rule}"] += 1
-    doubts = face.notes.get("doubts")
-    for doubt in doubts if isinstance(doubts, list) else []:
+    placement, doubts = describe_notes(face.notes)
+    if placement:
+        report.placements[placement] += 1
+    for doubt in doubts:
         report.problems[f"{face.key.subject}: {doubt}"] += 1
 
 

@@ -11,15 +11,17 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from functools import partial
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Array
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM, FaceFit, even_rotations, search_face
 from glsim.faces.meshes.nose_template import NoseMatch, find_tip, match_nose, sample_surface
@@ -40,13 +42,15 @@ MAX_SCENE_MM: Final = 2600.0  # a body, or a head before a backdrop
 _MAX_AWAY: Final = 1e5
 
 MIN_MATCH: Final = 0.6  # faces reach 0.8 to 0.97, shapes without a nose less than 0.4
-GOOD_FIT: Final = 0.45  # of ``FaceFit.score``: other shapes and other poses reach 0.37
-PLAIN_FIT: Final = 0.3  # is enough at a metric unit of the bounding box, upright in quarter turns
-FACE_RATIO: Final = 1.45  # of a face to the mean face; smallest children to largest adults
+GOOD_FIT: Final = 0.42  # of ``FaceFit.score``: faces reach 0.5 to 0.95, other shapes and poses 0.37
+PLAIN_FIT: Final = 0.28  # is enough for upright heads in metric units: wrong ones reach 0.22
+TILTED_FIT: Final = 0.5  # among all rotations, where other shapes fit better too
+SURE_FIT: Final = 0.6  # ends the search
+FACE_RATIO: Final = 1.3  # of a face to the mean face: 0.83 to 1.18 in heads of three sources
 GIVEN_RATIO: Final = 2.5  # a given unit is obeyed below; inches differ from centimetres by 2.54
-ALIKE_RATIO: Final = 1.13  # decides between inch and 20 mm
 UPRIGHT_DEG: Final = 12.0  # heads of ICT-FaceKit seem tilted by up to 10 degrees
 FINE_ROTATIONS: Final = 200  # 30 degrees apart
+DENSE_SAMPLES: Final = 450_000  # a body has 1.8 m2: 4 in a cell of the mean face
 FINE_SAMPLES: Final = 5  # every fifth
 
 _SAME_NOSE_MM: Final = 30.0
@@ -101,6 +105,7 @@ class Alignment:
             "unit": self.unit,
             "axes": self.axes,
             **({"rotation_deg": list(self.rotation_deg)} if any(self.rotation_deg) else {}),
+            "size_mm": round(self.extent_mm, 1),
             "origin_mm": [round(value, 3) for value in self.origin_mm],
             "winding_flipped": self.flip_winding,
             "nose_match": round(self.nose_match, 3),
@@ -115,6 +120,19 @@ class Alignment:
         text = f"unit {self.unit}, axes {self.axes}{tilt}, {self.extent_mm:.0f} mm across"
         text += f" ({how}; nose match {self.nose_match:.2f})"
         return "; ".join([text, *(["winding flipped"] if self.flip_winding else []), *self.doubts])
+
+
+def describe_notes(notes: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """Return one line about the unit and the pose in a face's notes, "" without; and its doubts."""
+    if "axes" not in notes:
+        return "", []
+    detected = " and ".join(notes.get("found_by_rule", []))
+    scale = f" {notes['scale']}" if "scale" in notes else ""
+    text = f"unit {notes['unit']}{scale}"
+    text += f", axes {notes['axes']}, {notes['size_mm']:.0f} mm across"
+    if "rotation_deg" in notes:
+        text += ", tilted: rotation_deg " + " ".join(f"{turn:g}" for turn in notes["rotation_deg"])
+    return text + (f" ({detected} found by rule)" if detected else ""), list(notes["doubts"])
 
 
 def estimate_alignment(
@@ -151,11 +169,12 @@ def estimate_alignment(
     doubts: list[str] = []
     better = ""
     samples = sample_surface(vertices, faces)
+    dense = partial(sample_surface, vertices, faces, DENSE_SAMPLES)
     given = None if axes == "auto" else rotation(axes, rotation_deg or NO_TURNS)
-    fit = _find_face(samples, _lengths(extent, unit), given)
+    fit = _find_face(samples, dense, _lengths(extent, unit), given)
     if fit is None and unit != "auto":  # it may have another unit
         with suppress(MeshError):
-            fit = _find_face(samples, _lengths(extent, "auto"), given)
+            fit = _find_face(samples, dense, _lengths(extent, "auto"), given)
     if fit is None and given is None:
         raise MeshError(
             f"no face is found{'' if unit == 'auto' else f' with unit={unit}; try unit=auto, or'}: "
@@ -163,14 +182,17 @@ def estimate_alignment(
             "of the face"
         )
     name, mm_per_unit = _unit_of(fit, extent, unit, doubts)
-    turn, chosen, degrees = given, axes, rotation_deg or NO_TURNS
-    if turn is None:
+    if given is None:
+        assert fit is not None
         turn, chosen, degrees = _upright(fit.rotation)
-    elif fit is not None and _angle_deg(fit.rotation, turn) > _OTHER_WAY_DEG:
-        better, fit = _nearest_axes(fit.rotation), None
-        doubts.append(
-            f"with axes={axes} the face may look away or stand on its head: {better} fits better"
-        )
+    else:
+        turn, chosen, degrees = given, axes, rotation_deg or NO_TURNS
+        if fit is not None and _angle_deg(fit.rotation, turn) > _OTHER_WAY_DEG:
+            better, fit = _nearest_axes(fit.rotation), None
+            doubts.append(
+                f"with axes={axes} the face may look away or stand on its head: {better} fits "
+                "better"
+            )
     nose = match_nose((turn * mm_per_unit) @ samples)
     points_mm = vertices @ (turn * mm_per_unit).T
     flip = _is_clockwise(points_mm, faces)
@@ -191,7 +213,7 @@ def estimate_alignment(
     )  # fmt: skip
 
 
-def _upright(turn: Floats) -> tuple[Floats, str, Turns]:
+def _upright(turn: Array) -> tuple[Array, str, Turns]:
     """Return a rotation, axes and turns of an upright head: quarter turns, unless it is tilted."""
     axes = _nearest_axes(turn)
     if _angle_deg(turn, _ROTATIONS[axes]) <= UPRIGHT_DEG:
@@ -201,7 +223,7 @@ def _upright(turn: Floats) -> tuple[Floats, str, Turns]:
 
 
 def _nose_near(
-    nose: NoseMatch, turn: Floats, mm_per_unit: float, fit: FaceFit | None
+    nose: NoseMatch, turn: Array, mm_per_unit: float, fit: FaceFit | None
 ) -> tuple[float, float] | None:
     """Return (x, y) near the tip of the nose, mm: the template's, if the fit agrees."""
     near = None if nose.score < MIN_MATCH else nose.near_mm
@@ -237,23 +259,31 @@ def _lengths(extent: float, unit: str) -> list[float]:
     )
 
 
-def _find_face(samples: Floats, lengths: list[float], given: Floats | None) -> FaceFit | None:
-    """Return the fit of the face, in the ``given`` rotation if it is one there; None: no face."""
+def _find_face(
+    samples: Array, dense: Callable[[], Array], lengths: list[float], given: Array | None
+) -> FaceFit | None:
+    """Return the fit of the face, in the ``given`` rotation if it is one there; None: no face.
+
+    ``dense`` makes more samples: the face of a body is a small part.
+    """
     if given is not None:
-        fit = search_face(samples, lengths, [given], 3, GOOD_FIT)
+        fit = search_face(samples, lengths, [given], 3, SURE_FIT)
         if fit and fit.score >= GOOD_FIT and _angle_deg(fit.rotation, given) < _OTHER_WAY_DEG:
             return fit
     quarters = list(_ROTATIONS.values())
-    fit = search_face(samples, lengths[:1], quarters, 3, GOOD_FIT)
-    if fit is not None and fit.score > PLAIN_FIT and _is_plain(fit, lengths[0]):
+    fit = search_face(samples, lengths[:1], quarters, 3, SURE_FIT)
+    if fit is not None and fit.score >= GOOD_FIT and _is_plain(fit, lengths[0]):
         return fit
     if fit is None or fit.score < GOOD_FIT:
-        fit = search_face(samples, lengths, quarters, 20, GOOD_FIT)
+        fit = search_face(dense(), lengths, quarters, 40, SURE_FIT)
+        if fit is not None and fit.score >= PLAIN_FIT and _is_plain(fit, lengths[0]):
+            return fit
     if given is None and (fit is None or fit.score < GOOD_FIT):
         extent = float(np.ptp(samples, axis=1).max())
         heads = [mm for mm in lengths if extent * mm <= MAX_HEAD_MM]
         turns = even_rotations(FINE_ROTATIONS)
-        fit = search_face(samples[:, ::FINE_SAMPLES], heads, turns, 40, GOOD_FIT)
+        fit = search_face(samples[:, ::FINE_SAMPLES], heads, turns, 40, SURE_FIT)
+        return fit if fit is not None and fit.score >= TILTED_FIT else None
     return fit if fit is not None and fit.score >= GOOD_FIT else None
 
 
@@ -285,27 +315,32 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
     metric = min(DETECTED_UNITS, key=lambda name: _ratio(UNITS_MM[name], fit.mm_per_unit))
     if not normalised and _ratio(UNITS_MM[metric], fit.mm_per_unit) < FACE_RATIO:
         return metric, UNITS_MM[metric]
-    other = min(OTHER_UNITS, key=lambda name: _ratio(OTHER_UNITS[name], fit.mm_per_unit))
-    if not normalised and _ratio(OTHER_UNITS[other], fit.mm_per_unit) < ALIKE_RATIO:
-        doubts.append(f"unit {other} is found by the size of the face alone")
-        return (other if other in UNITS_MM else f"{other} mm"), OTHER_UNITS[other]
+    if not normalised and _ratio(UNITS_MM["foot"], fit.mm_per_unit) < FACE_RATIO:
+        doubts.append("the unit foot is found by the size of the face alone")
+        return "foot", UNITS_MM["foot"]
+    near = [
+        f"'{name}'"
+        for name in ("inch", "20")
+        if _ratio(OTHER_UNITS[name], fit.mm_per_unit) < FACE_RATIO
+    ]
+    near += [f"'{fit.mm_per_unit:.3g}'"]
     raise MeshError(
         f"it is of unknown scale, {extent:.4g} units across"
-        f"{' (normalised)' if normalised else ''}: unit='{fit.mm_per_unit:.3g}' gives its face "
-        "the mean size; set that, or its true unit"
+        f"{' (normalised)' if normalised else ''}: unit={near[-1]} gives its face the mean size; "
+        f"set unit to {' or '.join(near)}, or to what is true"
     )
 
 
-def _angle_deg(first: Floats, second: Floats) -> float:
+def _angle_deg(first: Array, second: Array) -> float:
     """Return the angle of the rotation from one to the other."""
     return math.degrees(math.acos(np.clip((np.trace(first @ second.T) - 1) / 2, -1, 1)))
 
 
-def _nearest_axes(turn: Floats) -> str:
+def _nearest_axes(turn: Array) -> str:
     return max(_ROTATIONS, key=lambda name: float(np.sum(_ROTATIONS[name] * turn)))
 
 
-def _degrees(turn: Floats) -> Turns:
+def _degrees(turn: Array) -> Turns:
     """Return the turns about x, y and z, in this order, to 0.1 degrees."""
     x, z = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
     y = math.asin(np.clip(-turn[2, 0], -1, 1))

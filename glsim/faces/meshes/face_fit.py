@@ -2,7 +2,7 @@
 
 The nose template gives where to begin. Then Gauss-Newton steps of a rotation, a shift and a scale
 bring the surface's heights onto those of the mean face, point to plane (Chen and Medioni 1992);
-hair and mouth have no weight. Other round shapes fit a face to a few millimetres too: the score is
+hair has no weight. Other round shapes fit a face to a few millimetres too: the score is
 a correlation after the best paraboloid is removed from both, times the share of near cells.
 """
 
@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Array
 from glsim.faces.meshes.nose_template import TIP_MM, NoseMatch, match_noses, sample_surface
 
 ORIGIN_BEHIND_NOSE_MM: Final = 45.0
@@ -25,7 +25,8 @@ ORIGIN_BEHIND_NOSE_MM: Final = 45.0
 _CELL_MM: Final = 4.0
 _CELLS: Final = ((15, 16), (14, 26))  # to the right and left, below and above the tip of the nose
 _FIRST: Final = np.array([[15], [14]])
-_HALF_WIDTH_MM, _HALF_HEIGHT_MM, _MIDDLE_MM = 58.0, 74.0, 22.0  # an ellipse from chin to hairline
+_HALF_WIDTH_MM, _HALF_HEIGHT_MM, _MIDDLE_MM = 58.0, 74.0, 22.0  # an ellipse to the hairline
+_LOWEST_MM = -24.0  # at the upper lip: jaws move
 #: The mean of the embedded heads is turned and enlarged to the middle between them and 25 heads of
 #: ICT-FaceKit, which look 6 degrees further down and are 6 % larger.
 _PITCH_DEG, _ENLARGED = -2.3, 1.064
@@ -47,18 +48,18 @@ class FaceFit(NamedTuple):
 
     score: float
     mm_per_unit: float
-    rotation: Floats
-    shift_mm: Floats
+    rotation: Array
+    shift_mm: Array
 
 
 @dataclass(frozen=True)
 class _MeanFace:
     """K cells of the mean face: (3, K) points and normals, (K, 6) paraboloids; number by place."""
 
-    points: Floats
-    normals: Floats
-    smooth: Floats
-    number: Floats
+    points: Array
+    normals: Array
+    smooth: Array
+    number: Array
 
 
 @functools.cache
@@ -80,6 +81,7 @@ def _mean_face() -> _MeanFace:
     normals = np.stack([-rise_x, -rise_y, np.ones_like(x)])
     normals /= np.linalg.norm(normals, axis=0)
     face = (x / _HALF_WIDTH_MM) ** 2 + ((y - _MIDDLE_MM) / _HALF_HEIGHT_MM) ** 2 < 1
+    face &= y > _LOWEST_MM
     x, y, z = x[face], y[face], height.reshape(face.shape)[face]
     smooth = np.stack([np.ones_like(x), x, y, x**2, y**2, x * y], axis=1)
     number = np.where(face, np.cumsum(face).reshape(face.shape) - 1, -1)
@@ -87,8 +89,8 @@ def _mean_face() -> _MeanFace:
 
 
 def _foremost(
-    points: Floats, number: Floats, expected: Floats, reach_mm: float
-) -> tuple[Floats, Floats]:
+    points: Array, number: Array, expected: Array, reach_mm: float
+) -> tuple[Array, Array]:
     """Return the cells with points near the expected heights, and the foremost layer's means."""
     column, row = np.rint(points[:2] / _CELL_MM).astype(int) + _FIRST
     rows, columns = number.shape
@@ -107,7 +109,7 @@ def _foremost(
 
 
 def fit_face(
-    samples: Floats, rotation: Floats, mm_per_unit: float, nose: NoseMatch
+    samples: Array, rotation: Array, mm_per_unit: float, nose: NoseMatch
 ) -> FaceFit | None:
     """Fit the mean face from a first guess; None where most of it is missing.
 
@@ -154,7 +156,7 @@ def fit_face(
 
 
 def search_face(
-    samples: Floats, scales: Sequence[float], rotations: Iterable[Floats], tries: int, good: float
+    samples: Array, scales: Sequence[float], rotations: Iterable[Array], tries: int, good: float
 ) -> FaceFit | None:
     """Return the best fit of ``tries`` noses, the best of all scales and rotations; None without.
 
@@ -180,7 +182,7 @@ def search_face(
 
 
 @functools.cache
-def even_rotations(count: int) -> list[Floats]:
+def even_rotations(count: int) -> list[Array]:
     """Return rotations spread evenly: super-Fibonacci quaternions (Alexa 2022)."""
     number = np.arange(count) + 0.5
     inner, outer = np.sqrt(number / count), np.sqrt(1 - number / count)

@@ -71,7 +71,7 @@ class Folder(FileFaces):
     moves within a sequence.
 
     Args:
-        unit, axes, rotation_deg: as for ``load_mesh``. "auto" is detected on the first valid mesh of
+        unit, axes, rotation_deg: as for ``load_mesh``. "auto" is found on the first valid mesh of
             a subject and used for all its meshes, so that a sequence does not jump.
 
     Raises:
