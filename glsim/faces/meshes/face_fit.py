@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Whole
 from glsim.faces.meshes.nose_template import TIP_MM, NoseMatch, match_noses, sample_surface
 
 ORIGIN_BEHIND_NOSE_MM: Final = 45.0
@@ -59,7 +59,7 @@ class _MeanFace:
     points: Array
     normals: Array
     smooth: Array
-    number: Array
+    number: Whole
 
 
 @functools.cache
@@ -89,8 +89,8 @@ def _mean_face() -> _MeanFace:
 
 
 def _foremost(
-    points: Array, number: Array, expected: Array, reach_mm: float
-) -> tuple[Array, Array]:
+    points: Array, number: Whole, expected: Array, reach_mm: float
+) -> tuple[Whole, Array]:
     """Return the cells with points near the expected heights, and the foremost layer's means."""
     column, row = np.rint(points[:2] / _CELL_MM).astype(int) + _FIRST
     rows, columns = number.shape
