@@ -1,8 +1,8 @@
 """A fingerprint of a machine's arithmetic, which depends on processor, libraries and OpenGL driver.
 
-NumPy and the OpenGL driver choose their code by the processor: frames of two processors look alike
-but differ in their bytes, so one data set must not be made on both. Products of matrices do not
-count: see ``glsim.core.products``.
+NumPy and the OpenGL driver choose their code by the processor. Frames of two processors look alike
+but differ in their bytes, so one data set must not be made on both. The fingerprint has no matrix
+products, which ``glsim.core.products`` makes equal everywhere.
 """
 
 from __future__ import annotations

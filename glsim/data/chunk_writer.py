@@ -44,7 +44,7 @@ class RenderJob:
         settings: settings of the data set.
         state: state folder that records chunks.
         make_frames: the simulator.
-        inputs: hashes of the driver's files, for comparison on other machines.
+        inputs: hashes of the driver's input files; other machines compare theirs with them.
     """
 
     settings: Settings
@@ -68,7 +68,7 @@ class RenderJob:
 
 @dataclass(frozen=True)
 class ChunkProgress(Interim):
-    """A message with the number of frames of a chunk that are done so far."""
+    """A message with the number of finished frames of a chunk."""
 
     chunk: int
     frames: int
@@ -87,7 +87,7 @@ def write_chunks(
     Raises:
         MeshError: at the first skipped frame if the settings are strict.
         DatasetError: a file cannot be written.
-        GlsimError: the simulator omits a result; also the simulator's own errors.
+        GlsimError: the simulator omits a frame, or raises an error.
     """
     chunks = iter(chunks)
     taken: deque[Chunk] = deque()
@@ -150,7 +150,7 @@ class _ChunkWriter:
         layers: tuple[str, ...] = self._settings.output.layers
         try:
             images = {layer: encode_png(result.image(layer)) for layer in layers}
-        except DepthRangeError as error:  # one far pixel, beyond 16 bits, does not end the set
+        except DepthRangeError as error:  # one pixel too far for 16 bits must not end the run
             self._skip(task, Skipped(result.key, result.source, str(error)))
             return
         files = {layer: self._write(task, layer, data) for layer, data in images.items()}
@@ -171,7 +171,7 @@ class _ChunkWriter:
             raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
         self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
         if self._shard is None:
-            # An earlier run, whose chunks were discarded, may have made this frame.
+            # An earlier run, whose chunks were discarded, may have left images of this frame.
             names = [_image_name(task, layer) for layer in self._settings.output.layers]
             self._store.delete(name for name in names if self._store.checksum(name) is not None)
 
@@ -191,8 +191,8 @@ def _image_name(task: Task, layer: str) -> str:
 class _Shard:
     """An open tar file in the layout of the library webdataset.
 
-    Members are named by index, because the library cuts names at the first dot, which the name of a
-    sequence may contain.
+    Members are named by index: the library cuts names at the first dot, and names of sequences may
+        contain dots.
     """
 
     name: str

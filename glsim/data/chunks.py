@@ -15,9 +15,9 @@ from glsim.data.record_schema import is_file_name
 from glsim.settings.schema import SPLIT_NAMES
 from glsim.simulation.plan.tasks import Plan, Task, people_of
 
-#: Frames per chunk, by output format. Chunks are small enough that two workers end together and
-#: that a dead worker loses little; a shard (5 to 100 MB) is one chunk. The numbers are part of the
-#: format: other numbers give other shards, and a partly written data set is rendered again.
+#: Frames per chunk, by output format. Chunks are small, so that workers end together and a dead
+#: worker loses little. A shard (5 to 100 MB) is one chunk. The numbers are part of the format: with
+#: others, shards differ and a partly written data set is rendered again.
 CHUNK_FRAMES = {"png": 32, "webdataset": 512}
 
 
@@ -45,7 +45,8 @@ class Chunk:
 class Part:
     """The chunks of a data set whose number modulo ``of`` equals ``number`` modulo ``of``.
 
-    Both 0 to of - 1 and 1 to of name all parts: of/of and 0/of are the same.
+    Parts may be numbered from 0 to ``of`` - 1 or from 1 to ``of``: 0/of and of/of are the same
+    part.
     """
 
     number: int
@@ -78,10 +79,10 @@ def parse_part(text: str) -> Part:
 class ChunkPlan:
     """The tasks of a data set, sorted by split and cut into chunks.
 
-    It depends only on the tasks and the format, not on the workers or on the files on disk. Chunks
-    are made on access: memory grows with the people, not with their frames. Raises DatasetError for
-    a split, subject or sequence whose files would lie outside the data set, and for two frames of a
-    plan with the same files.
+    The plan depends only on the tasks and the format, not on the workers or on the files on disk.
+    Chunks are made on access, so that memory grows with the people, not with their frames. Raises
+    DatasetError if files of a split, subject or sequence would lie outside the data set, and if two
+    frames would have the same files.
     """
 
     def __init__(self, tasks: Sequence[Task], chunk_frames: int) -> None:
@@ -99,7 +100,7 @@ class ChunkPlan:
         order = np.argsort(split, kind="stable")
         #: Index of the first task of each run, by split.
         self._first = first[order]
-        #: Position of each run's first frame in the data set, and the number of all frames.
+        #: Position in the data set of each run's first frame; last, the number of all frames.
         self._start = np.concatenate([[0], np.cumsum(count[order])])
         #: For each split: number of frames, position of the first frame, number of the first chunk.
         self._frames = [int(count[split == n].sum()) for n in range(len(SPLIT_NAMES))]

@@ -27,7 +27,7 @@ _LOW_LIGHT = np.array([0.0, 1.0, 0.0])
 _BACKGROUND = (38, 32, 28)
 _TEXT = (235, 235, 235)
 
-#: Largest difference of the colours, mm; larger differences have its colour.
+#: Largest depth difference on the colour scale, mm; larger differences have the same colour.
 DIFFERENCE_MM = 20.0
 
 #: BGR colour per reason: greys and greens for pixels with depth, saturated colours for holes.
@@ -80,8 +80,8 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
 def frame_row(frame: DepthFrame, side: int) -> Picture:
     """Draw a row of cells of ``side`` pixels with the frame's name.
 
-    Shaded clean, shaded noisy, difference, reasons (inferred from depths if missing); without a
-    clean map: shaded noisy, infrared.
+    Cells: shaded clean map, shaded noisy map, difference, reasons (inferred from depths if
+        missing). Without a clean map: shaded noisy map, infrared.
     """
     noisy_m = frame.in_metres("noisy_mm")
     noisy = shaded(noisy_m, frame.intrinsics)
@@ -114,7 +114,7 @@ def brightness(infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> Picture
     return np.repeat(grey[..., None], 3, axis=2)
 
 
-#: Frames per column, and most columns, before columns grow longer.
+#: Frames per column, and largest number of columns; further frames make columns longer.
 _SHEET_ROWS, _SHEET_COLUMNS = 4, 3
 #: Side of a cell in a single column and in several columns, px: three columns fit a wide screen.
 _WIDE_PX, _NARROW_PX = 300, 200
@@ -125,7 +125,8 @@ _GALLERY_COLUMNS, _GALLERY_PX = 4, 240
 def contact_sheet(frames: Sequence[DepthFrame], title: str) -> Picture:
     """Draw one ``frame_row`` per frame, with a title, headings, and a legend of the colours.
 
-    More than four frames stand in up to three columns of small cells. All or none have clean maps.
+    More than four frames are drawn in up to three columns of small cells. Either all frames or none
+    have clean maps.
     """
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
     side = _WIDE_PX if columns == 1 else _NARROW_PX

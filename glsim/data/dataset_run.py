@@ -1,8 +1,8 @@
 """The steps of a run: find missing chunks, render them, and merge their records.
 
-``write_dataset`` takes frames of any maker, ``glsim.data.driver`` simulates them. ``run_all`` takes
-all steps under the lock of the data set. Parts (``run_part``) take the first two steps under
-separate locks; the part that finds all records merges.
+``write_dataset`` takes frames of any frame maker; ``glsim.data.driver`` simulates them. ``run_all``
+does all steps under the lock of the data set. Parts (``run_part``) do the first two steps under
+separate locks; the part that finds all records merges them.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from glsim.simulation.plan.tasks import Task
 
 log = logging.getLogger(__name__)
 
-#: Renders and writes chunks, in any order, and yields their events. It is closed before the lock is
-#: released, and must not write afterwards.
+#: A function that renders and writes chunks in any order, and yields their events. The generator is
+#: closed before the lock is released, and must not write afterwards.
 ChunkRenderer = Callable[[RenderJob, Sequence[int], ChunkPlan], Generator[ChunkEvent, None, None]]
 
 
@@ -139,7 +139,7 @@ def make_missing_chunks(
                 counts.report()
     if run.inputs is not None and run.found is not None and missing:
         now = run.inputs()
-        if now != run.found:  # frames of this run come from old and from new contents
+        if now != run.found:  # inputs changed during the run
             state.discard_chunks(missing)
             raise DatasetError(
                 f"{now.changed_since(run.found)} was changed during the run, and the frames of "
@@ -183,13 +183,13 @@ def _find_missing_chunks(
 def run_part(
     run: DatasetRun, part: Part, render: ChunkRenderer, progress: Progress | None
 ) -> PartSummary:
-    """Make a part's chunks with ``render``; merge the data set if no chunk is missing then."""
+    """Make the chunks of a part with ``render``; then merge if no chunk of the set is missing."""
     counts = run.counts(part, progress)
     with run.state.locked(run.identity, part=part) as state:
         make_missing_chunks(run, state, part, render, counts)
     counts.report(last=True)
-    # After its lock is free, the part that completes the last chunk sees all records. Two parts
-    # that end together both arrive here; the second finds the work done.
+    # This part's lock is free now. The part that completed the last chunk sees all records and
+    # merges. If two parts end together, both try, and the second finds the merge done.
     absent = len(run.plan) - len(run.state.recorded_chunks())
     whole = None
     if not absent:

@@ -15,7 +15,7 @@
 from __future__ import annotations
 
 FORMAT = "glsim"
-#: Increased when readers of the old version would misread the new one.
+#: Version of the format; increase it with a change that readers of older versions would misread.
 FORMAT_VERSION = 1
 
 HEADER = "dataset.json"

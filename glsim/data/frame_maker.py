@@ -21,9 +21,9 @@ class SameMachineSimulator:
 
     Attributes:
         machine: the machine that began the data set.
-        sources, backend, layers: as in ``glsim.simulation.pipeline.simulate``.
-        keep: keep context and simulator for further calls of this process, because linking the
-            programs again takes as long as some ten frames.
+        sources, backend, layers: see ``glsim.simulation.pipeline.simulate``.
+        keep: keep context and simulator for further calls in this process; linking the shader
+            programs again takes as long as about ten frames.
     """
 
     machine: Machine

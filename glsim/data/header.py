@@ -27,10 +27,10 @@ from glsim.data.record_schema import (
 )
 
 _BLOCK_BYTES = 1 << 24
-#: Fewest bytes of a line on average: the common keys of records take 200. Below it, the index of
-#: the lines would be larger than the file.
+#: Smallest mean length of a manifest's lines, bytes; the common keys of a record take 200. With
+#: shorter lines, the index of the lines would be larger than the file.
 _LEAST_LINE_BYTES = 64
-#: The end of messages about damage.
+#: Last words of messages about damage: how to repair it.
 REPAIR = "run glsim generate again with the same settings to repair it"
 
 
@@ -134,7 +134,7 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
     if header.get("format") != FORMAT:
         raise DatasetError(f"{where}: is not the header of a glsim data set")
     version = header.get("format_version", 0)
-    del header  # a large one takes a hundred times its bytes
+    del header  # a parsed header takes a hundred times its size on disk
     if isinstance(version, int) and version > FORMAT_VERSION:
         raise DatasetError(
             f"{where}: format version {version} is newer than {FORMAT_VERSION}, "

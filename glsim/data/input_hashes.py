@@ -20,8 +20,8 @@ from glsim.simulation.plan.tasks import Task, people_of
 def stage_hashes(stages: Sequence[Stage]) -> dict[str, str]:
     """Hash the current files of noise stages: file -> hash.
 
-    A Python stage is the file that holds its function; what that file imports is not seen. A stage
-    of another package is also that package's code.
+    For a Python stage, the file of its function is hashed, but no file that it imports. For a stage
+    of another package, all code of that package is hashed.
     Raises ShaderError for a GLSL file that cannot be read any more.
     """
     hashes: dict[str, str] = {}
@@ -46,8 +46,8 @@ def refuse_other_inputs(
     """Raise ConfigError if this machine's input files of some tasks differ from ``expected``.
 
     Args:
-        expected: the inputs of the whole data set, on the machine that drives it.
-        where: this machine.
+        expected: hashes of the whole data set's inputs, from the machine that drives the run.
+        where: name of this machine, for the message.
     """
     for source, files in source_hashes(sources, tasks).items():
         theirs = expected.sources.get(source, {})
@@ -64,7 +64,7 @@ def source_hashes(
 ) -> dict[str, dict[str, str]]:
     """Hash the files from which the frames of ``tasks`` are made: source -> file -> hash.
 
-    A source of another package is also its code: the files of that package.
+    For a source of another package, the code of that package is hashed, too.
     """
     subjects: dict[int, dict[str, None]] = defaultdict(dict)
     for person in people_of(tasks):

@@ -44,10 +44,10 @@ class FaceSetReport:
         kind: name of the source, or "mesh".
         people: subject -> (sequences, frames).
         checked: number of loaded frames.
-        vertices, triangles: (least, most) numbers in a mesh.
-        placements: description of unit and axes -> frames.
-        problems: description -> number.
-        usable: frames that can be drawn.
+        vertices, triangles: (smallest, largest) number in a mesh.
+        placements: description of unit and axes -> number of frames.
+        problems: description -> number of frames.
+        usable: keys of the frames that can be rendered.
     """
 
     kind: str

@@ -40,7 +40,7 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
     Raises DatasetError for damage, another pixel type, channels, or more than ``max_px`` pixels.
 
     Args:
-        where: names the file in error messages.
+        where: name of the file in error messages.
     """
     image = decode_png(data, max_px)
     if image is None:
@@ -81,14 +81,14 @@ def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | N
 
     Raises DatasetError for a damaged image or record.
 
-    Returns (H, W) uint16 as stored for a layer of depth or infrared, uint8 for "reason" and
-    "regions", (H, W, 3) uint16 for "normals" and uint8 for "color"; the checked record for "json",
-    whose ``depth_offset_mm`` is to be added to depths times the set's ``depth_unit_mm``; None for
-    any other member, which leaves it to the next decoder. The library's own ``decode("pil")`` gives
-    8 bits, and 255 for every depth above 255.
+    Returns for a layer of depth or infrared: (H, W) uint16 as stored; "reason", "regions": (H, W)
+        uint8; "normals": (H, W, 3) uint16; "color": (H, W, 3) uint8; "json": the checked record.
+        Depth in mm is the stored number times the set's ``depth_unit_mm``, plus the record's
+        ``depth_offset_mm``. Any other member gives None, and the next decoder is asked. The
+        library's ``decode("pil")`` would give 8 bits, with 255 for every depth above 255.
 
     Args:
-        key: what follows the sample's number, as that library gives it: ".noisy.png", ".json".
+        key: the member's name after the sample's number, such as ".noisy.png" or ".json".
     """
     name = key.lstrip(".")
     if name == "json":

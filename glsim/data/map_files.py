@@ -1,9 +1,9 @@
-"""Files of depth maps, in and out: PNG, TIFF, NPY, OpenEXR; in: PFM, PGM, NPZ, two dumps.
+"""Formats of depth maps. Read and written: PNG, TIFF, NPY, OpenEXR. Read: PFM, PGM, NPZ, dumps.
 
-Whole numbers are steps of a unit (millimetres by default), as in PNG; floating numbers are metres,
-or millimetres if the median of their set says so. 0, NaN, infinity and a far plane are no depth.
-Maps are written as 16-bit PNG and TIFF, and as float32 metres in NPY, OpenEXR and, if asked, TIFF.
-PNG files may state their step.
+Integers are steps of a unit, by default 1 mm. Floats are metres, or millimetres if the median of
+their set is that large. 0, NaN, infinity and the far plane mean no depth. PNG and TIFF are written
+as 16-bit integers; NPY, OpenEXR and optionally TIFF as float32 metres. PNG files may state their
+step.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from glsim.data.recordings.biwi import read_depth_bin
 SUFFIXES: Final = (".png", ".tif", ".tiff", ".npy", ".exr")
 #: Suffixes of other files with one map or a stack, which are read only.
 READ_ONLY: Final = (".pfm", ".pgm", ".npz")
-#: Those of dumps of libfreenect2, and of Biwi's depth.bin, which are read only.
+#: Suffixes of dumps by libfreenect2, and of Biwi's depth.bin, which are read only.
 DUMPS: Final = (".bin", ".raw", ".depth", ".ir")
-#: What is said of files that are none of these.
+#: Message for files of any other format.
 READABLE: Final = f"glsim reads depth in {', '.join((*SUFFIXES, *READ_ONLY))}: convert others"
-#: Size of a Kinect V2's images, which a dump of libfreenect2 does not state.
+#: (H, W) of a Kinect V2's images; dumps of libfreenect2 do not state their size.
 DUMP_SHAPE: Final = (424, 512)
-#: Calibration of a Biwi recording, in the folder of its frames.
+#: File name of a Biwi recording's calibration, in the folder of its frames.
 BIWI_CALIBRATION: Final = "depth.cal"
-#: Formats of ``encode_map`` -> their suffixes, the usual one first. TIFF: of 16 bits.
+#: Format of ``encode_map`` -> its suffixes, the default first. "tiff" has 16 bits.
 FORMATS: Final = {
     "png": (".png",),
     "tiff": (".tiff", ".tif"),
@@ -55,31 +55,33 @@ FORMATS: Final = {
 }
 #: Formats that are written as float32 metres.
 FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
-#: Depth from here on is the far plane of a renderer or the largest number of a type, no surface,
-#: mm: 65504 is the largest 16-bit float. SATURATED is so for 16-bit integers of any step.
+#: Depths of at least this value, mm, are no surface, but a renderer's far plane or the largest
+#: number of a type (65504 for 16-bit floats). SATURATED is the largest 16-bit integer, which means
+#: no depth at any step.
 FAR_MM: Final = 65_500.0
 SATURATED: Final = 65535
-#: What commands say of whole numbers without a stated unit.
+#: Note of commands about integers without a stated unit.
 TAKEN_FOR_MM: Final = "nothing states a unit: whole numbers are taken for mm (--depth-unit-mm)"
-#: Middle depth of a set of floats: metres below the first, millimetres from the second on. No face
-#: is recorded from more than 20 m or less than 0.2 m; centimetres lie between.
+#: Floats are metres if their median is below the first number, millimetres if it is at least the
+#: second: faces are recorded from 0.2 to 20 m. A median between them would be centimetres.
 _METRES_BELOW, _MILLIMETRES_FROM = 20.0, 200.0
-#: Values of a map that are no multiples of 8 or 257 by chance.
+#: Smallest number of different values in a map that are not all multiples of 8 or 257 by chance.
 _LEAST_VALUES = 32
-#: Deepest map of a face, mm, and the share of deeper pixels from which on whole numbers without a
-#: stated unit are no millimetres; the second where 65535 is reached, as after stretching. Wrong
-#: matches of a real D435 are 0.026 of a room.
+#: Integers without a stated unit are refused as millimetres if too many pixels are deeper than the
+#: first number, mm: the second number is their share, the third their share in maps that reach
+#: 65535, as stretched maps do. Wrong matches of a real D435 have a share of 0.026.
 _DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
-#: Share of the middle depth that counts as a jump, and least share of jumps along rows. Chosen.
+#: A depth difference of this share of the median is a jump; smallest share of jumps along rows.
+#: Both values were chosen, not measured.
 _JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
-#: Share of pixels at exactly 1 that is a background. Chosen.
+#: Pixels of exactly 1 are a background if they have this share. Chosen, not measured.
 _BACKGROUND = 0.02
 #: Suffixes of files that may hold several maps.
 STACKS: Final = (".npy", ".npz")
 
 
 def format_of(path: Path) -> str:
-    """Return the format of a name's suffix, with 16 bits for TIFF; "png" for other names."""
+    """Return the format for the suffix of a name; "png" for an unknown suffix."""
     suffix = path.suffix.lower()
     return next((name for name, suffixes in FORMATS.items() if suffix in suffixes), "png")
 
@@ -94,14 +96,14 @@ def read_stored(
 ) -> NDArray[Any]:
     """Read one map as stored, (H, W) uint16 or float; infrared may have 8 bits.
 
-    Axes of length 1 and channels that are all alike are dropped.
+    Axes of length 1 are dropped. Of channels with equal values, one is returned.
 
     Args:
-        path: of one of SUFFIXES or DUMPS; others are read as PNG.
-        number: of the map in a .npy stack; None if the file holds one map.
-        inside: a folder that no link may lead out of.
-        channel: of an OpenEXR file.
-        infrared: the image is infrared.
+        path: the file; a suffix that is neither in SUFFIXES nor in DUMPS is read as PNG.
+        number: number of the map in a stack; None if the file has one map.
+        inside: folder; a link that leads out of it is refused.
+        channel: name of the depth channel of an OpenEXR file.
+        infrared: whether the image is infrared, not depth.
 
     Raises:
         DatasetError: no such file, no depth map, too many pixels.
@@ -133,7 +135,7 @@ def read_stored(
 def open_stack(path: Path) -> NDArray[Any]:
     """Open a ``.npy`` file, mapped from the disk, or the depth of an ``.npz`` file, as (T, H, W).
 
-    Raises DatasetError, also for (rows, columns, frames).
+    Raises DatasetError for a damaged file, and for a stack with the axes (rows, columns, frames).
     """
     try:
         values = map_npy(path) if path.suffix.lower() == ".npy" else _read_npz(path)
@@ -151,9 +153,9 @@ def open_stack(path: Path) -> NDArray[Any]:
 
 
 def _frames_are_last(stack: NDArray[Any]) -> bool:
-    """Return whether values jump far less along the last axis than along the first.
+    """Return whether the last axis of a stack is time: values jump far less along it.
 
-    From frame to frame few pixels jump; from row to row, at each silhouette, many do.
+    Few pixels jump from frame to frame; many jump from row to row, at each silhouette.
     """
     jumps = []
     for axis in (0, 2):
@@ -175,7 +177,7 @@ def _read_npz(path: Path) -> NDArray[Any]:
                 if len(names) != 1:
                     raise ValueError(f"holds {', '.join(arrays.files)}: save the depth alone")
                 return np.asarray(arrays[names[0]])
-        except Exception as error:  # of zip files and headers that are damaged
+        except Exception as error:  # a damaged ZIP file or header raises many kinds
             raise OSError(errno.EINVAL, " ".join(str(error).split())[:200]) from None
 
 
@@ -195,7 +197,7 @@ def _read_netpbm(path: Path) -> NDArray[Any]:
 
 
 def _squeezed(values: NDArray[Any]) -> NDArray[Any]:
-    """Drop axes of length 1, and colour channels of depth that are all alike, with their alpha."""
+    """Drop axes of length 1, alpha, and all but one of colour channels with equal values."""
     while values.ndim > 2 and 1 in values.shape:
         values = values.squeeze(values.shape.index(1))
     if values.ndim > 2 and values.shape[-1] in (3, 4) and _holds_depth(values):
@@ -210,7 +212,7 @@ def _holds_depth(values: NDArray[Any]) -> bool:
 
 
 def _whole_numbers(image: NDArray[Any], path: Path) -> NDArray[Any]:
-    """Convert signed and long whole numbers that fit 16 bits to uint16. Raises DatasetError."""
+    """Convert integers of other types to uint16. Raises DatasetError if they do not fit."""
     if image.dtype.kind not in "iu" or image.dtype in (np.uint16, np.uint8):
         return image
     if image.min() < 0 or image.max() > UINT16_MAX:
@@ -222,7 +224,7 @@ def _whole_numbers(image: NDArray[Any], path: Path) -> NDArray[Any]:
 
 
 def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False) -> NDArray[Any]:
-    """Return maps in the machine's byte order. Raises DatasetError for what are none."""
+    """Return maps in the machine's byte order. Raises DatasetError for arrays that are no maps."""
     shape, bits = values.shape, 8 * values.dtype.itemsize
     known = _holds_depth(values) or (infrared and bits == 8)
     if values.ndim != axes or 0 in shape or not known or (axes == 3 and shape[-1] <= 4):
@@ -237,12 +239,12 @@ def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False
 
 
 def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
-    """Decide whether the floats of a set of maps are metres, else millimetres, by their median.
+    """Return whether the floats of a set of maps are metres (not millimetres), by their median.
 
-    A background at one distance, the farthest of all, has no vote; whole numbers have none.
+    Integers are ignored, and so is a background: the farthest depth, if many pixels have it.
 
     Raises:
-        DatasetError: they are neither.
+        DatasetError: the median fits neither metres nor millimetres.
     """
     floats = [image.ravel() for image in images if image.dtype.kind == "f"]
     values = np.concatenate([np.zeros(1), *floats]).astype(np.float64)
@@ -258,10 +260,10 @@ def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
 
 
 def refuse_no_steps(image: NDArray[Any], where: Path) -> None:
-    """Raise DatasetError for whole numbers without a stated unit that are no millimetres.
+    """Raise DatasetError for integers without a stated unit that cannot be millimetres.
 
-    They are shifted by 3 or 4 bits, as a Kinect V1's; 8 bits times 257; or stretched to 16 bits, as
-    relative and inverse depth.
+    Refused are numbers shifted by 3 or 4 bits (Kinect V1), 8-bit numbers times 257, and numbers
+    stretched to 16 bits (relative or inverse depth).
     """
     if image.dtype.kind != "u":
         return
@@ -288,7 +290,7 @@ def refuse_negative(image: NDArray[Any], where: Path) -> None:
 
 
 def doubt_of_floats(image: NDArray[Any]) -> str:
-    """Return a line about floats that may be a depth buffer: up to exactly 1, with a background."""
+    """Return a remark if floats may be a depth buffer: they end at exactly 1, the background."""
     if image.dtype.kind != "f" or float(np.nanmax(image)) != 1.0 or float(np.nanmin(image)) < 0:
         return ""
     background = float((image == 1).mean())
@@ -302,13 +304,13 @@ def doubt_of_floats(image: NDArray[Any]) -> str:
 def depth_in_mm(
     image: NDArray[Any], unit_mm: float, offset_mm: float = 0.0, *, in_metres: bool = True
 ) -> NDArray[np.float32]:
-    """Return depth as float32 millimetres, 0 = no depth: NaN, values up to 0 and from FAR_MM on.
+    """Convert depth to float32 mm; NaN, values <= 0 and values >= FAR_MM become 0, no depth.
 
     Args:
-        image: integers in steps of the unit, of which 65535 is no depth, or floats.
+        image: integers in steps of the unit (65535 = no depth), or floats.
         unit_mm: step of integers, mm.
-        offset_mm: added to integers, see ``from_steps``.
-        in_metres: floats are metres, else millimetres.
+        offset_mm: depth that is added to integers, see ``from_steps``.
+        in_metres: whether floats are metres; if not, they are millimetres.
     """
     with np.errstate(over="ignore"):
         if image.dtype.kind == "f":
@@ -321,7 +323,7 @@ def depth_in_mm(
 
 
 def along_ray(path: Path, channel: str | None = None) -> str:
-    """Return the name of an OpenEXR file's depth channel if it is a distance along rays, or ""."""
+    """Return the OpenEXR channel with distances along rays; "" if the file has depths."""
     with suppress(ValueError):
         channels = decode_exr(read_data(path, 4 * MAX_IMAGE_BYTES), MAX_MAP_PX)
         name = depth_name(channels, channel) if channels else ""
@@ -336,14 +338,14 @@ def encode_map(
     option: str = "--depth-unit-mm",
     state_unit: bool = False,
 ) -> bytes:
-    """Return the file of a depth map, (H, W) metres with 0 = no depth.
+    """Encode a depth map as the bytes of a file.
 
     Args:
-        depth_m: the map.
+        depth_m: (H, W) metres, 0 = no depth.
         form: one of FORMATS.
-        unit_mm: step of whole numbers.
-        option: what ``DepthRangeError`` tells to change.
-        state_unit: PNG files state their step.
+        unit_mm: step of integers, mm.
+        option: command-line option that the message of ``DepthRangeError`` names.
+        state_unit: whether PNG files state their step.
 
     Raises:
         DepthRangeError: a depth is beyond 16 bits of the unit.

@@ -1,4 +1,4 @@
-"""One loop that writes depth maps: each frame of a set to a file of its own, named as its input."""
+"""Writing of changed depth maps: one output file for each input map, with the input's name."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from glsim.core.units import UINT16_MAX, subtract_offset, to_metres
 from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, encode_map, format_of
 from glsim.data.recording import Recording
 
-#: Deepest input, in steps, that leaves room in 16 bits for the depth that a change adds. Chosen.
+#: Largest depth of the input, in steps, for which a finer step is used. Chosen: a change may add to
+#: depth, and the sum must fit 16 bits.
 DEEPEST_STEPS: Final = 65_000
-#: Step of uncertainties in PNG files, mm: 16 bits reach 0.65 m.
+#: Step of uncertainties in PNG files, mm; 16 bits then reach 0.65 m.
 _SIGMA_STEP_MM: Final = 0.01
 
 
 class MapWriter:
-    """Writes the maps of a recording, changed, under the names of its files.
+    """A writer of changed depth maps under the names of a recording's files.
 
     Attributes:
-        targets: file of each map.
-        step_mm: of whole numbers, mm; None: all are float32 metres.
+        targets: output file of each map.
+        step_mm: step of integers, mm; None if all outputs are float32 metres.
     """
 
     def __init__(
@@ -46,22 +47,22 @@ class MapWriter:
         states_step: bool = True,
         sigma_out: Path | None = None,
     ) -> None:
-        """Name the output of each map, and choose its step.
+        """Choose the output file and the step of each map.
 
         Args:
-            recording: whose maps are changed.
-            inputs: from which it was opened.
-            out: folder, or file name for one map.
-            form: format of all outputs, one of ``FORMATS``; default: by their suffixes.
-            given_mm: step of whole numbers; default: ``finest_mm``, else that of the recording.
-            option: that gives the step, named in messages.
-            finest_mm: step of PNG files if no map that votes is too deep for it.
-            states_step: PNG files state their step.
-            sigma_out: folder, or file name, for the layer "sigma_mm".
+            recording: the recording whose maps are changed.
+            inputs: paths from which the recording was opened.
+            out: folder of the outputs, or name of the only output.
+            form: format of all outputs, one of ``FORMATS``. Default: from the suffix of each name.
+            given_mm: step of integers. Default: ``finest_mm``, else the step of the recording.
+            option: command-line option of the step, for messages.
+            finest_mm: step of PNG files, used if none of the sampled maps is too deep for it.
+            states_step: whether PNG files state their step.
+            sigma_out: folder or file name of the outputs of the layer "sigma_mm".
 
         Raises:
-            ConfigError: two outputs have one name, one would replace an input, or a step is given
-                for floats.
+            ConfigError: two outputs have the same name, an output would replace an input, or a step
+                is given for floats.
         """
         self._option, self._states_step, self._out = option, states_step, out
         self.targets = _targets(recording, inputs, out, form)
@@ -94,8 +95,8 @@ class MapWriter:
         """Write a layer of each frame; files of a data set keep the offset of their input.
 
         Args:
-            frames: as many as the recording has, in its order.
-            layer: of depth, mm.
+            frames: the changed frames, as many as in the recording and in the same order.
+            layer: name of the depth layer to write, mm.
             skipped: called with the reason for each frame that cannot be read.
 
         Returns:
@@ -128,7 +129,7 @@ class MapWriter:
         return failures
 
     def _encode(self, frame: DepthFrame, depth_mm: Depth, form: str) -> bytes:
-        """Encode a map; one too deep for a step that nobody gave takes the step of its input."""
+        """Encode a map; if it is too deep for a step that no option gave, use its input's step."""
         depth_m, problem = to_metres(depth_mm), ""
         for step_mm in self._steps_mm:
             try:
@@ -147,7 +148,7 @@ def _encode_sigma(frame: DepthFrame) -> bytes:
 def _targets(
     recording: Recording, inputs: Sequence[Path | str], out: Path, form: str | None
 ) -> list[Path]:
-    """Return the file of each output; where two have one name, all keep their folders."""
+    """Return the file of each output; if two names are equal, all outputs keep their folders."""
     outputs, sources = recording.outputs, recording.sources
     lone = len(outputs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir()
     if lone and (sources[0].suffix.lower() in SUFFIXES or out.suffix):
@@ -174,14 +175,14 @@ def _targets(
 
 
 def _writable(output: Path, form: str | None) -> Path:
-    """Return the name of an output in the given format, or PNG for inputs that are only read."""
+    """Return the output's name for a format; PNG replaces formats that are only read."""
     if form is not None:
         return output.with_suffix(FORMATS[form][0])
     return output if output.suffix.lower() in SUFFIXES else output.with_suffix(".png")
 
 
 def _check_name(out: Path, form: str | None = None) -> None:
-    """Raise ConfigError for the name of an output that is no depth map, or not of the format."""
+    """Raise ConfigError for an output's suffix that is no depth format, or not ``form``'s."""
     suffixes = SUFFIXES if form is None else FORMATS[form]
     if out.suffix.lower() not in suffixes:
         raise ConfigError(
@@ -190,5 +191,5 @@ def _check_name(out: Path, form: str | None = None) -> None:
 
 
 def _shared(paths: Sequence[Path]) -> Path | None:
-    """Return a path that is there more than once; None without one."""
+    """Return a path that occurs more than once; None without one."""
     return next((path for path, count in Counter(paths).items() if count > 1), None)

@@ -1,13 +1,13 @@
-"""One door to depth maps on disk: which files are depth, in which unit, of which camera.
+"""Opening of depth maps on disk: which files are depth maps, their unit, and their camera.
 
-- data sets of glsim: their noisy or clean layer, and infrared.
+- data sets of glsim: the noisy or clean layer, and infrared.
 - folders, files and patterns: 16-bit PNG and TIFF, OpenEXR, ``.npy`` maps and stacks (T, H, W),
   dumps of libfreenect2, Biwi's ``frame_*_depth.bin`` beside ``depth.cal``. Infrared lies beside
   them (``_ir``, ``_infrared``), or in a folder ``ir`` or ``infrared`` beside the folder ``depth``.
 - ROS bags of librealsense or ROS nodes, Matroska files of an Azure Kinect.
 
-A ``camera.toml`` beside the frames (``recordings.camera_file``) says what the camera is; it wins
-over what the files state. Options of commands win over it, but for another unit: that is refused.
+A ``camera.toml`` beside the frames (``recordings.camera_file``) describes the camera and overrides
+what the files state. Options of commands override both; a contradicting unit is refused.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from glsim.data.recordings.folders import (
 from glsim.data.recordings.names import DepthKind, infrared_files
 from glsim.data.recordings.streams import STREAMS, FrameStream
 
-#: Files that another program unpacks -> what to do.
+#: Suffix of a packed file -> advice how to unpack it.
 _PACKED = {
     ".r3d": "its depth is compressed by LZFSE: export EXR + RGB from Record3D",
     ".zip": "unpack it, and give its folder of depth maps (of Polycam: keyframes)",
@@ -63,13 +63,13 @@ class _Loader:
     """Reads the frames of files.
 
     Attributes:
-        reader: of the files.
-        kind: the layer of the depth.
-        mirror: flip left and right.
-        cameras: what states the camera of a folder's maps.
-        records: absolute path of a file of a data set -> its frame there, if it matters.
-        assumed: intrinsics where none are stated.
-        needs_camera: maps of another size than the stated camera are an error.
+        reader: reader of the files.
+        kind: name of the depth layer.
+        mirror: whether to flip left and right.
+        cameras: folder -> stated camera of its maps.
+        records: absolute path of a data set's file -> its frame there, if the frame is needed.
+        assumed: intrinsics of maps without a stated camera.
+        needs_camera: whether maps must have the size of the stated camera.
     """
 
     reader: FrameReader
@@ -81,7 +81,7 @@ class _Loader:
     needs_camera: bool = True
 
     def key(self, number: int) -> FrameKey:
-        """Return the key of a frame: maps of one folder, or of one bag, are one sequence."""
+        """Return the key of a frame; the maps of one folder or bag are one sequence."""
         return FrameKey(str(self.reader.files(number)[0].parent), "", number)
 
     def __call__(self, number: int) -> DepthFrame:
@@ -131,25 +131,26 @@ def open_maps(
     needs_camera: bool = True,
     along_rays: bool = False,
 ) -> Recording:
-    """Find depth maps on disk, and decide their unit and camera by at most 16 of them.
+    """Find depth maps on disk; decide their unit and camera from at most 16 sampled maps.
 
     Args:
         inputs: a data set of glsim, a bag or Matroska file, or folders, files and patterns.
-        kind: of the maps: images of the other kind are left out of folders.
-        unit_mm: step of whole numbers, mm; default: as files state, else 1. Data sets state theirs.
-        channel: of OpenEXR files; default: as a camera.toml says, else the one named as depth.
-        infrared: image, or folder of the infrared images; default: those beside the depth files.
-        mirror: flip left and right: libfreenect2 delivers images as in a mirror.
-        topic: of the depth images in a bag; default: native images named depth.
-        below: also maps in sub-folders.
-        needs_camera: maps of another size than the stated camera are an error.
-        along_rays: depths are distances along the ray of each pixel, as a camera.toml may say.
-        crops: files of a data set get the intrinsics of their frame there, not of a whole image.
+        kind: kind of the maps; images of the other kinds in a folder are left out.
+        unit_mm: step of integers, mm. Default: the step that files or data sets state, else 1.
+        channel: channel of OpenEXR files. Default: from camera.toml, else the channel named depth.
+        infrared: infrared image, or folder of such images. Default: images beside the depth files.
+        mirror: whether to flip left and right; images of libfreenect2 are mirrored.
+        topic: topic of the depth images in a bag. Default: native images named depth.
+        below: whether to read maps in sub-folders, too.
+        needs_camera: whether maps must have the size of the stated camera.
+        along_rays: whether depths are distances along the pixels' rays; camera.toml may state it,
+            too.
+        crops: whether files of a data set get the intrinsics of their (cropped) frame there.
 
     Raises:
-        ConfigError: an input does not exist or holds no depth maps (NoDepthError), the topic or
-            step is wrong, or a camera.toml is.
-        DatasetError: what was found is damaged, or its numbers are no depth.
+        ConfigError: an input does not exist or has no depth maps (NoDepthError); the topic, the
+            step or a camera.toml is wrong.
+        DatasetError: a file is damaged, or its numbers cannot be depth.
     """
     texts = [inputs] if isinstance(inputs, Path | str) else list(inputs)
     given = [Path(text) for text in texts]
@@ -189,16 +190,16 @@ def open_maps(
 
 
 class _FileList:
-    """The files of depth maps of several inputs, in natural order, and what states their camera.
+    """The files of depth maps of several inputs, in natural order, with their stated cameras.
 
     Attributes:
-        files: of the maps.
-        left_out: patterns of other images of folders -> their number.
-        outputs: relative path of each map, as changed maps are named; set by ``reader``.
-        cameras: folder -> what states its camera and unit.
-        stated_by: the file or data set that states the first camera.
-        records: absolute path of a file of a data set -> its frame there, if it matters.
-        protocol: where the depths of the files are counted from.
+        files: file of each map.
+        left_out: file-name pattern of images that are not read -> number of images.
+        outputs: relative path of each changed map when it is written; set by ``reader``.
+        cameras: folder -> stated camera and unit.
+        stated_by: file or data set that states the first camera.
+        records: absolute path of a data set's file -> its frame there, if the frame is needed.
+        protocol: origin of the depths in the files.
     """
 
     def __init__(self, kind: DepthKind, below: bool) -> None:
@@ -218,7 +219,7 @@ class _FileList:
 
     @property
     def stated(self) -> StatedCamera:
-        """What states the camera of the first map."""
+        """Stated camera of the first map."""
         return self.cameras[self.files[0].parent]
 
     def add(self, text: Path | str) -> None:
@@ -228,7 +229,7 @@ class _FileList:
             files, others = list_maps(path, self._kind, self._below)
             self.left_out += others
             named = [(file, file.relative_to(path)) for file in files]
-        else:  # unlike that of pathlib, iglob leaves out hidden files
+        else:  # iglob leaves out hidden files, pathlib does not
             names = [text] if path.is_file() else glob.iglob(str(text), recursive=True)  # noqa: PTH207
             named = [(file, Path(file.name)) for file in map(Path, names) if file.is_file()]
             if not named:
@@ -236,11 +237,11 @@ class _FileList:
         self._named += named
 
     def find_cameras(self, given: Sequence[Path], crops: bool) -> None:
-        """Find what states the camera of each folder: its data set, or files beside the maps.
+        """Find the stated camera of each folder, in its data set or in files beside the maps.
 
         Args:
-            given: inputs; folders of them may hold such files above the maps.
-            crops: files of a data set get the intrinsics of their frame.
+            given: inputs; a folder may have such files above the folders of its maps.
+            crops: see ``open_maps``.
         """
         self._named.sort(key=lambda pair: natural(pair[0]))
         nearest_mm: list[float | None] = []
@@ -269,7 +270,7 @@ class _FileList:
 
         Raises:
             ConfigError: distances along rays need intrinsics.
-            DatasetError: a camera that is needed has another size.
+            DatasetError: a needed camera has another size than the maps.
         """
         cameras = {}
         for folder, stated in self.cameras.items():
@@ -300,7 +301,7 @@ class _FileList:
         }
 
     def reader(self, unit_mm: float | None, channel: str | None, infrared: Path | None) -> MapFiles:
-        """Open the files. Raises as ``MapFiles``, and ConfigError if two steps are stated."""
+        """Open the files. Raises the errors of ``MapFiles``; ConfigError if stated steps differ."""
         files = self.files
         lights = infrared_files(files, infrared) if infrared else [None] * len(files)
         places: list[FramePlace] = []
@@ -341,14 +342,14 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
 
 
 def _count_maps(file: Path) -> int:
-    """Return the number of maps of a file: more than 1 of a stack."""
-    with suppress(DatasetError):  # reported when it is read
+    """Return the number of maps in a file, which is more than 1 for a stack."""
+    with suppress(DatasetError):  # reading the file reports it later
         return len(open_stack(file)) if file.suffix.lower() in STACKS else 1
     return 1
 
 
 def data_set_of(folder: Path) -> Path | None:
-    """Return the data set of a folder <split>/<subject>/, where one writes maps; else None."""
+    """Return the data set of an image folder <split>/<subject>/; None for other folders."""
     split = folder.absolute().parent
     file = split.parent / HEADER
     if not file.is_file():
@@ -362,7 +363,7 @@ def data_set_of(folder: Path) -> Path | None:
 
 
 def _one_step(units_mm: set[float | None]) -> float | None:
-    """Return the step that folders state. Raises ConfigError for two."""
+    """Return the step that folders state. Raises ConfigError for two different steps."""
     if units_mm == {None}:
         return None
     steps = {unit_mm or 1.0 for unit_mm in units_mm}
@@ -391,7 +392,7 @@ def _stream_recording(
     stated = given.over(stream.stated)
     stream.step_mm = agreed_unit_mm(unit_mm, stated.unit_mm, path) or 1.0
     notes = stream.notes + (stream.camera_notes if given.intrinsics is None else ())
-    depth_mm, _ = stream.depth(0)  # so that one without depth is refused here
+    depth_mm, _ = stream.depth(0)  # a stream without depth is refused here
     check_size(stated, depth_mm.shape, file or path)
     check_least_size(depth_mm.shape, path)
     turned, assumed = _mirrored(stated, mirror), DEFAULT_INTRINSICS
@@ -420,7 +421,7 @@ def _open_stream(path: Path, topic: str | None) -> FrameStream:
 
 
 def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:
-    """Flip left and right: of OpenCV's lens p2, s1, s2 and the tilt tau_y change their signs."""
+    """Flip left and right; of OpenCV's lens, p2, s1, s2 and the tilt tau_y change sign."""
     own = stated.intrinsics
     if own is None or not mirror:
         return stated

@@ -31,8 +31,8 @@ def merge(state: RunState, plan: ChunkPlan, identity: Mapping[str, Any]) -> None
     """Write the files that describe the whole data set: manifest, metadata and header.
 
     The files depend only on the chunk records and ``identity``, not on the clock or the workers.
-    Each is on the disk before the next gets its name; the header is last. Raises DatasetError if a
-    subject is in two splits.
+    Each file is on the disk before the next is renamed into place; the header is last. Raises
+    DatasetError if a subject is in two splits.
     """
     files: dict[str, Any] = {}
     counts = dict.fromkeys(SPLIT_NAMES, 0)

@@ -1,6 +1,6 @@
 """Connection to a Ray cluster, and execution of a bounded number of calls at a time.
 
-Ray starts the plain tasks of a dead node again on another node; pinned actors waited for ever.
+Ray restarts the tasks of a dead node on another node. Actors pinned to it would wait for ever.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from glsim.data.worker_processes import SINGLE_THREADED, WorkerFailure
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 
-#: Started tasks per core: the second waits on its node while the first runs.
+#: Number of started tasks per core: while one runs, the next already waits on the node.
 TASKS_PER_CORE = 2
-#: Largest number of restarts of a task whose process or node died: nodes die for many reasons, but
-#: a call that kills every process must end.
+#: Largest number of restarts of a task whose process or node died. Nodes die for many reasons, but
+#: a task that kills each process must not run for ever.
 _RETRIES = 10
-#: Seconds between two looks at the number of cores: nodes join and leave.
+#: Seconds between two counts of the cluster's cores, since nodes join and leave.
 _CORES_EVERY_S = 2.0
 #: Seconds within which the head of a cluster accepts a connection.
 _ANSWER_S = 10.0
-#: Seconds after which a silent head is lost. After 60 s Ray ends this process without an error.
+#: Seconds after which a silent head counts as lost; after 60 s Ray would end this process without
+#: an error.
 _SILENT_S = 30.0
 
 
@@ -83,7 +84,7 @@ def _check_answers(address: str) -> None:
 def _refuse_silent_head(ray: Any) -> None:
     """Wait until the cluster's head accepts connections; raise ClusterLostError after _SILENT_S."""
     if ray.util.client.ray.is_connected():
-        return  # through ray://, where the head's address need not be reachable from here
+        return  # with ray://, the head's own address may be unreachable
     address = ray.get_runtime_context().gcs_address
     host, _, port = address.rpartition(":")
     give_up_s = time.monotonic() + _SILENT_S
@@ -215,7 +216,7 @@ def _wait_for(ray: Any, reference: Any) -> Any:
     while True:
         try:
             return ray.get(reference, timeout=_CORES_EVERY_S)
-        except ray.exceptions.GetTimeoutError:  # for ever, if the head is gone
+        except ray.exceptions.GetTimeoutError:  # without the timeout: for ever, if the head is gone
             _refuse_silent_head(ray)
         except OSError as error:
             raise _lost("the connection to the Ray cluster is lost", error) from error

@@ -59,7 +59,7 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
             return
         shared = ClusterJob(job, uuid.uuid4().hex, version("glsim"), str(Path.cwd()))
         with ray_cluster(address) as ray:
-            # Ray does not resolve references in a list: a process that has the job needs no copy.
+            # Ray does not resolve references in a list, so a process that has the job gets no copy.
             reference = [ray.put(shared)]
             calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
             for _, made in run_tasks(ray, render_on_node, calls, environment):
@@ -76,7 +76,7 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
 
 # -------------------------------------------------------------------- on the nodes
 
-_shared: ClusterJob | None = None  # of this process: its sources and its simulator are kept
+_shared: ClusterJob | None = None  # job of this process, with its sources and simulator
 
 
 def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk | WorkerFailure:

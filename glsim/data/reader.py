@@ -37,8 +37,8 @@ class Dataset:
 
     Attributes:
         header: the contents of dataset.json.
-        path: its folder; of one in object storage, a folder with copies of its header and manifest
-            in the cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
+        path: its folder. For object storage: a folder with copies of header and manifest in the
+            cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -103,9 +103,9 @@ class Dataset:
 
     @property
     def protocol(self) -> DepthProtocol:
-        """Depth protocol of the files: depths as measured, or shifted to start at 1 mm ("paper").
+        """Depth protocol of the files: measured depths, or depths shifted to 1 mm ("paper").
 
-        The maps of a frame in millimetres are as measured either way.
+        Maps of a frame in millimetres are always measured depths.
         """
         return stored_protocol(self.header["settings"]["output"].get("nearest_to_mm"))
 

@@ -1,7 +1,7 @@
 """The schema of a data set's JSON: dataset.json, manifest lines and chunk records.
 
-Anybody may have changed a record: pydantic parses and checks it in one step before its use. Further
-keys are kept unchanged.
+Anybody may have changed a record, so pydantic parses and checks it before use. Unknown keys are
+kept unchanged.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_SIDE_PX
 from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
 
-#: Largest dataset.json, bytes: twice the names of 100,000 subjects and the checksums of as many
-#: shards. 17 MB of short keys take 400 MB and a second to parse.
+#: Largest dataset.json, bytes: twice the size with the names of 100,000 subjects and the checksums
+#: of as many shards. Parsing 17 MB of short keys takes 400 MB and a second.
 MAX_HEADER_BYTES = 1 << 24
 #: Largest line of a manifest, bytes; the longest written line (52 expressions, notes) has 6,000.
 MAX_LINE_BYTES = 1 << 17

@@ -1,4 +1,4 @@
-"""The depth maps of one camera on disk: its frames, its camera, and what is said of them."""
+"""The depth maps of one camera on disk: frames, stated camera, and remarks for the user."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from glsim.data.recordings.names import is_infrared, left_out_text
 from glsim.data.recordings.streams import FrameStream
 from glsim.measures.static import view_change
 
-#: What reads the frames of a recording.
+#: Reader of a recording's frames.
 FrameReader = MapFiles | FrameStream
 
-#: Frames that are measured if a recording has more; more do not change the printed digits.
+#: Largest number of frames that are measured; more frames do not change the printed digits.
 DEFAULT_FRAMES = 60
-#: Frames of a static scene that are measured if a recording has more: 1.2 GB with infrared at
-#: 848 x 480, and the noise of 1 % in the standard deviation of a pixel is far below its spread.
+#: Largest number of frames of a static scene that are measured. They take 1.2 GB with infrared at
+#: 848 x 480, and give a pixel's standard deviation with an error far below its spread over pixels.
 MOST_STATIC = 256
-#: Shortest side of a depth frame, pixels: slopes and 3 x 3 windows need some.
+#: Smallest side of a depth frame, px: slopes and 3 x 3 windows need neighbours.
 _LEAST_PX = 8
-#: Consecutive frames that are kept together, so that static pairs stay pairs.
+#: A long recording is thinned in groups of this number of consecutive frames, so that static pairs
+#: stay.
 _RUN = 4
 
 
@@ -42,16 +43,16 @@ class Recording:
     Attributes:
         path: the folder, or the first of several files.
         kind: "data set", "images", "npy", "libfreenect2", "biwi", "bag" or "mkv".
-        frames: the frames, which are read one by one.
-        reader: the files of the frames; None of a data set.
-        stated: what the recording says about its camera; its distortion is not removed.
-        stated_by: the file that says so; None without one.
-        notes: what is chosen, and what the recording does not say, in lines for the user.
-        left_out: patterns of the images of folders that are no such depth -> their number.
-        outputs: relative path of each map below the input, as changed maps are named.
-        protocol: where the depths of the files are counted from; frames hold them as measured.
-        layer: name of the depth in the frames, "noisy_mm" or another.
-        assumed: name of the sensor whose intrinsics the frames have; "" if they are stated.
+        frames: the frames, each read at its first use.
+        reader: reader of the files; None for a data set.
+        stated: the stated camera; its lens distortion is not removed from the frames.
+        stated_by: the file that states the camera, or None.
+        notes: lines for the user about choices and missing statements.
+        left_out: file-name pattern of images that are not read -> number of images.
+        outputs: relative path of each changed map when it is written.
+        protocol: origin of the depths in the files; frames always have measured depths.
+        layer: name of the depth layer in the frames, such as "noisy_mm".
+        assumed: name of the sensor whose intrinsics are assumed; "" for stated intrinsics.
     """
 
     path: Path
@@ -69,17 +70,17 @@ class Recording:
 
     @property
     def camera(self) -> Intrinsics | None:
-        """Intrinsics that the recording states; None without them."""
+        """Intrinsics that the recording states, or None."""
         return self.stated.intrinsics
 
     def sentence(
         self, focal_px: float | None = None, taken: str = "", *, camera: bool = True
     ) -> str:
-        """Say what is left out and assumed; every command prints this sentence. "": nothing.
+        """Describe what is left out and assumed, for every command; "" if there is nothing.
 
         Args:
-            focal_px: focal length by an option, pixels.
-            taken: name of the sensor whose intrinsics are taken; default: the assumed one.
+            focal_px: focal length from an option, px.
+            taken: name of the sensor whose intrinsics are used. Default: ``assumed``.
             camera: whether the intrinsics matter.
         """
         remarks = list(self.notes)
@@ -105,7 +106,7 @@ class Recording:
 
     @property
     def step_mm(self) -> float:
-        """The step of whole numbers, mm."""
+        """Step of integers, mm."""
         return (self.stated.unit_mm if self.reader is None else self.reader.step_mm) or 1.0
 
     @property
@@ -125,7 +126,7 @@ class Recording:
 
     @cached_property
     def votes(self) -> Votes:
-        """What at most 16 maps show, evenly spread: of files those that voted on the unit."""
+        """Facts about at most 16 sampled maps; for files, the maps that decided on the unit."""
         if isinstance(self.reader, MapFiles):
             return self.reader.votes
         numbers = spread(len(self.frames), VOTERS)
@@ -136,16 +137,16 @@ class Recording:
 
     @property
     def distortion(self) -> tuple[float, ...]:
-        """Coefficients of the lens in OpenCV's order; empty without."""
+        """Coefficients of the lens in OpenCV's order; empty without a lens."""
         return self.stated.distortion
 
     def read(self, most: int | None = None, focal_px: float | None = None) -> Frames:
         """Read the frames into memory.
 
         Args:
-            most: largest number of frames; a longer recording is thinned evenly, in runs of four
-                consecutive frames. Default: all.
-            focal_px: overrides the camera's focal length, pixels.
+            most: largest number of frames; of a longer recording, evenly spread groups of four
+                consecutive frames are read. Default: all.
+            focal_px: focal length that replaces the camera's, px.
 
         Raises:
             DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
@@ -167,11 +168,11 @@ class Recording:
         return Frames.of(frames, self.path.name or where)
 
     def read_static(self, most: int | None = MOST_STATIC) -> Frames:
-        """Read the frames of one static scene; a longer recording is thinned as by ``read``.
+        """Read the frames of one static scene; ``most`` as in ``read``.
 
-        Where half of the frames or more have infrared, the others are left out.
+        If at least half of the frames have infrared, frames without it are left out.
 
-        Raises DatasetError as ``read`` does, for a single frame, and for a scene that changes.
+        Raises the errors of ``read``; DatasetError for a single frame, and for a changing scene.
         """
         if len(self.frames) < 2:
             raise DatasetError(
@@ -206,7 +207,7 @@ def check_least_size(shape: tuple[int, ...], where: object) -> None:
 
 
 def check_sizes(frames: Sequence[tuple[str, tuple[int, ...]]], where: str) -> None:
-    """Raise DatasetError if named images, (name, shape) each, differ in size."""
+    """Raise DatasetError if images, given as (name, shape), differ in size."""
     for name, shape in frames[1:]:
         if shape != frames[0][1]:
             first, size = frames[0]
@@ -217,7 +218,7 @@ def check_sizes(frames: Sequence[tuple[str, tuple[int, ...]]], where: str) -> No
 
 
 def _chosen(count: int, most: int) -> list[int]:
-    """Return the numbers of at most ``most`` frames, evenly spread runs of consecutive ones."""
+    """Return at most ``most`` frame numbers: evenly spread groups of consecutive frames."""
     if count <= most:
         return list(range(count))
     run = min(most, _RUN)

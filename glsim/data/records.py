@@ -17,7 +17,7 @@ from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.tasks import Task
 
 Record = dict[str, Any]
-#: Largest chunk record, bytes: 512 frames with lines of twenty times the usual length.
+#: Largest chunk record, bytes: 512 frames whose lines are twenty times longer than usual.
 _MAX_BYTES = 1 << 26
 
 

@@ -1,7 +1,7 @@
 """The identity of a data set: the header entries that decide its bytes and must not change.
 
-A run resumed with other settings, or with other contents of the files that the settings name, would
-make a data set of two halves.
+A run that is resumed with other settings or changed input files would make a data set of two
+different halves.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from glsim.settings.toml_tables import flattened
 #: Settings that do not change any frame: a run may be resumed with other values.
 _FREE_SETTINGS = ("settings.strict",)
 
-#: Contents of records and layers: of any data set, and of optional layers.
+#: Descriptions of records and layers in the header: of each data set, and of optional layers.
 _UNITS = {
     "clean, noisy": "uint16 steps of depth_unit_mm along the optical axis, 0 = no return; "
     "add depth_offset_mm of the record",

@@ -17,7 +17,7 @@ from glsim.data.run_identity import refuse_difference
 
 PLAN = f"{STATE}/plan.json"
 _CHUNKS = f"{STATE}/chunks"
-#: Largest file of the state, bytes: a thousand times a record of 512 frames.
+#: Largest file in the state folder, bytes: a thousand times the record of 512 frames.
 _MAX_BYTES = 1 << 30
 
 

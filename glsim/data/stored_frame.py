@@ -21,25 +21,25 @@ from glsim.data.header import REPAIR
 from glsim.data.layer_images import LayerImage, decode_layer
 from glsim.simulation.frame import decode_normals
 
-#: Bytes between two members of a shard: a header and the rest of the last block, 512 each.
+#: Largest gap between two members of a shard, bytes: a header, and the rest of the last block.
 _TAR_BYTES = 1024
 
-#: Layers of a data set that hold depth, and become float32 millimetres.
+#: Depth layers of a data set, which are converted to float32 millimetres.
 _DEPTH_LAYERS = ("clean", "expected", "noisy")
 
 
 def stored_frame(
     store: Store, record: Mapping[str, Any], step_mm: float, lens: Distortion
 ) -> DepthFrame:
-    """Return a frame of a data set, which reads and checks its images at their first use.
+    """Return a frame of a data set; it reads and checks each image at its first use.
 
-    Its depths are as measured: the offset of its files is added to them.
+    The offset of the files is added, so that its depths are measured depths.
 
     Args:
         store: of the data set.
         record: of the frame in the manifest, see ``glsim.data.records.frame_record``.
         step_mm: millimetres per step of stored depth.
-        lens: distortion that the images keep.
+        lens: lens distortion that is present in the images.
     """
     images = StoredImages(store, record, step_mm)
     layers: dict[str, Any] = {}
@@ -129,8 +129,8 @@ class StoredImages:
 def _fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
     """Read the bytes of a frame's remote images, layer -> bytes, short if a file ends early.
 
-    Those that lie one after another in a shard take one request, for its latency exceeds their
-    transfer.
+    Adjacent images in a shard are read by one request, since its latency exceeds their transfer
+    time.
     """
     places = {layer: (file.get("offset", 0), file["size"]) for layer, file in files.items()}
     names = {layer: file["name"] for layer, file in files.items()}

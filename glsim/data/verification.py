@@ -152,7 +152,7 @@ class _Verification:
         try:
             names = [f"{folder}/{name}" for name in self._store.names(folder)]
         except DatasetError:
-            return  # its images were reported
+            return  # its images are reported already
         yield from (f"{name} is in no record" for name in names if name not in images)
 
     def _stray_entries(self) -> Iterator[str]:

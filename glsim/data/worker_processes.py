@@ -50,7 +50,7 @@ SINGLE_THREADED = {
 }
 #: Width of llvmpipe's vectors, bits, as on processors with AVX2; its code depends on the width.
 _VECTORS = {"LP_NATIVE_VECTOR_WIDTH": "256"}
-#: NumPy's names of later features than Haswell's; since NumPy 2.4 of the level x86-64-v4.
+#: NumPy's names of processor features after Haswell; X86_V4 is the name since NumPy 2.4.
 _AFTER_HASWELL = ("AVX512", "X86_V4")
 
 
@@ -74,7 +74,7 @@ _START = (
     "import sys; descriptor, *sys.path = sys.argv[1:];"
     f"from {__name__} import serve; serve(int(descriptor))"
 )
-#: Attempts per task, if workers die while they do it.
+#: Number of attempts at a task whose worker dies.
 _ATTEMPTS = 2
 #: Seconds between two interim results of a worker.
 _REPORT_EVERY_S = 0.2

@@ -24,8 +24,8 @@ class Export:
     Args:
         name: name in ``--to``.
         help: description in one line.
-        encode: returns the files of one frame: end of the name, and bytes.
-        library: imported package, of the extra glsim[formats].
+        encode: returns the files of one frame, each as (end of its name, bytes).
+        library: package that the format imports; the extra glsim[formats] installs it.
     """
 
     name: str
@@ -44,7 +44,7 @@ def export_frames(
 
     Args:
         dataset: the data set.
-        layers: layers of depth, ConfigError if absent. Default: all of the data set.
+        layers: depth layers to export; ConfigError for a missing layer. Default: all depth layers.
         split: frames of this split only.
         count: number of frames, from the first on.
     """
@@ -71,8 +71,8 @@ def depth_layers(frame: DepthFrame) -> list[str]:
 def surface_normals(frame: DepthFrame, layer: str) -> NDArray[np.float32]:
     """Return unit normals towards the camera, (H, W, 3) float32, 0 without depth.
 
-    Clean depth has the mesh's normals if the data set stores them; otherwise normals are
-    differences of the depth, as noisy as it.
+    Clean depth has the mesh's normals if the data set stores them. Other normals are computed from
+    differences of depth, and are as noisy as the depth.
     """
     if layer == "clean" and "normals" in frame:
         return frame.normals

@@ -25,7 +25,7 @@ FORMATS: Final[Mapping[str, Export]] = {
     export.name: export for export in shipped_objects("data/export/formats", _is_export)
 }
 
-#: Format of a copy of the data set with its card.
+#: Name of the format that copies the data set and adds its card.
 HUB: Final = "hf"
 
 
@@ -59,8 +59,9 @@ def export_dataset(
 ) -> int:
     """Write the frames of a data set to a folder in the chosen export formats.
 
-    Files of a frame are OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., as the images of the data set, and
-    replace older files. The format hf stands alone: it copies the whole data set, with a card.
+    Files of a frame are named OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., like the images of the data set,
+    and replace older files. The format hf cannot be combined: it copies the whole data set and adds
+    a card.
 
     Args:
         dataset: the data set.

@@ -3,8 +3,9 @@
 A ROS 1 bag is a file ``*.bag``, a ROS 2 bag a folder with ``metadata.yaml`` or one file ``*.mcap``
 or ``*.db3``. librealsense names its topics ``/device_0/sensor_0/Depth_0/image/data`` and
 ``.../Depth_0/info/camera_info``, its options ``/device_0/sensor_0/option/Depth_Units/value``
-(metres) and ``.../Stereo_Baseline/value`` (mm). Of ROS nodes 16UC1 is millimetres, 32FC1 metres
-(REP 118), and the camera_info lies beside the images, above them, or has their frame_id.
+(metres) and ``.../Stereo_Baseline/value`` (mm). In images of ROS nodes, 16UC1 is millimetres and
+32FC1 metres (REP 118); their camera_info is beside the images, above them, or has the same
+frame_id.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ from glsim.data.recordings.streams import FrameStream
 
 _INFO = "sensor_msgs/msg/CameraInfo"
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-#: Lens models whose coefficients are OpenCV's; any other is named to the user.
+#: Lens models with OpenCV's coefficients; a remark names any other model.
 _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
-#: Largest difference of the scales along x and y of a camera_info of another size: sizes of
-#: decimated images are rounded to multiples of 4 pixels.
+#: If a camera_info has another size than the images, its scales along x and y may differ by this
+#: share: sizes of decimated images are rounded to multiples of 4 px.
 _UNEQUAL = 0.02
 
 
@@ -48,7 +49,7 @@ def _unpack(decompressor: Any, data: bytes) -> bytes:
 
 
 class _UnpackedFile(BoundedFile):
-    """A file that the library unpacks on the disk: to half of its free space, else ValueError."""
+    """A file that the library unpacks to disk; ValueError beyond half of the free space."""
 
     def __init__(self, file: Any) -> None:
         super().__init__(file, shutil.disk_usage(tempfile.gettempdir()).free // 2)
@@ -64,7 +65,7 @@ def _words(words: str) -> re.Pattern[str]:
     return re.compile(rf"(?<![a-z])({words})\d*(?![a-z])")
 
 
-#: What a part of a topic's name says of its images, in the order in which the words win.
+#: Kind of images -> words of topics' names that mark it; the first matching kind counts.
 _ROLES = {
     "other": _words(
         "confidence|conf|disparity|amplitude|intensity|noise|gr[ae]y|thermal|labels?|mask|normals?|"
@@ -73,7 +74,7 @@ _ROLES = {
     "infrared": _words("infrared|infra|n?ir"),
     "depth": re.compile("depth"),
 }
-#: Images that were resampled for another camera, or filtered: taken last.
+#: Topics of images resampled for another camera, or filtered; they are the last choice.
 _RESAMPLED = re.compile(
     _words("aligned|registered|q?hd|colou?r|rgb|ground_truth|clean|expected|filtered").pattern
     + "|_to_"
@@ -81,7 +82,7 @@ _RESAMPLED = re.compile(
 
 
 class BagStream(FrameStream):
-    """The depth images of a bag, and the infrared images of the same moments."""
+    """The depth images of a bag, and infrared images of the same times."""
 
     _LIBRARY = "rosbags"
     _PROBLEM = "is no readable bag; one that was cut off: repair it by rosbag reindex, mcap recover"
@@ -96,7 +97,7 @@ class BagStream(FrameStream):
         images = {t: (encoding_of(m), m) for t, m in sorted(firsts.items()) if m is not None}
         known = [t for t, (name, _) in images.items() if TYPES.get(name, "u1") != "u1"]
         named = [topic for topic in known if _role(topic) == "depth"]
-        # 16 bits of grey are depth only if the name says so.
+        # 16-bit grey images are depth only if their topic's name marks depth.
         depth = named or [t for t in known if not _role(t) and images[t][0] != "mono16"]
         found = ", ".join(f"{t} ({name or m.format})" for t, (name, m) in images.items())
         if self._asked is not None:
@@ -179,7 +180,7 @@ class BagStream(FrameStream):
         return None
 
     def _find_times(self, tracks: Sequence[str]) -> dict[str, NDArray[np.int64]]:
-        """Return the times of each topic's messages, ns: from the index of a ROS 1 bag."""
+        """Return the times of each topic's messages, ns; a ROS 1 bag lists them in its index."""
         found: dict[str, list[int]] = {topic: [] for topic in tracks}
         for topic, times in found.items():
             for connection in self._of(topic):
@@ -190,12 +191,12 @@ class BagStream(FrameStream):
         return {topic: np.array(sorted(times), np.int64) for topic, times in found.items()}
 
     def _image(self, topic: str, number: int) -> NDArray[np.generic]:
-        """Read an image; the next one of a topic goes on where the last was read."""
+        """Read an image; reading continues at the topic's last image if possible."""
         times = self._times[topic]
         reader = self._open()
         place, messages = self._cursors.get(topic, (-1, iter(())))
         if place != number:
-            place = int(np.searchsorted(times, times[number]))  # of equal times the first
+            place = int(np.searchsorted(times, times[number]))  # first of equal times
             messages = reader.messages(self._of(topic), start=int(times[number]))
         while place < number:
             next(messages)
@@ -220,7 +221,7 @@ class BagStream(FrameStream):
         return stated, tuple(remarks)
 
     def _find_camera(self) -> tuple[Intrinsics | None, tuple[float, ...], list[str]]:
-        """Return intrinsics and lens by the nearest camera_info that can be used, and remarks."""
+        """Return intrinsics and lens of the nearest usable camera_info, and remarks."""
         topic, shape = self._depth, self._shape(self._depth)
         frame = str(self._first(topic).header.frame_id)
         images, infos = self._names(*_IMAGES), self._names(_INFO)
@@ -258,14 +259,14 @@ class BagStream(FrameStream):
         return None, (), remarks
 
     def _number(self, option: str) -> float | None:
-        """Return the value of one of librealsense's options, if it is recorded and not 0."""
+        """Return the value of a recorded librealsense option; None if it is missing or 0."""
         for name in (option, option.replace("_", " ")):
             if (message := self._first(f"{name}/value")) is not None:
                 return float(message.data) or None
         return None
 
     def _device_name(self, topic: str) -> str:
-        """Return the camera's name among librealsense's facts about the device."""
+        """Return the camera's name from librealsense's device information."""
         reader, connections = self._open(), self._of(topic)
         for connection, _, data in reader.messages(connections) if connections else ():
             fact = reader.deserialize(data, connection.msgtype)
@@ -275,12 +276,12 @@ class BagStream(FrameStream):
 
 
 def _plain(topic: str) -> str:
-    """Return a topic without the transport of its images."""
+    """Return a topic's name without the suffix of its image transport."""
     return re.sub(r"/compressed(depth)?$", "", topic.lower())
 
 
 def _role(topic: str) -> str:
-    """Return what the last telling part of a name says: other, infrared, depth; else ""."""
+    """Return the kind of images by a topic's name: "other", "infrared", "depth" or ""."""
     for part in reversed(re.sub(r"_to_[^/]*", "", _plain(topic)).split("/")):
         for role, words in _ROLES.items():
             if words.search(part):
@@ -289,7 +290,7 @@ def _role(topic: str) -> str:
 
 
 def _rank(topic: str) -> tuple[object, ...]:
-    """Return the place of a depth topic: native, not compressed, not rectified ones first."""
+    """Return a sort key of depth topics: native, uncompressed, unrectified images first."""
     last = _plain(topic).rpartition("/")[2]
     resampled = len(_RESAMPLED.findall(topic.lower()))
     return resampled, _plain(topic) != topic.lower(), "rect" in last, "raw" not in last, topic
@@ -300,7 +301,7 @@ def _parts(topic: str) -> list[str]:
 
 
 def _shared(topic: str, other: str) -> int:
-    """Count the parts with which two names begin alike."""
+    """Count the equal leading parts of two topics' names."""
     pairs = zip(_parts(topic), _parts(other), strict=False)
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
@@ -308,10 +309,10 @@ def _shared(topic: str, other: str) -> int:
 def _camera(
     info: Any, shape: tuple[int, ...], topic: str
 ) -> tuple[Intrinsics | None, tuple[float, ...], str]:
-    """Return intrinsics and lens of (H, W) images by a camera_info, and a remark or "".
+    """Return intrinsics and lens of (H, W) images from a camera_info, and a remark or "".
 
-    Rectified images go with the projection P and no lens, others with K and D. Sizes, offsets and
-    binning are those of the whole image; ROS counts from the first pixel's centre.
+    Rectified images have the projection P and no lens, other images K and D. Sizes, offsets and
+    binning refer to the whole image. In ROS, the centre of the first pixel is at 0.
     """
     k, d, p = (np.asarray(getattr(info, n, getattr(info, n.upper(), ())), float) for n in "kdp")
     last = _plain(topic).rpartition("/")[2]

@@ -15,7 +15,7 @@ from glsim.core.files.regular import read_data
 
 _MAX_SIDE: Final = 2048
 _MAX_TEXT: Final = 10_000
-#: Calibrations by OpenCV have the centre of the first pixel at 0.
+#: Coordinate of the first pixel's centre in glsim, px; it is 0 in OpenCV's calibrations.
 _PIXEL_CENTRE: Final = 0.5
 
 

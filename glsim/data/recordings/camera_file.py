@@ -1,4 +1,4 @@
-"""What a recording says about its camera: ``camera.toml`` beside the frames, or its own headers.
+"""The stated camera of a recording, from ``camera.toml`` beside the frames or from its files.
 
 name = "RealSense D435, serial 1234"   optional: a name for people
 sensor = "realsense-d435"              optional: a sensor of glsim; gives what is not said here
@@ -36,17 +36,17 @@ _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 @dataclass(frozen=True)
 class StatedCamera:
-    """What files say about their camera; by default nothing.
+    """A camera as files state it; a value that is not stated is None or empty.
 
     Attributes:
         intrinsics: size, focal lengths, principal point.
-        distortion: in OpenCV's order: k1, k2, p1, p2, k3, and k4, k5, k6 if there are any.
+        distortion: coefficients k1, k2, p1, p2, k3 (OpenCV's order), and k4, k5, k6 if stated.
         unit_mm: step of integer depths, mm.
-        baseline_m: distance of the two views of a camera that triangulates.
-        name: for people.
+        baseline_m: distance of the two views of a triangulating camera.
+        name: name of the camera for people.
         sensor: name of a sensor of glsim.
-        channel: of OpenEXR files.
-        along_ray: depths are distances along the ray of each pixel, not along the axis.
+        channel: depth channel of OpenEXR files.
+        along_ray: whether depths are distances along the pixels' rays, not along the axis.
     """
 
     intrinsics: Intrinsics | None = None
@@ -59,9 +59,9 @@ class StatedCamera:
     along_ray: bool = False
 
     def over(self, other: StatedCamera) -> StatedCamera:
-        """Return this, with what it leaves open as ``other`` says it.
+        """Return this camera, with missing values taken from ``other``.
 
-        A lens belongs to its intrinsics: both come from the same file.
+        Lens and intrinsics belong together and come from the same file.
         """
         said = {f.name for f in fields(self) if getattr(self, f.name) != f.default}
         if self.intrinsics is not None:
@@ -97,7 +97,7 @@ def read_camera_file(file: Path) -> StatedCamera:
     """Read a ``camera.toml``.
 
     Raises:
-        ConfigError: it cannot be read, has an unknown key, or a value that no camera has.
+        ConfigError: the file cannot be read, has an unknown key or an impossible value.
     """
     table = parse_table(_CameraTable, read_toml(file), str(file))
     intrinsics = None
@@ -119,7 +119,7 @@ def sensor_camera(name: str, where: Path) -> StatedCamera:
     """
     from glsim.sensors.sensor import load_sensor, shipped_sensors
 
-    if name not in shipped_sensors():  # others may run code
+    if name not in shipped_sensors():  # a sensor file may run code
         raise ConfigError(
             f"{where}: sensor: {name!r} is no sensor that glsim ships "
             f"({did_you_mean(name, shipped_sensors())}); name your own in the command"

@@ -1,7 +1,7 @@
-"""Depth maps in files of their own: one decision on their unit, then one map at a time.
+"""Depth maps in single files: their unit is decided once, then maps are read one by one.
 
-16-bit integers count steps of a unit. Floats are metres, or millimetres, as libfreenect2 writes
-them: the median of a folder decides. At most 16 maps of a set are decoded for these decisions.
+16-bit integers are steps of a unit. Floats are metres, or millimetres as libfreenect2 writes them;
+the median of a folder decides. At most 16 maps of a set are decoded for these decisions.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from glsim.data.map_files import (
 )
 from glsim.data.recordings.names import infrared_beside
 
-#: Most maps of a set that vote, those of them that show what camera it is, and values of each
-#: that decide on the unit of floats. Chosen.
+#: Largest number of maps of a set that vote on its unit, largest number of these that are kept to
+#: recognise the camera, and number of values per map that decide on the unit of floats. Chosen.
 VOTERS, SHOWN, _VALUES = 16, 4, 20_000
 
 
@@ -37,12 +37,12 @@ class FramePlace(NamedTuple):
     """Name and files of one depth map.
 
     Attributes:
-        name: unique in the recording.
+        name: name of the map, unique in the recording.
         file: PNG, TIFF, OpenEXR, ``.npy``, dump of libfreenect2, or Biwi's depth.bin.
-        number: position in a stack; None if the file holds one map.
-        inside: a folder that no link to the file may lead out of.
-        infrared: its infrared image, if it does not lie beside it.
-        offset_mm: added to whole numbers, see ``from_steps``.
+        number: number of the map in a stack; None if the file has one map.
+        inside: folder; a link to a file outside it is refused.
+        infrared: file of the infrared image, if it is not beside ``file``.
+        offset_mm: depth that is added to integers, see ``from_steps``.
     """
 
     name: str
@@ -54,13 +54,13 @@ class FramePlace(NamedTuple):
 
 
 class Votes(NamedTuple):
-    """What at most 16 maps of a set show.
+    """Facts about the sampled maps of a set, at most 16.
 
     Attributes:
-        maps_mm: up to four of them, (H, W) float32 mm, 0 = no depth.
-        step_mm: their step, mm, 0 of floats.
-        deepest_mm: largest depth of all.
-        names_step: whether one of them states its step.
+        maps_mm: up to four of the maps, (H, W) float32 mm, 0 = no depth.
+        step_mm: step of integers, mm; 0 for floats.
+        deepest_mm: largest depth in the maps.
+        names_step: whether one of the files states its step.
     """
 
     maps_mm: tuple[Floats, ...] = ()
@@ -70,14 +70,14 @@ class Votes(NamedTuple):
 
 
 class MapFiles:
-    """Reads depth maps and their infrared images from files.
+    """A reader of depth maps and infrared images in files.
 
     Attributes:
         places: file of each map.
-        step_mm: of whole numbers; the largest where PNG files state theirs.
-        votes: what the maps show that were read to decide on the unit.
-        ray_channel: name of an OpenEXR channel of distances along rays; "" for depth.
-        notes: what is assumed where nothing states a unit, in lines for the user.
+        step_mm: step of integers; the largest step if each PNG file states its own.
+        votes: facts about the maps that were read to decide on the unit.
+        ray_channel: OpenEXR channel with distances along rays; "" if the files have depths.
+        notes: lines for the user about assumed units.
     """
 
     def __init__(
@@ -87,18 +87,19 @@ class MapFiles:
         stated_mm: float | None = None,
         channel: str | None = None,
     ) -> None:
-        """Decide the step of whole numbers, and the unit of floats for each folder.
+        """Decide the step of integers, and for each folder the unit of floats.
 
         Args:
-            places: of the maps, in order.
-            given_mm: step of whole numbers by an option; default: as stated, else 1.
-            stated_mm: step that a camera.toml or a data set states; it wins over PNG files'.
-            channel: of OpenEXR files.
+            places: names and files of the maps, in order.
+            given_mm: step of integers from an option. Default: the stated step, else 1.
+            stated_mm: step that a camera.toml or a data set states; it overrides the PNG files'
+                steps.
+            channel: depth channel of OpenEXR files.
 
         Raises:
-            ConfigError: two steps are stated or given.
-            DatasetError: whole numbers are shifted, floats neither metres nor millimetres, or no
-                map that votes can be read.
+            ConfigError: two different steps are stated or given.
+            DatasetError: integers are shifted, floats are neither metres nor millimetres, or none
+                of the sampled maps can be read.
         """
         self.places, self._channel = tuple(places), channel or None
         self.notes: tuple[str, ...] = ()
@@ -107,7 +108,8 @@ class MapFiles:
             folders.setdefault(place.file.parent, []).append(place)
         voters = _voters([*folders.values()])
         named = {stated_unit_mm(place.file, inside=place.inside) for place in voters}
-        #: Whether each PNG file states its step, and neither a camera.toml nor a data set does.
+        #: Whether each PNG file has its own step: it states one, and no camera.toml or data set
+        #: does.
         self._each_states = stated_mm is None and named != {None}
         if self._each_states:
             if None in named and named != {None, 1.0}:
@@ -147,7 +149,7 @@ class MapFiles:
         return self.files(number)[1] is not None
 
     def depth(self, number: int) -> tuple[Floats, float]:
-        """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats.
+        """Read (H, W) float32 depth in mm, 0 = no depth; and its step in mm, 0 for floats.
 
         Raises DatasetError.
         """
@@ -155,7 +157,7 @@ class MapFiles:
         return self._in_mm(place, self._stored(place))
 
     def infrared(self, number: int) -> Floats | None:
-        """Read (H, W) float32 infrared counts, 0 to 65535; None without. Raises DatasetError."""
+        """Read (H, W) float32 infrared, 0 to 65535 counts, or None. Raises DatasetError."""
         _, file = self.files(number)
         if file is None:
             return None
@@ -173,13 +175,13 @@ class MapFiles:
         return depth_mm, 0.0 if image.dtype.kind == "f" else step_mm
 
     def _read(self, voters: Sequence[FramePlace]) -> dict[FramePlace, NDArray[np.generic]]:
-        """Read the maps that vote; raise the first error if none can be read."""
+        """Read the sampled maps; raise the first error if no map can be read."""
         images: dict[FramePlace, NDArray[np.generic]] = {}
         first: DatasetError | None = None
         for place in voters:
             try:
                 images[place] = self._stored(place)
-            except DatasetError as error:  # of one of many: reported when it is read
+            except DatasetError as error:  # one of many maps; reading it reports the error
                 first = first or error
         if first is not None and not images:
             raise first
@@ -188,7 +190,7 @@ class MapFiles:
     def _decide(
         self, folder: Path, images: Mapping[FramePlace, NDArray[np.generic]], unknown: bool
     ) -> bool:
-        """Return whether a folder's floats are metres; refuse shifted numbers of unknown step."""
+        """Return whether a folder's floats are metres; refuse shifted integers of unknown step."""
         own = {place: image for place, image in images.items() if place.file.parent == folder}
         files = {place.file for place in own}
         where = files.pop() if len(files) == 1 else folder
@@ -210,7 +212,7 @@ class MapFiles:
 
 
 def _voters(folders: Sequence[Sequence[FramePlace]]) -> list[FramePlace]:
-    """Return the maps that vote: 16 of all, evenly spread, and one of each folder of floats."""
+    """Return the maps to sample: 16 evenly spread maps, and one of each folder of floats."""
     share = max(1, VOTERS // len(folders))
     voters = [places[k] for places in folders for k in spread(len(places), share)]
     whole = [place for place in voters if place.file.suffix.lower() == ".png"]
@@ -219,14 +221,14 @@ def _voters(folders: Sequence[Sequence[FramePlace]]) -> list[FramePlace]:
 
 
 def spread(count: int, most: int) -> list[int]:
-    """Return at most ``most`` of the numbers below ``count``, evenly spread."""
+    """Return at most ``most`` evenly spread numbers from 0 to ``count`` - 1."""
     return [int(number) for number in np.linspace(0, count - 1, min(count, most)).round()]
 
 
 def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> float | None:
-    """Return the depth of one step of whole numbers, mm, as given or as stated in files.
+    """Return the step of integers, mm, from an option or from files.
 
-    Raises ConfigError where these differ, and for 0 or less.
+    Raises ConfigError if the two differ, and for a step of 0 or less.
     """
     if given is not None and not given > 0:
         raise ConfigError(f"--depth-unit-mm {given:g}: must be above 0")
@@ -239,5 +241,5 @@ def agreed_unit_mm(given: float | None, stated: float | None, where: object) -> 
 
 
 def read_map_mm(file: Path, unit_mm: float | None = None) -> Floats:
-    """Read one depth map, (H, W) float32 millimetres, 0 = no depth. Raises as ``MapFiles``."""
+    """Read a map: (H, W) float32 mm, 0 = no depth. Raises the errors of ``MapFiles``."""
     return MapFiles([FramePlace(file.stem, file)], unit_mm).depth(0)[0]

@@ -1,4 +1,4 @@
-"""What lies in the folder of a recording: its depth files, and what states its camera."""
+"""Search of a recording's folder: its depth files, and files that state its camera."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from glsim.data.recordings.names import DepthKind, left_out_text, other_kind, wo
 from glsim.data.recordings.opencv_yaml import read_matrices
 from glsim.data.recordings.streams import STREAMS, is_stream
 
-#: The calibration of iai_kinect2, in the folder of its frames.
+#: File name of a calibration by iai_kinect2, in the folder of its frames.
 CALIBRATION = "calib_ir.yaml"
-#: Files of Polycam's cameras that are read, evenly spread.
+#: Number of Polycam's camera files that are read, evenly spread.
 _SAMPLE = 16
-#: Largest difference of the scales of depth to colour along x and y: 256 x 192 of 1024 x 768.
+#: Largest difference between the scales from colour to depth images along x and y.
 _UNEQUAL = 0.02
-#: Names of files that may state a camera.
+#: Suffixes of files that may state a camera.
 _CAMERA_ENDS: Final = (".json", ".yaml", ".yml", ".txt", ".xml", ".toml", ".ini")
 _CAMERA_WORDS: Final = re.compile("intrinsic|camera|calib")
-#: Suffixes of depth maps, the first that a folder holds: then others there are left out.
+#: Groups of suffixes of depth maps; the first group that a folder has is read, no other.
 _FORMATS: Final = ((".png",), (*SUFFIXES[1:], *READ_ONLY), DUMPS[:-1])
-#: Marks of the names of depth maps, by kind: where a folder has some, maps without are left out.
+#: Kind of map -> last words of file names; if a folder has such files, only these are read.
 _MARKS: Final = {
     "noisy": ("_depth", "_noisy"),
     "clean": ("_depth", "_clean"),
@@ -46,23 +46,24 @@ _MARKS: Final = {
 def list_maps(
     folder: Path, kind: DepthKind = "noisy", below: bool = True
 ) -> tuple[list[Path], Counter[str]]:
-    """Find the depth maps in a folder and its sub-folders: the one rule of every command.
+    """Find the depth maps in a folder and its sub-folders, by the same rules for all commands.
 
-    Of each folder the files named as depth count (``*_depth``, ``*_noisy`` or ``*_clean``, else
-    ``depth*``); without any, all that are not named as something else. Of these PNG files count;
-    without any, TIFF, OpenEXR and .npy files; without any, dumps of libfreenect2 and Biwi. Beside
-    a folder ``depth`` nothing else counts.
+    First rule, name: files named as depth (``*_depth``, ``*_noisy`` or ``*_clean``, else
+        ``depth*``) are read; if a folder has none, all files that are not named as another kind.
+        Second rule, format: of these PNG files are read; if there are none, TIFF, OpenEXR and .npy
+        files; if there are none, dumps of libfreenect2 and Biwi. A folder ``depth`` excludes all
+        files beside it.
 
     Args:
-        folder: the top.
-        kind: of the maps; others of a folder that glsim wrote are left out.
-        below: also in sub-folders other than ``depth``.
+        folder: the folder to search.
+        kind: kind of the maps; other kinds in a folder that glsim wrote are left out.
+        below: whether to search sub-folders other than ``depth``, too.
 
     Returns:
-        The files in natural order, and patterns of the files left out with their numbers.
+        The files in natural order, and pattern of file names that are left out -> number of files.
 
     Raises:
-        NoDepthError: no file is left.
+        NoDepthError: the folder has no depth map.
     """
     groups: dict[Path, list[Path]] = {}
     for path in _images(folder, below):
@@ -95,7 +96,7 @@ def list_maps(
 
 
 def _images(folder: Path, below: bool) -> Iterator[Path]:
-    """Yield the files with a suffix of depth maps of a folder, and below it."""
+    """Yield a folder's files (and its sub-folders') with a suffix of depth maps."""
     ends = (*SUFFIXES, *READ_ONLY, *DUMPS[:-1])
     if below:
         yield from files_below(folder, ends)
@@ -105,7 +106,7 @@ def _images(folder: Path, below: bool) -> Iterator[Path]:
 
 
 def _maps_of(paths: Sequence[Path], kind: DepthKind, left_out: Counter[str]) -> list[Path]:
-    """Return the depth maps of one folder's files; count the patterns of the others."""
+    """Return the depth maps among one folder's files; count the other files by pattern."""
     named = {path: other_kind(path.name, kind) for path in paths}
     left_out.update(filter(None, named.values()))
     maps = [path for path, other in named.items() if not other]
@@ -119,14 +120,14 @@ def _maps_of(paths: Sequence[Path], kind: DepthKind, left_out: Counter[str]) -> 
 
 
 def kind_of(file: Path) -> str:
-    """Return what a file of depth maps is called: "images", "npy", "libfreenect2" or "biwi"."""
+    """Return the kind of a file of depth maps: "images", "npy", "libfreenect2" or "biwi"."""
     if file.suffix.lower() not in DUMPS:
         return "npy" if file.suffix.lower() in STACKS else "images"
     return "biwi" if file.with_name(BIWI_CALIBRATION).is_file() else "libfreenect2"
 
 
 def whole_recording(given: Sequence[Path]) -> Path | None:
-    """Return the bag or Matroska file that is given, or lies in a given folder without images.
+    """Return the bag or Matroska file that is an input, or is in an input folder without images.
 
     Raises DatasetError for more than one.
     """
@@ -150,7 +151,7 @@ def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
     """Read the files in the folders that state a camera or the unit of its depth.
 
     Returns:
-        What they state, the first above the others, and that first file.
+        The stated camera (earlier files override later ones), and the first file.
 
     Raises ConfigError, DatasetError.
     """
@@ -196,7 +197,7 @@ def _polycam_cameras(folder: Path) -> StatedCamera:
         rows = [[f[k] for k in ("width", "height", "fx", "fy", "cx", "cy")] for f in files]
         width, height, *matrix = np.median(np.array(rows, np.float64), axis=0).tolist()
     except (KeyError, ValueError, TypeError):
-        return StatedCamera()  # cameras of something else
+        return StatedCamera()  # JSON files of another program
     if size is None:
         return StatedCamera()
     x, y = size[0] / width, size[1] / height
@@ -219,7 +220,7 @@ def _bop_cameras(file: Path) -> StatedCamera:
         raise DatasetError(f"{file}: has no cam_K and depth_scale for each image") from error
     size = _size_of_maps(file.parent)
     if len(stated) > 1 or size is None:
-        return StatedCamera(unit_mm=step_mm)  # a camera that zooms, or no PNG maps
+        return StatedCamera(unit_mm=step_mm)  # a zooming camera, or no PNG maps
     return StatedCamera(Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5), unit_mm=step_mm)
 
 
@@ -230,12 +231,12 @@ def _open3d_camera(file: Path) -> StatedCamera:
         fx, _, _, _, fy, _, cx, cy, _ = map(float, camera["intrinsic_matrix"])
         size = int(camera["width"]), int(camera["height"])
     except (KeyError, ValueError, TypeError):
-        return StatedCamera()  # of something else; ``unread_cameras`` names it
+        return StatedCamera()  # another program's file; ``unread_cameras`` names it
     return StatedCamera(Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5))
 
 
 def unread_cameras(*folders: Path) -> list[str]:
-    """Return the names of files in the folders that look like a camera's and are not read."""
+    """Return the names of files that look like a camera description and are not read."""
     names = {name for folder in folders for name in entries(folder, _CAMERA_ENDS)[0]}
     return sorted(name for name in names - {*_READERS} if _CAMERA_WORDS.search(name.lower()))
 
@@ -261,7 +262,7 @@ def _opencv_calibration(file: Path) -> StatedCamera:
     return StatedCamera(image, tuple(lens.ravel().tolist()))
 
 
-#: What states a camera or a unit in the folder of a recording -> its reader, the surest first.
+#: File that states a camera or a unit -> its reader, the most reliable first.
 _READERS: Final[dict[str, Callable[[Path], StatedCamera]]] = {
     CAMERA_FILE: read_camera_file,
     BIWI_CALIBRATION: lambda file: StatedCamera(read_calibration(file)),

@@ -39,11 +39,11 @@ from glsim.simulation.assembly import reconcile_reasons
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.tasks import Task, make_tasks
 
-#: Titles in data sets, in place of a sensor's.
+#: Sensor title in a data set of Biwi's recordings.
 _BIWI_TITLE = "Biwi: a real Kinect V1; clean is the person's template, posed"
 _RECORDING_TITLE = "a real depth camera; there are no clean maps"
-#: Step of the depth files of recordings of floats, mm. Chosen: a quarter of a Kinect's noise floor,
-#: and 16 bits reach 16 m.
+#: Step of depth files that are written for recordings of floats, mm. Chosen: it is a quarter of a
+#: Kinect's noise floor, and 16 bits reach 16 m.
 FLOAT_UNIT_MM = 0.25
 #: Shares of train, val and test: real frames are for testing.
 DEFAULT_SPLIT = "0,0,1"
@@ -63,17 +63,17 @@ def import_biwi(
 ) -> GenerateSummary:
     """Write the recordings of Biwi as a data set of glsim.
 
-    The noisy map is the Kinect's whole depth.bin, mm; the clean map holds the head alone. Notes of
-    a record have the colour camera and the head pose.
+    The noisy map is the Kinect's whole depth.bin; the clean map shows only the head. The notes of a
+    record have the colour camera and the head pose.
 
     Args:
         root: folder with NN.obj and NN/frame_*_depth.bin.
         out: folder of the data set.
         every: use every n-th frame.
-        subjects, frames_per_subject: numbers; default: all.
+        subjects, frames_per_subject: largest numbers. Default: all.
         split: shares of train, val and test.
         workers: number of processes.
-        backend: of OpenGL.
+        backend: OpenGL back end.
         progress: called with the state after each frame.
 
     Raises ConfigError for a root without recordings, DatasetError by ``write_dataset``.
@@ -83,7 +83,7 @@ def import_biwi(
     tree = {"source": {name: value for name, value in options.items() if value is not None}}
     settings = load_settings(overrides=tree | ({"split": split} if split else {}))
     source = Biwi(root, every=every)
-    source.repeats = False  # each frame is a measurement
+    source.repeats = False  # frames are measured, so none may be repeated
     context = open_context(backend)
     renderer = describe(context)["renderer"]
     context.release()
@@ -167,7 +167,7 @@ def _biwi_frame(
 def _frame(
     settings: Settings, task: Task, source: FaceSource, image: Intrinsics, *maps: Any, **facts: Any
 ) -> Frame:
-    """Return a whole image: clean and noisy depth, m, infrared and reasons."""
+    """Return an uncropped frame with clean and noisy depth, m, infrared and reasons."""
     window = Rect(0, 0, image.width, image.height)
     unit = settings.output.depth_unit_mm
     head = task.key, source.name, task.seeds.frame, image, window
@@ -175,7 +175,7 @@ def _frame(
 
 
 class RecordingSource(FaceSource):
-    """The recordings in a folder and its sub-folders, as the source of a plan: a subject each.
+    """The recordings in a folder and its sub-folders as a face source; each is a subject.
 
     Raises ConfigError for a folder that does not exist, DatasetError if it holds no frames.
     """
@@ -217,7 +217,7 @@ class RecordingSource(FaceSource):
             raise DatasetError(f"{root}: is a data set of glsim already")
         self._every, self._facts = every, {"mirror": str(mirror), "topic": str(topic)}
         remarks = filter(None, (recording.sentence() for recording in self.recordings.values()))
-        #: What was chosen, assumed or left out, in lines for the user.
+        #: Lines for the user about choices, assumptions and files left out.
         self.notes = (*left_out, *remarks)
 
     def subjects(self, count: int | None) -> list[str]:
@@ -237,7 +237,7 @@ class RecordingSource(FaceSource):
         return [FaceKey(subject, "main", number, path=path) for number, path in paths.items()]
 
     def reader(self, subject: str) -> FrameReader:
-        """Return what reads the files of a recording."""
+        """Return the reader of a recording's files."""
         reader = self.recordings[subject].reader
         assert reader is not None, "a data set is refused"
         return reader
@@ -247,7 +247,7 @@ class RecordingSource(FaceSource):
         raise ConfigError(f"{self.root}: recordings have no meshes: use glsim import kinect2")
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
-        """Hash the files of recordings, and what else decides their frames: name -> hash."""
+        """Hash the files and settings that decide the frames of recordings: name -> hash."""
         hashes = dict(self._facts)
         for subject in subjects:
             stated_by = self.recordings[subject].stated_by
@@ -260,7 +260,7 @@ class RecordingSource(FaceSource):
 
     @property
     def step_mm(self) -> float:
-        """The step of depth files, mm, that keeps integers exactly and floats nearly so."""
+        """Step of written depth files, mm; integers stay exact, floats are rounded to 0.25 mm."""
         return min(r.frames[0].step_mm or FLOAT_UNIT_MM for r in self.recordings.values())
 
 
@@ -278,16 +278,16 @@ def import_recordings(
 ) -> GenerateSummary:
     """Write the recordings in ``root``, or in its sub-folders, as a data set of glsim.
 
-    Its layers are noisy and, if every frame has it, infrared. Unreadable frames are skipped with
-    the reason. The camera is the stated one, else a Kinect V2's, which notes say: ``summary.notes``
-    and "intrinsics_assumed" of each record.
+    Its layers are noisy and, if each frame has it, infrared. Unreadable frames are skipped with the
+    reason. Without a stated camera, a Kinect V2 is assumed; ``summary.notes`` and
+    "intrinsics_assumed" of each record tell it.
 
     Args:
         root: a folder that ``open_maps`` reads, or a folder of such folders.
         out: folder of the data set.
-        depth_unit_mm, mirror, topic: as in ``open_maps``.
+        depth_unit_mm, mirror, topic: see ``open_maps``.
         every: use every n-th frame.
-        split: shares of train, val and test; default: all test.
+        split: shares of train, val and test. Default: only test.
         workers: number of processes.
         progress: called with the state after each frame.
 
@@ -362,5 +362,5 @@ def _recorded_frame(settings: Settings, task: Task, source: RecordingSource) -> 
 
 
 def _word(name: str) -> str:
-    """Return a folder's name without characters that paths do not take."""
+    """Return a folder's name without characters that paths must not have."""
     return re.sub(r"[^\w.-]+", "_", name).strip("._") or "recording"

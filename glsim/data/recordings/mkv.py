@@ -1,8 +1,9 @@
 """Matroska files of an Azure Kinect or a Femto, as k4arecorder writes them.
 
-The track DEPTH is 16-bit grey, big endian (b16g), in steps of 1 mm; so is the track IR, in counts;
-files whose tracks were packed again, such as by FFV1, are read as well. The device's factory
-calibration is an attachment, calibration.json, normalised to the whole chip of 1024 x 1024 pixels.
+The track DEPTH is 16-bit grey, big endian (b16g), in steps of 1 mm. The track IR has the same
+format, in counts. Tracks that were compressed again, such as by FFV1, are read as well. The factory
+calibration of the device is an attachment, calibration.json, normalised to the whole chip of 1024 x
+1024 px.
 Sources: Microsoft's page on the format of recordings, and mode_specific_calibration.c of the
 Azure-Kinect-Sensor-SDK for the part of the chip that each mode shows.
 """
@@ -26,15 +27,15 @@ from glsim.data.recordings.streams import FrameStream
 
 #: Size of the chip, px, to which the calibration is normalised.
 _CHIP_PX = 1024
-#: (width, height) of a mode -> chip pixels per pixel along each axis, first column and row of the
-#: mode in its own pixels, and the sensor of glsim.
+#: (width, height) of a mode -> chip pixels per pixel along each axis; first column and first row on
+#: the chip, in pixels of the mode; glsim's sensor.
 _MODES = {
     (640, 576): (1, 192, 180, "azure-kinect"),
     (320, 288): (2, 96, 90, "azure-kinect-nfov-binned"),
     (512, 512): (2, 0, 0, "azure-kinect-wfov"),
     (1024, 1024): (1, 0, 0, "azure-kinect-wfov-unbinned"),
 }
-#: Names of the tracks, without case; others are taken in their order.
+#: Names of the tracks, in lower case; without these names, the first tracks are used.
 _DEPTH, _LIGHT = ("depth",), ("ir", "infrared")
 _GREY = ("gray16be", "gray16le")
 #: Order of the model's parameters in the calibration (k4a_calibration_intrinsic_parameters_t).
@@ -44,7 +45,7 @@ _PARAMETERS = (
 
 
 class MkvStream(FrameStream):
-    """The depth track of a Matroska file, and the infrared images of the same moments."""
+    """The depth track of a Matroska file, and infrared images of the same times."""
 
     _LIBRARY = "av"
     _PROBLEM = "is no readable Matroska file"
@@ -90,7 +91,7 @@ class MkvStream(FrameStream):
         return found[0], next(iter([*lights, *found[1:]]), None)
 
     def _find_times(self, tracks: Sequence[int]) -> dict[int, NDArray[np.int64]]:
-        """Return the times of whole frames of each track: the file is read once."""
+        """Return the times of complete frames of each track; the file is read once."""
         import av
 
         container = self._open()
@@ -146,7 +147,7 @@ def _bytes(context: Any) -> int:
 def _factory_camera(
     text: bytes, size: tuple[int, int], mode: tuple[int, int, int, str]
 ) -> tuple[Intrinsics, tuple[float, ...]] | None:
-    """Return intrinsics and lens of a mode by the factory's JSON; None if it is another file."""
+    """Return a mode's intrinsics and lens from the factory's JSON; None for another JSON file."""
     try:
         cameras = json.loads(text)["CalibrationInformation"]["Cameras"]
         own = next(c for c in cameras if c["Purpose"] == "CALIBRATION_CameraPurposeDepth")

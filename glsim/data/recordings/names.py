@@ -11,11 +11,11 @@ from typing import Literal
 from glsim.core.errors import ConfigError
 from glsim.core.files.listing import entries
 
-#: Kind of depth map that a command takes: others are left out of a folder.
+#: Kind of depth map that a command reads; other kinds in a folder are left out.
 DepthKind = Literal["clean", "expected", "noisy"]
 
-#: Words of names of other images, as the last word but numbers, or the first where the last is not
-#: depth: rgb_0001.png, 0001-color.png, frame-000000.normal.png.
+#: Words that mark other images. Numbers are ignored; the last word of a name counts, or the first
+#: if the last is not "depth": rgb_0001.png, 0001-color.png, frame-000000.normal.png.
 _OTHERS = (
     "clean", "expected", "noisy", "infrared", "nir", "ir", "reason", "regions", "preview", "sigma",
     "figure", "color", "colour", "rgb", "rgba", "amplitude", "confidence", "conf", "mask", "normal",
@@ -23,9 +23,9 @@ _OTHERS = (
     "labels", "disparity", "flow", "albedo", "alpha", "uncertainty", "variance",
 )  # fmt: skip
 _SEPARATOR = re.compile(r"[_.*/-]+")
-#: Pictures without such an ending.
+#: Names of other pictures of glsim, which have no such word.
 _PICTURES = ("contact_sheet.png", "preview.png")
-#: Ends of the names of a depth map and of its infrared image.
+#: Pairs of endings: of a depth map's name, and of its infrared image's name.
 _INFRARED_BESIDE = (
     ("_depth", "_ir"), ("_noisy", "_infrared"), ("", "_ir"), ("", "_infrared"), ("depth", "ir"),
     ("depth", "infrared"),
@@ -40,7 +40,7 @@ def words_of(name: str) -> list[str]:
 
 
 def other_kind(name: str, kind: DepthKind) -> str:
-    """Return the pattern of a file's name that marks another kind of image; "" for depth maps."""
+    """Return the pattern of names like this one if it marks another kind of image; else ""."""
     suffix, words = name.rpartition(".")[2], words_of(name)
     if name in _PICTURES:
         return name
@@ -54,12 +54,12 @@ def other_kind(name: str, kind: DepthKind) -> str:
 
 
 def is_infrared(name: str) -> bool:
-    """Return whether a file's name, or a pattern of ``other_kind``, is that of infrared images."""
+    """Return whether a file's name, or a pattern of ``other_kind``, marks infrared images."""
     return not {"ir", "infrared"}.isdisjoint(words_of(name))
 
 
 def left_out_text(others: Counter[str]) -> str:
-    """Return e.g. "4 *_clean.png, 4 *_infrared.png"."""
+    """Return the left-out patterns as text, such as "4 *_clean.png, 4 *_infrared.png"."""
     return ", ".join(f"{count} {name}" for name, count in sorted(others.items()))
 
 
@@ -88,8 +88,8 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
 
     Args:
         depth_files: in the order of their names.
-        given: one image for one depth file, or a folder of images: with the names of the depth
-            files, or else as many in the same order.
+        given: the image of a single depth file, or a folder. Its images have the names of the depth
+            files; or there are equally many, in the same order.
 
     Raises:
         ConfigError: there is no such folder, or the numbers of images differ.

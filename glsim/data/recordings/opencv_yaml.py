@@ -16,7 +16,7 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.regular import read_data
 from glsim.measures.boards import find_corners
 
-#: Largest file, bytes: hundreds of times a calibration or a board.
+#: Largest file that is read, bytes: hundreds of times the size of a calibration or a board.
 _MAX_BYTES = 1 << 20
 
 
@@ -51,8 +51,8 @@ def board_corners(
 ) -> NDArray[np.float64] | None:
     """Return the corners of a chessboard, (N, 2) px, row by row; None without a board.
 
-    Those of the file ``NNNN_ir_points.yaml`` of iai_kinect2 beside a frame, else those in its
-    infrared. Raises DatasetError.
+    They are read from iai_kinect2's file ``NNNN_ir_points.yaml`` beside a frame, or else found in
+    its infrared image. Raises DatasetError.
     """
     file = folder / f"{frame.name.removesuffix('_depth')}_ir_points.yaml"
     if not file.is_file():

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import MAX_MAP_PX, decode_png
 
-#: Encodings of images of one channel -> numpy's types, without byte order.
+#: Encoding of one-channel images -> NumPy type without byte order.
 TYPES = {
     "16UC1": "u2", "mono16": "u2", "Z16": "u2", "32FC1": "f4", "64FC1": "f8", "8UC1": "u1",
     "mono8": "u1",
 }  # fmt: skip
 
-#: Bit depth and colour type of a grey PNG file of 16 bits, behind its size.
+#: Bit depth and colour type of a 16-bit grey PNG file; they follow its size.
 _GREY_16 = b"\x10\x00"
 
 
 def encoding_of(message: Any) -> str:
-    """Return the encoding of an image; "" if it is compressed with loss, or of no known kind."""
+    """Return the encoding of an image; "" if it is unknown or compressed with loss."""
     if hasattr(message, "encoding"):
         return str(message.encoding)
     name, _, codec = str(message.format).partition(";")
@@ -59,7 +59,7 @@ def read_pixels(message: Any, where: str) -> NDArray[np.generic]:
 def _decompressed(data: bytes, kind: str) -> NDArray[np.generic]:
     """Decode an image of compressed_depth_image_transport, or a PNG file. Raises ValueError.
 
-    A header of 12 bytes comes first; its floats a and b give metres as a / (code - b).
+    Data begin with a header of 12 bytes. Its floats a and b give metres: a / (code - b).
     """
     start = data.find(b"\x89PNG", 0, 16)
     codes = _decode_rvl(data[12:]) if start < 0 else decode_png(data[start:], MAX_MAP_PX)
@@ -76,7 +76,8 @@ def _decompressed(data: bytes, kind: str) -> NDArray[np.generic]:
 def _decode_rvl(data: bytes) -> NDArray[np.uint16]:
     """Decode RVL: runs of zeros and of differences (Wilson 2017, Fast Lossless Depth Compression).
 
-    A number is nibbles of three bits, the lowest first, whose top bit says that more follow.
+    A number is a row of nibbles, lowest first: three bits of value, and a top bit that is set if
+    another nibble follows.
     """
     width, height = struct.unpack_from("<ii", data)
     if min(width, height) < 1 or width * height > MAX_MAP_PX:

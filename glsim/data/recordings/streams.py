@@ -18,28 +18,28 @@ from glsim.data.recordings.camera_file import StatedCamera
 
 _T = TypeVar("_T")
 
-#: Ends of the names of such files -> what they are called. A ROS 2 bag is a folder.
+#: Suffix of a file with a whole recording -> its kind. A ROS 2 bag may also be a folder.
 STREAMS = {".bag": "bag", ".mcap": "bag", ".db3": "bag", ".mkv": "mkv"}
-#: Most frames at the end, without infrared, that count as cut off.
+#: Up to this number of last frames may lack infrared, since the file may have been cut off.
 _CUT = 3
 #: The file of a folder that makes it a ROS 2 bag.
 ROS2_FILE = "metadata.yaml"
 
 
 class FrameStream:
-    """A file of many frames, with the infrared images of the same moments.
+    """A file with many depth frames, and the infrared images of the same times.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         kind: "bag" or "mkv".
-        step_mm: of whole numbers.
-        stated: what it says about its camera.
-        notes: what is chosen among its images, in lines for the user.
-        camera_notes: what it should say about its camera and does not.
-        has_infrared: whether there is infrared beside the depth.
+        step_mm: step of integers.
+        stated: the stated camera.
+        notes: lines for the user about chosen topics or tracks.
+        camera_notes: lines for the user about missing statements of the camera.
+        has_infrared: whether the file has infrared images, too.
     """
 
-    #: Package that reads the file, and what is said of a file that it cannot read.
+    #: Package that reads the file, and message about a file that it cannot read.
     _LIBRARY: ClassVar[str]
     _PROBLEM: ClassVar[str]
 
@@ -77,15 +77,15 @@ class FrameStream:
         return f"{self.path.stem}_{number:06d}"
 
     def files(self, number: int) -> tuple[Path, Path | None]:
-        """Return the file of depth and that of infrared, which is the same or None."""
+        """Return the file of the depth, and the file of the infrared: the same file or None."""
         return self.path, self.path if self.has_infrared else None
 
     def has_infrared_of(self, number: int) -> bool:
-        """Whether there is infrared of the same moment as a depth frame."""
+        """Whether an infrared image has the same time as a depth frame."""
         return self._light_of[number] is not None
 
     def depth(self, number: int) -> tuple[NDArray[np.float32], float]:
-        """Read (H, W) float32 depth, mm, 0 = no depth, and its step, mm, 0 of floats (metres).
+        """Read (H, W) float32 depth in mm, 0 = no depth; and its step in mm, 0 for floats.
 
         Raises DatasetError.
         """
@@ -94,7 +94,7 @@ class FrameStream:
         return depth_in_mm(image, self.step_mm, in_metres=self._in_metres), step_mm
 
     def infrared(self, number: int) -> NDArray[np.float32] | None:
-        """Read the (H, W) float32 counts of the same moment; None without. Raises DatasetError."""
+        """Read (H, W) float32 infrared counts of the same time, or None. Raises DatasetError."""
         own = self._light_of[number]
         if own is None:
             return None
@@ -115,7 +115,7 @@ class FrameStream:
             raise DatasetError(f"{self.path}: {self._PROBLEM} ({reason:.200})") from None
 
     def _choose(self) -> tuple[Any, Any]:
-        """Return the track of depth, and that of infrared or None."""
+        """Return the depth track, and the infrared track or None."""
         raise NotImplementedError
 
     def _find_times(self, tracks: Sequence[Any]) -> dict[Any, NDArray[np.int64]]:
@@ -127,7 +127,7 @@ class FrameStream:
         raise NotImplementedError
 
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
-        """Return what the file says about its camera, and what is missing."""
+        """Return the stated camera, and remarks about missing statements."""
         raise NotImplementedError
 
 
@@ -137,20 +137,20 @@ def is_stream(path: Path) -> bool:
 
 
 def nearest(times: NDArray[np.int64], others: NDArray[np.int64]) -> list[int | None]:
-    """Return, for each time, the number of the other that is nearest.
+    """Return the number of the nearest infrared frame for each depth frame.
 
-    None where none is closer than half the usual time between two frames.
+    None if no infrared frame is closer than half the median time between two frames.
 
     Args:
-        times: (N,) of depth frames, rising.
-        others: (M,) of infrared frames, rising.
+        times: (N,) times of the depth frames, rising.
+        others: (M,) times of the infrared frames, rising.
     """
     if len(others) == 0:
         return [None] * len(times)
     steps = np.diff(times if len(times) > 1 else others)
     limit = float(np.median(steps)) / 2 if steps.size else np.inf
     if len(times) == len(others) and (np.abs(times - others) <= limit).all():
-        return list(range(len(times)))  # as they follow each other: stamps may be alike
+        return list(range(len(times)))  # in order, since time stamps may be equal
     chosen = np.searchsorted((others[1:] + others[:-1]) / 2, times)
     far = np.abs(others[chosen] - times) > limit
     return [None if away else int(number) for number, away in zip(chosen, far, strict=True)]

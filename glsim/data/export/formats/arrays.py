@@ -17,7 +17,7 @@ from glsim.core.files.npy import encode_npy
 from glsim.data.export.exported_frame import Export, depth_layers, surface_normals
 from glsim.data.export.formats.cameras import centre_at_zero, coefficients
 
-#: The earliest time in a ZIP file, so that the same frame gives the same bytes.
+#: Time of each file in an NPZ archive, the earliest that ZIP allows: equal frames give equal bytes.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 

@@ -1,8 +1,8 @@
 """Export formats of cameras: Open3D's JSON and ROS's YAML, with their pixel conventions.
 
 The first pixel's centre is at (0.5, 0.5) in glsim, and at (0, 0) in OpenCV, ROS and Open3D's point
-clouds, whose cx and cy are therefore smaller by 0.5. Unchanged values would shift points by half a
-pixel, 1.2 mm at 0.9 m for a Kinect V2 (0.5 / 365.5 * 900).
+clouds, whose cx and cy are therefore smaller by 0.5. Without this change, points of a Kinect V2 at
+0.9 m would shift by 1.2 mm (0.5 / 365.5 * 900).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from glsim.core.camera import Distortion, Intrinsics
 from glsim.data.export.exported_frame import Export
 from glsim.data.recordings.camera_file import opencv_order
 
-#: Coordinate of the first pixel's centre here minus that in OpenCV, ROS and Open3D, pixels.
+#: Coordinate of the first pixel's centre in glsim, px; it is 0 in OpenCV, ROS and Open3D.
 HALF_PIXEL = 0.5
 
 
