@@ -1,4 +1,4 @@
-"""Measures of depth frames, real or simulated: one file per fact.
+"""Measures of depth frames, real or simulated; each file measures one property.
 
-``measured_frame``, ``static``, ``correlation``, ``pixel_runs`` and ``quadrics`` serve the others.
+``measured_frame``, ``static``, ``correlation``, ``pixel_runs`` and ``quadrics`` are shared helpers.
 """

@@ -11,24 +11,25 @@ from glsim.core.array_types import Array, Floats, Mask, Reals
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.measured_frame import SATURATED, lit
 
-#: Inner corners along the short and the long side, of the board of iai_kinect2.
+#: Inner corners of iai_kinect2's board: number along the short side, number along the long side.
 PATTERN = (5, 7)
-#: Width of the part outside the corners that counts as board, squares; chosen, since the outer half
-#: of the outermost squares may be hidden.
+#: Width of the margin outside the inner corners that counts as board, squares. Chosen: half a
+#: square, because the outer half of the outermost squares may be hidden.
 _MARGIN_SQUARES = 0.5
-#: Pixels beside a printed edge mix paper and print; so many are left out.
+#: Pixels at a printed edge mix paper and print; pixels within this distance are left out.
 _EDGE_PX = 1
-#: Outliers of the plane: beyond so many robust standard deviations, found in so many rounds.
+#: Outliers of the plane lie beyond _CLIP robust standard deviations, which are at least
+#: _LEAST_SIGMA_MM. The plane is fitted up to _ROUNDS times.
 _CLIP, _LEAST_SIGMA_MM, _ROUNDS = 5.0, 0.5, 10
-#: Least number of pixels of a plane.
+#: Smallest number of pixels for a plane.
 LEAST_PIXELS = 200
 
 
 @dataclass(frozen=True, eq=False)
 class Board:
-    """The (H, W) white pixels of a chessboard with depth in one frame, and their median depth, mm.
+    """White pixels of a chessboard with depth in one frame, (H, W), and their median depth, mm.
 
-    A time-of-flight camera measures dark print some mm too far, so that only the paper is plane.
+    A time-of-flight camera measures dark print some mm too far; only the white paper is plane.
     """
 
     paper: Mask
@@ -40,7 +41,7 @@ def find_corners(infrared: Floats, pattern: tuple[int, int] = PATTERN) -> Array 
     lit = infrared[(infrared > 0) & (infrared < SATURATED)]
     if lit.size == 0:
         return None
-    # The root of the counts spreads the dark half of the image; the top 0.5 % are reflexes.
+    # The square root spreads the dark half of the counts; the brightest 0.5 % are reflections.
     top = float(np.percentile(lit, 99.5))
     image = (255.0 * np.sqrt(np.clip(infrared / top, 0.0, 1.0))).astype(np.uint8)
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
@@ -51,7 +52,7 @@ def find_corners(infrared: Floats, pattern: tuple[int, int] = PATTERN) -> Array 
 def find_board(
     frame: DepthFrame, corners_px: Array, pattern: tuple[int, int] = PATTERN
 ) -> Board | None:
-    """Find the pixels of a board with depth; None if too few of them lie on the plane."""
+    """Find the pixels of a board with depth; None if too few of them lie on a plane."""
     centre = corners_px.mean(axis=0)
     grow = 1.0 + 2.0 * _MARGIN_SQUARES / (max(pattern) - 1)
     hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
@@ -94,7 +95,7 @@ def _limit(residual: Array) -> float:
 
 
 def _bright(frame: DepthFrame, inside: Mask) -> Mask:
-    """Mark the white paper: pixels above Otsu's threshold, away from print and its edges."""
+    """Mark the white paper: pixels above Otsu's threshold, away from print and edges."""
     if frame.infrared is None:
         return np.ones_like(inside)
     seen = inside & lit(frame)

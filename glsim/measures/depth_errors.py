@@ -1,4 +1,4 @@
-"""Depth errors of a data set, noisy against clean: lost and added pixels, and reasons."""
+"""Depth errors of a data set, noisy minus clean: lost and added pixels, and reasons."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from glsim.core.reason import Reason
 
 
 def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
-    """Return a Markdown table of measures of frames without clean maps."""
+    """Return a Markdown table that describes frames without clean maps."""
     count = pixels = known = 0
     nearest, farthest = [], []
     for frame in frames:
@@ -38,8 +38,8 @@ def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
 
 def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     """Return a Markdown table of depth errors over pairs of clean and noisy maps."""
-    # Pixels with both depths, with clean depth only, with noisy depth only; sums of the
-    # error and of its square over both.
+    # Number of pixels with both depths, with clean depth only, with noisy depth only; then the sums
+    # of the error and of its square over pixels with both.
     sums = np.zeros(5)
     number, reasons = 0, Counter[Reason]()
     for frame in frames:

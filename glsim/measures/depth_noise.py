@@ -1,9 +1,10 @@
-"""Depth noise by distance and radius, and its correlation, over time and in single frames.
+"""Depth noise and its correlation, over time and in single frames, by distance and radius.
 
-Over time: the difference of two frames of one view is temporal noise only; half its variance is
-that of one frame. In one frame: the residual of a quadric in 7 x 7 pixels holds temporal noise and
-fixed pattern, less what the quadric follows: 6/49 of white noise, more of correlated noise.
-Rounding to steps of q mm adds q^2 / 12 to the variance of each frame, which is subtracted.
+Over time: two frames of a static view differ by temporal noise only. Half the variance of the
+difference is the variance of one frame. In a single frame: the residual of a quadric in 7 x 7
+pixels holds temporal noise and fixed pattern. The quadric itself follows a part of the noise: 6/49
+of white noise, more of correlated noise. Rounding to steps of q mm adds q^2 / 12 to the variance of
+each frame, which is subtracted.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from glsim.measures.measured_frame import lit, radius_px, surface_mm, surfaces
 from glsim.measures.quadrics import fit_surfaces
 from glsim.measures.stacks import mean_of
 
-#: Bounds of the cells: distances, m, and radii, px of a Kinect V2.
+#: Bounds of the cells' distances, m.
 DISTANCES_M = (0.45, 0.65, 0.9, 1.2, 1.5, 2.0, 2.6, 3.2, 4.5)
 RADII_PX = (0.0, 100.0, 160.0, 210.0, 250.0, 400.0)
-#: Least number of pixels of a cell: sigma is then known to 5 %, correlated noise included.
+#: Smallest number of pixels of a cell: sigma is then known to 5 %, even for correlated noise.
 LEAST_PIXELS = 400
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A value for pixels in a range of distances, m, and a range of radii, px."""
+    """A value for the pixels in a range of distances, m, and a range of radii, px."""
 
     distance_m: tuple[float, float]
     radius_px: tuple[float, float]
@@ -40,12 +41,12 @@ class Cell:
     pixels: int
 
 
-#: Distance, mm, radius, px, and a value of pixels, of one shape; NaN values do not count.
+#: Arrays of one shape: pixels' distance, mm; radius, px; and value. NaN values do not count.
 Sample = tuple[Reals, Reals, Reals]
 
 
 def root_cells(samples: Sequence[Sample]) -> tuple[Cell, ...]:
-    """Compute the root of the mean value in each cell that has LEAST_PIXELS."""
+    """Compute the root of the mean value in each cell with at least LEAST_PIXELS pixels."""
     if not samples:
         return ()
     depth, radius, value = (
@@ -63,18 +64,19 @@ def root_cells(samples: Sequence[Sample]) -> tuple[Cell, ...]:
     return tuple(cells)
 
 
-#: Outliers (edges, people): beyond _CLIP robust standard deviations of pixels of like distance, and
-#: _LOCAL_CLIP of the 5 x 5 pixels around (dark surfaces have more noise).
+#: Outliers, such as edges and people, lie beyond _CLIP robust standard deviations of the pixels at
+#: a similar distance, and beyond _LOCAL_CLIP of the 5 x 5 pixels around, since dark surfaces have
+#: more noise. The values were chosen, not measured.
 _CLIP, _LOCAL_CLIP = 5.0, 8.0
-#: Width of the bins in which drift is removed, mm: it differs from distance to distance.
+#: Width, mm, of the bins of distance in which drift is removed: drift depends on the distance.
 _DRIFT_BIN_MM = 100.0
 
 
 def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
     """Compute the temporal noise of one frame from two frames of one static view.
 
-    It is the (H, W) difference over sqrt 2, mm, without its mean (drift); its variance is that of
-    one frame, rounding included. NaN off smooth surfaces and for outliers.
+    It is their (H, W) difference, mm, over sqrt 2, without its mean (drift). Its variance is the
+    variance of one frame, rounding included. It is NaN off smooth surfaces and for outliers.
     """
     noise = (second.measured_mm.astype(np.float64) - first.measured_mm) / np.sqrt(2.0)
     both = surfaces(first).smooth & surfaces(second).smooth
@@ -83,7 +85,7 @@ def pair_noise(first: DepthFrame, second: DepthFrame) -> Array:
 
 
 def without_outliers(noise: Array, surface_mm: Reals) -> Array:
-    """Replace outliers (edges, people) by NaN, compared with pixels of similar distance: (H, W)."""
+    """Replace outliers (edges, people) by NaN; pixels are compared at similar distances: (H, W)."""
     noise = noise.copy()
     both = np.isfinite(noise)
     size = np.abs(np.nan_to_num(noise)).astype(np.float32)
@@ -100,16 +102,16 @@ def without_outliers(noise: Array, surface_mm: Reals) -> Array:
 def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
     """Subtract two frames of a still scene without drift: (H, W) mm; NaN: no depth, or moved.
 
-    ``pair_noise`` keeps smooth surfaces alone; this keeps all pixels whose 3 x 3 neighbours have
-    depth without a step in both frames. Its variance is the sum of the variances of both frames.
+    While ``pair_noise`` keeps smooth surfaces only, this keeps all pixels whose 3 x 3 neighbours
+    have depth without a step in both frames. Its variance is the sum of both frames' variances.
     """
     whole = (fit_surfaces(f.measured_mm, f.rays, 3).rough_mm for f in (first, second))
     both = np.isfinite(sum(whole))
     difference = np.where(both, second.measured_mm.astype(np.float64) - first.measured_mm, np.nan)
-    # The mean of both frames does not correlate with their difference: bins keep all of its noise.
+    # The frames' mean does not correlate with their difference: its bins do not select noise.
     between_mm = 0.5 * (first.measured_mm + second.measured_mm)
     difference = without_outliers(difference, between_mm)
-    # Motion changes a whole region alike, noise does not.
+    # Motion changes whole regions alike; noise does not.
     middle = cv2.medianBlur(np.nan_to_num(difference).astype(np.float32), 5)
     known = np.isfinite(difference)
     if known.any():
@@ -134,7 +136,7 @@ class TemporalNoise:
 def measure_temporal(
     frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
 ) -> TemporalNoise:
-    """Measure the temporal noise of static pairs, given by their frame numbers."""
+    """Measure the temporal noise of static pairs of frame numbers."""
     samples: list[Sample] = []
     sums: list[Array] = []
     for first, second in pairs:
@@ -146,19 +148,19 @@ def measure_temporal(
     return TemporalNoise(len(pairs), root_cells(samples), correlation_of(sums))
 
 
-#: Windows that are measured: every third along both axes; nearer ones share most of their pixels.
+#: Distance of the measured windows along both axes, px; nearer ones share most of their pixels.
 _STRIDE = 3
 
 
 @dataclass(frozen=True)
 class SpatialNoise:
-    """Residuals of all smooth surfaces about local quadrics.
+    """Residuals of local quadrics on all smooth surfaces.
 
     Attributes:
-        cells: rms, mm, rounding subtracted.
-        rough_mm: 10th percentile, median and 90th of the rms in a window, mm; NaN with fewer than
-            100 windows.
-        correlation: of the residual at LAGS, smaller than that of the noise.
+        cells: rms of the residual, mm, without rounding.
+        rough_mm: 10th percentile, median and 90th percentile of the windows' rms, mm; NaN with
+            fewer than 100 windows.
+        correlation: correlation of the residual at LAGS, which is smaller than the noise's.
     """
 
     cells: tuple[Cell, ...]
@@ -167,7 +169,7 @@ class SpatialNoise:
 
 
 def measure_spatial(frames: Sequence[DepthFrame]) -> SpatialNoise:
-    """Measure the residuals of all smooth surfaces."""
+    """Measure the residuals of local quadrics on all smooth surfaces."""
     samples, rough, sums = [], [], []
     for frame in frames:
         s = surfaces(frame)

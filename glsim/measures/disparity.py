@@ -1,9 +1,9 @@
 """Noise of disparity, which a stereo or structured-light camera measures before depth.
 
-Disparity is focal length times baseline over depth, px; where the product is not known, 1 / depth
-stands for it, in 1/m. A plane is linear in both. Tiles of 40 x 40 px with depth in 97 % of the
-pixels are compared with their own robust plane; the spread about it, its part that stays from frame
-to frame, and the correlation between pixels describe the matcher.
+Disparity is focal length times baseline over depth, px. If the product is unknown, 1 / depth, 1/m,
+replaces it. A plane is linear in both. Tiles of 40 x 40 px with depth in 97 % of their pixels are
+compared with a robust plane. Three figures describe the matcher: the spread about the plane, its
+part that does not change from frame to frame, and the correlation between pixels.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from glsim.core.array_types import Array, Whole
 from glsim.measures.correlation import correlation_of, lagged_sums
 from glsim.measures.stacks import with_nan
 
-#: Distances at which the correlation is given, px. Chosen: a matcher's support region of 13 to 15
-#: px has its half at 5 and its end at 14.
+#: Distances at which the correlation is computed, px. Chosen: with a matcher's support region of 13
+#: to 15 px the correlation falls to one half at 5 px and to 0 at 14 px.
 LAGS_PX = (1, 2, 3, 4, 6, 8, 12)
-#: Side of a tile, px, and least share of its pixels with depth. Chosen: three support regions.
+#: Side of a tile, px, and smallest share of its pixels with depth. Chosen: three support regions.
 TILE_PX, LEAST_SHARE = 40, 0.97
-#: Outliers of a plane: beyond _CLIP robust deviations, found in at most _ROUNDS rounds; chosen.
+#: Outliers of a plane lie beyond _CLIP robust deviations, found in at most _ROUNDS rounds; chosen.
 _CLIP, _ROUNDS = 4.0, 10
-#: Outliers of the difference of two frames, robust deviations; chosen.
+#: Outliers of the difference of two frames lie beyond this many robust deviations; chosen.
 _CLIP_DIFFERENCE = 5.0
-#: Fewest tiles of a figure. Chosen: the median of five is known to about 20 %.
+#: Smallest number of tiles for a figure. Chosen: the median of five is known to about 20 %.
 LEAST_TILES = 5
 
 
@@ -36,17 +36,17 @@ class DisparityNoise:
     """Noise of disparity, px, or 1/m if focal length and baseline are unknown.
 
     Attributes:
-        tiles: number of tiles, all frames together.
+        tiles: number of tiles in all frames together.
         residual: median of the tiles' standard deviation about their plane.
-        rows: (7,) correlation of that residual along rows at LAGS_PX, mean of the tiles.
+        rows: (7,) correlation of the residual along rows at LAGS_PX, mean over the tiles.
         columns: (7,) the same along columns.
         pairs: number of static pairs of frames.
-        frame: median standard deviation of one frame in time, from differences over sqrt 2.
-        static: median root of the covariance of the residuals of two frames: what stays.
+        frame: median of the temporal standard deviation of one frame, from differences over sqrt 2.
+        static: median root of the covariance of the residuals of two frames, the static noise.
         frame_rows: (7,) correlation of the difference along rows, all tiles together.
         frame_columns: (7,) the same along columns.
 
-    A figure of fewer than LEAST_TILES tiles is NaN.
+    A figure from fewer than LEAST_TILES tiles is NaN.
     """
 
     tiles: int
@@ -65,10 +65,10 @@ class Tiles:
     """Square image tiles in which nearly every pixel has depth, and their noise.
 
     Attributes:
-        top, left: (N,) row and column of the first pixel.
+        top, left: (N,) row and column of each tile's first pixel.
         level: (N,) median disparity.
         residual: (N, S, S) disparity minus the robust plane, NaN for outliers.
-        sigma: (N,) standard deviation of the residual, three degrees of freedom subtracted.
+        sigma: (N,) standard deviation of the residual, with three degrees of freedom subtracted.
     """
 
     top: Whole
@@ -79,7 +79,7 @@ class Tiles:
 
 
 def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
-    """Convert depth, mm, to disparity, px, or 1/m without f B (px mm); NaN where there is none."""
+    """Convert depth, mm, to disparity, px, or to 1/m without f B (px mm); NaN for no depth."""
     scale = 1000.0 if focal_baseline_px_mm is None else focal_baseline_px_mm
     return np.asarray(scale / with_nan(depth_mm))
 
@@ -101,7 +101,7 @@ def find_tiles(disparity: Array) -> Tiles:
 
 
 def power_share(residual: Array, least_px: float, most_px: float) -> float:
-    """Compute the share of power at some periods along columns, px, mean of (N, S, S) tiles."""
+    """Compute the share of power in a range of periods, px, along columns of (N, S, S) tiles."""
     power = (np.abs(np.fft.rfft(np.nan_to_num(residual), axis=1)) ** 2).mean(axis=2)[:, 1:]
     period = 1 / np.fft.rfftfreq(residual.shape[1])[1:]
     chosen = (period >= least_px) & (period <= most_px)
@@ -134,8 +134,8 @@ def _plane_residual(values: Array) -> Array:
 
 
 def _spread(away: Array, axis: int | tuple[int, int]) -> Array:
-    """Compute the robust deviation along axes, which stay with length 1."""
-    # A third of the rms is the least: of quantised planes the median is often 0.
+    """Compute the robust deviation along axes, which are kept with length 1."""
+    # It is at least a third of the rms: on quantised planes the median deviation is often 0.
     middle = np.nanmedian(away, axis=axis, keepdims=True)
     rms = np.sqrt(np.nanmean(away**2, axis=axis, keepdims=True))
     return np.asarray(np.fmax(1.4826 * middle, rms / 3.0))
@@ -144,7 +144,7 @@ def _spread(away: Array, axis: int | tuple[int, int]) -> Array:
 def measure_disparity_noise(
     disparity: Sequence[Array], pairs: Sequence[tuple[int, int]] = ()
 ) -> DisparityNoise:
-    """Measure the noise of (H, W) disparities, NaN = none, also between static pairs of frames."""
+    """Measure the noise of (H, W) disparities, NaN = none, and of static pairs of frame numbers."""
     tiles = [find_tiles(image) for image in disparity]
     sigma = np.concatenate([t.sigma for t in tiles])
     residual = np.concatenate([t.residual for t in tiles])
@@ -170,8 +170,8 @@ def measure_disparity_noise(
 
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Compute the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns."""
-    # Pooled, of all tiles together; else the mean of the tiles, each of which counts alike, so that
-    # a few that are no planes do not decide.
+    # Pooled: of all tiles together. Otherwise: the mean over the tiles, where a few tiles that are
+    # no planes do not decide.
     found = []
     for lags in ([(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]):
         sums = lagged_sums(tiles, lags)
@@ -202,7 +202,7 @@ def _pair_tiles(first: Array, second: Array, tiles: Tiles) -> tuple[Array, Array
 
 
 def _shared_variance(first: Tiles, second: Tiles) -> Array:
-    """Compute the covariance of residuals between two frames, for tiles in both frames."""
+    """Compute the covariance of residuals between two frames, for tiles that both frames have."""
     here, there = ((tiles.top << 32) + tiles.left for tiles in (first, second))
     _, one, other = np.intersect1d(here, there, return_indices=True)
     products = first.residual[one] * second.residual[other]

@@ -1,8 +1,8 @@
 """Disparity steps between two surfaces: gaps without depth, depths in between, border band.
 
-A camera pair cannot match what one of its imagers does not see: beside a foreground a stripe of the
-background as wide as the difference of the two disparities has no depth, and so has a band at one
-border of the image, as wide as the disparity there.
+A stereo camera cannot match pixels that only one imager sees. Beside a foreground, a stripe of the
+background has no depth; its width is the difference of the two disparities. A band at one border of
+the image has no depth either; its width is the disparity there.
 """
 
 from __future__ import annotations
@@ -15,26 +15,27 @@ import numpy as np
 from glsim.core.array_types import Array, Mask, Whole
 from glsim.measures.pixel_runs import goes_on, successive_runs
 
-#: Neighbours of one surface differ by at most so many px of disparity; chosen, eight times the
+#: Neighbours on one surface differ by at most this many px of disparity. Chosen: eight times the
 #: noise of a D400.
 _SAME_PX = 1.0
-#: A step: at least so many px, and this ratio of the disparities. Chosen: four times the tolerance.
+#: Smallest difference, px, and smallest ratio of the disparities at a step. Chosen: four times
+#: _SAME_PX.
 _LEAST_STEP_PX, _LEAST_RATIO = 4.0, 1.15
-#: Least width of both surfaces, and the pixels at their ends whose median is their disparity.
+#: Smallest width of both surfaces, px; number of end pixels whose median is the disparity.
 _LEAST_RUN_PX, _END_PX = 10, 5
-#: Both surfaces vary within _LEAST_RUN_PX by at most this share of the step: no slope counts.
+#: Largest change of a surface within _LEAST_RUN_PX, as a share of the step: slopes are no steps.
 _MOST_SLOPE = 0.25
 #: Widest gap, px; a wider one is an object without depth. Chosen: the shadow of a hand at 0.3 m.
 _MOST_GAP_PX = 80
-#: Width, px, on each side of a step in which pixels between the surfaces are counted.
+#: Pixels within this distance of a step, px, are searched for depths between the surfaces.
 _BESIDE_PX = 3
-#: Between: farther than this share of the step from either surface.
+#: A depth is "between" if its distance from both surfaces is above this share of the step.
 _BETWEEN = 0.15
-#: A step goes on in the rows above and below, at most so many px away.
+#: Largest shift of a step from one row to the next, px.
 _MOST_SLANT_PX = 2
-#: Fewest steps of a side, and fewest rows of a border, of a figure; chosen.
+#: Smallest number of steps of a side, and of rows of a border, for a figure; chosen.
 LEAST_STEPS, LEAST_ROWS = 20, 20
-#: Pixels at the border of a band whose median is the disparity there.
+#: Number of pixels beside a border band whose median is the disparity there.
 _BORDER_PX = 6
 
 
@@ -42,12 +43,12 @@ class Steps(NamedTuple):
     """Disparity steps along the rows of an image; (N,) arrays with an entry per row and side.
 
     Attributes:
-        right: whether the gap is to the right of the foreground, else to its left.
-        gap: pixels between the two surfaces.
-        empty: those of them without disparity.
-        step: difference of the disparities: the width of a shadow of the whole baseline, px.
-        near: pixels with disparity within 3 px of the step.
-        between: those of them that lie between the surfaces.
+        right: whether the gap is to the right of the foreground, otherwise to its left.
+        gap: number of pixels between the two surfaces.
+        empty: number of these pixels without disparity.
+        step: difference of the disparities, px, the width of a shadow with the whole baseline.
+        near: number of pixels with disparity within 3 px of the step.
+        between: number of these pixels that lie between the surfaces.
     """
 
     right: Mask
@@ -59,8 +60,8 @@ class Steps(NamedTuple):
 
 
 def find_steps(disparity: Array) -> Steps:
-    """Find disparity steps along (H, W) rows, px, that continue in the rows above and below."""
-    # Transposed images give the steps along columns: left is then above, right below.
+    """Find steps along rows of (H, W) disparity, px, that continue in the rows above and below."""
+    # A transposed image gives the steps along columns: left is then above, right is below.
     known = np.isfinite(disparity)
     joined = known[:, 1:] & known[:, :-1] & (np.abs(np.diff(disparity, axis=1)) <= _SAME_PX)
     row, _, end, start, _ = successive_runs(joined, _LEAST_RUN_PX, _MOST_GAP_PX)
@@ -93,9 +94,9 @@ def find_steps(disparity: Array) -> Steps:
 
 
 def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
-    """Measure the gaps on one side of foregrounds, except gaps that contain other surfaces.
+    """Measure the gaps on one side of foregrounds, without gaps that contain other surfaces.
 
-    Returns medians of the width, px, and of the width over the difference of disparity; NaN with
+    Returns the median width, px, and the median of width over difference of disparity; NaN with
     fewer than LEAST_STEPS steps.
     """
     use = [(s.right == right) & (s.gap == s.empty) for s in found]
@@ -116,14 +117,14 @@ def between_share(found: Sequence[Steps]) -> float:
 def border_band(disparity: Sequence[Array]) -> tuple[float, float]:
     """Measure the band without disparity (px, NaN) at the left border; flip columns for the right.
 
-    Returns medians over the rows of the band's width, px, and of its width minus the disparity of
-    the surface there; NaN with fewer than LEAST_ROWS rows.
+    Returns medians over the rows: the band's width, px, and its width minus the disparity of the
+    surface beside it; NaN with fewer than LEAST_ROWS rows.
     """
     rows = np.concatenate(disparity)
     first = np.isfinite(rows).argmax(axis=1)
     place = np.minimum(first[:, None] + np.arange(_BORDER_PX), rows.shape[1] - 1)
     surface = np.take_along_axis(rows, place, axis=1)
-    whole = np.ptp(surface, axis=1) <= _SAME_PX * _BORDER_PX  # False with a hole
+    whole = np.ptp(surface, axis=1) <= _SAME_PX * _BORDER_PX  # False for a row with a hole
     if whole.sum() < LEAST_ROWS:
         return float("nan"), float("nan")
     width, surface = first[whole], surface[whole]

@@ -1,8 +1,8 @@
 """Search for the lattice of a stereo camera's depths, round(K / n) for integers n.
 
-A stereo matcher delivers disparity in steps (1/32 px in a RealSense D400, 1/8 px in a Kinect V1),
-so that K = focal length times baseline times the steps a pixel, in units of the depth files. The
-constant tells the cameras apart.
+A stereo matcher delivers disparity in steps (1/32 px in a RealSense D400, 1/8 px in a Kinect V1).
+K is the focal length times the baseline times the number of steps per pixel, in units of the depth
+files. This constant identifies the camera.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Array, Mask
 
-#: Range of K that is searched, in units of the files. Derived: 18 mm x 190 px in 1 mm units and
-#: steps of 1/8 px (27,000) to 95 mm x 650 px in 0.1 mm and 1/32 px (20 million).
+#: Range of K in the search, in units of the files. Derived: from 18 mm x 190 px in 1 mm units and
+#: steps of 1/8 px (27,000) to 95 mm x 650 px in 0.1 mm units and 1/32 px (20 million).
 LEAST_CONSTANT, MOST_CONSTANT = 2.5e4, 2.5e7
-#: A depth speaks for a lattice if by chance it would lie on it with less than this probability.
+#: A depth is informative if it would lie on the lattice by chance with less than this probability.
 _TELLING = 0.7
-#: Share of depths that a lattice may miss for other reasons, such as files that mix cameras.
+#: Share of depths that may miss the lattice for other reasons, such as files from several cameras.
 _STRAY = 0.02
-#: Depths used for the search; all are used for the result.
+#: Number of depths in the search; the result is computed from all depths.
 _SEARCHED = 150
-#: Rounding is half a step; the rest is for constants between two tries.
+#: Largest distance of a depth from its level, file units: half a step by rounding, and a margin.
 _TOLERANCE = 0.5 + 1e-6
-#: Share of the telling depths that lie on a lattice, and their number, to accept it; chosen.
+#: Smallest share of informative depths on an accepted lattice, and smallest number of them; chosen.
 LEAST_ON_LATTICE, LEAST_TELLING = 0.97, 12
-#: Largest value of 16 bits: the files clip there.
+#: Largest value of 16 bits, where the files clip.
 _CLIPPED = 65535
-#: Candidates of a search at once: 16 MB of numbers.
+#: Number of candidates searched at once: they take 16 MB.
 _CHUNK = 1 << 16
 
 
@@ -40,8 +40,8 @@ class Lattice:
 
     Attributes:
         constant: K, in units of the depth files.
-        share: of the telling depths that lie on it.
-        telling: number of different depths that would rarely lie on it by chance.
+        share: share of the informative depths that lie on the lattice.
+        telling: number of different informative depths, which would rarely lie on it by chance.
     """
 
     constant: float
@@ -55,7 +55,7 @@ class Lattice:
 
 
 def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0) -> Array:
-    """Return the sorted distinct values of (H, W) depths, mm, 0 or NaN = none, in file units."""
+    """Return the sorted distinct values, in file units, of (H, W) depths, mm, 0 or NaN = none."""
     found: set[int] = set()
     for frame in frames:
         steps = np.rint(np.nan_to_num(np.asarray(frame, np.float64)) / unit_mm).astype(np.int64)
@@ -64,7 +64,7 @@ def distinct_values(frames: Iterable[NDArray[np.generic]], unit_mm: float = 1.0)
 
 
 def on_lattice(values: Array, constant: float) -> Mask:
-    """Tell which depths, file units, equal round(K / n) for a constant K and an integer n >= 1."""
+    """Mark depths, file units, that equal round(K / n) for a constant K and an integer n >= 1."""
     middle = np.rint(constant / values)
     fits = np.zeros(values.shape, np.bool_)
     for step in (-1, 0, 1):  # the next whole number may round to the value as well
@@ -83,7 +83,7 @@ def lattice_share(values: Array, constant: float) -> float:
 def estimate_lattice(values: Array) -> Lattice | None:
     """Estimate the lattice of a recording from its ``distinct_values``; None for too few.
 
-    The constant of the largest likelihood wins, accepted or not: multiples of K fit as well, but
+    The constant of largest likelihood is returned, accepted or not. Multiples of K fit as well, but
     would fit by chance more often.
     """
     if values.size < LEAST_TELLING:
@@ -92,7 +92,7 @@ def estimate_lattice(values: Array) -> Lattice | None:
     telling = values[constant / values**2 < _TELLING]
     if telling.size == 0:
         return Lattice(constant, 0.0, 0)
-    # The middle of the nearby constants that fit the most values.
+    # Take the middle of the nearby constants that fit the most values.
     reach = 3.0 / float(telling.max())
     near = constant * (1.0 + np.linspace(-reach, reach, 1201))
     hits = np.zeros(len(near))
@@ -104,7 +104,7 @@ def estimate_lattice(values: Array) -> Lattice | None:
 
 
 def _searched(values: Array) -> float:
-    """Search the most likely constant K, in steps of a third of a level at the largest depth."""
+    """Search the most likely constant K; its steps are a third of a level at the largest depth."""
     far = np.sort(values)[::-1]
     some = far[np.unique(np.linspace(0, far.size - 1, _SEARCHED).astype(int))]
     logs = np.arange(np.log(LEAST_CONSTANT), np.log(MOST_CONSTANT), 1.0 / (3.0 * float(far[0])))
@@ -132,6 +132,6 @@ def _likelihood(values: Array, constants: Array) -> Array:
 
 
 def _nearest_fits(value: float, constants: Array) -> Mask:
-    """Return (K,) bool: whether a lattice of that constant has a level that rounds to the depth."""
+    """Mark the constants, (K,), whose lattice has a level that rounds to the depth."""
     place = np.maximum(np.rint(constants / value), 1.0)
     return np.asarray(np.abs(constants / place - value) <= _TOLERANCE)

@@ -1,9 +1,9 @@
-"""Infrared: noise as a function of infrared, and returned light by distance and radius.
+"""Infrared: depth noise as a function of infrared, and light by distance and radius.
 
 Noise law of a phase measurement: sigma^2 = a^2 + (b / IR)^2, with a in mm and b in mm counts
-(Mutto et al. 2012). IR r^2 / cos, in counts m^2, is the infrared of a surface at 1 m that faces the
-camera: constant over distance for a Lambertian surface and an emitter beside the lens. The 90th
-percentile of a scene stands for its white surfaces.
+(Mutto et al. 2012). IR r^2 / cos, in counts m^2, is the infrared of the same surface at 1 m, facing
+the camera. It does not depend on the distance for a Lambertian surface and an emitter beside the
+lens. The 90th percentile of a scene stands for its white surfaces.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from glsim.core.units import MM_PER_M
 from glsim.measures.depth_noise import DISTANCES_M, pair_noise
 from glsim.measures.measured_frame import lit, radius_px, surfaces
 
-#: Bounds of the infrared classes of the noise law, counts: twelve to a decade.
+#: Bounds of the infrared classes of the noise law, counts; a factor of 10 has twelve classes.
 _CLASSES = np.geomspace(100.0, 65_000.0, 34)
-#: Bounds of the rings of the light over the image, px.
+#: Bounds of the rings in which the light is measured, px.
 RINGS_PX = (0.0, 40.0, 80.0, 120.0, 140.0, 160.0, 180.0, 200.0, 220.0, 240.0, 260.0, 300.0)
-#: Radius of the light over distance, px; the lens is even within it (measured).
+#: Radius, px, within which light is compared over distance; the lens is even there (measured).
 EVEN_PX = 140.0
-#: Counts by which the fit of the noise law is scaled, so that its two terms are of one size.
+#: Counts by which the fit of the noise law is scaled, so that its two terms are of similar size.
 _COUNTS = 1000.0
 _LEAST_PIXELS = 300
 _BRIGHTEST = 90.0
-#: Least cosine of a surface (60 degrees): the cosine of steeper surfaces is uncertain.
+#: Smallest cosine of a surface (60 degrees): for steeper surfaces the cosine is uncertain.
 _LEAST_COSINE = 0.5
 
-#: Mean square of a Gaussian over that without its largest percent. Derived:
+#: Mean square of a Gaussian, divided by the mean square without its largest percent. Derived:
 #: 0.99 / (0.99 - 2 c phi(c)) at c = 2.5758.
 _UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)
 
@@ -49,14 +49,14 @@ class NoiseLaw:
 
 @dataclass(frozen=True)
 class Light:
-    """Light of a set of frames, and its noise as a function of infrared.
+    """Infrared light of a set of frames, and depth noise as a function of infrared.
 
     Attributes:
         temporal: noise law of static pairs.
         spatial: noise law of the residuals of a quadric in single frames.
         brightness: (from m, to m, IR r^2 / cos of the brightest surfaces, counts m^2).
         overall: median of ``brightness`` over the distances.
-        rings: (from px, to px, brightness relative to that within 80 px).
+        rings: (from px, to px, brightness relative to the brightness within 80 px).
         saturated: share of pixels with saturated infrared.
     """
 
@@ -69,7 +69,7 @@ class Light:
 
 
 def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> Light | None:
-    """Measure light and its noise law; None if no frame has infrared."""
+    """Measure the light and its noise law; None if no frame has infrared."""
     with_light = [frame for frame in frames if frame.infrared is not None]
     if not with_light:
         return None
@@ -153,7 +153,7 @@ def _fit_law(parts: Sequence[tuple[Array, Array]]) -> NoiseLaw:
     for k in range(1, len(_CLASSES)):
         own, values = infrared[number == k], squares[number == k]
         if own.size >= _LEAST_PIXELS:
-            # Without the largest percent: an edge weighs as much as 100 pixels.
+            # Without the largest percent, since the pixels of an edge weigh as much as 100 others.
             kept = values <= np.percentile(values, 99.0)
             variance = max(float(values[kept].mean()), 1e-6) * _UNTRIMMED
             rows.append((float(own.mean()), variance**0.5, int(own.size)))

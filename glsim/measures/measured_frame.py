@@ -1,4 +1,4 @@
-"""Quantities of a depth frame that measures use: surfaces, light, radii; each computed once."""
+"""Quantities of a depth frame that several measures use: surfaces, light, radii."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.measures.quadrics import Surfaces, fit_surfaces
 from glsim.measures.stacks import moments
 
-#: Infrared counts from here on are saturated (the files end at 65,535).
+#: Smallest infrared counts that are saturated (files end at 65,535).
 SATURATED = 65_000.0
-#: Focal length of a Kinect V2, px, to which radii are scaled.
+#: Focal length of a Kinect V2, px; radii of other cameras are scaled to it.
 _FOCAL_PX = 365.0
 
 
-#: Each takes 3.5 MB for a Kinect V2; all of a set of 200 frames would take most of a gigabyte.
+#: A result takes 3.5 MB for a Kinect V2; 200 frames would take most of a gigabyte.
 @lru_cache(maxsize=64)
 def surfaces(frame: DepthFrame) -> Surfaces:
-    """Fit quadrics in 7 x 7 windows around every pixel."""
+    """Fit a quadric in a 7 x 7 window around every pixel."""
     return fit_surfaces(frame.measured_mm, frame.rays, 7)
 
 
 def surface_mm(frame: DepthFrame) -> Floats:
-    """Compute the (H, W) depth of the fitted quadric at its centre pixel, mm."""
-    # Bins by it do not select noise of one sign at their bounds, as bins by noisy depth do.
+    """Compute the depth of the fitted quadric at its centre pixel, (H, W) mm."""
+    # Bins of this depth do not select noise of one sign at their bounds; bins of noisy depth do.
     return np.asarray(frame.measured_mm - surfaces(frame).residual_mm)
 
 
 def radius_px(frame: DepthFrame) -> Floats:
-    """Compute the (H, W) distance from the principal point, rescaled to pixels of a Kinect V2."""
+    """Compute the distance from the principal point, (H, W), scaled to pixels of a Kinect V2."""
     return np.asarray(_FOCAL_PX * np.hypot(frame.rays[..., 0], frame.rays[..., 1]), np.float32)
 
 
@@ -43,7 +43,7 @@ def lit(frame: DepthFrame) -> Mask:
 
 
 def mean_frame(frames: Frames) -> DepthFrame:
-    """Average frames of one view over time; no depth where no frame has depth."""
+    """Average frames of one view over time; a pixel that never has depth gets no depth."""
     lights = [frame.infrared for frame in frames if frame.infrared is not None]
     count, mean, _ = moments([frame.measured_mm for frame in frames])
     layers = {"noisy_mm": np.where(count > 0, mean, 0).astype(np.float32)}

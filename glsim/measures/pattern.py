@@ -1,10 +1,10 @@
 """Fixed pattern: the depth error that is equal in every frame, by rows, columns and pixels.
 
-The residual of a quadric in 11 x 11 pixels is averaged per pixel over the even and over the odd
-frames. The covariance of the two averages is the pattern's variance, free of temporal noise. Rows
-are means along rows, columns means along columns, the rest is what remains; the known share that
-the quadric follows is restored. If the view never moves, the scene's roughness counts as fixed
-pattern.
+For each pixel the residual of a quadric in 11 x 11 pixels is averaged, once over the even frames
+and once over the odd frames. The covariance of the two averages is the variance of the pattern,
+free of temporal noise. The pattern has three parts: means along rows, means along columns, and the
+rest. The quadric follows a known share of each part, which is added again. If the view never moves,
+the roughness of the scene counts as fixed pattern.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from glsim.measures.measured_frame import lit
 from glsim.measures.quadrics import fit_surfaces
 
 _SIZE = 11
-#: Weights of a quadratic in 11 points at its centre, from the centre out (Savitzky and Golay 1964).
+#: Weights of a quadratic fit in 11 points for its centre, from the centre outwards (Savitzky and
+#: Golay 1964).
 _WEIGHTS = np.array([89, 84, 69, 44, 9, -36]) / 429.0
-#: Share that the quadric leaves of an alternation of rows, and of the variance of white rows.
+#: Shares that the quadric leaves: of an alternation of rows; of the variance of white rows.
 _LEFT_ALTERNATION = 1.0 - (_WEIGHTS[0] + 2 * (_WEIGHTS[1:] * [-1, 1, -1, 1, -1]).sum())
 _LEFT_ROWS = 1.0 - _WEIGHTS[0]
-#: Share of the variance of single pixels that the quadric leaves, and correlation at 1 px of its
-#: residual: for white pixels, and for pixels smooth over 3 x 3. Derived from the weights h of the
-#: centre: 1 - 2 h r + h R h with the correlations r, R of the pixels.
+#: Shares that the quadric leaves of the variance of single pixels: white pixels, and pixels smooth
+#: over 3 x 3. The next line has the residual's correlation at 1 px. Derived from the weights h of
+#: the centre: 1 - 2 h r + h R h with the pixels' correlations r, R.
 _LEFT_WHITE, _LEFT_SMOOTH = 0.9705, 0.7285
 _CORRELATION_WHITE, _CORRELATION_SMOOTH = -0.032, 0.552
-#: Least pixels of a row or column in each half of the frames, and least number of rows.
+#: Smallest number of pixels of a row or column in each half of the frames, and of rows.
 _LEAST_PIXELS = 30
 _LEAST_ROWS = 60
-#: Bands of the image in which the alternation is averaged.
+#: Number of bands of the image in which the alternation is averaged.
 BANDS = 8
-#: Residuals beyond this many mm are texture and edges.
+#: Residuals above this, mm, are texture and edges. The value was chosen, not measured.
 _CLIP_MM = 5.0
 
 
@@ -47,10 +48,10 @@ class FixedPattern:
         rows_mm: standard deviation of the rows, with the alternation.
         columns_mm: standard deviation of the columns.
         rest_mm: standard deviation of single pixels.
-        alternation_mm: (BANDS,) half the step from even to odd rows in bands from the top; positive
-            if odd rows are farther.
-        alternation_rms_mm: rms of that half step.
-        rest_correlation: between neighbours along x in the residual of the rest; 0 for white
+        alternation_mm: (BANDS,) half the step from even to odd rows, in bands from the top;
+            positive if odd rows are farther.
+        alternation_rms_mm: rms of half the step.
+        rest_correlation: correlation of the rest between horizontal neighbours; 0 for white
             pixels, 0.55 for pixels smooth over 3 x 3.
     """
 
@@ -64,7 +65,7 @@ class FixedPattern:
 
 
 def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
-    """Measure the fixed pattern in two or more frames within 1.6 m: farther, noise hides it."""
+    """Measure the fixed pattern in two or more frames within 1.6 m; beyond, noise hides it."""
     nan = float("nan")
     nothing = FixedPattern(len(frames), nan, nan, nan, (nan,) * BANDS, nan, nan)
     shape = frames[0].measured_mm.shape
@@ -83,7 +84,7 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     if np.isfinite(rows).all(axis=0).sum() < _LEAST_ROWS or not np.isfinite(columns).any():
         return nothing
     halves = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    # The running mean over 31 lines is a slow change.
+    # The running mean over 31 lines is slow drift, which is subtracted.
     own_rows, own_columns = (
         np.stack([line - _running_mean(line, 31) for line in lines]) for lines in (rows, columns)
     )
@@ -91,7 +92,7 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     total = _covariance(rest[0], rest[1])
     there, back = (_covariance(rest[a, :, 1:], rest[1 - a, :, :-1]) for a in (0, 1))
     side = 0.5 * (there + back)
-    # Half the step from even to odd rows: its mean in bands, and its local mean over 41 rows.
+    # Half the step from even to odd rows: the mean in each band, and the local mean over 41 rows.
     half_steps = own_rows * np.where(np.arange(shape[0]) % 2 == 1, 1.0, -1.0)
     bands = np.array_split(half_steps.mean(axis=0), BANDS)
     alternation = [np.nanmean(b) if np.isfinite(b).sum() >= 10 else nan for b in bands]

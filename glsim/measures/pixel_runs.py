@@ -8,11 +8,11 @@ from glsim.core.array_types import Mask, Whole
 
 
 def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Whole:
-    """Find the pairs of successive runs of at least ``least_px`` in each row.
+    """Find the pairs of successive runs of at least ``least_px`` pixels in each row.
 
-    ``joined`` is (H, W - 1): whether a pixel and the next one of its row are of one surface.
-    Returns (5, N): row, first pixel of the left run, pixel after its last one, and the same of the
-    right run.
+    ``joined`` is (H, W - 1): whether a pixel and its right neighbour lie on one surface. Returns
+    (5, N): row; first pixel of the left run, and the pixel after its last; first pixel of the right
+    run, and the pixel after its last.
     """
     padded = np.pad(joined, ((0, 0), (1, 1)))
     row, start = np.nonzero(padded[:, 1:] & ~padded[:, :-1])
@@ -23,9 +23,9 @@ def successive_runs(joined: Mask, least_px: int, most_gap_px: int) -> Whole:
 
 
 def goes_on(right: Mask, row: Whole, column: Whole, most_px: int) -> Mask:
-    """Tell which steps continue, within ``most_px`` columns, in the row above and below, (2, N).
+    """Mark steps that continue, within ``most_px`` columns, in the row above and below, (2, N).
 
-    ``right`` says of each of the N steps whether the farther surface is on the right.
+    ``right`` is (N,): whether the farther surface is on the right of the step.
     """
     key = (right.astype(np.int64) << 40) + (row << 20) + column
     ordered = np.sort(key)

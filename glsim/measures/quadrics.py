@@ -1,4 +1,4 @@
-"""Quadric fit around every pixel: residual, slope, roughness (depth in mm, NaN = no depth)."""
+"""Quadric fit around every pixel: residual, slope and roughness (depth in mm, NaN = none)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from glsim.core.array_types import Array, Floats, Mask
 from glsim.core.depth_map import FITTED_STEP
 
-#: A surface seen at more than 70 degrees from its normal is not used.
+#: Smallest cosine of a used surface: the angle between ray and normal is at most 70 degrees.
 _LEAST_COSINE = float(np.cos(np.radians(70.0)))
 
 
@@ -20,9 +20,9 @@ class Surfaces:
     """Least-squares quadrics in square windows, (H, W) float32; NaN for windows without a fit.
 
     Attributes:
-        residual_mm: depth of the centre minus the quadric there.
-        rough_mm: residual standard deviation (49 - 6 degrees of freedom in 7 x 7).
-        cosine: of the angle between ray and normal.
+        residual_mm: depth of the centre pixel minus the quadric there.
+        rough_mm: standard deviation of the residual (49 - 6 degrees of freedom in 7 x 7).
+        cosine: cosine of the angle between ray and normal.
         bend_mm: sag over two pixels, the largest second derivative times (2 px)^2 / 2.
     """
 
@@ -33,7 +33,7 @@ class Surfaces:
 
     @property
     def smooth(self) -> Mask:
-        """Mask of windows without holes and steps that are not seen at a grazing angle."""
+        """The windows without holes and steps that are not seen at a grazing angle, (H, W) mask."""
         return np.isfinite(self.rough_mm) & (self.cosine > _LEAST_COSINE)
 
 
@@ -47,7 +47,7 @@ def quadric_basis(size: int) -> Array:
 
 
 def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
-    """Fit quadrics to (H, W) mm, NaN = none, in windows of odd ``size`` without hole or step."""
+    """Fit quadrics to depth, (H, W) mm, NaN = none, in windows of odd ``size`` without steps."""
     known = np.isfinite(depth_mm)
     z = np.where(known, depth_mm, 0.0).astype(np.float64)
     limit = FITTED_STEP.limit_mm(z)
@@ -67,7 +67,7 @@ def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
     residual = moved - sum(part * value for part, value in zip(parts, centre, strict=True))
     half = size // 2
     ramp = np.arange(-half, half + 1.0)
-    unit = np.sqrt(size * (ramp**2).sum())  # of the kernels x and y
+    unit = np.sqrt(size * (ramp**2).sum())  # norm of the kernels x and y
     slope_x, slope_y = parts[1] / unit, parts[2] / unit
     bent = ramp**2 - (ramp**2).mean()
     curve = np.sqrt(size * (bent**2).sum())
@@ -93,9 +93,9 @@ def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:
     step_x = np.abs(np.gradient(rays[..., 0].astype(np.float64), axis=1))
     step_y = np.abs(np.gradient(rays[..., 1].astype(np.float64), axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Of the surface P = z (x, y, 1): tangents P_u = z_u (x, y, 1) + z (dx, 0, 0), P_v alike.
-        # Their cross product over z dx dy is (-z_u / dx, -z_v / dy, z + x z_u / dx + y z_v / dy);
-        # times the ray (x, y, 1) it is z.
+        # The surface is P = z (x, y, 1), with tangents P_u = z_u (x, y, 1) + z (dx, 0, 0), and P_v
+        # likewise. Their cross product over z dx dy is (-z_u / dx, -z_v / dy, z + x z_u / dx + y
+        # z_v / dy). Its product with the ray (x, y, 1) is z.
         gx, gy = slope_x / step_x, slope_y / step_y
         normal_z = z + gx * rays[..., 0] + gy * rays[..., 1]
         length = np.sqrt(gx**2 + gy**2 + normal_z**2)
@@ -104,10 +104,10 @@ def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:
 
 
 def local_planes(values: Array, known: Mask, window: Array) -> tuple[Array, Array]:
-    """Fit a plane to the known (H, W) values around every pixel.
+    """Fit a plane to the known values around every pixel.
 
-    ``window`` are (2 n + 1,) weights along rows and along columns. Returns the (H, W) plane at its
-    own pixel, and the known share of the weights.
+    ``values`` and ``known`` are (H, W). ``window`` holds (2 n + 1,) weights along rows and along
+    columns. Returns the plane at its centre pixel, (H, W), and the known share of the weights.
     """
     away = np.arange(len(window)) - len(window) // 2
     powers = [window / window.sum() * away**power for power in range(3)]

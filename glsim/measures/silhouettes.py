@@ -1,9 +1,10 @@
 """Silhouettes along rows: the gaps between foreground and background on both sides.
 
-A run is five or more pixels of a row with depth, each near its neighbour. Where the ends of two
-successive runs differ by more than 100 mm, the nearer run is the foreground and the pixels between
-them are the gap; "right" and "left" say on which side of the foreground it lies. The shadow of the
-emitter, S = f (1/z_front - 1/z_back) B px wide for a baseline of B m, widens the gaps of one side.
+A run is five or more pixels of a row with depth, each near its neighbour. If the ends of two
+successive runs differ by more than 100 mm, the nearer run is the foreground, and the pixels between
+the runs are the gap. "right" and "left" give the side of the foreground on which the gap lies. The
+emitter's shadow is S = f (1/z_front - 1/z_back) B px wide for a baseline of B m. It widens the gaps
+of one side.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from glsim.core.units import MM_PER_M
 from glsim.measures.measured_frame import radius_px
 from glsim.measures.pixel_runs import goes_on, successive_runs
 
-#: Least step in depth between the two runs of a silhouette, mm.
+#: Smallest depth step between the two runs of a silhouette, mm.
 STEP_MM = 100.0
-#: Least pixels of a run; flying pixels make shorter runs.
+#: Smallest length of a run, px; flying pixels make shorter runs.
 _LEAST_RUN = 5
-#: Least width of foreground and background, px; chosen to leave out thin chair legs.
+#: Smallest width of foreground and background, px; chosen to leave out thin chair legs.
 _LEAST_FRONT, _LEAST_BACK = 10, 12
 #: Widest gap, px; a wider one is a hole or an object without depth.
 _MOST_GAP = 40
@@ -32,15 +33,16 @@ _MOST_GAP = 40
 _MOST_SLANT = 2
 #: Width of the band outside the foreground, px.
 BAND_PX = 8
-#: Pixel of the background whose infrared counts, px from the gap.
+#: Distance from the gap, px, at which the background's infrared is read.
 _BESIDE_PX = 3
-#: Depth counts as behind the background if it is farther by this much, mm.
+#: Depth counts as behind the background if it is farther by more than this, mm.
 _BEHIND_MM = 50.0
-#: Range of S of the edges that are measured, px per m of baseline. Chosen: 200 is a head at 0.9 m
-#: before a wall at 1.8 m; below the range a shadow is no wider than the gap on the lit side.
+#: Range of S of the measured edges, px per m of baseline. Chosen: 200 is a head at 0.9 m before a
+#: wall at 1.8 m; below 100 a shadow is no wider than the gap on the lit side.
 HEAD_SHIFTS = (100.0, 500.0)
 _LEAST_EDGES = 50
-#: Steps of reweighted least squares, and the residual below which all points weigh alike. Chosen.
+#: Number of steps of reweighted least squares, and residual, px, below which all points have the
+#: same weight. The values were chosen, not measured.
 _FIT_STEPS, _LEAST_RESIDUAL = 30, 0.1
 
 
@@ -49,15 +51,15 @@ class Edges:
     """Silhouettes of one frame; (N,) arrays with an entry per row and side.
 
     Attributes:
-        side: 0 for a gap to the left of the foreground, 1 to the right.
-        row, column: of the last foreground pixel.
-        width: pixels of the gap.
-        invalid: pixels of the gap without depth.
-        band_invalid: share of the BAND_PX pixels outside without depth.
-        band_behind: share of them behind the background.
+        side: 0 for a gap to the left of the foreground, 1 for a gap to the right.
+        row, column: position of the last foreground pixel.
+        width: number of pixels of the gap.
+        invalid: number of pixels of the gap without depth.
+        band_invalid: share of the next BAND_PX pixels outside the foreground without depth.
+        band_behind: share of these pixels whose depth is behind the background.
         front_mm, back_mm: depth at the end of foreground and background.
         shift_px_per_m: S for a baseline of 1 m.
-        radius_px: distance of the rim from the principal point, px of a Kinect V2.
+        radius_px: distance of the edge from the principal point, px of a Kinect V2.
         back_counts: infrared of the background beside the gap, counts; 0 without infrared.
     """
 
@@ -80,13 +82,13 @@ class Side:
     """Gaps on one side of silhouettes with a shift S within HEAD_SHIFTS.
 
     Attributes:
-        edges: their number.
-        width_px, width_mean_px: median and mean width.
+        edges: number of edges.
+        width_px, width_mean_px: median and mean width of the gaps.
         invalid_px: median number of pixels without depth.
-        band_invalid: share of the BAND_PX pixels outside without depth.
-        band_behind: share of them behind the background.
+        band_invalid: share of the next BAND_PX pixels outside the foreground without depth.
+        band_behind: share of these pixels whose depth is behind the background.
         offset_px: constant of width = offset + slope S, fitted to edges of any S.
-        slope_mm: slope of that line, the baseline that acts on this side.
+        slope_mm: slope of this line, the effective baseline of this side.
     """
 
     edges: int
@@ -109,7 +111,7 @@ class Silhouettes:
 
     @property
     def lit_and_shadow(self) -> tuple[Side, Side]:
-        """The side with the narrower gaps, and the one with the wider gaps."""
+        """The side with the narrower gaps, and the side with the wider gaps."""
         pair = self.left, self.right
         return pair if self.shadow_side == "right" else pair[::-1]
 
@@ -121,8 +123,8 @@ def measure_silhouettes(
 ) -> Silhouettes:
     """Measure the gaps on both sides; NaN for a side with fewer than 50 edges.
 
-    Edges count whose distance from the principal point, px of a Kinect V2, and whose background's
-    infrared, counts, are in these ranges. Frames without infrared have 0 counts.
+    ``ring_px`` is the range of the edges' distances from the principal point, px of a Kinect V2.
+    ``light`` is the range of the background's infrared, counts; it is 0 without infrared.
     """
     found = [find_edges(frame) for frame in frames]
     left, right = (_side(found, number, ring_px, light) for number in (0, 1))
@@ -137,7 +139,7 @@ def find_edges(frame: DepthFrame) -> Edges:
     joined = known[:, 1:] & known[:, :-1]
     joined &= np.abs(np.diff(z, axis=1)) <= MEASURED_STEP.limit_mm(np.nan_to_num(z[:, 1:]))
     row, start, end, next_start, next_end = successive_runs(joined, _LEAST_RUN, _MOST_GAP)
-    # Depth at an end: the median of the four pixels next to the outermost one.
+    # The depth at an end is the median of the four pixels inside the outermost one.
     ends = (end[:, None] + np.arange(-5, -1), next_start[:, None] + np.arange(1, 5))
     left, right = (np.median(z[row[:, None], at].astype(np.float64), axis=1) for at in ends)
     on_right = left < right  # the foreground is on the left, the gap on its right
@@ -196,7 +198,7 @@ def _side(
 
 
 def _median_of_counts(counts: Array) -> float:
-    """Compute the median of integers, as if each were spread evenly over +-0.5."""
+    """Compute the median of integers as if each were spread evenly over +-0.5."""
     middle = float(np.median(counts))
     below, same = float((counts < middle).mean()), float((counts == middle).mean())
     return middle - 0.5 + (0.5 - below) / same if same > 0 else middle

@@ -1,6 +1,6 @@
 """Measures of stacks of frames of one static scene: (T, H, W) float64 mm, NaN = no depth.
 
-A residual is frames minus true depth.
+A residual is the measured depth of the frames minus the true depth.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def temporal_part(frames: Array) -> Array:
 
 
 def moments(frames: Sequence[Reals] | Array) -> tuple[Array, Array, Array]:
-    """Compute (H, W) numbers of valid frames, and means and unbiased variances, 0 without any."""
+    """Compute each pixel's number of valid frames, mean and unbiased variance, (H, W), 0 = none."""
     count = np.zeros(frames[0].shape)
     total, squares = np.zeros(count.shape), np.zeros(count.shape)
     for frame in frames:
@@ -77,8 +77,8 @@ def variance_temporal_map(frames: Array) -> Array:
 def sigma_temporal_map(frames: Array) -> Array:
     """Compute the (H, W) standard deviation of each pixel over time; NaN below two valid frames.
 
-    Unbiased for Gaussian noise: the root of the unbiased variance of n samples is on average
-    (4n - 4) / (4n - 3) of the standard deviation.
+    It is unbiased for Gaussian noise: the root of the unbiased variance of n samples is on average
+    (4n - 4) / (4n - 3) times the standard deviation.
     """
     count = np.maximum(np.isfinite(frames).sum(axis=0), 2)
     return np.asarray(np.sqrt(variance_temporal_map(frames)) * (4 * count - 3) / (4 * count - 4))
@@ -101,8 +101,8 @@ def ratio(first: float, second: float) -> float:
 
 
 def fixed_pattern(frames: Array) -> tuple[Array, float]:
-    """Compute each pixel's mean minus the best plane, (H, W), and its deviation."""
-    # The variance that temporal noise leaves in a mean of T frames is subtracted.
+    """Compute each pixel's mean minus the best plane, (H, W), and its standard deviation."""
+    # The mean of T frames still has temporal noise; its variance is subtracted.
     count = np.isfinite(frames).sum(axis=0)
     mean = np.where(count > 0, np.nansum(frames, axis=0) / np.maximum(count, 1), np.nan)
     pattern = without_plane(mean)
@@ -117,8 +117,8 @@ def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
 
 def temporal_autocorrelation(frames: Array) -> float:
     """Compute the correlation of a pixel with its value one frame later, without fixed pattern."""
-    # Subtracting the mean of T frames makes white noise look anticorrelated by 1 / (T - 1); this
-    # bias is added back.
+    # Subtracting the mean of T frames makes white noise look anticorrelated by 1 / (T - 1). This
+    # bias is added again.
     part = temporal_part(frames)
     return ratio(mean_of(part[1:] * part[:-1]), mean_of(part**2)) + 1.0 / (len(frames) - 1)
 
@@ -133,13 +133,13 @@ def skew_kurtosis(samples: Array) -> tuple[float, float]:
 
 
 def edge_positions(frames: Array, near_mm: float, far_mm: float) -> Array:
-    """Count the pixels of the left foreground, (T, H): those nearer than halfway to the rest."""
+    """Count the pixels of the left foreground per row, (T, H): nearer than half the step."""
     foreground = np.nan_to_num(frames, nan=np.inf) < 0.5 * (near_mm + far_mm)
     return np.asarray(foreground.sum(axis=2), np.float64)
 
 
 def edge_jitter(positions: Array) -> float:
-    """Compute the standard deviation of (T, H) edge positions about the best line, px."""
+    """Compute the standard deviation, px, of edge positions (T, H) about the best line."""
     rows = np.arange(positions.shape[1])
     line = np.polynomial.Polynomial.fit(rows, positions.mean(axis=0), 1)
     return float((positions - line(rows)).std())
@@ -159,7 +159,7 @@ def sinusoids(
 ) -> tuple[Array, Array, float]:
     """Fit offset, linear trend and one sinusoid per period jointly by least squares.
 
-    Returns the amplitudes (len(periods),), their standard errors, and the rms of the residual, mm.
+    Returns the amplitudes and their standard errors, (len(periods),), and the residual's rms, mm.
     """
     at = 2 * np.pi * z_mm[:, None] / np.asarray(periods_mm, np.float64)
     span = (z_mm - z_mm.mean()) / np.ptp(z_mm)
@@ -182,7 +182,7 @@ def without_trend(z_mm: Array, error_mm: Array) -> Array:
 
 
 def crossing(x: Array, share: Array, level: float) -> float:
-    """Interpolate the x above which rising shares stay at or above ``level``; NaN if never."""
+    """Interpolate the x from which rising shares stay at or above ``level``; NaN if they do not."""
     below = np.flatnonzero(share < level)
     if len(below) == 0 or below[-1] + 1 >= len(x):
         return float("nan")
@@ -192,7 +192,7 @@ def crossing(x: Array, share: Array, level: float) -> float:
 
 
 def half_valid(level: Reals, valid: Mask, edges: Reals) -> float:
-    """Interpolate the level from which half of the pixels are valid, by bins; NaN if never."""
+    """Interpolate the level at which half of the pixels of a bin are valid; NaN if none is."""
     place = np.digitize(level, edges)
     used = [k for k in range(1, len(edges)) if (place == k).any()]
     means, shares = (np.array([part[place == k].mean() for k in used]) for part in (level, valid))
@@ -202,7 +202,7 @@ def half_valid(level: Reals, valid: Mask, edges: Reals) -> float:
 def normals(depth_mm: Array, rays: Reals) -> Array:
     """Compute (H, W, 3) unit normals by central differences; NaN if a neighbour has no depth.
 
-    rays: (H, W, 2), x/z and y/z of each pixel.
+    ``rays`` are (H, W, 2) x/z and y/z of the pixels.
     """
     inner = np.zeros(depth_mm.shape, np.bool_)
     inner[1:-1, 1:-1] = True
@@ -212,7 +212,7 @@ def normals(depth_mm: Array, rays: Reals) -> Array:
 
 
 def angular_error_deg(first: Array, second: Array) -> float:
-    """Compute the mean angle between two unit normal fields where both exist, degrees."""
+    """Compute the mean angle, degrees, between two unit normal fields where both are known."""
     return mean_of(np.degrees(np.arccos(np.clip((first * second).sum(axis=-1), -1.0, 1.0))))
 
 
@@ -223,7 +223,7 @@ def eroded(mask: Mask, steps: int) -> Mask:
 
 
 def steps_mm(depth_mm: Array) -> Array:
-    """Compute the (H, W) largest difference of a pixel to its 8 neighbours, mm, ignoring NaN."""
+    """Compute each pixel's largest difference to its 8 neighbours, (H, W) mm, ignoring NaN."""
     kernel = np.ones((3, 3), np.uint8)
     high = cv2.dilate(np.nan_to_num(depth_mm, nan=-np.inf), kernel, borderValue=-np.inf)
     low = cv2.erode(np.nan_to_num(depth_mm, nan=np.inf), kernel, borderValue=np.inf)

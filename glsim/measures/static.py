@@ -1,4 +1,4 @@
-"""Search for frames that show one static view, between which only noise changes depth."""
+"""Find frames that show one static view, between which only noise changes depth."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from glsim.core.depth_frame import DepthFrame
 from glsim.measures.correlation import lagged_sums
 from glsim.measures.stacks import ratio
 
-#: Two frames show different views if their median absolute difference is above _MOST_MEDIAN_MM and
-#: pixels _APART_PX apart change alike (correlation above _MOST_ALIKE), or if it is above
-#: _MOST_SHARE of the depth. Noise is uncorrelated at that distance, however large it is: cameras
-#: that match windows have the widest, 0.44 at 8 px and 0.08 at 16 px on a wall before a D435 (two
-#: frames at rest of another: 0.41 and 0.12). Where the camera moved it is 0.29 (the slowest pair of
-#: a D435 on a robot) to 0.84, of a Kinect V2 0.47 to 0.84 (docs/results/real_frames.md).
+#: Two frames show different views if one of two tests holds. First: their median absolute
+#: difference is above _MOST_MEDIAN_MM, and changes correlate by more than _MOST_ALIKE between
+#: pixels _APART_PX apart. Second: the difference is above _MOST_SHARE of the depth. Noise of any
+#: size is uncorrelated at this distance. Measured correlations: a D435 before a wall 0.44 at 8 px,
+#: 0.08 at 16 px; another at rest 0.41, 0.12. After motion: 0.29 (slow robot with a D435) to 0.84;
+#: a Kinect V2 0.47 to 0.84 (docs/results/real_frames.md).
 _MOST_MEDIAN_MM, _MOST_ALIKE, _MOST_SHARE = 3.0, 0.2, 0.05
 _APART_PX = 16
-#: A part of the view moved if more than _MOST_MOVED of the blocks of _BLOCK x _BLOCK compared
-#: pixels have a median change above _MOST_MEDIAN_MM and _MOST_SPREADS times the spread within.
-#: Static pairs of two D435 and a Kinect V2 have none; part of a wall moved by 30 mm has 3 %.
+#: A part of the view moved if many of the blocks of _BLOCK x _BLOCK compared pixels changed: a
+#: share above _MOST_MOVED has a median change above _MOST_MEDIAN_MM and above _MOST_SPREADS times
+#: the spread within the block. Measured shares: static pairs of two D435 and a Kinect V2 0; a part
+#: of a wall that moved by 30 mm 3 %.
 _BLOCK, _MOST_SPREADS, _MOST_MOVED = 4, 3.0, 0.005
-#: Pixels with depth in both frames that are needed, and their share of those with depth in one.
+#: Smallest number of pixels with depth in both frames, and as a share of those with depth in one.
 _LEAST_PIXELS, _LEAST_SHARED = 100, 0.5
-#: Images of more pixels are compared by every eighth pixel along both axes.
+#: Images of more pixels are subsampled: every eighth pixel along both axes is compared.
 _THINNED_FROM, _EVERY_PX = 50_000, 8
-#: Above this number of frames only neighbours in time are compared.
+#: From this number of frames on only neighbours in time are compared.
 _ALL_PAIRS_BELOW = 80
 
 
@@ -58,7 +59,7 @@ def view_change(first: DepthFrame, second: DepthFrame) -> str:
 
 
 def _thinned(depth_mm: Floats) -> tuple[Floats, int]:
-    """Subsample large depth maps for the comparison; return the pixels and _APART_PX in them."""
+    """Subsample large depth maps for the comparison; also return _APART_PX in the new pixels."""
     step = _EVERY_PX if depth_mm.size > _THINNED_FROM else 1
     return depth_mm[::step, ::step], _APART_PX // step
 
@@ -82,7 +83,7 @@ def _change(first: Floats, lag: int, second: Floats) -> str:
 
 
 def _moved_share(change_mm: Array) -> float:
-    """Compute the share of blocks with depth that moved as one, as a person before a wall does."""
+    """Compute the share of blocks with depth that moved as a whole, e.g. with a person."""
     height, width = (size - size % _BLOCK for size in change_mm.shape)
     shape = height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK
     blocks = change_mm[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, _BLOCK**2)

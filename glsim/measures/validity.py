@@ -11,7 +11,7 @@ from glsim.core.array_types import Reals
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.measured_frame import radius_px
 
-#: Bounds of the rings, px of a Kinect V2 (its corners are at 330).
+#: Bounds of the rings, px of a Kinect V2, whose corners are at 330 px.
 RINGS_PX = (0.0, 50.0, 100.0, 150.0, 200.0, 225.0, 250.0, 275.0, 300.0, 340.0)
 
 
@@ -29,9 +29,9 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
 def hole_share_beside_band(images: Sequence[Reals]) -> float:
     """Compute the share of holes to the right of the left border band, over all images.
 
-    Images are (H, W) depth or disparity, NaN = none. The band of a stereo camera is as wide as the
-    disparity there: the room decides it, not the matcher. It ends at the first pixel with depth of
-    each row; a row without any counts as holes.
+    Images are (H, W) depth or disparity, NaN = none. The width of a stereo camera's band is the
+    disparity there, which depends on the room and not on the matcher. The band ends at the first
+    pixel with depth of each row; a row without depth counts as holes.
     """
     holes, pixels = 0, 0
     for image in images:
@@ -43,7 +43,7 @@ def hole_share_beside_band(images: Sequence[Reals]) -> float:
 
 
 def flip_share(images: Sequence[Reals], pairs: Sequence[tuple[int, int]]) -> float:
-    """Compute the share of pixels with depth in just one frame, mean of the pairs; NaN without."""
+    """Compute the share of pixels with depth in only one frame, mean of the pairs; NaN if empty."""
     if not pairs:
         return float("nan")
     return float(np.mean([(np.isnan(images[a]) != np.isnan(images[b])).mean() for a, b in pairs]))

@@ -1,14 +1,14 @@
-"""Images in a sensor file that are the same in every frame: fixed pattern, projector's image.
+"""Images of a sensor file that are equal in every frame: fixed pattern, projector's image.
 
     [rig]
     fixed_pattern_map = "x_fixed_pattern.npy"
     projector_image = "dots.png"
     projector_view_deg = [90, 63]
 
-Both are paths from the folder of the sensor file. ``glsim fit`` writes the map: float32 (rows,
-columns) of the sensor's image, mm, the constant error of each pixel, positive if too far; NaN =
-unknown. The projector's image is a grey PNG of 8 or 16 bits, x to the right, y down, which fills
-the field of view. White is as bright as a dot's centre. Outside of the field there is no light.
+Both are paths relative to the folder of the sensor file. ``glsim fit`` writes the map: float32
+(rows, columns) of the sensor's image, the constant error of each pixel in mm, positive if too far;
+NaN = unknown. The projector's image is a grey PNG of 8 or 16 bits, x to the right, y down. It fills
+the projector's field of view. White is as bright as a dot's centre. Outside there is no light.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from glsim.core.files.npy import map_npy
 from glsim.core.files.png import MAX_IMAGE_BYTES, decode_png, image_size
 from glsim.core.files.regular import read_regular
 
-#: Largest error of a fixed pattern, mm, the limit of the stage's parameters; larger errors mean
-#: another unit. A Kinect V2's pattern has a standard deviation of 0.7 to 0.9 mm.
+#: Largest error of a fixed pattern, mm, as in the stage's parameters; a larger one means another
+#: unit. A Kinect V2's pattern has a standard deviation of 0.7 to 0.9 mm.
 LARGEST_MM = 20.0
-#: Smallest and largest side of a projector's image, pixels. Chosen: beyond the largest a pixel is
-#: finer than a sixth of a D435's pixel.
+#: Smallest and largest side of a projector's image, pixels. Chosen: an image of the largest size
+#: has pixels of a sixth of a D435's pixel.
 SMALLEST_PX, LARGEST_PX = 2, 4096
 
 _Read = TypeVar("_Read")
@@ -75,8 +75,8 @@ def _sensor_image(values: NDArray[np.floating], file: Path) -> SensorImage:
 def read_pattern_map(file: Path, shape: tuple[int, int]) -> SensorImage:
     """Read a map of a fixed pattern (.npy, float mm) for images of shape (height, width).
 
-    Raises ConfigError for a missing or unreadable file, another shape, values that are no real
-    numbers, infinite or larger than LARGEST_MM, and for a map that knows no pixel.
+    Raises ConfigError for a missing or unreadable file, for another shape, for values that are not
+    real, infinite or above LARGEST_MM, and for a map without a known pixel.
     """
     named = "rig.fixed_pattern_map names a map that glsim fit wrote"
     values = _read(file, lambda: map_npy(file), named)
@@ -110,11 +110,11 @@ def remove_fixed_pattern(
 ) -> NDArray[np.float32]:
     """Subtract a device's fixed pattern from depth maps; return float32 mm of the same shape.
 
-    For a crop give the same crop of the map.
+    For a crop, give the same crop of the map.
 
     Args:
-        depth_mm: (..., H, W) of any type; 0 or NaN = no depth, and stays so.
-        map_mm: (H, W) errors of the pixels, from ``glsim fit``; NaN leaves depth unchanged.
+        depth_mm: (..., H, W) of any type; 0 or NaN = no depth, which stays.
+        map_mm: (H, W) errors of the pixels, from ``glsim fit``; NaN leaves the depth unchanged.
 
     Raises:
         ConfigError: the shapes differ.
@@ -130,16 +130,16 @@ def read_projector_image(
 ) -> SensorImage:
     """Read the image that a projector projects, as float32 brightness from 0 to 1.
 
-    Each pixel becomes the mean over a camera pixel's share of the image, so that no fine pattern is
-    lost. The mean is taken in whole numbers, the same on every machine.
+    Each pixel becomes the mean over the area that a camera pixel sees, so that no fine pattern is
+    lost. The mean is computed in whole numbers and is equal on every machine.
 
     Args:
         file: a grey PNG of 8 or 16 bits, SMALLEST_PX to LARGEST_PX on each side.
-        view_deg: field of view of the image, degrees: columns, rows.
+        view_deg: field of view of the image, degrees: horizontal, vertical.
         focal_px: focal lengths of the camera.
 
     Raises:
-        ConfigError: the file is missing, no such image, too large or without light.
+        ConfigError: a missing file, another kind of image, or one too large or without light.
     """
     import cv2
 
@@ -156,12 +156,12 @@ def read_projector_image(
         )
     if not image.any():
         raise ConfigError(f"{file}: is black: a projector's image holds some light")
-    # Pixels of the image that a camera pixel sees, rounded to odd numbers.
+    # Number of image pixels that a camera pixel sees, rounded to odd numbers.
     sides = zip(view_deg, image.shape[::-1], focal_px, strict=True)
     across, down = (
         2 * int(0.5 * min(px / (2.0 * half_tan(view) * focal), px)) + 1 for view, px, focal in sides
     )
-    # Sums of whole numbers below 2^53 are exact in float64, in any order.
+    # Sums of whole numbers below 2^53 are exact in float64, in any order of the terms.
     sums = cv2.boxFilter(
         image.astype(np.float64), cv2.CV_64F, (across, down),
         normalize=False, borderType=cv2.BORDER_CONSTANT,

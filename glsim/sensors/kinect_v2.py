@@ -1,4 +1,4 @@
-"""Constants of the Kinect V2 beside its TOML file: frequencies, phase fusion, noise of taps."""
+"""Constants of the Kinect V2 besides its TOML file: frequencies, phase fusion, tap noise."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from glsim.core.array_types import Array
 #: Infrared counts per unit of the mean amplitude, as in libfreenect2.
 COUNTS_PER_AMPLITUDE = 16.0
 
-#: Modulation frequencies of the Kinect V2, MHz, in the order of all phase arrays here.
+#: Modulation frequencies of the Kinect V2, MHz, in the order of all phase arrays of this module.
 FREQUENCIES_MHZ = (80, 16, 120)
 
-#: Depth noise of libfreenect2's fusion, mm per rad of the root of the summed phase variances.
-#: Derived: c / 2 / 216 MHz for the mean of the three cycle counts, over 2 pi.
+#: Depth noise after libfreenect2's fusion, mm, per rad of the root of the summed phase variances.
+#: Derived: c / 2 / 216 MHz for the mean of the three cycle counts, divided by 2 pi.
 FUSION_MM_PER_RAD = 110.5
 
 #: Tap noise fitted to the curve above, read as that of unfiltered phases: variance = read + shot
@@ -35,11 +35,13 @@ def tap_phase_sigma_rad(
 
     Args:
         amplitude: libfreenect2's infrared units, any shape.
+        amplitude: libfreenect2's infrared units, any shape.
         rounding_lsb2: variance that rounding adds to a tap, LSB^2.
         read_lsb2: variance of a tap without light, LSB^2.
-        shot_lsb: its growth per LSB of light, LSB.
+        shot_lsb: growth of a tap's variance per LSB of light, LSB.
 
     Returns:
+        (3, ...) phase noise of each frequency, rad.
         (3, ...) rad.
     """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
@@ -54,7 +56,7 @@ def white_sigma_mm(
     read_lsb2: float = TAP_READ_LSB2,
     shot_lsb: float = TAP_SHOT_LSB,
 ) -> Array:
-    """Compute the depth noise, mm, due to phase noise alone, after a filter with ``gain``.
+    """Compute the depth noise, mm, from phase noise alone, after a filter with ``gain``.
 
     See ``tap_phase_sigma_rad`` for the other arguments.
     """

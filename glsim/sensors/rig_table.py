@@ -39,7 +39,7 @@ from glsim.sensors.images import half_tan
 from glsim.sensors.wiggling import Wave
 from glsim.settings.toml_tables import TomlTable
 
-#: Coordinates beside the camera, m, and in the image, pixels; the limits are beyond any camera's.
+#: Coordinates in the camera frame, m, and in the image, px; their limits exceed any camera's.
 _Metres = Annotated[float, Field(ge=-100, le=100)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Border = Annotated[int, Field(ge=0, le=1024)]
@@ -81,7 +81,7 @@ def _check_limit(lens: Distortion) -> Distortion:
     return lens
 
 
-# The table of a lens has the fields of Distortion and no others.
+# The table of a lens has exactly the fields of Distortion.
 with_config(ConfigDict(extra="forbid", allow_inf_nan=False))(Distortion)
 _Lens = Annotated[Distortion, AfterValidator(_check_limit)]
 
@@ -140,7 +140,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
         return self
 
     def rig(self) -> SensorRig:
-        """Return the rig described by the table."""
+        """Return the rig that the table describes."""
         return SensorRig(
             Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px),
             tuple(Emitter(e.position_m, e.spread_m, e.path_from_m, e.shares) for e in self.emitter),

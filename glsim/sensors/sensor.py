@@ -46,12 +46,12 @@ from glsim.settings.toml_tables import (
 )
 
 SENSOR_FOLDER = Path(__file__).parent
-#: The keys of the extended sensor, and of the number of its pixels along each side of a new pixel.
+#: Keys of the sensor file: the extended sensor, and the side of the square of binned pixels.
 EXTENDS, BINNING = "extends", "binning"
-#: Power of the binning n by which a parameter changes, (stage or "rig", key) -> power. Derived: a
-#: mean of n^2 taps has 1 / n^2 of their variance (Microsoft's ranges of the modes agree: the same
-#: noise from half of the light, (5.46 / 3.86)^2 = 2.0). The decoder's limits apply to the sum, as
-#: in real binned frames with depth to 5.4 m. Noise of single pixels averages out.
+#: (stage or "rig", key) -> power of the binning n by which the parameter is multiplied. Derived: a
+#: mean of n^2 taps has 1 / n^2 of their variance. Microsoft's ranges of the modes agree: the same
+#: noise from half of the light, (5.46 / 3.86)^2 = 2.0. The decoder's limits apply to the sum of the
+#: pixels, as real binned frames with depth to 5.4 m show. Noise of single pixels averages out.
 _BINNED = {
     ("rig", "width"): -1, ("rig", "height"): -1, ("rig", "focal_px"): -1, ("rig", "centre_px"): -1,
     ("tof_taps", "read_variance"): -2, ("tof_taps", "shot_variance"): -2,
@@ -59,10 +59,10 @@ _BINNED = {
     ("tof_unwrap", "min_amplitude"): -2, ("tof_unwrap", "min_sum"): -2,
     ("tof_floor", "sigma_mm"): -1, ("fixed_pattern", "pixel_sigma_mm"): -1,
 }  # fmt: skip
-#: The keys of [rig] that name a file, from the folder of the sensor file.
+#: Keys of [rig] that name a file, relative to the folder of the sensor file.
 RIG_FILES = ("fixed_pattern_map", "projector_image")
 
-#: Returns the place of a setting for messages, see ``glsim.settings.schema.place_of``.
+#: A function that returns where a setting was given: ``glsim.settings.schema.place_of``.
 _Place = Callable[..., str]
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
@@ -76,11 +76,11 @@ class _SensorFile(TomlTable):
 
 @dataclass(frozen=True)
 class StageChange:
-    """A change to a sensor's chain: new code for a stage of its file, or an additional stage.
+    """A change of a sensor's chain: new code for a stage of its file, or an additional stage.
 
     Args:
         name: name of the stage in the chain.
-        spec: code of the stage. Parameters of the file that ``spec`` does not declare are left out.
+        spec: code of the stage. Parameters in the file that ``spec`` does not declare are dropped.
         before: the stage after a new stage; None: the first stage on arrays, or the chain's end.
     """
 
@@ -95,10 +95,11 @@ class Sensor:
 
     Args:
         file: the sensor's TOML file.
-        pattern_map: the device's fixed pattern for the stage ``fixed_pattern``; None: it draws one.
-        projector_image: the emitters' pattern over ``projector_view_deg``, degrees (columns, rows);
-            None: the light stage draws dots.
-        wiggling: the device's, for ``remove_wiggling``; the light stage does not read it.
+        pattern_map: the device's fixed pattern for the stage ``fixed_pattern``; None: the stage
+            samples one.
+        projector_image: the emitters' image over ``projector_view_deg``, degrees (horizontal,
+            vertical); None: the light stage draws dots.
+        wiggling: the device's error for ``remove_wiggling``; the light stage does not read it.
     """
 
     name: str
@@ -113,7 +114,7 @@ class Sensor:
 
     @property
     def matcher(self) -> Stage | None:
-        """The stage that matches two images, if any."""
+        """The stage that matches two images; None if the chain has none."""
         return next((s for s in self.stages if s.spec.name == MATCHER), None)
 
     @property
@@ -168,12 +169,12 @@ class Sensor:
 
 
 def shipped_sensors() -> list[str]:
-    """Return the names of the sensors of glsim, sorted."""
+    """Return the names of the shipped sensors, sorted."""
     return sorted(file.stem for file in SENSOR_FOLDER.glob("*.toml"))
 
 
 def sensor_names() -> list[str]:
-    """Return the names of the sensors of glsim and of installed plug-ins, sorted."""
+    """Return the names of the shipped sensors and of installed plug-ins, sorted."""
     shipped = shipped_sensors()
     return sorted([*shipped, *plugin_names("sensors", shipped)])
 
@@ -197,7 +198,7 @@ def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any
 
     Args:
         file: the TOML file.
-        before: the files that extend it.
+        before: the files that extend this file, to refuse a circle.
     """
     own = read_toml(file)
     base = own.pop(EXTENDS, None)
@@ -218,7 +219,7 @@ def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any
 
 
 def _bin(tree: dict[str, Any], binning: Any, file: Path) -> None:
-    """Change the parameters of _BINNED, in place, for a mode that averages pixels."""
+    """Multiply the parameters of _BINNED, in place, for a mode that averages pixels."""
     if binning not in (1, 2, 4):
         raise ConfigError(f"{file}: {BINNING} must be 1, 2 or 4, not {binning!r}")
     named = {_name(stage, file): stage for stage in tree.get("stage", [])}
@@ -300,13 +301,14 @@ def load_sensor(
     place: _Place = lambda *_: "the overrides",
     changes: Sequence[StageChange] = (),
 ) -> Sensor:
-    """Load a sensor, given the name of a shipped sensor or plug-in, or the path of a sensor file.
+    """Load a sensor by the name of a shipped sensor or plug-in, or the path of a sensor file.
 
     Args:
-        overrides: stage -> parameter -> setting.
-        rig_overrides: keys of the file's [rig].
-        place: of an override, by its path ("rig", key) or ("stage", name, parameter), for messages.
-        changes: stages with other code than the file's, and new ones.
+        overrides: stage -> parameter -> setting, which replaces the file's.
+        rig_overrides: keys that replace those of the file's [rig].
+        place: a function from an override's path, ("rig", key) or ("stage", name, parameter), to
+            its place in messages.
+        changes: stages with other code than in the file, and new stages.
 
     Raises:
         ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
@@ -367,7 +369,7 @@ def _insert(
     overrides: Mapping[str, Mapping[str, Distribution]],
     place: _Place,
 ) -> None:
-    """Insert into the chain a stage that the sensor's file does not have. Raises ConfigError."""
+    """Insert a new stage into the chain. Raises ConfigError."""
     names = [stage.name for stage in stages]
     if change.before is not None and change.before not in names:
         raise ConfigError(
@@ -403,7 +405,7 @@ def _stage(
     place: _Place,
     changed: dict[str, StageChange],
 ) -> Stage:
-    """Make the stage of a [[stage]] table, and remove its change, if any, from ``changed``."""
+    """Make the stage of a [[stage]] table; if ``changed`` has a change of it, remove that."""
     settings = dict(entry)
     use = settings.pop("use", None)
     if not isinstance(use, str):
@@ -426,7 +428,7 @@ def _stage(
     stage = make_stage(name, spec, parameters, where)
     if name not in overrides:
         return stage
-    for key, value in overrides[name].items():  # one by one, so that a wrong one is named
+    for key, value in overrides[name].items():  # one by one, so that a message names the wrong one
         parameters = {**parameters, key: value}
         stage = make_stage(name, spec, parameters, place("stage", name, key))
     return stage

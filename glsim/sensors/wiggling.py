@@ -1,7 +1,7 @@
 """Wiggling of a time-of-flight device: its systematic depth error, periodic in distance.
 
-Harmonics of the correlation bend each phase; the decoder's depth is the mean over the phases. A
-sensor file says what the device's harmonics are, as ``glsim fit`` measures them:
+Harmonics in the correlation shift each phase; the decoder's depth is the mean over the frequencies.
+A sensor file states the device's harmonics, as ``glsim fit`` measures them:
 
     [[rig.wiggling]]          one wave per harmonic and modulation frequency
     harmonic = 2              2 or 5: 3 or 6 periods per half wavelength
@@ -24,11 +24,11 @@ from glsim.core.array_types import Floats
 from glsim.core.units import M_PER_MM
 from glsim.noise.rig_checks import SPEED_OF_LIGHT
 
-#: Periods per half wavelength of the harmonics that three taps alias.
+#: Harmonic -> its number of periods per half wavelength after aliasing by three taps.
 CYCLES: Final[Mapping[int, int]] = {2: 3, 5: 6}
-#: The error is a function of the true distance, which is found by this many fixed-point steps. The
-#: error changes by at most 0.08 mm per mm (harmonics of 1.5 % and 0.6 %), so that an error of 5 mm
-#: is known within 0.003 mm.
+#: Number of fixed-point steps that find the true distance, of which the error is a function. The
+#: error changes by at most 0.08 mm per mm (harmonics of 1.5 % and 0.6 %): an error of 5 mm is then
+#: known within 0.003 mm.
 _STEPS: Final = 3
 
 
@@ -46,17 +46,19 @@ class Wave(BaseModel):
 def wiggling_mm(
     distance_m: NDArray[np.floating], waves: Sequence[Wave], modulation_mhz: Sequence[float]
 ) -> NDArray[np.float64]:
-    """Compute the wiggling error at each distance, mm; positive where the decoder measures too far.
+    """Compute the wiggling error at each distance, mm; positive if the decoder measures too far.
 
     Args:
-        distance_m: half the path emitter, surface, camera, metres.
-        modulation_mhz: all frequencies of the device, over which the decoder takes the mean.
+        distance_m: half the length of the path emitter, surface, camera, metres.
+        waves: the device's harmonics.
+        modulation_mhz: all frequencies of the device; the decoder takes the mean over them.
     """
     distance = np.asarray(distance_m, np.float64)
     total = np.zeros_like(distance)
     for mhz in {wave.modulation_mhz for wave in waves}:
         phase = 4e6 * math.pi * mhz / SPEED_OF_LIGHT * distance
-        # The light's phasor is exp(i phase); harmonic n adds size exp(i (own - n phase)).
+        # The light's phasor is exp(i phase); harmonic n adds size exp(i (phase of the wave - n
+        # phase)).
         bent = np.ones(distance.shape, np.complex128)
         for wave in waves:
             if wave.modulation_mhz == mhz:
@@ -76,9 +78,11 @@ def remove_wiggling(
     """Subtract a device's wiggling from a depth map; return float32 mm of the same shape.
 
     Args:
-        depth_mm: (H, W), 0 = no depth, and stays so.
+        depth_mm: (H, W), 0 = no depth, which stays 0.
+        waves: the device's harmonics.
+        modulation_mhz: all frequencies of the device.
         rays: (H, W, 2) x/z and y/z of the same pixels.
-        emitter_m: where the decoder counts paths from (``SensorRig.emitter_m``).
+        emitter_m: start of the light's path in the decoder (``SensorRig.emitter_m``).
     """
     measured = np.asarray(depth_mm, np.float32)
     known = measured > 0
