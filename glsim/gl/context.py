@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 Backend = Literal["egl", "osmesa"]
 BACKENDS: tuple[Backend, ...] = ("egl", "osmesa")
 
-#: How to install the missing libraries (Debian and Ubuntu).
+#: Backend -> how to install its missing libraries (Debian and Ubuntu).
 INSTALL_HINT = {
     "egl": "apt-get install libegl1 libgl1 libgl1-mesa-dri",
     "osmesa": "apt-get install libosmesa6",
@@ -48,11 +48,11 @@ def open_context(backend: str | None = None) -> moderngl.Context:
     Raises DeviceError with the reason for each backend that was tried.
 
     Args:
-        backend: "egl", "osmesa", or None for GLSIM_BACKEND or the first that works.
-            In a forked process a backend that its parent has not opened comes first.
+        backend: "egl", "osmesa", or None for GLSIM_BACKEND, or else the first that works. A
+            forked process tries a backend first that its parent has not opened.
             GLSIM_EGL_DEVICE selects one of several GPUs by number (``glsim info`` lists them).
-            Mesa's software rasteriser runs on one thread unless LP_NUM_THREADS is set: one process
-            per core is faster than several threads per frame.
+            Mesa's software rasteriser uses one thread unless LP_NUM_THREADS is set: one
+            process per core is faster than several threads per frame.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
     chosen = chosen_backend(backend)
@@ -66,7 +66,7 @@ def open_context(backend: str | None = None) -> moderngl.Context:
             continue
         if failures:
             log.warning("using %s, because %s", name, failures[0])
-        context.gc_mode = "context_gc"  # "auto" frees objects in whichever context is current
+        context.gc_mode = "context_gc"  # "auto" would free objects in whichever context is current
         keep_freed_memory()
         _first_opened_by.setdefault(name, os.getpid())
         return context
@@ -90,9 +90,9 @@ def _opened_by_parent(backend: Backend) -> bool:
 def borrowed_context(backend: str | None = None) -> Iterator[moderngl.Context]:
     """Lend a context that is current on this thread, and keep it for the thread's next block.
 
-    Mesa keeps 40 kB of each context that was ever opened in a process, so that a loop over
-    ``simulate`` would grow without end. Objects of the last borrower are freed first.
-    Arguments and errors as for ``open_context``.
+    Mesa keeps 40 kB of each context for the life of the process: a loop over ``simulate`` with a
+    new context each time would grow without end. The last borrower's objects are freed first.
+    Arguments and errors are the same as in ``open_context``.
     """
     place = (
         os.getpid(),  # a context does not work in a forked child
@@ -110,8 +110,8 @@ def borrowed_context(backend: str | None = None) -> Iterator[moderngl.Context]:
         if place in _idle or threading.get_ident() != place[1] or os.getpid() != place[0]:
             context.release()
         else:
-            # Not freed here: a generator that nobody finished ends whenever Python drops it, and
-            # by then another context may be current, whose objects have the same numbers.
+            # The context's objects are not freed here. An unfinished generator ends whenever Python
+            # deletes it; another context may then be current, whose objects have the same numbers.
             _idle[place] = context
 
 
@@ -122,9 +122,9 @@ _idle: dict[tuple[int, int, Backend | None, str], moderngl.Context] = {}
 def make_current(context: moderngl.Context) -> None:
     """Make ``context`` current on this thread, and free its unused objects.
 
-    A process may hold several contexts; GL calls go to the current one, without an error if it is
-    the wrong one. Costs 1 us if the context is already current.
-    Raises DeviceError if another thread has opened it, or another library has ended it.
+    A process may hold several contexts; GL calls go to the current one, and no error reports a
+    wrong one. A call takes 1 us if the context is already current. Raises DeviceError if another
+    thread has opened the context, or another library has ended it.
     """
     if not _enter(context):
         if _threads.get(context) != threading.get_ident():
@@ -140,7 +140,7 @@ def make_current(context: moderngl.Context) -> None:
     context.gc()
 
 
-#: EGL handle of each context that was opened here, 0 after its display was ended; its thread.
+#: Context opened by glsim -> its EGL handle, 0 after the display was ended, and its thread.
 _handles: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
 _threads: WeakKeyDictionary[moderngl.Context, int] = WeakKeyDictionary()
 
@@ -181,7 +181,7 @@ def _open_egl() -> moderngl.Context:
     context: moderngl.Context = moderngl.create_context(standalone=True, **options)
     handle = _current_egl_context()
     for other, taken in list(_handles.items()):
-        if taken == handle:  # an address in use again: that context has gone
+        if taken == handle:  # the address is used again: the old context no longer exists
             _handles[other] = 0
     _handles[context] = handle
     _threads[context] = threading.get_ident()
@@ -189,7 +189,7 @@ def _open_egl() -> moderngl.Context:
 
 
 class _OSMesa:
-    """A loader of OSMesa for moderngl; constants are from GL/osmesa.h and GL/gl.h."""
+    """A loader of OSMesa for moderngl; its constants are from GL/osmesa.h and GL/gl.h."""
 
     _FORMAT, _DEPTH_BITS, _PROFILE, _CORE_PROFILE = 0x22, 0x30, 0x33, 0x34
     _MAJOR, _MINOR = 0x36, 0x37

@@ -1,14 +1,15 @@
-"""Parse a GLSL line that declares a parameter or a layer, and the note behind it.
+"""Parse GLSL lines that declare a parameter or a layer, with the note after ``//@``.
 
     uniform float base_sigma_mm = 1.5;  //@ [0, 20] mm  standard deviation at 1 m
 
-declares a parameter: type, name and default in GLSL, then range, unit ("1" for none) and help.
-A second part in the brackets is for sliders alone: ``//@ [0, 65535; 0, 2000] counts ...`` shows 0
-to 2000, ``//@ [0.1, 1e6; log] 1 ...`` a logarithmic scale, ``[0.1, 1e6; 1, 100 log]`` both, and
-``[3, 21; step 2]`` only odd numbers. Values outside it are valid in boxes and files.
-``uniform sampler2D u_depth;`` declares that the layer ``depth`` is read and ``out float depth;``
-that it is written; ``//@ 1/3`` after an ``out`` makes the written layers a third of the frame's
-size. glsim binds the other ``u_`` uniforms, a fixed set (glsim.noise.stage_pass).
+declares a parameter: its type, name and default in GLSL; then range, unit ("1" for none) and help.
+After a semicolon the brackets configure the slider: ``//@ [0, 65535; 0, 2000] counts ...`` shows 0
+to 2000, ``//@ [0.1, 1e6; log] 1 ...`` has a logarithmic scale, ``[0.1, 1e6; 1, 100 log]`` both, and
+``[3, 21; step 2]`` odd numbers only. Boxes and files accept all values of the range.
+``uniform sampler2D u_depth;`` declares that the stage reads the layer ``depth``, and
+``out float depth;`` that it writes it. ``//@ 1/3`` after an ``out`` makes the written layers a
+third of the frame's size. glsim sets the other ``u_`` uniforms, a fixed set
+(glsim.noise.stage_pass).
 """
 
 from __future__ import annotations
@@ -31,24 +32,25 @@ OUT = re.compile(
     r"^\s*(?:layout\s*\([^)]*\)\s*)?out\s+(?P<type>\w+)\s+(?P<name>\w+)\s*;"
     r"(?P<rest>\s*(?:/[/*].*)?)$"
 )
-#: Lines that start like a declaration but match none of the above: several names, a block, ...
+#: Lines that begin like a declaration but match no pattern above: several names, a block, ...
 _UNREADABLE = re.compile(r"^\s*(?:layout\s*\([^)]*\)\s*)?(?:uniform\s|out\s+\w+\s+[^;()]*;)")
 _DECLARATION = re.compile(r"^\s*(?:layout|uniform|out)\b")
 _NOTE = re.compile(
     r"^\s*(?:\[(?P<low>[^,;\]]+),(?P<high>[^,;\]]+)(?:;(?P<slider>[^\]]*))?\])?"
     r"\s*(?P<unit>[^\s\[]\S*)\s+(?P<help>\S.*)$"
 )
-#: The part of a note that is for sliders: two numbers, "log" or "step" and a number, or both.
+#: The slider part of a note: two numbers, "log" or "step" with a number, or both.
 _SLIDER = re.compile(
     r"^\s*(?:(?P<low>[^,\s]+)\s*,\s*(?P<high>[^,\s]+?))?"
     r"\s*(?:(?P<log>\blog)|\bstep\s+(?P<step>\S+))?\s*$"
 )
 _SCALE = re.compile(r"//@\s*(?P<scale>\d+(?:/\d+)?)\b")
 SPARSE = re.compile(r"^//@ sparse\b")
-#: Longest line with a declaration; the longest shipped has 100 characters. The patterns above take
-#: quadratic time in a line.
+#: Longest line with a declaration, characters; shipped lines have at most 100. The time of the
+#: patterns above grows with the square of the length.
 _MAX_DECLARATION = 2000
-#: Largest size of a written layer over the frame's: the renderer's finest has 5 samples a pixel.
+#: Largest size of a written layer relative to the frame's: the renderer has up to 5 samples a
+#: pixel.
 _MAX_SCALE = 5
 _PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
 _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
@@ -59,9 +61,9 @@ class Parameter:
     """A declared parameter of a stage; its values are floats, also for int and bool.
 
     Attributes:
-        slider: the range that sliders show, if it is smaller than [low, high].
-        log_scale: whether sliders are logarithmic.
-        step: step of sliders; 0: they choose it.
+        slider: range of the slider, if it is smaller than [low, high].
+        log_scale: whether the slider is logarithmic.
+        step: step of the slider; 0: the slider chooses it.
     """
 
     name: str
@@ -78,7 +80,7 @@ class Parameter:
     step: float = 0.0
 
     def problem(self, value: float) -> str | None:
-        """Return the reason why ``value`` is invalid, or None."""
+        """Return why ``value`` is invalid, or None."""
         if not isfinite(value):
             return f"{value} is not a finite number"
         if self.type != "float" and value != int(value):
@@ -91,7 +93,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer (an image) that a shader writes; ``scale`` is its size over the frame's size."""
+    """A layer (an image) that a shader writes; ``scale`` is its size relative to the frame's."""
 
     name: str
     type: str
@@ -115,7 +117,7 @@ class Layer:
 def match_declaration(line: Line, *, vertex: bool) -> re.Match[str] | None:
     """Match a line with the pattern ``UNIFORM``, or with ``OUT`` outside vertex shaders.
 
-    Raises ShaderError for a declaration that is too long, or that neither matches.
+    Raises ShaderError for a declaration that is too long, or that matches neither pattern.
     """
     text = line.text
     if len(text) > _MAX_DECLARATION:
@@ -147,7 +149,7 @@ def written_layer(match: re.Match[str], where: str) -> Layer:
 
 
 def _scale(rest: str, where: str) -> Fraction:
-    """Read a layer's scale from its note, as ``//@ 1/3``; 1 without a note. Raises ShaderError."""
+    """Read a layer's scale from its note, such as ``//@ 1/3``; 1 without a note. ShaderError."""
     match = _SCALE.search(rest)
     if match is None:
         return Fraction(1)
@@ -199,12 +201,12 @@ def slider_of(
     """Read the slider's range, scale and step from a parameter's note. Raises ShaderError.
 
     Args:
-        text: the note behind the semicolon; None: no semicolon.
+        text: the part of the note after the semicolon; None without a semicolon.
         low, high: the valid range.
         where: the parameter, for messages.
 
     Returns:
-        ``slider``, ``log_scale`` and ``step`` of a Parameter.
+        The fields ``slider``, ``log_scale`` and ``step`` of a Parameter.
     """
     if text is None:
         return None, False, 0.0

@@ -17,7 +17,7 @@ class FullscreenPass:
     """A program that shades every pixel of the current framebuffer's viewport."""
 
     def __init__(self, context: moderngl.Context, program: moderngl.Program) -> None:
-        """Make a pass of a program that is linked with render/fullscreen.vert."""
+        """Make a pass of a program that was linked with render/fullscreen.vert."""
         self.program = program
         self._array = context.vertex_array(program, [])
 
@@ -27,8 +27,8 @@ class FullscreenPass:
         """Shade every pixel of the viewport once.
 
         Args:
-            buffer, window: default: the current framebuffer and viewport.
-            read: targets for the samplers u_NAME.
+            buffer, window: framebuffer and viewport; default: the current ones.
+            read: target for each sampler u_NAME.
         """
         if buffer is not None and window is not None:
             buffer.use()
@@ -49,11 +49,12 @@ def draw_meshes(
     """Draw the front faces of meshes into the current framebuffer, with a depth test.
 
     Args:
-        arrays: one per mesh; ``extra`` says whether it is drawn from behind too.
-        views: one (4, 4) matrix per mesh, canonical millimetres to camera-frame metres.
-        origin_m: the point to look from, camera frame, metres.
+        context, program: the GL context, and the program that draws the meshes.
+        arrays: one for each mesh; ``extra`` tells whether its back faces are drawn too.
+        views: for each mesh a (4, 4) matrix, canonical millimetres to camera-frame metres.
+        origin_m: the point of view, camera frame, metres.
     """
-    # The clip matrix points y down, which mirrors the winding: front faces are clockwise.
+    # The clip matrix has y down, which mirrors the order of vertices: front faces are clockwise.
     context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
     context.front_face, context.cull_face = "cw", "back"
     for array, view in zip(arrays, views, strict=True):
@@ -70,14 +71,15 @@ def index_buffer(
 ) -> tuple[moderngl.Buffer, int]:
     """Upload the (F, 3) triangles of a mesh; return the buffer and the bytes per index.
 
-    The software rasteriser fetches 16-bit indices 4 % faster, so they are used where they suffice.
+    The software rasteriser reads 16-bit indices 4 % faster; they are used for up to 65,536
+    vertices.
     """
     short = vertices <= 1 << 16
     return context.buffer(faces.astype(np.uint16 if short else np.uint32)), 2 if short else 4
 
 
 def shader_arithmetic(context: moderngl.Context) -> bytes:
-    """Return the driver's results of sine, logarithm, power, ... at 4,096 pixels, as float32 bytes.
+    """Return the driver's sine, logarithm, power, ... at 4,096 pixels, as float32 bytes.
 
     Two drivers, or one driver on two processors, may differ in the last bits.
     """

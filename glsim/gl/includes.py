@@ -1,4 +1,4 @@
-"""Resolve the includes of a GLSL file, and keep the origin of each line."""
+"""Resolve the includes of a GLSL file; each line keeps its origin."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from glsim.core import reason
 from glsim.core.errors import ShaderError
 from glsim.core.files.regular import read_regular
 
-#: The folder of the shipped shaders. Includes are searched beside the file, then here.
+#: The folder of the shipped shaders. An include is searched beside its file, then here.
 SHADER_ROOT = Path(shaders.__path__[0]).resolve()
 
-#: Includes that Python generates, so that each fact has one place.
+#: Name of an include that Python generates -> the function that returns its text.
 GENERATED = {"reason.glsl": reason.glsl}
 
 INCLUDE = re.compile(r'^\s*#include\s+["<](?P<name>[^">]+)[">]\s*$')
@@ -24,7 +24,7 @@ _MAX_BYTES = 1 << 20
 
 
 class Line(NamedTuple):
-    """A line of GLSL after its includes are resolved, with its file and its number there."""
+    """A line of GLSL after includes are resolved, with its original file and line number."""
 
     text: str
     file: str
@@ -52,8 +52,8 @@ def flatten(text: str, file: Path) -> list[Line]:
     """Replace each include by the lines of its file; a repeated include is dropped.
 
     Args:
-        text: GLSL that need not be on disk.
-        file: named in messages; includes are searched beside it.
+        text: GLSL, which need not be on disk.
+        file: path for messages; includes are searched beside it.
 
     Raises:
         ShaderError: the text is too long, or an include cannot be read.
@@ -79,7 +79,7 @@ def _append(file: Path, text: str, flat: list[Line], included: list[Path], *, to
             target, content = Path(wanted), GENERATED[wanted]()
         else:
             candidates = [file.parent / wanted, SHADER_ROOT / wanted]
-            # False, not an error, for a name that no file can have.
+            # ``isfile`` is False, without an error, for a name that no file can have.
             found = next((c for c in candidates if os.path.isfile(c)), None)  # noqa: PTH113
             if found is None:
                 raise ShaderError(

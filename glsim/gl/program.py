@@ -1,4 +1,4 @@
-"""Compile and link GL programs, and check them against their declared parameters."""
+"""Compile and link GL programs, and compare them with their declared parameters."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def link(
 ) -> moderngl.Program:
     """Compile and link a program; outputs are bound in the order of their declaration.
 
-    Raises ShaderError with the driver's message at file:line of the sources, or if the driver
-    reports another type or default of a parameter than its declaration.
+    Raises ShaderError with the driver's message at file:line of the sources. Also raises it if the
+    driver reports another type or default of a parameter than the declaration.
 
     Args:
-        vertex: by default a triangle that covers the viewport, for a full-screen pass.
+        vertex: default: a triangle that covers the viewport, for a full-screen pass.
     """
     vertex = vertex or load_source(SHADER_ROOT / "render" / "fullscreen.vert")
     outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}
@@ -36,7 +36,7 @@ def link(
     for name, parameter in fragment.parameters.items():
         uniform: Any = program.get(name, None)
         if uniform is None:
-            continue  # declared but unused: the driver removed it
+            continue  # declared but unused, and so removed by the driver
         where = f"{parameter.file}:{parameter.line}"
         if uniform.gl_type != _GL_TYPES[parameter.type]:
             raise ShaderError(f"{where}: the driver does not see {name!r} as {parameter.type}")

@@ -1,11 +1,11 @@
 """Read GLSL files, resolve their includes, and parse the interface that they declare.
 
-This needs no GL context, so that stages can be listed and settings checked without one. The syntax
-of declarations stands in ``glsim.gl.declarations``. A line ``//@ sparse`` declares that a stage
-writes 0 (in the layer ``reason``: NO_SURFACE) where no surface is within a pixel and all the layers
-that it reads are blank too, so that it need not be drawn there. What a stage does for the layer
-``expected`` stands between ``#ifdef EXPECTED`` and ``#endif``, its declarations too: it is compiled
-only where that layer is wanted.
+It needs no GL context, so that stages can be listed and settings checked without one.
+``glsim.gl.declarations`` has the syntax of declarations. A line ``//@ sparse`` declares that empty
+pixels stay blank: where no surface is within a pixel and all layers that the stage reads are blank,
+it writes 0 (in the layer ``reason``: NO_SURFACE). The stage need not be drawn there. Code for the
+layer ``expected``, with its declarations, is between ``#ifdef EXPECTED`` and ``#endif``; it is
+compiled only if this layer is requested.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from glsim.gl.declarations import (
 from glsim.gl.includes import GENERATED, SHADER_ROOT, flatten, read_shader
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-#: Longest message of a driver: lines, and characters in all.
+#: Longest message of a driver: number of lines, and number of characters.
 _MAX_MESSAGE_LINES, _MAX_MESSAGE = 20, 2000
 
 
@@ -37,9 +37,9 @@ class ShaderSource:
     """A GLSL file with its includes resolved, and its declarations.
 
     Attributes:
-        lines: the origin of each line of ``text``, (file, 1-based line).
+        lines: the origin of each line of ``text``: (file, line number from 1).
         reads, writes: layers, in the order of their declaration.
-        bound: the names of the ``u_`` uniforms that glsim sets.
+        bound: names of the ``u_`` uniforms that glsim sets.
         sparse: whether the stage keeps empty pixels blank (``//@ sparse``).
     """
 
@@ -55,15 +55,15 @@ class ShaderSource:
 
     @property
     def files(self) -> frozenset[Path]:
-        """The files on disk from which the text comes, with all includes."""
+        """The files on disk that the text consists of, with all includes."""
         names = {name for name, _ in self.lines} - GENERATED.keys()
         return frozenset(SHADER_ROOT / name for name in names)
 
     def locate(self, message: str) -> str:
         """Replace the line numbers in a driver's message by file:line.
 
-        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``. Only the first lines are kept: one
-        wrong include makes hundreds.
+        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``. Only the first lines are kept,
+        because one wrong include causes hundreds.
         """
 
         def with_place(match: re.Match[str]) -> str:
@@ -120,7 +120,7 @@ def parse_source(text: str, file: Path) -> ShaderSource:
     """Parse a GLSL text. Raises ShaderError with file and line.
 
     Args:
-        file: named in messages; includes are searched beside it.
+        file: path for messages; includes are searched beside it.
     """
     flat = flatten(text, file)
     parameters: dict[str, Parameter] = {}

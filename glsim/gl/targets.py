@@ -1,4 +1,4 @@
-"""Textures to draw layers into, reused between frames, and their copies to NumPy arrays."""
+"""Textures for layers, reused between frames, and copies of them in NumPy arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Target:
 class TargetPool:
     """A pool of reusable targets for the layers of frames of one size.
 
-    Frames are drawn in a window only. ``take`` clears earlier windows, so that stages read zero
+    A frame is drawn in a window only. ``take`` clears older windows, so that stages read zero
     outside the current window.
     """
 
@@ -45,7 +45,7 @@ class TargetPool:
         """Lend a target for ``layer`` that is zero outside ``window`` (frame pixels).
 
         Args:
-            clean: False skips the clearing and leaves ``drawn`` unchanged; the caller clears.
+            clean: False skips the clearing and keeps ``drawn``; the caller then clears the target.
         """
         free = self._free[(layer.components, float(layer.scale))]
         if free:
@@ -78,7 +78,7 @@ class TargetPool:
         try:
             yield held
         finally:
-            for target in reversed(held):  # the next frame then takes them in the same order
+            for target in reversed(held):  # the next frame takes them in the same order
                 self.give_back(target)
 
     def framebuffer(
@@ -101,8 +101,8 @@ class TargetPool:
 class Readback:
     """The copy of a frame's layers to memory, through a pixel buffer.
 
-    ``request`` queues the copy behind the drawing; ``arrays`` waits for it. A GPU draws the next
-    frames meanwhile, into further Readbacks.
+    ``request`` queues the copy after the drawing; ``arrays`` waits for it. Meanwhile a GPU draws
+    the next frames into further Readbacks.
     """
 
     def __init__(self, context: moderngl.Context) -> None:

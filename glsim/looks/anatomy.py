@@ -1,7 +1,7 @@
 """Landmarks of a source's reference head: eyes, ears, mouth and hairline, found from its regions.
 
-Coordinates are millimetres in the canonical frame of the source's reference person. The hairline is
-known for a mean adult head; it is scaled by the height from the eyes to the top of the head.
+Coordinates are millimetres in the canonical frame of the source's reference head. The hairline of a
+mean adult's head is scaled by the height from the eyes to the top of the head.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _INSIDE: Final = (*_EYES, "eye socket", "mouth socket", "gums", "teeth", "mouth"
 _SKULL: Final = ("scalp", "hair", "head", "forehead")
 _BODY: Final = ("torso", "arm", "hand", "leg", "foot")
 
-#: Height of a mean adult's head over the eyes, mm: 223 mm from chin to top less 116 mm from chin to
-#: eyes (Farkas, Anthropometry of the Head and Face, 1994, means of men and women).
+#: Height of a mean adult's head above the eyes, mm: 223 mm from chin to top minus 116 mm from chin
+#: to eyes (Farkas, Anthropometry of the Head and Face, 1994, means of men and women).
 _MEAN_EYE_TO_TOP_MM: Final = 107.0
 
-#: Hairline of a mean adult: height above the eyes (mm) as a function of the depth behind the eyes
-#: (mm), from nape over ear and temple to the forehead; chosen, on portraits.
+#: Depth z of the hairline relative to the eyes of a mean adult, mm, from nape over ear and temple
+#: to the forehead. The height above the eyes follows. Chosen by comparison with portraits.
 _LINE_Z: Final = (-195.0, -150.0, -120.0, -102.0, -88.0, -74.0, -64.0, -52.0, -36.0, -15.0, 5.0, 25)
 _LINE_Y: Final = (-70.0, -66.0, -52.0, -18.0, -8.0, -2.0, 18.0, 36.0, 48.0, 57.0, 63.0, 68.0)
 
@@ -77,7 +77,7 @@ class Anatomy:
     @cached_property
     def ears(self) -> Reals:
         """Centres of the left and the right ear, (2, 3) mm."""
-        # If the model has no region of ears: 88 mm behind and 12 mm below the eyes, scaled, as in
+        # Without a region for ears: 88 mm behind and 12 mm below the eyes, scaled, the position in
         # the procedural mean head.
         if "ear" in self.names:
             return _pair(self._of("ear"), self.eye[0])
@@ -97,7 +97,7 @@ class Anatomy:
         return np.array([self.eye[0], self.eye[1] + 10 * self.scale, behind])
 
     def above_hairline_mm(self, points: Reals) -> Reals:
-        """Compute how far points (N, 3) lie above the hairline, (N,) mm; negative on bare skin."""
+        """Compute points' heights above the hairline, (N,) mm; negative on bare skin."""
         local = (points - self.eye) / self.scale
         line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
         step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line
@@ -119,6 +119,6 @@ def _middle(points: Reals) -> Reals:
 
 
 def _pair(points: Reals, middle_x: float) -> Reals:
-    """Return the bounding-box centres (2, 3) of the points on the subject's left and right side."""
+    """Return the bounding-box centres, (2, 3), of points on the subject's left and right side."""
     left = points[:, 0] > middle_x
     return np.stack([_middle(points[left]), _middle(points[~left])])

@@ -1,4 +1,4 @@
-"""Beards, moustaches, stubble and brows: shells over the skin that follow the jaw and the brows."""
+"""Beards, moustaches, stubble and brows: shells over the skin of jaw and brows."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from glsim.looks.styles import STYLE_TABLE
 
 #: Height from mouth to eyes of a mean adult, mm (Farkas 1994: 67 from stomion to sellion).
 _EYE_TO_MOUTH_MM: Final = 66.0
-#: Outline of a full beard: at these depths z behind the mouth, the heights y over the mouth of the
-#: upper and of the lower edge, mm; chosen.
+#: Outline of a full beard: depths z behind the mouth, mm. The next lines have the heights y above
+#: the mouth of its upper and lower edge at these depths. The values were chosen, not measured.
 _CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
 _CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
 _LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
@@ -38,19 +38,19 @@ class BeardStyle:
 
 
 BEARDS: Final = tuple(BeardStyle(name, **row) for name, row in STYLE_TABLE["beard"].items())
-#: Grid of a source's brows, its points on the reference, (N, 3) mm, and its hair density, (N,).
+#: Grid of a source's brows, the grid's points on the reference, (N, 3) mm, and hair density, (N,).
 BrowGrid = tuple[SkinGrid, Reals, Reals]
 
 
 @dataclass(frozen=True, eq=False)
 class BeardGrid:
-    """The grid of the skin on which beards grow, for all subjects of a source.
+    """The grid of the skin on which beards grow, shared by all subjects of a source.
 
     Args:
-        points: (N, 3) mm, its points on the reference.
-        inside: (N,) mm, distance to the outline of a full beard; negative outside.
-        lip: (N,) mm, distance to the rim of the upper lip's hair; negative outside.
-        chin: (N,) mm, distance to the rim of the chin's hair; negative outside.
+        points: (N, 3) mm, the grid's points on the reference head.
+        inside: (N,) mm, distance inside the outline of a full beard; negative outside.
+        lip: (N,) mm, distance inside the outline of the moustache; negative outside.
+        chin: (N,) mm, distance inside the outline of the chin's hair; negative outside.
     """
 
     grid: SkinGrid
@@ -72,19 +72,19 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
 
 
 def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
-    """Measure points (N, 3): the fields ``inside``, ``lip`` and ``chin`` of BeardGrid."""
+    """Compute the fields ``inside``, ``lip`` and ``chin`` of BeardGrid at points (N, 3)."""
     size = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM
     local = (points - anatomy.mouth) / size
     x, y, z = np.abs(local[:, 0]), local[:, 1], local[:, 2]
     nose = anatomy.vertices_mm[anatomy.is_in("nose")]
     nose_base = (float(nose[:, 1].min()) - anatomy.mouth[1]) / size
-    # No hair within an ellipse around the lips.
+    # An ellipse around the lips has no hair.
     lips = anatomy.vertices_mm[anatomy.is_in("lips")]
     half, high = (0.5 * float(np.ptp(lips[:, axis])) / size for axis in (0, 1))
     off_lips = (np.hypot(x / (half + 2.0), y / (high + 1.5)) - 1) * high
     cheek = np.interp(z, _CHEEK_Z, _CHEEK_Y)
-    # Upper outline: the base of the nose up to 12 mm from the middle, blended to the cheek line at
-    # 28 mm.
+    # The upper outline is at the base of the nose up to 12 mm from the middle, and is blended to
+    # the cheek line at 28 mm.
     beside = np.clip((x - 12.0) / 16.0, 0, 1)
     rise = nose_base - 1.5 + (cheek - nose_base + 1.5) * beside
     upper = np.where(z > -34, np.maximum(cheek, rise), cheek) - y
@@ -127,7 +127,7 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     """Make the grid of the brows on the reference head of a source."""
     if "brow" in anatomy.names:
         brow: Reals = anatomy.is_in("brow").astype(np.float64)
-    else:  # without a region: two arches over the eyes
+    else:  # without a region: two arches above the eyes
         local = (anatomy.vertices_mm - anatomy.eye) / anatomy.scale
         x, y = np.abs(local[:, 0]), local[:, 1]
         along = np.clip((x - 10) / 42, 0, 1)

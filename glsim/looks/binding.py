@@ -14,10 +14,10 @@ from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = Floats
 
-#: A skull counts as still if no point moves by this much, mm. Chosen: far below any sensor's step.
+#: A skull is still if no point moves by this much, mm. Chosen: far below any sensor's step.
 _REST_MM = 0.02
-#: Number of rings of skin triangles under the rim of a shell that are drawn: a camera can look in
-#: there. The base of a shell is one ring wider than the shell. Chosen.
+#: Number of rings of skin triangles that are drawn under the edge of a shell, because a camera can
+#: look in there. The base of a shell is one ring wider than the shell. The value was chosen.
 _RIM_RINGS = 6
 
 
@@ -33,14 +33,14 @@ class Motion(NamedTuple):
         return all(map(np.array_equal, self[:2], other[:2]))
 
     def turned(self, offsets: Points) -> Points:
-        """Rotate offsets (N, 3) with the skull; without rotation the same array."""
+        """Rotate offsets (N, 3) with the skull; without rotation return the same array."""
         return offsets if self.is_rest else product(offsets, self.rotation.T)
 
 
 def skull_motion(reference: Points, moved: Points) -> Motion:
-    """Fit the rotation and shift from reference to moved points, (N, 3), by least squares (Kabsch).
+    """Fit rotation and shift between two sets of points, (N, 3), by least squares (Kabsch).
 
-    The identity if no point moved by _REST_MM: raised brows move the edge of the scalp by less.
+    It is the identity if no point moved by _REST_MM: raised brows move the scalp's edge by less.
     """
     first, second = reference.mean(axis=0), moved.mean(axis=0)
     if np.abs(moved - reference).max() < _REST_MM:
@@ -69,7 +69,7 @@ class Rooted:
     """A hair mesh: each vertex keeps its offset from a root on the skin, rotated with the skull."""
 
     def __init__(self, roots: Anchors, root_of: Whole, offsets_mm: Reals) -> None:
-        """Bind hair vertices to roots: (N,) index of each vertex's root, (N, 3) offset at rest."""
+        """Bind hair vertices to roots by (N,) indices of roots and (N, 3) offsets at rest, mm."""
         self.used, corners = np.unique(roots.corners, return_inverse=True)
         self._roots = Anchors(corners.reshape(-1, 3), roots.weights)
         self._root_of, self._offsets = root_of, offsets_mm.astype(np.float32)
@@ -95,7 +95,7 @@ class Rigid:
 
 
 class Shell:
-    """A layer over a subject's skin: each grid point keeps its offset from a triangle beside it."""
+    """A layer over a subject's skin: each grid point keeps its offset from a nearby triangle."""
 
     def __init__(
         self, grid: SkinGrid, rest_mm: Reals, offset_mm: Reals, drop_mm: Points | None = None
@@ -103,9 +103,11 @@ class Shell:
         """Bind a layer to the skin by the offset of each grid point at rest.
 
         Args:
+            grid: the grid of the skin.
             rest_mm: (V, 3) mm, the subject's vertices at rest.
-            offset_mm: (N,) along the smooth normals of the skin, or (N, 3) in the axes at rest.
-            drop_mm: (N, 3) further offset that turns with the skull, not with the skin.
+            offset_mm: (N,) mm along the skin's smooth normals, or (N, 3) mm in canonical axes at
+                rest.
+            drop_mm: (N, 3) mm, an additional offset that rotates with the skull, not with the skin.
         """
         self.used, self.faces = grid.base, np.ascontiguousarray(grid.faces, np.int32)
         drop = np.zeros((1, 3), np.float32) if drop_mm is None else drop_mm
@@ -142,8 +144,8 @@ class Shell:
 
 
 def _axes(a: Reals, b: Reals, c: Reals) -> tuple[Reals, Reals, Reals]:
-    """Compute the axes of triangles: (3, N) unit vectors along an edge, across it, the normal."""
-    # Coordinates come first: NumPy is then several times faster.
+    """Compute the axes of triangles, (3, N) unit vectors: along an edge, across it, normal."""
+    # The axis of coordinates comes first, because NumPy is then several times faster.
     along = b - a
     along /= np.maximum(np.sqrt((along * along).sum(axis=0)), 1e-9)
     out = _crossed(along, c - a)
@@ -158,7 +160,7 @@ def _crossed(first: Reals, second: Reals) -> Reals:
 
 
 def uncovered(faces: Triangles, vertices: int, shells: Sequence[Shell]) -> Mask:
-    """Mark the vertices of a mesh, with (F, 3) triangles, that no shell hides."""
+    """Mark the vertices of a mesh with (F, 3) triangles that no shell hides, (V,)."""
     corners, free = np.ascontiguousarray(faces.T), np.ones(vertices, bool)
     for shell in shells:
         seen, left = np.ones(vertices, bool), corners
@@ -172,14 +174,14 @@ def uncovered(faces: Triangles, vertices: int, shells: Sequence[Shell]) -> Mask:
 
 
 def _beside(grid: SkinGrid, skin_mm: Array) -> Whole:
-    """Choose a skin triangle (N, 3) at each grid point's nearest vertex, of most similar normal."""
+    """Find a skin triangle, (N, 3), at each grid point's nearest vertex, of most similar normal."""
     a, b, c = (skin_mm[grid.triangles[:, k]] for k in range(3))
     facing = np.cross(b - a, c - a)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-9)
     smooth = vertex_normals(skin_mm, grid.triangles)[grid.triangles]  # (T, 3, 3)
     flat = np.einsum("tki,ti->tk", smooth, facing)
     turned = np.stack([np.roll(grid.triangles, -k, axis=1) for k in range(3)], axis=1)
-    order = np.argsort(flat.ravel(), kind="stable")  # the last write wins: the best
+    order = np.argsort(flat.ravel(), kind="stable")  # the most similar one is written last
     best = np.zeros((len(skin_mm), 3), np.int64)
     best[grid.triangles.ravel()[order]] = turned.reshape(-1, 3)[order]
     row = np.arange(len(grid.anchors.corners))

@@ -1,7 +1,8 @@
-"""Clothes: shells over the body that rest on the skin, hang, fold, and have openings and seams.
+"""Clothes: shells over the body that rest on the skin, hang and fold, with openings and seams.
 
-Making a garment takes four steps: cut its area out of the skin; lift it as a membrane that spans
-hollows and falls from shoulders and chest; fold it; finish its edges with hems, ribs or a collar.
+A garment is made in four steps. Its area is cut out of the skin. It is lifted as a membrane, which
+spans hollows and falls from shoulders and chest. It is folded. Its edges get hems, ribs or a
+collar.
 """
 
 from __future__ import annotations
@@ -23,56 +24,58 @@ from glsim.looks.garments import COLLARS, HEMS, Garment, Profile
 from glsim.looks.noise import smooth_noise
 from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 
-#: Longest edge of the grid, mm, on heads and on whole people: folds are at least 40 mm apart.
+#: Longest edge of the grid, mm, for heads and for whole people: folds are at least 40 mm apart.
 _EDGE_MM: Final = {"head": 16.0, "body": 25.0}
-#: Share of a garment's triangles that is drawn. Chosen: without the others the clean depth of a
-#: head's crop changes by 0.05 mm on average (docs/results/speed.md).
+#: Share of a garment's triangles that is drawn. Chosen: removing the others changes the clean depth
+#: in a crop of the head by 0.05 mm on average (docs/results/speed.md).
 _DRAWN_SHARE = 0.35
-#: The same for whole people, whose grid is coarser. Chosen on pictures: below it facets show.
+#: The same share for whole people, whose grid is coarser. Chosen by eye: below it facets show.
 _DRAWN_OF_PEOPLE = 0.6
-#: Slope of the plane of the neck opening: it is higher at the back than in front; chosen.
+#: Slope of the plane of the neck opening, which is higher at the back. The value was chosen.
 _SLOPE: Final = 0.42
 #: Unit vector up along the neck, normal to the plane of the neck opening.
 UP: Final = np.array([0.0, 1.0, _SLOPE]) / np.hypot(1.0, _SLOPE)
-#: Height from the base of the neck to the mouth of a mean adult, mm; chosen on the procedural mean
-#: head.
+#: Height of the mouth above the base of the neck of a mean adult, mm; chosen for the procedural
+#: mean head.
 _NECK_BASE_MM: Final = 92.0
-#: For heads without a body: a mean adult's heights of crotch and armpits relative to the base of
-#: the neck, and half the width between the armpits, mm (DIN 33402: shoulders 1430, crotch 770 mm).
+#: For heads without a body, mm: heights of a mean adult's crotch and armpits relative to the base
+#: of the neck, and half the width between the armpits (DIN 33402: shoulders 1430, crotch 770 mm).
 _CROTCH_MM, _ARMPIT_MM, _HALF_MM = -640.0, -170.0, 165.0
-#: Numbers of the parts of a body; of limbs the left, then the right one.
+#: Numbers of the parts of a body; of a pair of limbs the left one is first.
 TRUNK, ARMS, LEGS, FEET = 0, (1, 2), (3, 4), (5, 6)
-#: Gap between skin and cloth that rests on it, mm, without half the cloth's thickness; chosen.
+#: Gap between skin and resting cloth, mm, without half the cloth's thickness. Chosen.
 _REST_MM: Final = 1.5
-#: Largest gap at the armpit, mm, and its growth per mm away from there: cloth must leave room for
-#: the arms; chosen.
+#: Largest gap at the armpit, mm, and its growth per mm from there, to leave room for the arms. The
+#: values were chosen, not measured.
 _PIT_MM, _PIT_SLOPE = 10.0, 0.3
-#: Largest gap under hanging cloth beyond the garment's ease, and gap before it settles, mm; chosen.
+#: Limits of the gap under hanging cloth, mm: most beyond the garment's ease, and at the start.
+#: Chosen.
 _FREE_MM, _START_MM = 65.0, 30.0
-#: Rounds of smoothing: of the membrane while it settles, of its lifting directions, of the result.
+#: Rounds of smoothing: of the settling membrane, of its lifting directions, of the result. Chosen.
 _ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 24, 8, 8
-#: Rounds of smoothing that blend trunk and limbs across their border.
+#: Rounds of smoothing that blend trunk and limbs across their border. Chosen.
 _JOINED: Final = 6
-#: Height of folds on a bust, relative to a whole body: its triangles are too long for more; chosen.
+#: Height of folds on a bust relative to a whole body's. Chosen: its triangles are too long for
+#: more.
 _BUST_FOLDS: Final = 0.65
-#: A fold has its crest where |noise| is below this; the noise's standard deviation is 0.3. Chosen:
-#: a quarter of a draped cloth is crest.
+#: |noise| below which a fold has its crest; the noise's standard deviation is 0.3. Chosen: a
+#: quarter of a draped cloth is crest.
 _CREST: Final = 0.33
-#: Length over which the edges of a garment are smoothed, mm, and most rounds of smoothing.
+#: Length over which a garment's edges are smoothed, mm, and largest number of rounds. Chosen.
 _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
 
-#: A function: values of points -> mean over each point's neighbours.
+#: A function from values of points to the mean over each point's neighbours.
 Averaging = Callable[[Reals], Reals]
 
 
 @dataclass(frozen=True, eq=False)
 class ClothGrid:
-    """The grid of the skin that clothes can cover, for all subjects of a source.
+    """The grid of the skin that clothes can cover, shared by all subjects of a source.
 
     Args:
-        part: (N,) number of the part of the body: TRUNK, or one of ARMS, LEGS, FEET.
+        part: (N,) number of the body part: TRUNK, or one of ARMS, LEGS, FEET.
         neck: (3,) mm, centre of the border between neck and torso of the reference.
-        above_neck: (N,) mm over the plane of the neck opening.
+        above_neck: (N,) mm, height above the plane of the neck opening.
     """
 
     grid: SkinGrid
@@ -87,16 +90,17 @@ class ClothBody:
 
     Args:
         rest_mm: (V, 3) mm, vertices of the source.
-        part: (N,) number of the part of the body.
+        part: (N,) number of the body part.
         skin: (N, 3) mm, points of the grid.
         normal: (N, 3) unit normals.
-        local: (N, 3) mm in the axes of the part: across, down along it, forward.
-        share: (N,) position along the part, 0 at the root, 1 at the end.
-        down: (N,) mm from the neck along the body.
-        opening: (N,) mm below the garment's top edge; for a whole body, below the base of the neck.
+        local: (N, 3) mm in the axes of the body part: across, down along it, forward.
+        share: (N,) position along the body part, 0 at its root, 1 at its end.
+        down: (N,) mm, distance from the neck along the body.
+        opening: (N,) mm, distance below the garment's top edge; for a whole body below the base of
+            the neck.
         neck: (3,) mm, centre of the base of the neck.
-        crotch_mm: height y of the crotch; for a head, a mean adult's.
-        armpits: (2, 3) mm, left and right; for a head, a mean adult's.
+        crotch_mm: height y of the crotch; for a head without a body a mean adult's.
+        armpits: (2, 3) mm, left and right; for a head without a body a mean adult's.
     """
 
     grid: SkinGrid
@@ -114,11 +118,11 @@ class ClothBody:
 
     @property
     def waist_mm(self) -> float:
-        """Height y of the waistband of trousers, mm; chosen."""
+        """Height y of the waistband of trousers, mm. The value was chosen."""
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
     def cut(self, opening: Reals, inside: Reals) -> ClothBody:
-        """Cut the body to the skin where the (N,) distances inside the edges, mm, are above 0."""
+        """Cut the body at the edges of a garment, where the (N,) distances ``inside`` are 0 mm."""
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
         names = ("skin", "normal", "local", "share", "down", "opening")
@@ -197,7 +201,8 @@ def make_clothes(
 ) -> list[Shell]:
     """Make an upper garment, a lower garment and shoes; a bust gets an upper garment only.
 
-    A tucked hem is inside the lower garment; ``scale`` is the subject's size over a mean adult's.
+    A tucked hem is inside the lower garment. ``scale`` is the subject's size relative to a mean
+    adult's.
     """
     upper, lower, shoes = garments
     height = float(body.neck[1]) - body.crotch_mm
@@ -210,10 +215,10 @@ def make_clothes(
         beside = np.abs(body.local[:, 0])
         ahead = np.clip(body.local[:, 2] / 40.0, 0, 1)
         neck -= (body.part == TRUNK) * ahead * np.clip(75 - 1.6 * beside, 0, None) * scale
-    # From shares of a limb to mm: arms are 520 mm long, legs 780 mm.
+    # Convert shares of a limb to mm: arms are 520 mm long, legs 780 mm.
     cuff = np.where(on_arm, 520.0 * (upper.limb - body.share), y - hem_mm)
     trunk = np.where(on_foot, -1.0, cuff)
-    # A hanging upper garment hides the top of the trousers, which is left out.
+    # A hanging upper garment hides the top of the trousers, which is not made.
     top_mm = body.waist_mm + 12 if tucked else min(body.waist_mm, hem_mm + 60) + 12
     leg = np.where(on_leg, 780.0 * (lower.limb - body.share), far)
     legs = np.where(on_arm | on_foot, -1.0, leg)
@@ -246,7 +251,9 @@ def _garment(
     """Make one garment.
 
     Args:
-        limbs: numbers of the limbs on which it has sleeves or legs.
+        piece: the skin that the garment covers.
+        garment: the garment type.
+        limbs: numbers of the limbs that get sleeves or legs.
         hem_mm: height y of the hem.
         scale: size of the subject relative to a mean adult.
         share: share of the triangles that is drawn.
@@ -256,7 +263,7 @@ def _garment(
     local = np.where(on_limb[:, None], piece.local, as_trunk)
     piece = replace(piece, part=piece.part * on_limb, local=local)
     hem = max(float(piece.neck[1]) - hem_mm, 100.0)
-    # 0 at the top of the garment, 1 at its hem or cuffs.
+    # The level is 0 at the top of the garment, 1 at its hem or cuffs.
     level = np.where(on_limb, piece.share / min(garment.limb, 1.0), piece.local[:, 1] / hem)
     rest = _REST_MM + 0.5 * garment.thick
     held = on_limb & (limbs == ARMS and garment.limb > 0.5) | garment.gathered
@@ -275,7 +282,7 @@ def _garment(
     limb = garment.limb_ease + garment.limb_flare * np.clip(level, 0, 1.1)
     wide = _step(piece.local[:, 1], 0.0, 70.0) * on_limb
     ease = (1 - wide) * trunk + wide * limb
-    ease *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # it rests on the shoulders
+    ease *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # cloth rests on the shoulders
     room = joined(ease * (1 + bulge) * (1 - 0.85 * end)) * scale
     free = np.minimum(_PIT_MM + _PIT_SLOPE * away, _FREE_MM)
     room = rest + np.minimum(room, free)
@@ -301,7 +308,7 @@ def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
 
 def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
     """Return a function that averages (N,) or (k, N) values over neighbours."""
-    # ``hang`` weighs neighbours above over those below.
+    # With ``hang``, neighbours above weigh more than neighbours below.
     first, second = np.ascontiguousarray(piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T)
     count = len(piece.skin)
     length = np.linalg.norm(piece.skin[first] - piece.skin[second], axis=1)
@@ -323,18 +330,19 @@ def _membrane(
     """Lift cloth off the skin as a membrane that spans hollows.
 
     Args:
-        room, most: (N,) mm, least and largest height over the skin.
-        rest: least height of the result, mm.
+        room, most: (N,) mm, smallest and largest height above the skin.
+        rest: smallest height of the result, mm.
+        mean: averages over neighbours.
         carried: averages over neighbours, with more weight above.
 
     Returns:
-        (N, 3) points of the cloth, mm, and their height over the skin, (N,) mm.
+        (N, 3) points of the cloth, mm, and their height above the skin, (N,) mm.
     """
     out = np.ascontiguousarray(piece.normal.T)
     for _ in range(_NORMAL_ROUNDS):
         out = 0.5 * out + 0.5 * mean(out)
     out /= np.maximum(np.sqrt((out * out).sum(axis=0)), 1e-6)
-    start = _START_MM * _step(piece.down, 80.0, 240.0)  # not on shoulders
+    start = _START_MM * _step(piece.down, 80.0, 240.0)  # 0 on the shoulders
     base, lift = np.ascontiguousarray(piece.skin.T), np.minimum(room + start, most)
     for _ in range(_ROUNDS):
         over = ((carried(base + lift * out) - base) * out).sum(axis=0)
@@ -348,7 +356,7 @@ def _membrane(
 
 
 def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
-    """Return the points (N, 3) mm of shoes: around each foot a hull that hides the toes."""
+    """Return the points of shoes, (N, 3) mm: a hull around each foot, which hides the toes."""
     floor = float(piece.skin[:, 1].min())
     hull = surface.copy()
     for foot in FEET:
@@ -375,17 +383,17 @@ def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
 
 
 def crests(places: Reals, seed: int) -> Floats:
-    """Compute fold heights (N,) float32, -0.6 to 0.85: narrow crests, about one unit apart."""
+    """Compute fold heights, (N,) float32, -0.6 to 0.85: narrow crests about one unit apart."""
     value = smooth_noise(places, seed) / np.float32(_CREST)
     return np.asarray(1.6 / (1 + value * value) - 0.75, np.float32)
 
 
 def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> Reals:
-    """Compute the relative heights (N,) of the folds, about -0.5 to 1.5.
+    """Compute the relative heights of the folds, (N,), about -0.5 to 1.5.
 
-    Three kinds: flutes, which fall to the hem and wind around limbs; short folds where cloth piles
-    up, at waist, elbows, knees and cuffs; lines of tension from the armpits to the opposite hip.
-    The (N,) ``level`` is 0 at the top of the garment, 1 at its hem or cuffs.
+    There are three kinds. Flutes fall to the hem and wind around limbs. Short folds lie where cloth
+    piles up: at waist, elbows, knees and cuffs. Lines of tension run from the armpits to the
+    opposite hip. ``level`` is (N,), 0 at the top of the garment, 1 at its hem or cuffs.
     """
     local = piece.local + np.outer(piece.part, (1e3, 0.0, 0.0))  # limbs fold differently
     warp = 22.0 * smooth_noise(local / 120.0, seed + 6)[:, None]
@@ -405,7 +413,7 @@ def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> R
         away = (piece.skin - armpit) * (1.0, -1.0, 1.0)
         draw = keyed_rng(seed, f"pull {side}")
         amount, turn = draw.uniform(0.3, 1.5), draw.uniform(0.4, 1.1)
-        # Noise is stretched along a line down and to the middle, so that crests follow the line.
+        # The noise is stretched along a line down and to the middle: its crests follow this line.
         along = np.sin(turn) * side * away[:, 0] - np.cos(turn) * away[:, 1]
         across = np.cos(turn) * side * away[:, 0] + np.sin(turn) * away[:, 1]
         pulled = crests(np.stack([along / 190, across / 50, away[:, 2] / 130], 1), seed + 4 + side)
@@ -417,14 +425,14 @@ def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> R
 def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, share: float) -> Shell:
     """Straighten the edges of a garment, and add its hems and its collar.
 
-    ``surface`` are the (N, 3) points of the cloth, mm; its edge is moved in place. ``scale`` and
-    ``share`` as for ``_garment``.
+    ``surface`` holds the points of the cloth, (N, 3) mm; points at its edge are moved in place.
+    ``scale`` and ``share`` are the arguments of ``_garment``.
     """
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(surface)
     first, second = np.ascontiguousarray(sides.T)
-    # Directed edges cancel around an inner point; what is left belongs to the rim.
+    # Directed edges cancel around an inner point; the other edges belong to the border.
     net = np.bincount(first, second, count) - np.bincount(second, first, count)
     rim = sides[(net != 0)[sides].all(axis=1)]
     forth, back = rim[:, 0] * count + rim[:, 1], rim[:, 1] * count + rim[:, 0]
@@ -454,7 +462,7 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, shar
     hem = _rows(HEMS["rib" if garment.gathered else "hem"], garment.thick, normal, away)
     bases, placed, strips, stiff = [np.arange(count)], [surface], [], []
     drops = [np.zeros_like(surface)]
-    stands = garment.collar in COLLARS  # a collar follows the head: a dropping jaw pulls the skin
+    stands = garment.collar in COLLARS  # it follows the head, since a dropping jaw pulls the skin
     for on_side, rows in ((on_top, top), (~on_top, hem)):
         side_points = edge[on_side]
         line = ends[np.isin(ends, side_points).all(axis=1)]
@@ -486,18 +494,19 @@ def _sewn(piece: ClothBody, garment: Garment, surface: Reals, scale: float, shar
 
 
 def _rows(profile: Profile, thick: float, normal: Reals, away: Reals) -> Reals:
-    """Compute the (R, P, 3) offsets, mm, of a hem's rows of points from an edge of P points.
+    """Compute offsets, (R, P, 3) mm, from an edge of P points to the R rows of points of a hem.
 
-    The profile has for each row mm away from the cloth, and along the normal as multiple of the
-    thickness and in mm. ``normal`` and ``away`` from the cloth are (P, 3) unit vectors.
+    For each row the profile holds: the distance away from the cloth, mm; and along the normal, a
+    multiple of the thickness, and mm. ``normal`` and ``away`` (from the cloth) are (P, 3) unit
+    vectors.
     """
     return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
 
 
 def _collar(garment: Garment, away: Reals, normal: Reals, beside: Reals, scale: float) -> Reals:
-    """Compute the rows of points of a collar along the neck opening's edge, as ``_rows`` does.
+    """Compute the offsets of a collar along the edge of the neck opening, in the form of ``_rows``.
 
-    ``beside`` is (P, 3) mm, the edge relative to the neck; ``scale`` as for ``_garment``.
+    ``beside`` is (P, 3) mm, the edge relative to the neck; ``scale`` is that of ``_garment``.
     """
     if garment.collar in HEMS:
         return _rows(HEMS[garment.collar], garment.thick, normal, away + 0.12 * UP)
@@ -507,7 +516,7 @@ def _collar(garment: Garment, away: Reals, normal: Reals, beside: Reals, scale: 
     behind = np.clip((turn - 0.9) / 1.3, 0, 1)[None, :, None]
     shape = (1 - behind) * front + behind * back
     if garment.collar == "shirt":
-        # Two points in front, and the opening between them.
+        # The collar has two points in front, with the opening between them.
         points = np.exp(-(((turn - 0.5) / 0.22) ** 2))
         shape[5:, :, 1] -= (shape[4, :, 1] - shape[5:, :, 1]) * 0.2 * points
         shape[5:, :, 0] += 9.0 * points

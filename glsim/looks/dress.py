@@ -30,7 +30,7 @@ _Grid = TypeVar("_Grid")
 
 #: Regions of worn meshes, in the order of the settings.
 WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
-#: Sources that are dressed with wear = "auto"; the others have bare faces, as in the paper.
+#: Sources that wear = "auto" dresses; others have bare faces, as in the paper.
 DRESSED_SOURCES: Final = ("people",)
 #: Number of subjects whose clothes stay in memory, 2 MB each: a batch of frames has few subjects.
 _CACHED_SUBJECTS: Final = 8
@@ -48,7 +48,7 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
 
 @dataclass(eq=False)
 class _Worn:
-    """A worn mesh, and its last part: the same object comes again where skin and skull stay."""
+    """A worn mesh and its last placed part, which is reused if skin and skull are still."""
 
     region: str
     binding: Binding
@@ -57,7 +57,7 @@ class _Worn:
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
-        """Return the worn part placed on a frame's vertices (V, 3), mm."""
+        """Return the worn part on the vertices of a frame's face, (V, 3) mm."""
         skin = vertices_mm[self.binding.used]
         if self.last is not None:
             before, moved, worn = self.last
@@ -74,8 +74,8 @@ class _Wardrobe:
 
     Args:
         skull: (K, 3) mm, points of the skull at rest.
-        faces, occluder: triangles of skin that no cloth covers, as in ``Mesh``.
-        skin: the albedo of the source's mesh, and the albedo with the scalp's colour.
+        faces, occluder: triangles of the skin that no cloth covers, as in ``Mesh``.
+        skin: the albedo of the source's mesh, and the same with the scalp's colour.
     """
 
     outfit: Outfit
@@ -90,7 +90,7 @@ class Dresser:
     """Dresses the faces of one source; makes each subject's hair and clothes once."""
 
     def __init__(self, source: FaceSource, settings: AppearanceSettings) -> None:
-        """Decide whether to dress. Raises ConfigError for wear = "always" without known regions."""
+        """Decide whether to dress. Raises ConfigError: wear = "always" needs regions."""
         wanted = settings.wear == "always" or (
             settings.wear == "auto" and source.name in DRESSED_SOURCES
         )
@@ -106,7 +106,7 @@ class Dresser:
         self._grids: dict[object, object] = {}
 
     def dress(self, face: Face, seeds: ScopeSeeds) -> Face:
-        """Add the worn meshes of its subject to a face; a pure function of face and seeds."""
+        """Add the worn meshes of a face's subject; a pure function of face and seeds."""
         if not self.is_on:
             return face
         wardrobe = self._wardrobe(face, seeds)
@@ -137,7 +137,7 @@ class Dresser:
         """Indices of vertices on the back of the scalp, which move with the skull only."""
         head = self._reference
         inside = head.above_hairline_mm(head.vertices_mm) > 5
-        # Not the front: raised brows pull the scalp as far back as the ears.
+        # The front is excluded: raised brows pull the scalp as far back as the ears.
         inside &= head.vertices_mm[:, 2] < head.centre[2] - 25 * head.scale
         scalp = np.flatnonzero(inside & head.outside & ~head.body & ~head.is_in("ear"))
         every = np.linspace(0, len(scalp) - 1, min(_SKULL_POINTS, len(scalp))).astype(int)
@@ -207,7 +207,7 @@ class Dresser:
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> Floats | None:
-        """Return the albedo (V,) of the skin; under hair the scalp has the hair's albedo."""
+        """Return the albedo of the skin, (V,); under hair the scalp has the hair's albedo."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
             plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
             albedo = plain if mesh.albedo is None else mesh.albedo.copy()

@@ -1,4 +1,4 @@
-"""Garments of the table garments.toml: their dimensions, shares, hems and collars."""
+"""The garments of the table garments.toml: their dimensions, shares, hems and collars."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ Profile = Sequence[Sequence[float]]
 
 @dataclass(frozen=True)
 class Garment:
-    """A garment type; lengths in mm on a mean adult.
+    """A garment type; lengths are in mm for a mean adult.
 
     Args:
         women, men: relative frequencies.
-        ease: gap between skin and cloth where the cloth does not rest on the skin.
+        ease: gap between skin and cloth, where the cloth does not rest on the skin.
         flare: additional gap at the hem.
         hang: 0 for cloth that follows the body, 1 for cloth that falls straight down.
         fold: height of the folds.
         limb: covered share of arms or legs.
         limb_ease, limb_flare: gap around limbs, and additional gap at the cuffs.
-        collar: kind of collar, a name of COLLARS or HEMS.
-        neckline: height over the base of the neck.
+        collar: kind of collar, a name in COLLARS or HEMS.
+        neckline: height above the base of the neck.
         thick: thickness of cloth and seams.
-        gathered: hem and cuffs are elastic ribs.
+        gathered: whether hem and cuffs are elastic ribs.
         placket: relief of a strip of buttons or a zip in front; 0 for none.
         tucked: share of people who tuck it into their trousers.
-        seen_rings: number of rings of triangles at its edges whose inner side is visible.
+        seen_rings: number of rings of triangles at the edges whose inner side is visible.
     """
 
     name: str

@@ -15,13 +15,13 @@ from glsim.looks.styles import STYLE_TABLE
 _SIDES: Final = 28  # corners of a rim
 #: Distance from the cornea to the back of a lens, mm: opticians fit 12 to 14 mm.
 _VERTEX_MM: Final = 13.0
-#: Least gap between frame and skin, mm; chosen.
+#: Smallest gap between frame and skin, mm. The value was chosen, not measured.
 _CLEARANCE_MM: Final = 1.5
 
 
 @dataclass(frozen=True)
 class GlassesStyle:
-    """A style of glasses, mm; ``power`` of the outline: 2 is round, 5 nearly square."""
+    """A style of glasses, mm; ``power`` shapes the outline: 2 is round, 5 nearly square."""
 
     name: str
     width: float
@@ -39,11 +39,12 @@ def make_glasses(
     """Fit glasses to a subject.
 
     Args:
+        anatomy: the landmarks of the source's reference head.
         skin_mm: (V, 3) mm, the subject's reference head.
         lens: "clear" has no surface, "dark" fills the rims, "glint" puts a bright spot in each rim.
 
     Returns:
-        Vertices (N, 3) mm, triangles (F, 3), and the mask (N,) of the lenses' vertices.
+        Vertices, (N, 3) mm; triangles, (F, 3); and the mask of the lenses' vertices, (N,).
     """
     rng = keyed_rng(seed, 0x61A5)
     scale = anatomy.scale
@@ -55,7 +56,7 @@ def make_glasses(
     half_width, half_height = (
         0.5 * size * min(scale, 1.05) for size in (style.width, style.height)
     )
-    # The centre of a lens lies at the pupil or farther out; the rims are at least 19 mm apart.
+    # A lens has its centre at the pupil or farther out; the rims are at least 19 mm apart.
     centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -89,7 +90,7 @@ def make_glasses(
 
 
 def _overlap(points: Reals, skin: Reals) -> float:
-    """Compute how far the skin reaches in front of the points at most, mm."""
+    """Compute the largest distance by which the skin lies in front of the points, mm."""
     skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
     beside = skin[:, None, :2] - points[None, :, :2]
     ahead = skin[:, None, 2] - points[None, :, 2]
@@ -98,7 +99,7 @@ def _overlap(points: Reals, skin: Reals) -> float:
 
 
 def _bridge(outline: Reals, origin: Reals, skin: Reals) -> Reals:
-    """Return the centre line (9, 3) mm of the bridge, from rim to rim over the nose."""
+    """Return the centre line of the bridge, (9, 3) mm, from rim to rim over the nose."""
     inner = outline[np.argmin(outline[:, 0] - 0.35 * outline[:, 1])]
     x = np.linspace(-inner[0], inner[0], 9)
     line = np.stack([x, np.full(9, inner[1]), np.full(9, inner[2])], axis=1) + origin
@@ -109,7 +110,7 @@ def _bridge(outline: Reals, origin: Reals, skin: Reals) -> Reals:
 
 
 def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
-    """Return the centre line (12, 3) mm of a temple, from the hinge to behind the ear."""
+    """Return the centre line of a temple, (12, 3) mm, from the hinge to behind the ear."""
     ear = anatomy.ears[0 if side > 0 else 1]
     top = np.array([ear[0], ear[1] + 22 * anatomy.scale, ear[2] + 2.0])
     line = hinge + np.linspace(0, 1, 9)[:, None] * (top - hinge)
@@ -126,13 +127,13 @@ def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
 
 
 def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals, Reals]:
-    """Return vertices and triangles of a four-sided tube along a line, ``wide`` by ``deep`` mm."""
+    """Make a four-sided tube along a line, ``wide`` by ``deep`` mm: vertices and triangles."""
     count = len(line)
     around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     along = around if closed else np.asarray(np.gradient(line, axis=0))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     first: Reals = np.cross(along, np.array([0.0, 0.0, 1.0]))
-    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # lines along z, as temples
+    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # lines along z, such as temples
     first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
     first -= (first * along).sum(axis=1, keepdims=True) * along
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -156,7 +157,7 @@ def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals
 
 
 def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
-    """Make a disc in a rim: with ``share`` 1 the lens, else a bright spot at a random position."""
+    """Make a disc in a rim: for ``share`` 1 the lens, else a bright spot at a random position."""
     middle = ring.mean(axis=0)
     if share < 1:
         middle = middle + (ring[rng.integers(len(ring))] - middle) * rng.uniform(0.2, 0.6)

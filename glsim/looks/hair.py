@@ -16,26 +16,28 @@ from glsim.looks.noise import openings, ridges, smooth_noise
 from glsim.looks.skin_grid import Anchors, make_grid
 from glsim.looks.styles import HairStyle
 
-#: Longest edge of the scalp's grid, mm; most are 3 to 5 mm, 1.5 pixels of a Kinect V2 at 0.9 m.
+#: Longest edge of the scalp's grid, mm. Most are 3 to 5 mm, 1.5 pixels of a Kinect V2 at 0.9 m.
 _EDGE_MM = 7.5
 #: Largest distance outside the mean hairline at which hair grows, mm.
 _MARGIN_MM = 14.0
-#: Relief is longer along strands than across them by this factor; chosen.
+#: Frequency of the relief along strands relative to across them. The value was chosen.
 _ALONG = 0.16
-#: Radius of a mean skull, mm, which turns angles into lengths.
+#: Radius of a mean skull, mm; it converts angles to lengths.
 _SKULL_MM = 90.0
-#: Wavelengths of the relief across strands: locks of hair are 5 to 15 mm wide; chosen.
+#: Wavelengths of the relief across strands, mm: ridges, fine relief, clumps. Chosen: locks of hair
+#: are 5 to 15 mm wide.
 _RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
-#: Mean distance that light travels into hair, mm. Derived: 2 hairs/mm2 of scalp (1.5 to 2.3:
-#: Birnbaum, Skin Appendage Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen), fill 1.5 %
-#: of 20 mm; light at right angles to them meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm.
+#: Mean distance that light travels into hair, mm. Derived: there are 2 hairs/mm2 of scalp (1.5 to
+#: 2.3: Birnbaum, Skin Appendage Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen). They
+#: fill 1.5 % of 20 mm. Light at right angles meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm.
 _WAY_MM = 3.6
-#: Number of such distances after which 1 / e of the light is left: hair scatters more light than it
-#: absorbs, blond hair most; chosen between dark and light hair.
+#: Number of these distances after which 1 / e of the light is left: hair scatters more light than
+#: it absorbs, blond hair most. Chosen between dark and light hair.
 _LOST = 3.0
-#: Distance between gaps in the hair across strands, mm, and their depth as share of its thickness.
+#: Distance between gaps in the hair across strands, mm; largest depth of a gap, as share of the
+#: hair's thickness. The values were chosen, not measured.
 _OPENING_MM, _DEEPEST = 9.0, 0.75
-#: Thickness of hair at its rim, mm, and distance from there to the full thickness, mm.
+#: Thickness of hair at its edge, mm, and distance from the edge to the full thickness, mm. Chosen.
 _RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
 
 
@@ -44,9 +46,9 @@ class Scalp(NamedTuple):
 
     Args:
         anchors: N points on the triangles of the source.
-        directions: (N, 3) unit vectors from the centre of the skull.
+        directions: (N, 3) unit vectors from the centre of the skull to the points.
         faces: (F, 3) triangles of the points.
-        inside_mm: (N,) distance from the hairline.
+        inside_mm: (N,) distance inside the hairline.
     """
 
     anchors: Anchors
@@ -58,7 +60,7 @@ class Scalp(NamedTuple):
 class Hair(NamedTuple):
     """The hair mesh of a subject, rooted on the scalp.
 
-    ``light`` is the (N,) share of the light that returns from between the strands.
+    ``light`` is (N,), the share of the light that returns from between the strands.
     """
 
     binding: Rooted
@@ -94,7 +96,7 @@ def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle,
     height = np.maximum(thickness + rough * relief - way, 0.6)
     ragged = inside + 5.0 * smooth_noise(base / 9.0, seed + 2)
     ragged = ragged + 2.5 * smooth_noise(strands / 5.0, seed + 3)
-    out = scalp.directions.copy()  # downwards hair stands out less
+    out = scalp.directions.copy()  # hair that points down stands out less
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])
     offsets = height[:, None] * (out / np.linalg.norm(out, axis=1, keepdims=True))
     rng, obstacle = keyed_rng(seed, 0x4A1), Obstacle(anatomy, skin_mm)
@@ -118,7 +120,7 @@ def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle,
 
 
 def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Reals:
-    """Compute coordinates (N, 3) mm: one axis along the strands, two axes across them."""
+    """Compute coordinates (N, 3), mm, in a frame with one axis along the strands, two across."""
     out = points - anatomy.centre
     length = np.linalg.norm(out, axis=1)
     if style.comb == "curls":
@@ -139,7 +141,7 @@ def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Re
 
 
 def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals) -> Reals:
-    """Compute the distance (N,) mm from a subject's hairline, negative on ears and bald areas."""
+    """Compute distances inside a subject's hairline, (N,) mm; negative on ears, bald areas."""
     scale = anatomy.scale
     inside = scalp.inside_mm.astype(np.float64).copy()
     local = (base - anatomy.eye) / scale
@@ -160,7 +162,7 @@ def _inside_mm(anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals) ->
 def _thickness_mm(
     anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals, inside: Reals, seed: int
 ) -> Reals:
-    """Compute the thickness (N,) mm of the hair, without the relief of strands; thin at the rim."""
+    """Compute the thickness of the hair, (N,) mm, without relief of strands; thin at the edge."""
     to_top = np.clip((scalp.directions[:, 1].astype(np.float64) - 0.1) / 0.6, 0, 1)
     to_top *= to_top * (3 - 2 * to_top)
     low = style.side + (style.back - style.side) * np.clip(-scalp.directions[:, 2], 0, 1)

@@ -12,31 +12,32 @@ from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import ridges, smooth_noise
 from glsim.looks.styles import Comb, HairStyle
 
-#: Number of directions, evenly spread (a golden spiral), in which the radius of a head is measured,
+#: Number of directions in which the radius of a head is measured, evenly spread (a golden spiral),
 #: and sharpness of the weights between them. Chosen: neighbours are 0.14 rad apart.
 _DIRECTIONS, _SHARPNESS = 642, 160.0
-#: Largest displacement of a point out of the skin by one call, mm; chosen.
+#: Largest displacement of a point out of the skin by one call, mm. The value was chosen.
 _PUSH_MM = 12.0
-#: Wavelength of the relief within a lock, mm; chosen: strands part every few millimetres.
+#: Wavelength of the relief within a lock, mm. Chosen: strands part every few millimetres.
 _STRAND_MM = 6.0
-#: Distance between the rings of vertices of a lock, mm; least and most rings.
+#: Distance between the rings of vertices of a lock, mm; smallest and largest number of rings.
+#: Chosen.
 _STEP_MM, _RINGS = 18.0, (5, 14)
-#: Number of columns of a sheet around the head, 6 mm apart, and distance of its rows, mm; chosen:
+#: Number of columns of a sheet around the head, 6 mm apart, and distance of its rows, mm. Chosen:
 #: two pixels of a Kinect V2 at 0.9 m.
 _COLUMNS, _ROW_MM = 76, 10.0
-#: Sine of the elevation over the centre of the skull at which a sheet begins.
+#: Sine of the elevation above the centre of the skull at which a sheet begins. Chosen.
 _START = 0.18
-#: Distance between the ridges of a sheet, mm, and their length relative to it.
+#: Distance between the ridges of a sheet, mm, and the factor that stretches ridges along strands.
 _RIDGE_MM, _ALONG = 13.0, 0.13
 _DOWN: Final = np.array([0.0, -1.0, 0.0])
-#: Points at which hair is tied, relative to the eyes of a mean adult, mm; chosen.
+#: Style -> points where hair is tied, relative to the eyes of a mean adult, mm. Chosen.
 _TIES: Final = {
     "bun": ((0.0, 22.0, -198.0),),
     "top bun": ((0.0, 112.0, -120.0),),
     "pony tail": ((0.0, 45.0, -194.0),),
     "twin tails": ((74.0, 40.0, -125.0), (-74.0, 40.0, -125.0)),
 }
-#: Direction of the crown, from which short hair radiates: up and back.
+#: Direction of the crown, up and back, from which short hair radiates.
 CROWN: Final = np.array([0.0, 0.86, -0.51])
 
 
@@ -49,7 +50,7 @@ class Locks(NamedTuple):
 
 
 class Obstacle:
-    """The surface of head and neck as radii along directions from the centre of the skull."""
+    """The surface of head and neck, as radii in directions from the centre of the skull."""
 
     def __init__(self, anatomy: Anatomy, skin_mm: Reals) -> None:
         """Measure the radii from the subject's resting vertices (V, 3), mm."""
@@ -58,7 +59,7 @@ class Obstacle:
         turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(height * (1 - height))
         spiral = 2 * level * np.cos(turn), 1 - 2 * height, 2 * level * np.sin(turn)
         self._units = np.stack(spiral, axis=1).astype(np.float32)
-        # Every sixth vertex: still about four per direction.
+        # Use every sixth vertex: these are still about four per direction.
         out = skin_mm[anatomy.outside & ~anatomy.body][::6] - self.centre
         length = np.linalg.norm(out, axis=1)
         cell = np.argmax(product((out / length[:, None]).astype(np.float32), self._units.T), axis=1)
@@ -69,7 +70,7 @@ class Obstacle:
         self._radius = np.where(filled, radius, radius[filled][near]).astype(np.float32)
 
     def push_out(self, points: Reals, least_mm: Reals, most_mm: Reals | None = None) -> Reals:
-        """Move points (N, 3) mm radially out of the head, to an (N,) least height over the skin.
+        """Move points, (N, 3) mm, radially out of the head to at least the heights ``least_mm``.
 
         Above the ears, where hair lies on the head, ``most_mm`` is the largest height.
         """
@@ -81,7 +82,7 @@ class Obstacle:
         if most_mm is not None:
             lying = np.clip(2.0 + 5.0 * unit[:, 1], 0, 1)
             length = length + lying * (np.minimum(length, radius + most_mm) - length)
-        # A ray down the neck leaves the skin far away, so each move is limited.
+        # A ray down the neck leaves the skin far away: the length of a move is limited.
         length = np.clip(radius + least_mm, length, length + _PUSH_MM)
         return np.asarray(self.centre + unit * length[:, None])
 
@@ -94,7 +95,7 @@ class Head(NamedTuple):
         directions: (N, 3) unit vectors from the centre of the skull to the scalp's points.
         base: (N, 3) mm, the scalp's points.
         thickness: (N,) mm, thickness of the hair.
-        ragged: (N,) mm, distance from the ragged rim of the hair; negative outside.
+        ragged: (N,) mm, distance inside the ragged edge of the hair; negative outside.
     """
 
     anatomy: Anatomy
@@ -116,10 +117,10 @@ def all_locks(head: Head) -> list[Locks]:
 
 
 def _lying(head: Head) -> Locks:
-    """Make the lying locks."""
+    """Make the locks that lie on the head."""
     style, rng, scale = head.style, head.rng, head.anatomy.scale
     candidates = np.flatnonzero(head.ragged > 1.0)
-    # A third of the locks grow near the rim: they make it ragged.
+    # A third of the locks grow near the edge of the hair and make it ragged.
     odds = np.where(head.ragged[candidates] < 14, 2.5, 1.0)
     root = rng.choice(candidates, style.locks, p=odds / odds.sum())
     length = rng.uniform(*style.lock, style.locks) * scale
@@ -208,14 +209,14 @@ def _off_the_face(head: Head, lines: Reals) -> Reals:
 def _ribbons(
     lines: Reals, width: Reals, root: Whole, centre: Reals, *, closed: bool, rough_mm: float = 0.0
 ) -> Locks:
-    """Make ribbons with a ridge along lines (rings, N, 3); closed ribbons also have back faces.
+    """Make ribbons with a ridge along lines (rings, N, 3).
 
     Args:
         lines: (rings, N, 3) mm, centre lines.
         width: (N,) mm, width of each lock.
         root: (N,) index of the scalp's point from which each lock grows.
         centre: (3,) mm, centre of the skull.
-        closed: whether the back is drawn, too.
+        closed: whether the ribbons have back faces too.
         rough_mm: height of the relief of strands.
     """
     rings, count = lines.shape[:2]
@@ -230,7 +231,7 @@ def _ribbons(
     ridge = lines + 0.26 * half * out
     points = np.stack([lines - half * across, ridge, lines + half * across], axis=2)
     if rough_mm:
-        # Relief across the lock, because its strands part and cross.
+        # The lock has relief across its width, because its strands part and cross.
         places = points.reshape(-1, 3) / _STRAND_MM
         rough = rough_mm * smooth_noise(places, len(places)).reshape(points.shape[:3])
         points += (rough * taper[:, None, None])[..., None] * out[:, :, None]
@@ -246,7 +247,7 @@ def _ribbons(
 def _hanging(head: Head) -> Locks:
     """Make a rough sheet of hair from the left temple around the back to the right temple."""
     style, rng, scale = head.style, head.rng, head.anatomy.scale
-    # Angles from straight ahead; the face stays free.
+    # Angles are measured from straight ahead; the face stays free.
     front = np.radians(style.open_deg)
     angle = np.linspace(front, 2 * np.pi - front, _COLUMNS)
     around = np.stack([np.sin(angle), np.zeros(_COLUMNS), np.cos(angle)], 1)
@@ -278,7 +279,7 @@ def _hanging(head: Head) -> Locks:
     end = fall * (1 + 0.10 * smooth_noise(np.stack([arc / 16, none, none], 1), seed + 3))
     end += 12 * smooth_noise(np.stack([arc / 7, none, none], 1), seed + 4)
     sheet = _stretched(sheet, end / down[-1])
-    # Gaps: more towards the tips, and at the two edges beside the face.
+    # The sheet has gaps, with more of them towards the tips and at both edges beside the face.
     torn = smooth_noise((where * (1 / 9, 1 / 60, 1)).reshape(-1, 3), seed + 5).reshape(rows, -1)
     rim = np.minimum(np.arange(_COLUMNS), np.arange(_COLUMNS)[::-1])
     solid = torn < 1.15 - 0.75 * (down / fall)[:, None] ** 3

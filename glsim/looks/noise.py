@@ -1,4 +1,4 @@
-"""Random fields in space for the relief of hair and cloth and for patterns of garments."""
+"""Random fields in space for the relief of hair and cloth, and for patterns of garments."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from glsim.core.seeds import keyed_rng
 
 Pattern = Literal["plain", "mottled", "stripes", "checks", "print"]
 
-#: Reflectivity of cloth varies by this share in patches of this size, mm; chosen.
+#: Relative variation of cloth's reflectivity in patches, and size of a patch, mm. Chosen.
 _PATCHES, _PATCH_MM = 0.10, 30.0
-#: Ranges of the width of a pair of stripes, mm, and of the contrast; chosen: meshes are too coarse
-#: for less than 36 mm.
+#: Ranges of the width of a pair of stripes, mm, and of the contrast. Chosen: meshes are too coarse
+#: for pairs of less than 36 mm.
 _STRIPES_MM, _CONTRAST = (40.0, 90.0), (0.12, 0.4)
-#: Reflectivity of a carbon-black print relative to the cloth; chosen.
+#: Reflectivity of a carbon-black print relative to the cloth. The value was chosen.
 _PRINT_LEFT: Final = 0.3
 
-#: Odd 32-bit multipliers that spread lattice coordinates over all bits; chosen, prime.
+#: Odd 32-bit multipliers that spread lattice coordinates over all bits; primes were chosen.
 _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 
 #: Scale of a logistic distribution as wide as the noise: the noise's standard deviation, 0.40
-#: (measured), times sqrt(3) / pi; and the mean of the scaled noise's soft plus (measured).
+#: (measured), times sqrt(3) / pi; and the mean of softplus of the scaled noise (measured).
 _LOGISTIC, _SOFT_MEAN = 0.22, 1.02
 
 
 def smooth_noise(points: Reals, seed: int) -> Floats:
     """Compute smooth noise, (N,) float32 from -1 to 1, with about one bump per unit length.
 
-    Of (N, 3) points, those with whole coordinates have random values; quintic weights interpolate
-    between them. The low 32 bits of the seed count.
+    At (N, 3) points with whole coordinates it is random; quintic weights interpolate between these.
+    Only the low 32 bits of the seed count.
     """
     low = np.floor(points)
     away = (points - low).astype(np.float32)
@@ -52,7 +52,7 @@ def smooth_noise(points: Reals, seed: int) -> Floats:
 
 
 def _mixed(bits: NDArray[np.uint32]) -> Floats:
-    """Map hashed lattice coordinates to [-1, 1] (xor-shift and multiply rounds)."""
+    """Map hashed lattice coordinates to [-1, 1] (rounds of xor-shift and multiply)."""
     bits = (bits ^ (bits >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
     bits = (bits ^ (bits >> np.uint32(12))) * np.uint32(0x297A2D39)
     bits ^= bits >> np.uint32(15)
@@ -62,16 +62,16 @@ def _mixed(bits: NDArray[np.uint32]) -> Floats:
 def openings(points: Reals, seed: int) -> Floats:
     """Compute how deep light enters between fibres, (N,) float32: exponential with mean 1.
 
-    Each unit of depth absorbs the same share of the light (Beer and Lambert), hence the exponential
-    distribution. The noise is nearly logistic, and the soft plus of a logistic number is nearly
-    exponential.
+    Each unit of depth absorbs the same share of the light (Beer and Lambert); the distribution is
+    therefore exponential. The noise is nearly logistic, and the softplus of a logistic number is
+    nearly exponential.
     """
     soft = np.logaddexp(0.0, smooth_noise(points, seed) / np.float32(_LOGISTIC))
     return np.asarray(soft / np.float32(_SOFT_MEAN), np.float32)
 
 
 def ridges(points: Reals, seed: int) -> Floats:
-    """Compute heights (N,) float32, -1 to 1, with sharp crests, as of locks of hair."""
+    """Compute heights with sharp crests, such as locks of hair, (N,) float32 from -1 to 1."""
     return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
 
 

@@ -20,18 +20,18 @@ from glsim.settings.schema import AppearanceSettings
 
 _Choice = TypeVar("_Choice")
 
-#: Name of a hair colour, share of people, range of reflectivity.
+#: Entries (name of a hair colour, share of people, range of reflectivity).
 HAIR_COLOURS: Final = STYLE_TABLE["hair_colours"]
-BEARD_FROM_YEARS: Final = 18.0  # chosen
+BEARD_FROM_YEARS: Final = 18.0  # age from which men have beards; chosen
 
 
 @dataclass(frozen=True)
 class Outfit:
-    """All choices of a subject's appearance; None or 0 where nothing is worn.
+    """All choices of a subject's appearance; None or 0 for things that are not worn.
 
     Args:
-        garments, cloth_albedos: of upper garment, lower garment, shoes.
-        pattern: of the upper garment.
+        garments, cloth_albedos: of the upper garment, the lower garment and the shoes.
+        pattern: pattern of the upper garment.
         words, numbers: entries of the manifest, "appearance.name" -> value.
     """
 
@@ -58,8 +58,8 @@ def sample_outfit(
 ) -> Outfit:
     """Sample the outfit of a subject; a pure function of the arguments.
 
-    Each choice has a random generator of its own, so that a changed setting changes one choice. The
-    face's notes "age_years" and "woman", where known, decide on beards, bald heads and grey hair.
+    Each choice has its own random generator: a changed setting changes only one choice. The face's
+    notes "age_years" and "woman", if known, influence beards, bald heads and grey hair.
     """
     age, woman = _person(notes or {})
     words: dict[str, str] = {}
@@ -78,7 +78,7 @@ def sample_outfit(
     name, _, (low, high) = HAIR_COLOURS[_choose(_colour_weights(age), colour)]
     hair_albedo = float(colour.uniform(low, high))
     has_hair = worn("hair")
-    # The setting is a share of all people; where the sex is known, men have twice that share.
+    # The setting is a share of all people; if the sex is known, men have twice that share.
     of_men = rng("share of beard").random() < settings.beard * (1 if woman is None else 2)
     bearded = bool(of_men and not woman and age >= BEARD_FROM_YEARS)
     choices: dict[str, Any] = {"seed": int(rng("relief").integers(1 << 31))}
@@ -137,7 +137,7 @@ def _colour_weights(age: float) -> list[float]:
 
 
 def _shares(choices: Sequence[HairStyle | Garment], woman: bool | None) -> list[float]:
-    """Return the weights of styles for a sex; the mean of both if it is unknown."""
+    """Return the weights of styles for a sex; their mean over both sexes if it is unknown."""
     share = 0.5 if woman is None else float(woman)
     return [share * s.women + (1 - share) * s.men for s in choices]
 

@@ -1,4 +1,4 @@
-"""Grids over the skin: triangles of a source, subdivided where they are large, cut along lines."""
+"""Grids over the skin: triangles of a source, subdivided if they are large, cut along lines."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Anchors(NamedTuple):
 
 
 class Blend(NamedTuple):
-    """M points between two points of a grid, (M,) indices: ``share`` is 0 at the first of them."""
+    """M points between pairs of grid points, (M,) indices; ``share`` is 0 at the first."""
 
     first: Whole
     second: Whole
@@ -48,7 +48,7 @@ class SkinGrid(NamedTuple):
     Args:
         base: (B,) indices of the source's vertices that the grid uses.
         triangles: (T, 3) indices into ``base``, for the normals.
-        anchors: N points, with corners as indices into ``base``.
+        anchors: N points, whose corners are indices into ``base``.
         faces: (F, 3) triangles of the N points.
     """
 
@@ -71,13 +71,13 @@ class SkinGrid(NamedTuple):
         return SkinGrid(self.base[base], number[touched], anchors, inverse.reshape(-1, 3)), used
 
     def clipped(self, inside: Reals) -> tuple[SkinGrid, Blend]:
-        """Cut the grid where (N,) values are above 0; return it and its points as blends."""
+        """Cut the grid where (N,) values cross 0; return the part above, its points as blends."""
         kept = inside[self.faces] > 0
         whole = self.faces[kept.all(axis=1)]
         cut = self.faces[kept.any(axis=1) & ~kept.all(axis=1)]
         stays = inside[cut] > 0
         one = stays.sum(axis=1) == 1
-        # Rotate each triangle until the corner that is alone on its side comes first.
+        # Rotate each triangle so that the corner that is alone on its side comes first.
         alone = np.where(one, stays.argmax(axis=1), (~stays).argmax(axis=1))
         a, b, c = (np.take_along_axis(cut, (alone[:, None] + k) % 3, 1)[:, 0] for k in range(3))
         edges = np.concatenate([np.stack([a, b], 1), np.stack([a, c], 1)])
@@ -102,7 +102,8 @@ def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> 
 
     Args:
         faces: (T, 3) triangles of the source.
-        points: (V, 3) mm, vertices of its reference head.
+        chosen: (T,) mask of the triangles.
+        points: (V, 3) mm, vertices of the source's reference head.
         edge_mm: longest edge of the result.
     """
     base, inverse = np.unique(faces[chosen], return_inverse=True)
@@ -131,7 +132,7 @@ def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> 
 def _split(faces: Whole, middle: Whole) -> Whole:
     """Split triangles (F, 3) at points (F, 3) on their sides 0-1, 1-2 and 2-0; -1 for none."""
     count = (middle >= 0).sum(axis=1)
-    # Rotate each triangle until its only divided, or its only undivided, side comes first.
+    # Rotate each triangle so that its only divided, or its only undivided, side comes first.
     first = np.where(count == 1, (middle >= 0).argmax(axis=1), (middle < 0).argmax(axis=1))
     turn = (np.where((count == 1) | (count == 2), first, 0)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(faces, turn, 1).T
@@ -164,6 +165,6 @@ def _blended_anchors(anchors: Anchors, blend: Blend) -> Anchors:
 
 
 def point_normals(grid: SkinGrid, skin_mm: Array) -> Array:
-    """Compute the unit normals (N, 3) of the skin at the grid's points; ``skin_mm`` is its base."""
+    """Compute the skin's unit normals at the grid's points, (N, 3); ``skin_mm`` is its base."""
     normal = grid.anchors.place(vertex_normals(skin_mm, grid.triangles))  # type: ignore[arg-type]
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.float64)

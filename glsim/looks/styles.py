@@ -12,12 +12,12 @@ Comb = Literal["crown", "back", "parting", "curls"]
 
 @dataclass(frozen=True)
 class HairStyle:
-    """A hair style; lengths in mm on a mean adult head.
+    """A hair style; lengths are in mm for a mean adult's head.
 
     Args:
         women, men: relative frequencies.
         comb: direction of the strands: from the crown, backwards, from a parting, or curled.
-        top, side, back: thickness of the hair over the skull.
+        top, side, back: thickness of the hair above the skull.
         lock: shortest and longest length of lying locks.
         locks: number of lying locks.
         width: width of a lock.
@@ -25,7 +25,7 @@ class HairStyle:
         fall: 0 for locks that keep their direction, 1 for locks that hang down.
         wave: amplitude of waves in a lock.
         relief: height of the ridges between strands.
-        parting: side of the parting, mm from the middle.
+        parting: distance of the parting from the middle; its sign gives the side.
         fringe: length of hair over the forehead.
         recede: width of the bare corners of the forehead.
         bald: radius of a bald crown.
@@ -59,6 +59,6 @@ class HairStyle:
     extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
 
 
-#: Content of styles.toml.
+#: The content of styles.toml.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
 STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())

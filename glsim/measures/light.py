@@ -40,7 +40,7 @@ _UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)
 
 @dataclass(frozen=True)
 class NoiseLaw:
-    """Fit sigma^2 = floor^2 + (slope / IR)^2, mm and mm counts, to (infrared, sigma, pixels)."""
+    """The law sigma^2 = floor^2 + (slope / IR)^2; classes are (counts, sigma mm, pixels)."""
 
     floor_mm: float
     slope_mm: float

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.draw import index_buffer
 
-#: Number of topologies kept on the GPU: of sources, clothes, things of a room, files of a folder.
+#: Number of triangle lists kept on the GPU: of sources, clothes, furniture, and files of a folder.
 CACHED_TOPOLOGIES = 32
 
 
@@ -21,12 +21,12 @@ class GpuMesh:
     """A mesh in GPU buffers.
 
     Attributes:
-        faces, occluder: triangles of the mesh, kept alive because their ids are keys of the cache.
+        faces, occluder: triangle arrays of the mesh, kept alive because their ids are cache keys.
         positions: (V, 3) float32, canonical mm.
         albedos: (V,) float32.
         surface, projector: vertex arrays for the camera and for the emitters.
-        vertices_mm, albedo: the arrays that were uploaded last; the same array is not uploaded
-            again, because arrays of a mesh are never changed in place.
+        vertices_mm, albedo: the arrays of the last upload. The same object is not uploaded again,
+            because arrays of a mesh are never changed in place.
     """
 
     faces: NDArray[np.int32]
@@ -45,7 +45,7 @@ class MeshCache:
     def __init__(
         self, context: moderngl.Context, surface: moderngl.Program, projector: moderngl.Program
     ) -> None:
-        """Remember the programs that draw from the camera and from the emitters."""
+        """Store the programs that draw from the camera and from the emitters."""
         self._context, self._surface, self._projector = context, surface, projector
         self._meshes: OrderedDict[tuple[int, int], GpuMesh] = OrderedDict()
 

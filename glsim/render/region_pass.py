@@ -1,4 +1,4 @@
-"""Draw the layer of face regions as the camera sees them, in an additional pass."""
+"""Draw the layer of face regions in the camera's view, in an additional pass."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ class RegionPass:
         """Link the program and allocate the buffers.
 
         Args:
-            pools: target pools of pinhole camera and image; one and the same without distortion.
+            pools: target pools of the pinhole image and the delivered image; the same pool twice
+                without distortion.
             rays: target that holds ``rig.rays()``.
         """
         self._context, self._rays = context, rays
@@ -61,8 +62,8 @@ class RegionPass:
         """Draw the layer REGION of a window (0 = no region); return its target.
 
         Args:
-            labels: per mesh the (V,) region numbers of its vertices; None: all 0.
-            views: one (4, 4) matrix per mesh, canonical mm to camera m.
+            labels: for each mesh the (V,) region numbers of its vertices; None: all 0.
+            views: for each mesh a (4, 4) matrix, canonical mm to camera m.
         """
         whole = Rect(0, 0, self._pinhole.width, self._pinhole.height)
         area = window if self._lens_pass is None else whole
@@ -91,7 +92,7 @@ class RegionPass:
             label = (self._context.buffer(numbers), "1f", "in_region")
             array = self._context.vertex_array(self._program, [position, label], indices, size)
             array.extra = mesh.surface.extra
-            self._arrays[key] = (mesh.positions, labels), array  # keeps both, and so their ids
+            self._arrays[key] = (mesh.positions, labels), array  # alive, so ids stay
             if len(self._arrays) > CACHED_TOPOLOGIES:
                 self._arrays.popitem(last=False)
         self._arrays.move_to_end(key)
@@ -101,7 +102,7 @@ class RegionPass:
 def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDArray[np.int32]:
     """Rotate the corners of (F, 3) triangles so that the last corner has the majority label.
 
-    Labels are (V,). If all three differ, the corner with the lowest label comes last.
+    Labels are (V,). If all three labels differ, the corner with the lowest label comes last.
     """
     corner = labels[faces]
     votes = (corner[:, :, None] == corner[:, None, :]).sum(axis=2)

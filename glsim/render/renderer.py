@@ -1,16 +1,16 @@
-"""Render meshes for a sensor rig, as the clean layers from which the noise stages start.
+"""Render meshes for a sensor rig: the clean layers from which the noise stages start.
 
     mesh --surface.vert/.frag @camera--> clean, normal, albedo
     clean, normal, mesh --ShadowMap----> lit
     mesh --RegionPass @camera----------> region, on request
 
-A rig that supersamples draws depth and albedo on a finer grid (samples.frag); the middle sample
-of a pixel is its clean depth (centres.frag), and the samples are kept for the stages.
+A supersampling rig draws depth and albedo on a finer grid (samples.frag). The middle sample of a
+pixel is its clean depth (centres.frag); the samples are kept for the stages.
 
-For a rig that keeps its lens distortion, the camera draws a wider pinhole image, and lens.frag
-samples its layers on the distorted grid.
+If the delivered image keeps the lens distortion, the camera draws a wider pinhole image, and
+lens.frag samples its layers on the distorted grid.
 
-For a rig that triangulates, each imager is drawn like the camera, from its own place:
+In a triangulating rig each imager is drawn like the camera, from its own position:
 
     mesh --@imager--> left_clean, left_normal (and right_...) --ShadowMap--> left_lit
 """
@@ -67,15 +67,15 @@ class Rendered:
 
     Attributes:
         layers: targets by name: clean (m along the axis, 0 = no surface), normal (unit vector
-            towards the camera, albedo), albedo, lit (0 to 1), and region if labels were given; for
-            a rig that supersamples also fine_seen (depth and albedo of the samples) and uneven; for
-            one with imagers also those of glsim.noise.layer_names.IMAGER_LAYERS.
+            towards the camera, albedo), albedo, lit (0 to 1), and region if labels were given. A
+            supersampling rig adds fine_seen (depth and albedo of the samples) and uneven. A rig
+            with imagers adds glsim.noise.layer_names.IMAGER_LAYERS.
         window: the part of the frame that the layers hold.
         nearest_m: a lower bound of all depths in the scene.
-        face_m: nearest and farthest depth of the box around the first mesh, the face.
+        face_m: nearest and farthest depth of the first mesh's bounding box, the face.
         silhouette: limits passes to the pixels with a surface.
-        rays: x/z and y/z of each pixel's ray, the whole frame; the renderer owns this target.
-        pool: owner of the other targets; later passes of the frame take their targets from it.
+        rays: x/z and y/z of each pixel's ray in the whole frame; the renderer owns this target.
+        pool: owner of the other targets; later passes of the frame take targets from it.
     """
 
     layers: Mapping[str, Target]
@@ -106,7 +106,7 @@ class Renderer:
         if rig.supersample > 1:
             fragment = "render/samples.frag"
             self._centres = supersampled_pass(context, rig, "centres.frag")
-            # Depth and albedo of the samples.
+            # The layers of the samples: depth and albedo.
             self._drawn = (Layer("fine_seen", "vec2", Fraction(rig.supersample)),)
         self._surface = link_files(context, fragment, "render/surface.vert")
         set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
@@ -122,7 +122,7 @@ class Renderer:
 
     @cached_property
     def _regions(self) -> RegionPass:
-        """The pass that draws face regions, linked at first use."""
+        """The pass that draws face regions; it is linked at its first use."""
         return RegionPass(self._context, self.rig, (self._camera_pool, self._pool), self._rays)
 
     @contextmanager
@@ -139,11 +139,12 @@ class Renderer:
         Raises MeshError if the first mesh, the face, is not in view.
 
         Args:
+            meshes: each mesh with its (4, 4) matrix; the face is first.
             visible: the delivered crop (None: the whole frame).
-            labels: per mesh the (V,) region numbers of its vertices, or None; if this is empty, the
-                layer region is not drawn.
-            reach_px: how far around the crop stages read, besides the margin.
-            window: the part of the frame to draw; by default what the meshes can touch.
+            labels: for each mesh the (V,) region numbers of its vertices, or None; without labels
+                the layer region is not drawn.
+            reach_px: distance around the crop at which stages read pixels, besides the margin.
+            window: the part of the frame to draw; default: the part that the meshes can touch.
         """
         boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
         window = window or self.window(meshes, visible, reach_px, boxes)
@@ -181,7 +182,7 @@ class Renderer:
         held: list[Target],
         silhouettes: ExitStack,
     ) -> dict[str, Target]:
-        """Draw the imagers' depth and normals, and the light in all views."""
+        """Draw the depth and normals of the imagers, and the light in all views."""
         seen = [camera]
         layers: dict[str, Target] = {}
         for side, eye_m in zip(_SIDES, self.rig.imagers_m, strict=False):
@@ -207,21 +208,21 @@ class Renderer:
         reach_px: int = 0,
         boxes: Sequence[NDArray[np.float64]] = (),
     ) -> Rect:
-        """Return the window of the image to render for meshes, pixels. Raises MeshError.
+        """Return the window of the image to render for the meshes. Raises MeshError.
 
         Args:
             meshes, visible, reach_px: as in ``render``.
-            boxes: the (8, 3) corners of the meshes' bounding boxes, if they are known.
+            boxes: (8, 3) corners of each mesh's bounding box, camera frame, if they are known.
         """
         boxes = boxes or [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
         face, view = meshes[0]
         around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
         windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
         for (mesh, view), box in zip(meshes[1:], boxes[1:], strict=True):
-            with suppress(MeshError):  # it is out of view
+            with suppress(MeshError):  # a mesh out of view
                 wanted = image_window(box, self._sight, visible, reach_px)
                 if union([windows[0], wanted]) != windows[0]:
-                    # Trousers of a sitting person: their box is far wider than they are.
+                    # Trousers of a sitting person: their box is far wider than the mesh.
                     around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
                     wanted = image_window(box, self._sight, visible, reach_px, around)
                 windows.append(wanted)
@@ -245,7 +246,7 @@ class Renderer:
         Args:
             clean_m: (H, W) metres, 0 = no surface.
             normal: (H, W, 3) unit vectors towards the camera.
-            surface: casts the shadows, placed by ``pose_matrix({})``; None casts none.
+            surface: mesh that casts the shadows, placed by ``pose_matrix({})``; None: no shadows.
         """
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
@@ -276,7 +277,7 @@ class Renderer:
         window: Rect,
         eye_m: Point = (0.0, 0.0, 0.0),
     ) -> dict[str, Target]:
-        """Draw the meshes' depth, normal and albedo, per pixel or, if supersampled, per sample."""
+        """Draw the meshes' depth, normal and albedo per pixel, or per sample if supersampled."""
         pinhole, pool = self._pinhole, self._camera_pool
         area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)
         targets = [pool.take(layer, area) for layer in self._drawn]
@@ -308,16 +309,16 @@ class Renderer:
         return layers
 
     def _reduced(self, centres: FullscreenPass, samples: Target, window: Rect) -> dict[str, Target]:
-        """Reduce samples to pixels: take the middle sample, and how much the samples differ."""
+        """Reduce samples to pixels: the middle sample, and how much the samples differ."""
         targets = [self._pool.take(layer, window) for layer in (CLEAN, NORMAL, ALBEDO, UNEVEN)]
         centres.draw(self._pool.framebuffer(targets), window, fine_seen=samples, rays=self._rays)
         return {target.layer.name: target for target in targets}
 
 
 def supersampled_pass(context: Context, rig: SensorRig, file: str) -> FullscreenPass:
-    """Link a shader below shaders/render/ that reads all samples of a pixel.
+    """Link a shader in shaders/render/ that reads all samples of a pixel.
 
-    Samples per axis are a constant in it, SAMPLES_PER_AXIS, so that its loops unroll.
+    The number of samples per axis is its constant SAMPLES_PER_AXIS, so that its loops unroll.
     """
     source = load_source(SHADER_ROOT / "render" / file)
     program = link(context, source.with_defines(SAMPLES_PER_AXIS=rig.supersample))

@@ -27,10 +27,10 @@ from glsim.gl.targets import Target, TargetPool, set_matrix
 from glsim.render.silhouette import Silhouette
 
 LIT = Layer("lit", "float")
-#: What an imager sees of each of two projectors, whose patterns differ.
+#: The layer of light in an imager's view: one share for each of two projectors.
 LIT_BY_EACH = Layer("lit", "vec2")
 
-#: Texels of an emitter's z-buffer per camera pixel, so that shadow edges are finer than the image.
+#: Texels of an emitter's z-buffer per camera pixel: shadow edges are finer than the image. Chosen.
 _TEXELS_PER_PIXEL = 1.5
 #: Side of the z-buffer, texels; a scene that needs more gets fewer texels per pixel.
 _SIDE_TEXELS = 2048
@@ -41,10 +41,10 @@ class View:
     """The view of the camera or an imager, and the layer for the light in it.
 
     Args:
-        layers: clean and normal.
-        silhouette: pixels with a surface.
-        eye_m: position in the camera frame, metres.
-        lit: the layer of light: LIT or LIT_BY_EACH.
+        layers: the layers clean and normal of the view.
+        silhouette: the pixels with a surface.
+        eye_m: position of the camera or imager in the camera frame, metres.
+        lit: the layer of light, LIT or LIT_BY_EACH.
     """
 
     layers: Mapping[str, Target]
@@ -57,10 +57,10 @@ class ShadowMap:
     """A pass that draws the layer ``lit``, the share of light, for the views of a rig."""
 
     def __init__(self, pool: TargetPool, rig: SensorRig, sight: FieldOfView, rays: Target) -> None:
-        """Remember the rig, its field of view, and the target that holds ``rig.rays()``."""
+        """Store the rig, its field of view, and the target that holds ``rig.rays()``."""
         self._pool, self._rig, self._sight, self._rays = pool, rig, sight, rays
         self._context = context = pool.context
-        #: Draws meshes into the z-buffer.
+        #: Program that draws meshes into the z-buffer.
         self.program = link_files(context, "render/projector.frag", "render/projector.vert")
         self._pass = FullscreenPass(context, link_files(context, "render/lit.frag"))
         nearest = moderngl.NEAREST, moderngl.NEAREST
@@ -68,7 +68,7 @@ class ShadowMap:
 
     @cached_property
     def _depth(self) -> moderngl.Texture:
-        """The emitter's z-buffer, 17 MB, made at first use, so never without shadow mapping."""
+        """The emitter's z-buffer, 17 MB; it is made at its first use."""
         depth = self._context.depth_texture((_SIDE_TEXELS, _SIDE_TEXELS))
         depth.compare_func = "<="
         depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
@@ -92,10 +92,12 @@ class ShadowMap:
         Raises MeshError if an emitter is inside the scene.
 
         Args:
-            arrays: the meshes that cast shadows, with ``program``; without any, or without an
-                emitter, all pixels hold 1.
-            views: one (4, 4) matrix per mesh, canonical mm to camera m.
-            corners_m: (N, 3) the corners of their bounding boxes, camera frame.
+            seen: the views.
+            window: the part of the frame to draw.
+            arrays: the meshes that cast shadows, for ``program``. Without meshes, or without an
+                emitter, all pixels are 1.
+            views: for each mesh a (4, 4) matrix, canonical mm to camera m.
+            corners_m: (N, 3) corners of the meshes' bounding boxes, camera frame.
         """
         emitters = self._rig.emitters if arrays else ()
         targets = []
@@ -122,11 +124,11 @@ class ShadowMap:
         arrays: Sequence[moderngl.VertexArray],
         views: Sequence[NDArray[np.float32]],
     ) -> None:
-        """Draw the emitter's z-buffer for the frustum ``box``, and set the uniforms to read it."""
+        """Draw the emitter's z-buffer for the frustum ``box``; set the uniforms that read it."""
         span = max(box.right - box.left, box.bottom - box.top)
         wanted = _TEXELS_PER_PIXEL * self._rig.intrinsics.fx
         focal = min(wanted, (_SIDE_TEXELS - 4) / max(span, 1e-6))
-        # A margin of two texels: the linear filter then reads drawn texels only.
+        # With a margin of two texels the linear filter reads drawn texels only.
         left, top = box.left - 2 / focal, box.top - 2 / focal
         width = min(_SIDE_TEXELS, int(np.ceil((box.right - box.left) * focal)) + 4)
         height = min(_SIDE_TEXELS, int(np.ceil((box.bottom - box.top) * focal)) + 4)
@@ -149,7 +151,7 @@ class ShadowMap:
     def _add_light(
         self, lit: Target, view: View, window: Rect, weight: tuple[float, float]
     ) -> None:
-        """Add one emitter's light, times ``weight`` per component, to a view's target ``lit``."""
+        """Add one emitter's light to a view's target ``lit``; each component has a ``weight``."""
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         program = self._pass.program
         self._depth.use(3)

@@ -1,8 +1,8 @@
 """Silhouettes: depth masks that limit full-screen passes to pixels with a surface.
 
-A face covers a third of its window. Rasterisers test depth before they shade, so a depth buffer
-in which empty pixels are nearer than the pass skips them: a third of the window costs a third of
-the time. Branches in a shader save nothing on a software rasteriser.
+A face covers a third of its window. Rasterisers test the depth before they shade a pixel. If the
+depth buffer is nearer than the pass in empty pixels, they are skipped, and a pass takes a third of
+the time. Branches in a shader save no time on a software rasteriser.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from glsim.gl.draw import FullscreenPass
 from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool
 
-#: Layer name -> its value in the pixels that a pass skips, where that is not 0.
+#: Layer name -> its value in skipped pixels, if it is not 0.
 Blank = dict[str, float]
 
 
@@ -28,7 +28,7 @@ class Silhouette:
     def __init__(self, pool: TargetPool) -> None:
         self._pool, self._context = pool, pool.context
         self._depth = self._context.depth_renderbuffer((pool.width, pool.height))
-        #: Draws into the mask itself.
+        #: The framebuffer that draws the mask itself.
         self.mask = self._context.framebuffer([], self._depth)
         #: Whether passes skip the empty pixels; False if the whole frame has a surface.
         self.skips_empty = False
@@ -40,15 +40,17 @@ class Silhouette:
         """Limit the passes in the block, drawn into ``targets``, to the silhouette.
 
         Args:
-            blank: layer -> value written outside the silhouette, 0 for other layers; None leaves
-                the targets unchanged there.
+            targets: the targets of the passes.
+            window: the part of the frame that is drawn.
+            blank: layer -> value outside the silhouette, 0 for other layers; None leaves the
+                targets unchanged outside.
             flags: further GL capabilities to enable (moderngl.BLEND).
         """
         buffer = self._pool.framebuffer(targets, self._depth)
         buffer.depth_mask = False
         buffer.use()
         buffer.viewport = window
-        if blank is not None:  # one clear for all targets: it takes as long as a simple pass
+        if blank is not None:  # one clear for all targets, since it takes as long as a simple pass
             buffer.clear(viewport=union([window, *(t.drawn for t in targets)]))
             for target in targets:
                 target.drawn = window
@@ -72,12 +74,12 @@ class SilhouettePass:
 
     @contextmanager
     def draw(self, seen: Target | None, window: Rect) -> Iterator[Silhouette]:
-        """Yield the silhouette of the pixels where ``seen`` > 0, widened by 1 px; None skips none.
+        """Yield the silhouette of the pixels with ``seen`` > 0, widened by 1 px; None: all pixels.
 
         The silhouette is reused after the block.
         """
         silhouette = self._free.pop() if self._free else Silhouette(self._pool)
-        # A window as large as the frame has a background, which covers everything.
+        # A window as large as the frame shows a background, which covers every pixel.
         smaller = window.width < self._pool.width or window.height < self._pool.height
         silhouette.skips_empty = seen is not None and smaller
         if seen is not None and smaller:

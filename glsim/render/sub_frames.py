@@ -1,4 +1,4 @@
-"""Compose a frame from sub-frames at several times: bands of rows, or captures of light.
+"""Compose a frame of sub-frames at several times: bands of rows, or captures of light.
 
 sub-frame's layers --copy.frag, rows of a band--> layers of a rolling shutter
 sub-frame's light --capture.frag, added up-----> light of a time-of-flight frame
@@ -18,12 +18,12 @@ from glsim.gl.program import link_files
 from glsim.gl.targets import Target, TargetPool
 from glsim.render.renderer import Rendered
 
-#: The layers that hold a frame's light, and that the captures add up to.
+#: The layers that hold a frame's light; the captures are added up to them.
 LIGHT_LAYERS = ("light_a", "light_b")
 
 
 class SubFrames:
-    """A composer of frames from sub-frames, in one context."""
+    """A composer of frames from sub-frames, in one GL context."""
 
     def __init__(self, context: moderngl.Context) -> None:
         """Link the two programs that copy rows and add up light."""
@@ -38,13 +38,13 @@ class SubFrames:
         window: Rect,
         height: int,
     ) -> dict[str, Target]:
-        """Compose the layers of a frame whose bands of rows come from sub-frames.
+        """Compose the layers of a frame from bands of rows, each of which has its own sub-frame.
 
         The caller gives the targets back to their pool.
 
         Args:
-            parts: the bands.
-            draw: renders the sub-frame of a band, by its number.
+            parts: the bands of rows.
+            draw: a function from the number of a band to its rendered sub-frame.
             window: window of all sub-frames.
             height: height of the whole image, pixels.
         """
@@ -68,13 +68,13 @@ class SubFrames:
     def add_capture(
         self, pool: TargetPool, part: SubExposure, light: Mapping[str, Target], sums: list[Target]
     ) -> None:
-        """Add the light of one capture, of its tap and frequency, to the light of a frame.
+        """Add the light of one capture, in its tap and frequency, to the light of a frame.
 
         Args:
             pool: owner of the targets.
             part: the capture.
-            light: LIGHT_LAYERS of its sub-frame.
-            sums: targets of the same layers, 0 before the first capture.
+            light: the layers LIGHT_LAYERS of the capture's sub-frame.
+            sums: targets of the same layers; they are 0 before the first capture.
         """
         assert part.capture is not None, "a capture"
         program = self._capture.program

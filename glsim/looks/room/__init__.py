@@ -1,1 +1,1 @@
-"""The room around a person, drawn from the seeds: walls, furniture and other people."""
+"""The room around a person, sampled from the seeds: walls, furniture and other people."""

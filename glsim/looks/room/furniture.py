@@ -1,7 +1,7 @@
 """Make furniture from the table furniture.toml, and curtains and coats with folds.
 
 A piece of furniture stands on y = 0 at the origin and faces +z. Its size, its materials and the
-objects on it are sampled.
+small objects on it are sampled.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ Part = Mapping[str, Any]
 
 #: Distance from the centre of a chair to the front of its backrest, mm.
 BACKREST_MM = 205.0
-#: Materials with a region in the layer "regions".
+#: Materials that have a region in the layer "regions" -> the region's name.
 _REGIONS = {"screen": "screen", "leaves": "plant", "glass": "window"}
-#: Number of straight pieces of a hanging cable.
+#: Number of straight segments of a hanging cable.
 _PIECES = 6
-#: Height of the earth in a flower pot, mm.
+#: Height of the earth in a flower pot, mm. The value was chosen.
 _EARTH_MM = 245.0
 
 
@@ -66,7 +66,7 @@ def make_thing(
     """Make the shapes of a piece of furniture from the table.
 
     Args:
-        clutter: share of the possible objects on it, 0 to 1.
+        clutter: share of the possible small objects on it, 0 to 1.
         fit_mm: width and height of the opening that it fills, or height of its seat; default:
             sampled.
     """
@@ -86,10 +86,10 @@ def _parts(
     """Make the shapes of all parts of a piece of furniture.
 
     Args:
-        rng: samples the objects, and the albedos that ``albedos`` lacks.
+        rng: samples the small objects, and the albedos that ``albedos`` lacks.
         scale: (3,) factors of its size.
-        clutter: share of the possible objects on it, 0 to 1.
-        albedos: material -> albedo, which all parts share; new ones are added.
+        clutter: share of the possible small objects on it, 0 to 1.
+        albedos: material -> albedo, shared by all parts; new ones are added.
     """
     shapes: list[Shape] = []
     for number, part in enumerate(catalogue()["things"][name]["parts"]):
@@ -196,7 +196,7 @@ def _cable(rng: Rng, start_mm: ArrayLike, end_mm: ArrayLike) -> Shape:
 
 
 def _leaves(rng: Rng, part: Part) -> Shape:
-    """Make leaves of 6 x 3 vertices along the stems of a plant, which rise, then bend down."""
+    """Make leaves of 6 x 3 vertices along the stems of a plant; stems rise, then bend down."""
     count, root = int(part["leaves"]), np.array([0.0, _EARTH_MM, 0.0])
     least, most = part["rise"]
     turn, rise = rng.uniform(0, 2 * np.pi, count), rng.uniform(least, most, count)
@@ -206,7 +206,7 @@ def _leaves(rng: Rng, part: Part) -> Shape:
         tips = np.asarray(part["stems"], np.float64)
         place = np.sqrt(rng.uniform(0.12, 1.0, count))[:, None]
         start += place * (tips[np.arange(count) % len(tips)] - root)
-    angle = rise[:, None] - 1.5 * along[:-1]  # chosen: a leaf hangs at its tip
+    angle = rise[:, None] - 1.5 * along[:-1]  # chosen: a leaf hangs down at its tip
     steps = np.stack([np.cos(angle), np.sin(angle)]) * part["length"] / 5 * size[:, None]
     out, up = np.concatenate([np.zeros((2, count, 1)), np.cumsum(steps, axis=2)], axis=2)[..., None]
     half = (part["width"] / 2 * np.sin(np.pi * (0.08 + 0.86 * along)) ** 0.7)[:, None]
@@ -220,7 +220,7 @@ def _leaves(rng: Rng, part: Part) -> Shape:
 
 def curtain(rng: Rng, width_mm: float, top_mm: float, bottom_mm: float) -> list[Shape]:
     """Make a folded curtain, centred on x = 0, in front of a wall at z = 0."""
-    folds = width_mm / rng.uniform(90, 150)  # chosen: a fold each 90 to 150 mm
+    folds = width_mm / rng.uniform(90, 150)  # chosen: one fold per 90 to 150 mm
     x, drop = np.linspace(-0.5, 0.5, int(folds * 10) + 2)[None], np.linspace(0, 1, 6)[:, None]
     phase, second = rng.uniform(0, 2 * np.pi, 2)
     swing = 2 * np.pi * folds * x + phase + 0.8 * drop * np.sin(9 * x + second)
@@ -246,7 +246,7 @@ def coat(rng: Rng) -> list[Shape]:
 
 
 def make_seat(rng: Rng, kind: str, seat: Sequence[float]) -> list[Shape]:
-    """Make a chair of a kind of room; ``seat`` is its height and z of the backrest, mm."""
+    """Make a chair of a kind of room; ``seat`` is its height and the backrest's z, mm."""
     height_mm, back_z = seat
     name = choose(rng, catalogue()["rooms"][kind]["seats"])
     return moved(make_thing(rng, name, fit_mm=(None, height_mm)), z=back_z + BACKREST_MM - 15.0)

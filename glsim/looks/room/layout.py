@@ -1,7 +1,7 @@
-"""Build the walls of a room, and place furniture along the walls, on the walls and in the middle.
+"""Build the walls of a room, and place furniture along walls, on walls and in the middle.
 
-The way from the camera to the person stays free, so that no object hides the face. Room axes:
-millimetres, origin on the floor below the face, +y up; the back wall is at -z.
+The way from the camera to the person stays free: no object hides the face. Room axes are in
+millimetres, with the origin on the floor below the face and +y up; the back wall is at -z.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Opening(NamedTuple):
 class Wall(NamedTuple):
     """A wall in its own axes (plane z = 0, x from 0 to ``length``, facing +z), placed in a room.
 
-    Its left end is at ``start``, (x, z) mm; ``turn_deg`` is about the vertical axis.
+    ``start`` is its left end, (x, z) mm. ``turn_deg`` is its rotation about the vertical axis.
     """
 
     name: str
@@ -51,8 +51,8 @@ class Wall(NamedTuple):
 def sample_openings(
     rng: Rng, length: float, height: float, doors: int, windows: int
 ) -> list[Opening]:
-    """Sample up to so many doors and windows of a wall, mm, without overlap."""
-    # Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm); sizes of windows chosen.
+    """Sample up to ``doors`` doors and ``windows`` windows of a wall, mm, without overlap."""
+    # Doors: DIN 18101 (735 to 985 by 1985 to 2110 mm). Sizes of windows were chosen.
     openings: list[Opening] = []
     for kind in ["door"] * doors + ["window"] * windows:
         if kind == "door":
@@ -72,7 +72,7 @@ def sample_openings(
 
 
 def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]:
-    """Make a wall of a room's height with its doors, windows and skirting, in room axes."""
+    """Make a wall of ``height`` with its doors, windows and skirting, in room axes, mm."""
     shapes: list[Shape] = []
     columns = sorted({0.0, wall.length, *(x for o in wall.openings for x in (o.left, o.right))})
     rows = sorted({0.0, height, *(y for o in wall.openings for y in (o.low, o.high))})
@@ -104,8 +104,8 @@ class FloorPlan:
 
     Args:
         extent: (left, back, right, front), mm.
-        discs: (x, z, radius) of the way from the camera to the person, and of other people.
-        areas: (x0, z0, x1, z1) of the furniture.
+        discs: (x, z, radius) on the way from the camera to the person, and around other people.
+        areas: (x0, z0, x1, z1) covered by furniture.
     """
 
     extent: tuple[float, float, float, float]
@@ -143,8 +143,8 @@ class FloorPlan:
 def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
     """Make the furniture along a wall and the pictures and coats on it, in room axes.
 
-    ``kind`` is that of the room, ``plan`` reserves the floor, and ``clutter`` is the share of the
-    possible objects, 0 to 1.
+    ``kind`` is the kind of room, ``plan`` reserves the floor, and ``clutter`` is the share of the
+    possible small objects, 0 to 1.
     """
     shapes: list[Shape] = []
     spans: list[Span] = []
@@ -189,7 +189,7 @@ def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
 def _at_window(
     rng: Rng, wall: Wall, window: Opening, plan: FloorPlan, spans: Sequence[Span]
 ) -> list[Shape]:
-    """Make curtains beside a window and, if the floor is free there, a radiator below it."""
+    """Make curtains beside a window and, if the floor is free, a radiator below it."""
     shapes: list[Shape] = []
     middle, width = (window.left + window.right) / 2, window.right - window.left
     clear = all(right < window.left - 150 or left > window.right + 150 for left, right, _ in spans)
@@ -230,7 +230,7 @@ def _on_wall(rng: Rng, wall: Wall, spans: Sequence[Span], clutter: float) -> lis
 
 
 def stand_free(rng: Rng, kind: str, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Make the furniture in the middle of a room, with arguments as for ``furnish_wall``."""
+    """Make the furniture in the middle of a room; arguments as in ``furnish_wall``."""
     shapes: list[Shape] = []
     left, back, right, front = plan.extent
     choices = catalogue()["rooms"][kind]["free"]

@@ -1,4 +1,4 @@
-"""Other people in a room: subjects of the frame's source that are not in the data set."""
+"""Other people in a room: people of the frame's source that are not in the data set."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from glsim.looks.room.view import visible_part
 from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import Settings
 
-#: Number of other people of a source. In a thousand rooms with one of them each appears 30 times.
+#: Number of other people of a source: in 1,000 rooms with one of them, each appears 30 times.
 STRANGERS = 32
-#: Most sequences of a person that are tried until the person stands.
+#: Largest number of a person's sequences that are searched for a standing pose.
 _TRIES = 6
-#: Number of meshes, cut to the view, that stay in memory.
+#: Number of meshes, cut to the view, that are kept in memory.
 _KEPT = 24
 
 
@@ -37,7 +37,7 @@ class OtherPeople:
         dressers: Sequence[Dresser],
         rig: SensorRig,
     ) -> None:
-        """Take the settings, the sources with one dresser each, and the sensor's rig."""
+        """Store the settings, the sources, a dresser for each source, and the sensor's rig."""
         self._settings, self._sources, self._rig = settings, sources, rig
         self._dressers = dressers
         self._most = round(settings.scene.people.bounds()[1])
@@ -55,7 +55,7 @@ class OtherPeople:
                 self._faces[source, number] = self._standing(source, number)
 
     def props(self, source: int, seeds: ScopeSeeds, scenery: Scenery) -> list[Prop]:
-        """Return the meshes of the people in a scenery; their arrays are the same in each frame."""
+        """Return the meshes of other people in a scenery; all frames share their arrays."""
         found: list[Prop] = []
         numbers = self._numbers(seeds, len(scenery.places))
         for number, place in zip(numbers, scenery.places, strict=True):
@@ -77,7 +77,7 @@ class OtherPeople:
         """Load a standing person, dressed, and the floor's height y, mm; None without a body."""
         known = self._settings.source[source].subjects or 0
         name = self._sources[source].subjects(known + STRANGERS)[known + number]
-        firsts: dict[str, FaceKey] = {}  # of each sequence
+        firsts: dict[str, FaceKey] = {}  # first frame of each sequence
         for key in self._sources[source].frames(name, 40 * _TRIES):
             firsts.setdefault(key.sequence, key)
         for key in list(firsts.values())[:_TRIES]:
@@ -93,7 +93,7 @@ class OtherPeople:
         return None
 
     def _place(self, source: int, number: int, place: Floats) -> list[Prop]:
-        """Return the visible meshes of a background person at a place."""
+        """Return the visible meshes of a background person at ``place``."""
         face, floor_mm = self._faces.get((source, number)) or (None, 0.0)
         if face is None:
             return []

@@ -1,4 +1,4 @@
-"""Build a room around a person: walls, floor, ceiling, furniture, and places for other people."""
+"""Build a room around a person: walls, floor, ceiling, furniture, positions of other people."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ Rng = np.random.Generator
 #: Radius of the free floor around a person, mm: half the distance between an adult's elbows is
 #: 0.25 m (DIN 33402), and arms move.
 PERSON_RADIUS_MM = 480.0
-#: Half the width of the free way at the camera, mm; chosen for the camera and its stand.
+#: Half the width of the free way at the camera, mm. Chosen for the camera and its stand.
 _CAMERA_RADIUS_MM = 250.0
-#: Least gap between the way and a wall, mm; chosen.
+#: Smallest gap between the way and a wall, mm. The value was chosen.
 _WALL_GAP_MM = 120.0
 
 
@@ -36,9 +36,9 @@ class RoomNumbers:
     Args:
         behind_mm: distance from the face to the back wall.
         turn_deg: rotation of the room about the vertical axis.
-        camera_mm: (x, z) of the camera before that rotation.
-        reach_mm: x of the left and right end of the person's area, and its depth behind the face.
-        clutter: share of the possible objects, 0 to 1.
+        camera_mm: (x, z) of the camera before the rotation.
+        reach_mm: area that the person needs: x of its left and right end, depth behind the face.
+        clutter: share of the possible small objects, 0 to 1.
         seat_mm: height of the person's seat above the floor, and z of the backrest; None for a
             standing person.
     """
@@ -57,13 +57,13 @@ class RoomNumbers:
 
 
 def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, float]]]:
-    """Build a room: return its shapes, and (x, z, turn) of background people in mm and degrees.
+    """Build a room: return its shapes, and (x, z, turn) of other people in mm and degrees.
 
-    A pure function of the numbers. Axes: mm, origin on the floor below the face, +z towards the
-    camera, before the rotation of the room.
+    It is a pure function of the numbers. Axes: mm, origin on the floor below the face, +z towards
+    the camera, before the rotation of the room.
     """
     way = _way(n)
-    # The walls of a convex room around the whole way.
+    # The walls of a convex room that contains the whole way.
     share = _rng(n, "extent").uniform(0.3, 0.7)
     left = min(-share * n.width_mm, *(x - r - _WALL_GAP_MM for x, _, r in way))
     right = max((1 - share) * n.width_mm, *(x + r + _WALL_GAP_MM for x, _, r in way))
@@ -104,7 +104,7 @@ def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
     radius = PERSON_RADIUS_MM + (right - left) / 2
     steps = np.linspace(0, 1, 24)[:, None]
     points = turned(camera + steps * (person - camera), -n.turn_deg)
-    # Full width in the person's area, then narrower towards the camera.
+    # The way has its full width in the person's area, and is narrower towards the camera.
     radii = _CAMERA_RADIUS_MM + np.clip(steps[:, 0] * 1.3, 0, 1) * (radius - _CAMERA_RADIUS_MM)
     return [(float(p[0]), float(p[2]), float(r)) for p, r in zip(points, radii, strict=True)]
 

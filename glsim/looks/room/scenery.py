@@ -1,7 +1,7 @@
 """Build the scenery of a frame from the settings [scene]: nothing, a plain wall, or a room.
 
 A room is sampled once per subject (or sequence, or frame: ``scene.per``) and cut to the camera's
-view. It stays in memory: its arrays are the same objects in every frame, so the GPU gets them once.
+view. It is kept: its arrays are the same objects in every frame, and so they are uploaded once.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from glsim.settings.schema import PoseSettings, SceneSettings
 
 #: Half the side of the square plain wall, mm: it fills the view up to 12 m.
 _WALL_MM = 20_000.0
-#: Eyes below this height, mm, are of a sitting person. Between the eyes of standing adults, above
-#: 1.4 m (DIN 33402, 5th percentile of women), and of sitting adults, below 1.35 m.
+#: A person with eyes below this height, mm, sits. It lies between the eyes of standing adults,
+#: above 1.4 m (DIN 33402, 5th percentile of women), and of sitting adults, below 1.35 m.
 _SITTING_MM = 1380.0
-#: For a head without a body, mm: height of the seat (EN 12520), and z of the backrest, behind the
-#: head (chosen).
+#: Seat of a head without a body, mm: its height (EN 12520), and z of the backrest behind the head
+#: (chosen).
 _SEAT_MM = (450.0, -330.0)
-#: A mesh that reaches this far below its origin, mm, has a body. Chosen: heads and busts end
-#: higher, a sitting child of four years lower.
+#: A mesh that reaches this far below its origin, mm, has a body. Chosen: heads and busts end above,
+#: a sitting child of four years below.
 _BODY_MM = 550.0
-#: Floor and seat are rounded to this, mm: breathing shall not change the room.
+#: Heights of floor and seat are rounded to this step, mm: breathing shall not change the room.
 _STEP_MM = 4.0
 #: Number of rooms in memory, 0.5 MB each; neighbouring tasks share a room.
 _KEPT_ROOMS = 8
-#: Regions of a room and of other people in it.
+#: Regions of a room and of the other people in it.
 ROOM_REGIONS = (
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
 )  # fmt: skip
@@ -62,8 +62,8 @@ class Scenery(NamedTuple):
     Args:
         sampled: entries of the manifest, "scene.name" -> number.
         tilt_deg: upward tilt of the camera.
-        places: for each other person the (4, 4) matrix from canonical axes at the feet, mm, with +z
-            in the direction of view, to camera axes, m.
+        places: for each other person a (4, 4) matrix to camera axes, m. It starts from canonical
+            axes with the origin at the feet, mm, and +z in the direction of view.
     """
 
     props: tuple[Prop, ...] = ()
@@ -73,7 +73,7 @@ class Scenery(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A person's y of the floor, and y of the seat and z of the backrest, None if standing."""
+    """Heights y of a person's floor and seat, and z of the backrest, mm; None if standing."""
 
     floor_mm: float
     seat_mm: tuple[float, float] | None = None
@@ -81,7 +81,7 @@ class Body(NamedTuple):
 
 def body_of(face: Face) -> Body | None:
     """Find floor and seat of a person; None for a head without a body."""
-    # ``Face.notes`` may hold "floor_mm" and "sitting"; by default the lowest vertex is on it.
+    # ``Face.notes`` may hold "floor_mm" and "sitting"; by default the lowest vertex is the floor.
     lowest = float(face.mesh.vertices_mm[:, 1].min())
     noted = face.notes.get("floor_mm")
     if not isinstance(noted, int | float) and not lowest <= -_BODY_MM:  # NaN: no body
@@ -136,7 +136,7 @@ def build_scenery(
 
 
 def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: Floats) -> None:
-    """Raise MeshError unless the plain wall lies behind the face and all that it wears."""
+    """Raise MeshError unless the plain wall is behind the face and all that it wears."""
     wall_mm = scenery.sampled.get("scene.wall_mm")
     if wall_mm is None:
         return
@@ -157,7 +157,7 @@ def _room_scenery(
     rig: SensorRig,
     body: Body | None,
 ) -> Scenery:
-    """Sample the numbers of a room, and return the part of it that the camera sees."""
+    """Sample the numbers of a room, and return the part of the room that the camera sees."""
     key = getattr(seeds, settings.per)
     keys = ScopeSeeds(key, key, key)
 
@@ -165,7 +165,7 @@ def _room_scenery(
         number: Distribution = getattr(settings, name)
         return number.sample(keys, f"scene.{name}")
 
-    face, reach = [], []  # the face's place, and how far it moves while a room stays
+    face, reach = [], []  # the face's position, and its range while a room stays
     for name in ("x_mm", "y_mm", "distance_mm"):
         setting: Distribution = getattr(pose, name)
         stays = _SCOPES.index(setting.per) >= _SCOPES.index(settings.per)

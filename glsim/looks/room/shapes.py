@@ -1,7 +1,7 @@
 """Shapes of furniture and walls: rounded boxes, bodies of revolution, rods, sheets and plates.
 
-Axes as in the canonical face frame: millimetres, +x to the right in the image, +y up, +z towards
-the camera. All triangles are counter-clockwise seen from outside.
+Axes are those of the canonical face frame: millimetres, +x to the right in the image, +y up, +z
+towards the camera. All triangles are counter-clockwise seen from outside.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def bounds_mm(shapes: Iterable[Shape]) -> tuple[Points, Points]:
 
 
 def joined(shapes: Sequence[Shape]) -> Shape:
-    """Join shapes into one shape with the albedo and region of the first."""
+    """Join shapes into one shape with the albedo and the region of the first."""
     starts = np.cumsum([0, *(len(s.vertices_mm) for s in shapes)])
     faces = [shape.faces + start for shape, start in zip(shapes, starts, strict=False)]
     vertices = np.concatenate([shape.vertices_mm for shape in shapes])
@@ -93,9 +93,9 @@ def box(
     Args:
         size_mm: width, height, depth.
         at_mm: centre of the lower side.
-        albedo: at 860 nm, relative to a white wall.
+        albedo: albedo at 860 nm, relative to a white wall.
         edge_mm: radius of the edges.
-        cells: divisions of each side, odd; 3 bevels an edge in two steps.
+        cells: number of cells along each side, odd; 3 bevels an edge in two steps.
         plump_mm: height of the bulge of each side, for cushions (cells >= 5).
         region: name in the layer "regions".
     """
@@ -109,7 +109,7 @@ def box(
     if plump_mm:
         side = np.abs(directions) > 0.99
         bulge = np.prod(np.where(side, 1.0, np.cos(directions * np.pi / 2)), axis=1)
-        bulge[side.sum(axis=1) > 1] = 0.0  # 0 at the edges
+        bulge[side.sum(axis=1) > 1] = 0.0  # no bulge at the edges
         points = points + np.where(side, np.sign(directions), 0) * plump_mm * bulge[:, None]
     points = points + np.asarray(at_mm, np.float64) + (0, half[1], 0)
     return Shape(points, faces, albedo, region)
@@ -131,7 +131,7 @@ def _cube(cells: int) -> tuple[Points, Triangles]:
 
 
 def _grid(rows: int, columns: int) -> Triangles:
-    """Return the triangles of a vertex grid, whose normals are row axis x column axis."""
+    """Return the triangles of a grid of vertices; their normals are row axis x column axis."""
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
@@ -174,9 +174,9 @@ def rod(
 
     Args:
         start_mm, end_mm: centres of its ends.
-        radius_mm: at the start.
-        albedo: at 860 nm, relative to a white wall.
-        end_radius_mm: at the end; default: as at the start.
+        radius_mm: radius at the start.
+        albedo: albedo at 860 nm, relative to a white wall.
+        end_radius_mm: radius at the end; default: the same.
         sides: number of sides; 4 make a square rod.
     """
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)

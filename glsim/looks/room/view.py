@@ -16,15 +16,15 @@ from glsim.core.rect import Rect
 from glsim.core.units import MM_PER_M, to_mm
 from glsim.looks.room.shapes import Points, Shape, without_slivers
 
-#: Margin around the view, in tangents, within which objects stay, since they may cast a shadow into
-#: the view: emitters of the shipped sensors are up to 75 mm beside the lens.
+#: Margin around the view, in tangents. Objects inside it are kept, since they may cast a shadow
+#: into the view: emitters of the shipped sensors are up to 75 mm beside the lens.
 _BESIDE = 0.16
-#: Nearest depth of a room, m: the emitter's z-buffer starts there.
+#: Nearest depth of a room, m, where the emitter's z-buffer starts.
 _NEAREST_M = 0.3
 
 
 def tilted(view: Floats, tilt_deg: float) -> Floats:
-    """Tilt an object's view matrix for a camera that looks up; its place in the image stays."""
+    """Tilt an object's view matrix for a camera that looks up; its position in the image stays."""
     if tilt_deg == 0.0:
         return view
     c, s = np.cos(np.radians(tilt_deg)), np.sin(np.radians(tilt_deg))
@@ -35,12 +35,12 @@ def tilted(view: Floats, tilt_deg: float) -> Floats:
 
 
 def camera_place(face_camera_mm: Sequence[float], eye_mm: float, tilt_deg: float) -> Points:
-    """Return the camera's place (3,) mm in room axes, from a face's place in camera axes."""
+    """Return the camera's position, (3,) mm in room axes, from a face's in camera axes."""
     face = product(_rotation(tilt_deg).T, np.asarray(face_camera_mm, np.float64))
     return np.asarray(np.array([0.0, eye_mm, 0.0]) - face)
 
 
-#: Largest tilt of the camera, degrees; chosen as of a stand.
+#: Largest tilt of the camera, degrees. Chosen: the range of a stand.
 _MAX_TILT_DEG = 40.0
 
 
@@ -72,7 +72,7 @@ def visible_mesh(
     """Join the visible part of shapes to one mesh; None if nothing is visible.
 
     The mesh is in canonical axes around the camera, mm: draw it with ``pose_matrix({})``. ``view``
-    is the matrix from the shapes' mm to camera m; ``factor`` scales all albedos, up to 1.
+    is the matrix from the shapes' mm to camera m. ``factor`` scales all albedos, up to 1.
     """
     points = np.concatenate([s.vertices_mm[s.faces] for s in shapes])
     albedo = np.concatenate([np.full(len(s.faces), min(1.0, factor * s.albedo)) for s in shapes])
@@ -95,8 +95,8 @@ def visible_mesh(
 def visible_part(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh | None:
     """Remove triangles that face away or lie outside of the view; None if no triangle is left.
 
-    Triangles at the border of the view stay whole. All arrays are new. ``view`` is the matrix from
-    the mesh's mm to camera m.
+    Triangles at the border of the view are not cut. All arrays are new. ``view`` is the matrix
+    from the mesh's mm to camera m.
     """
     points = product(mesh.vertices_mm, view[:3, :3].T) + view[:3, 3]
     triangles = points[mesh.faces].astype(np.float64)
@@ -111,7 +111,7 @@ def visible_part(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh | None:
 
 
 def _towards(triangles: Points, rig: SensorRig) -> Mask:
-    """Mark the triangles (T, 3, 3) m that face a camera or an emitter, (T,)."""
+    """Mark the triangles, (T, 3, 3) m, that face a camera or an emitter, (T,)."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     towards = np.zeros(len(triangles), bool)
     for eye in ((0.0, 0.0, 0.0), *(e.position_m for e in rig.emitters)):
@@ -123,7 +123,7 @@ def _towards(triangles: Points, rig: SensorRig) -> Mask:
 def _view_planes(sight: FieldOfView) -> list[tuple[Points, float]]:
     """Return the planes (normal, offset) of the view: points p inside have normal . p >= offset."""
     columns, rows, rig = sight.columns, sight.rows, sight.rig
-    if rig.registered is not None:  # what its colour camera sees beside it, from 0.5 m on
+    if rig.registered is not None:  # the colour camera sees more beside it, from 0.5 m on
         image = Rect(0, 0, rig.delivered.width, rig.delivered.height)
         seen = [rig.registered.corner_points(image, z_m) for z_m in (0.5, rig.far_m)]
         ends = np.concatenate(seen)
@@ -153,12 +153,13 @@ def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tupl
         if not some.any():
             continue
         odd = np.argmax(inside[some] if corners == 1 else ~inside[some], axis=1)
-        order = (odd[:, None] + np.arange(3)) % 3  # rotate the corner that is alone to the front
+        order = (odd[:, None] + np.arange(3)) % 3  # the lone corner comes first
         p = np.take_along_axis(triangles[some], order[..., None], axis=1)
         d = np.take_along_axis(side[some], order, axis=1)
         ends = []
         for n in (1, 2):
-            # From the inner to the outer corner: neighbours cut their edge at the same point.
+            # Cut from the inner to the outer corner, so that neighbours cut their edge at the same
+            # point.
             a, b = (0, n) if corners == 1 else (n, 0)
             share = (d[:, a] / (d[:, a] - d[:, b]))[:, None]
             ends.append(p[:, a] + share * (p[:, b] - p[:, a]))
