@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from glsim.train.models.registry import build_model
     from glsim.train.recipe import Recipe, load_recipe, recipe_names
 
-#: Module -> the public names that it holds.
+#: Module -> its public names.
 _NAMES = {
     "glsim.train.batches": "simulated_batches stored_batches",
     "glsim.train.data.simulated": "SimulatedPairs randomised",

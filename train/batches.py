@@ -33,21 +33,21 @@ from glsim.train.data.stored import Augmentation, Batch, JoinedPairs, PairDatase
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import Recipe
 
-#: Distance between the seeds of two devices or data sets, and of two recipe seeds.
+#: Difference between the seeds of two devices, of two data sets, and of two recipes' seeds.
 SEED_STRIDE: Final = 1_000_003
-#: Pairs per batch of the validation. Affects memory, not results.
+#: Number of pairs per batch of a validation; it affects memory, not results.
 VALIDATION_BATCH: Final = 8
-#: Validation frames rendered for ``--simulate`` unless the recipe gives a number.
+#: Default number of validation frames that are rendered for ``--simulate``.
 _SIMULATED_VALIDATION_FRAMES: Final = 200
 
 
 def on_device(fabric: Fabric, loader: DataLoader[Batch]) -> DataLoader[Batch]:
-    """Wrap a loader so that its batches lie on the device of ``fabric``."""
+    """Wrap a loader so that it moves its batches to the device of ``fabric``."""
     return cast(DataLoader[Batch], fabric.setup_dataloaders(loader, use_distributed_sampler=False))
 
 
 def spread(frames: Subset[Batch]) -> Subset[Batch]:
-    """Shuffle the frames, with a fixed seed, so that the first few cover the whole set."""
+    """Shuffle the frames with a fixed seed, so that the first frames represent the whole set."""
     order = np.random.default_rng(0).permutation(len(frames))
     return Subset(frames.dataset, [frames.indices[number] for number in order])
 
@@ -63,7 +63,7 @@ class EpochSampler(Sampler[list[int]]):
                 "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
             )
         self._shuffled: DistributedSampler[int] = DistributedSampler(
-            range(count),  # type: ignore[arg-type]  # only its length is asked
+            range(count),  # type: ignore[arg-type]  # only its length is used
             replicas,
             rank,
             shuffle=True,
@@ -90,7 +90,7 @@ class StoredBatches:
     """Batches (noisy_mm, clean_mm) of pairs with random access: float32 mm on the device.
 
     Shapes: (B, C, H, W) and (B, 1, H, W), with the inputs of ``glsim.networks.inputs`` as channels.
-    ``validation``: pairs without a batch axis; ``fingerprint``: plain values that name the data.
+    ``validation``: pairs without a batch axis; ``fingerprint``: JSON values that identify the data.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class StoredBatches:
             num_workers=data.workers,
             persistent_workers=data.workers > 0,
             pin_memory=torch.cuda.is_available(),
-            generator=torch.Generator(),  # checkpoints hold the state of the global generator
+            generator=torch.Generator(),  # not the global one: checkpoints hold its state
         )
         self._loader = on_device(fabric, loader)
         return len(self._sampler)
@@ -150,7 +150,7 @@ class SimulatedBatches:
         held_out = self._open(batch=VALIDATION_BATCH, split="val", length=length)
         rendered = [cast(Dataset[Batch], TensorDataset(*batch)) for batch in held_out]
         self.validation: Subset[Batch] = Subset(ConcatDataset(rendered), range(count))
-        self._running: tuple[int, Iterator[Batch]] | None = None  # next batch's number, loader
+        self._running: tuple[int, Iterator[Batch]] | None = None  # number of next batch, loader
 
     def prepare(self, fabric: Fabric) -> int:
         """Set up loading as in `StoredBatches`."""
@@ -220,7 +220,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     joined |= entries_of(protocol=train[0].protocol)
     held_out = JoinedPairs(validation)
     count = min(data.validation_frames or len(held_out), len(held_out))
-    indices = np.linspace(0, len(held_out) - 1, count).round().astype(int)  # of all subjects
+    indices = np.linspace(0, len(held_out) - 1, count).round().astype(int)  # frames of all subjects
     return StoredBatches(JoinedPairs(train), Subset(held_out, indices.tolist()), joined, recipe)
 
 

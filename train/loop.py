@@ -42,7 +42,8 @@ from glsim.train.state import TrainingState
 NAN_BATCH_FILE: Final = "nan_batch.pt"
 #: Number of frames in each picture in samples/.
 _SAMPLES: Final = 4
-#: Share of a limit in minutes that one validation may take. Chosen.
+#: Largest share of the training time (a limit in minutes) that one validation may take. The value
+#: was chosen, not measured.
 _VALIDATION_SHARE: Final = 0.1
 
 
@@ -183,7 +184,7 @@ class TrainingRun:
                     break
                 if validated or self.progress.step == 0:
                     self.save("interrupted")
-        if ended_by and self.progress.loss_count:  # steps since the last validation
+        if ended_by and self.progress.loss_count:  # some steps were not validated yet
             self.validate(logs)
             show(self.status(loss, True))
         if logs is not None:
@@ -402,9 +403,10 @@ def validation_figures(
     Returns:
         loss: mean of the training loss.
         mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
-        interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
-        flips: pixels per frame of wrong validity.
-        input_interior_rmse_mm, input_flips: both metrics of the noisy input.
+        interior_rmse_mm: RMSE of pixels with depth in both maps, more than 3 px from an edge of the
+            truth.
+        flips: number of pixels per frame with wrong validity.
+        input_interior_rmse_mm, input_flips: the two metrics above for the noisy input.
     """
 
     def surface(depth_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -48,11 +48,11 @@ def weighted_mean(values: Tensor, weights: Tensor) -> Tensor:
     return (values * weights).sum() / weights.sum().clamp_min(1)
 
 
-#: Least advantage over the first candidate, mm, of another candidate that becomes the target.
-#: Chosen: several times the noise, half of a flying pixel's least error.
+#: Another candidate becomes the target only if it is nearer to the truth than the first by this,
+#: mm. Chosen: several times the noise, and half of a flying pixel's smallest error.
 _SWITCH_MM: Final = 25.0
-#: Noise to which ``relative`` scales errors, mm; least and largest noise of a frame, mm: the range
-#: of depth cameras on a face at 0.9 m (docs/howto/any_camera.md).
+#: ``relative`` scales errors to a frame with this noise, mm. The other two limit the noise of a
+#: frame, mm: the range of depth cameras on a face at 0.9 m (docs/howto/any_camera.md).
 _NOISE_MM, _LEAST_NOISE_MM, _LARGEST_NOISE_MM = 4.0, 0.5, 10.0
 
 
@@ -165,7 +165,7 @@ class Masked(Loss):
 def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
     """Compute the RMS noise of each frame on measured interior pixels: (B, 1, 1, 1) mm.
 
-    Errors are clipped at 25 mm, against other surfaces.
+    Errors are clipped at 25 mm; larger errors are other surfaces, not noise.
     """
     known = inside * (noisy_mm > 0)
     squares = (noisy_mm - clean_mm).clamp(-_SWITCH_MM, _SWITCH_MM).square() * known

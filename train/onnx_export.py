@@ -71,7 +71,7 @@ def onnx_bytes(
         names = list(named_outputs(model(example)))
     buffer = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
-        warnings.simplefilter("ignore")  # the tracer warns of sizes that dynamic_axes frees
+        warnings.simplefilter("ignore")  # it warns of sizes that dynamic_axes makes variable
         # The exporter lacks Asinh, which onnxruntime would compute element by element.
         torch.onnx.register_custom_op_symbolic(  # type: ignore[attr-defined]  # it is documented
             "aten::asinh", _asinh, _OPSET
@@ -94,7 +94,7 @@ def onnx_bytes(
         except RuntimeError as error:
             reason = " ".join(str(error).split())[:200]
             raise TrainError(f"{checkpoint}: this network cannot be exported: {reason}") from error
-    from glsim.train.onnx_graph import compacted  # the package onnx is there: PyTorch used it
+    from glsim.train.onnx_graph import compacted  # PyTorch has just used the package onnx
 
     return compacted(buffer.getvalue(), record_entries(record))
 

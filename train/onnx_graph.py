@@ -24,7 +24,7 @@ from onnx.reference import ReferenceEvaluator
 #: Rows and columns of the frames, px: multiples of 16 (``glsim.networks.network``), all different.
 _SIZES: Final = ((96, 208), (144, 80), (240, 64))
 _ENDLESS: Final = np.iinfo(np.int64).max
-#: Operators whose output shape cannot be computed from the shapes of their inputs alone.
+#: Operators whose output shape depends on values of their inputs, not on shapes alone.
 _UNCLEAR: Final = frozenset({"Slice", "Pad", "Resize", "Reshape", "Expand", "ConstantOfShape"})
 
 _Values = dict[str, NDArray[Any]]

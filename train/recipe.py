@@ -42,7 +42,7 @@ RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
 PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
 Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed"]
 MonitoredFigure = Literal["loss", "mse_mm2", "interior_rmse_mm", "flips"]
-#: The warm-up takes at most this share of the training.
+#: Largest share of the training that the warm-up of the learning rate takes.
 _WARMUP_SHARE: Final = 0.1
 #: Longest chain of ``extends``; longer ones are circular.
 _MAX_EXTENDS: Final = 8
@@ -193,7 +193,7 @@ _RESUMABLE: Final = {
     "title",
     "description",
     "data.workers",
-    "data.protocol",  # the fingerprint of the data holds the resulting protocol
+    "data.protocol",  # compared by the data's fingerprint instead
     *(f"training.{name}" for name in ("max_epochs", "max_steps", "max_minutes", "patience")),
 }
 

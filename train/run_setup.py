@@ -26,19 +26,19 @@ from glsim.train.state import WeightsOf
 RECIPE_FILE: Final = "recipe.json"
 LOCK_FILE: Final = ".lock"
 
-#: Instructions on bfloat16, as Linux names them: Intel and AMD (AVX-512, AMX), ARM.
+#: Linux's names of processor features for bfloat16: Intel and AMD (AVX-512, AMX), ARM.
 _BFLOAT16: Final = {"avx512_bf16", "amx_bf16", "bf16"}
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 
 log = logging.getLogger(__name__)
-logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # its messages repeat the recipe
+logging.getLogger("lightning_fabric").setLevel(logging.WARNING)  # it repeats the recipe
 
 
 def computes_bfloat16() -> bool:
     """Return whether the GPU (or else the CPU) has bfloat16 instructions.
 
-    Elsewhere PyTorch converts to float32 and back: two steps of ``face`` took 26.4 CPU s in
-    bf16-mixed and 9.7 in 32-true on a processor with AVX2 alone (measured, PyTorch 2.13).
+    Without them, PyTorch converts to float32 and back: on a processor with AVX2, two steps of
+    ``face`` took 26.4 CPU s in bf16-mixed and 9.7 s in 32-true (measured, PyTorch 2.13).
     """
     if torch.cuda.is_available():
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
@@ -65,7 +65,7 @@ def with_precision(recipe: Recipe, begun: Path | None) -> Recipe:
 def arithmetic(fabric: Fabric) -> dict[str, Any]:
     """Return the facts besides recipe and data on which the rounding of a training depends.
 
-    One is the number of threads, among which PyTorch divides sums.
+    An example is the number of threads, since each thread adds up a part of a sum.
     """
     on_gpu = fabric.device.type == "cuda"
     return {

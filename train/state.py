@@ -42,7 +42,7 @@ class TrainingProgress:
         stale: validations since the best validation.
         loss_sum: sum of the losses since the last validation.
         loss_count: number of steps since the last validation.
-        validation_batches: batches of each validation, if a limit in minutes bounds them.
+        validation_batches: number of batches per validation, if a limit in minutes bounds it.
     """
 
     epoch: int = 0
@@ -141,7 +141,7 @@ def _weight_average(network: nn.Module, decay: float | None) -> AveragedModel | 
     return AveragedModel(network, multi_avg_fn=update)
 
 
-#: Buffers that describe a trained network; a new training begins without them.
+#: Buffers that describe a trained network; a new training does not copy them.
 NOT_COPIED = ("sigma_scale",)
 
 

@@ -19,8 +19,8 @@ from glsim.data.reader import Dataset
 from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.settings.schema import SPLIT_NAMES
 
-#: Cropping of frames larger than the crop: not at all (an error), around the centre, or at a random
-#: position in each epoch.
+#: How a frame larger than the crop is cropped: "no" (it is an error), around the centre, or at a
+#: random position in each epoch.
 Cut = Literal["no", "centre", "random"]
 #: Target of a network: the true depth, or the depth that the sensor expects without noise.
 Target = Literal["clean", "expected"]
@@ -32,15 +32,15 @@ def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[st
 
 
 def entries_of(**choices: str) -> dict[str, str]:
-    """Return the non-default entries of a fingerprint: older trainings have no such entries."""
+    """Return a fingerprint's entries that are not default; older trainings have no such entry."""
     return {name: value for name, value in choices.items() if value not in ("clean", "depth")}
 
 
 def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
     """Shift a pair to the depth protocol "paper", where the target's nearest point is at 1 mm.
 
-    All depths of ``images`` (C + 1, H, W), inputs and target, move alike, so that neighbours in
-    time keep their distance from the frame.
+    All depths of ``images`` (C + 1, H, W), inputs and target, are shifted equally, so that
+    neighbours in time keep their difference from the frame.
     """
     moved = subtract_offset(images, offset_to_nearest(images[-1]))
     if inputs.infrared:
@@ -61,10 +61,10 @@ def checked_split(
     frames differ in size or do not fit ``crop``. Raises ConfigError for a crop below 1.
 
     Args:
-        dataset: has the split.
+        dataset: the data set of the split.
         name: name of the split.
         crop: side of random crops, px; None: whole frames.
-        cut: frames to keep.
+        cut: how larger frames are cropped.
         layers: layers that the training reads.
     """
     if crop is not None and crop < 1:
@@ -107,7 +107,7 @@ def checked_split(
 def fingerprint(dataset: Path) -> dict[str, Any]:
     """Return the identity of a data set for checkpoints: equal for equal data in any folder.
 
-    The manifest holds every image's CRC32, so the manifest's CRC32 covers all pixels. Raises
+    The manifest has the CRC32 of each image, so its own CRC32 depends on all pixels. Raises
     DatasetError if the folder is no data set of glsim.
     """
     opened = Dataset(dataset)

@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from glsim.core.depth_frame import FrameKey
 from glsim.networks.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
 
-#: Largest random gain of infrared, log-uniform from 1/4 to 4: light per distance and albedo differs
-#: by a factor of 5 between a real Kinect V2 and our model.
+#: Largest random gain of infrared; gains are log-uniform from 1/4 to 4. At equal distance and
+#: albedo, a real Kinect V2 and our model differ by a factor of 5 in infrared.
 _LARGEST_GAIN: Final = 4.0
-#: Share of frames without infrared, for cameras without infrared.
+#: Share of frames whose infrared is left out, so that a network works without infrared.
 _WITHOUT_INFRARED: Final = 0.1
-#: Share of frames with gaps between the neighbours in time: cameras drop frames.
+#: Share of frames whose neighbours in time have gaps, since cameras drop frames.
 _WITH_GAPS: Final = 0.25
 
 
 class Neighbours:
     """Table of the neighbours in time of each frame, as positions in a list of frames.
 
-    The frame number of a neighbour is at most ``inputs.before`` lower or ``inputs.after`` higher in
-    the same sequence; frames may be missing.
+    A neighbour is a frame of the same sequence; its number is at most ``inputs.before`` lower or
+    ``inputs.after`` higher. Frames may be missing.
     """
 
     def __init__(self, keys: Sequence[FrameKey], inputs: NetworkInputs) -> None:
@@ -59,8 +59,8 @@ def vary_inputs(
 ) -> NDArray[np.float32]:
     """Augment the inputs of a frame, (C, H, W): random infrared gain and number of neighbours.
 
-    Infrared gets a random gain or is left out. A random number of neighbours remains on each side,
-    the nearest frames or others, so that a network works with any number.
+    Infrared gets a random gain or is left out. A random number of neighbours remains on each side
+    (the nearest, or some with gaps), so that a network works with any number.
     """
     varied = stack.copy()
     named = inputs.named(varied)

@@ -29,7 +29,7 @@ from glsim.train.data.stream import LANES, BatchPlace, BatchStream, split_people
 
 log = logging.getLogger(__name__)
 
-#: Batches that a worker renders ahead, to even out the load of whole blocks.
+#: Number of batches that a worker renders in advance; blocks then cause no waits.
 _PREFETCH = 8
 
 
@@ -72,9 +72,9 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
     ) -> None:
         """Open the face sources and plan the stream of batches.
 
-        A face that cannot be rendered is replaced by another of its block. Raises ConfigError;
-        while iterating also MeshError (a whole block of bad faces, or one if settings.strict)
-        and DeviceError.
+        A face that cannot be rendered is replaced by another face of its block. Raises ConfigError.
+        The iteration may raise MeshError (all faces of a block are bad, or one face if
+        settings.strict) and DeviceError.
 
         Args:
             settings: faces, poses, sensor and crop; ``settings.seed`` determines the people, and
@@ -82,14 +82,14 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             inputs: inputs of the network besides depth. Neighbours in time are frames of one
                 sequence, whose settings should not change (``redraw = "sequence"``), at the frame
                 rate of the camera (``source.frames_per_second``).
-            vary_inputs: as in ``Augmentation``.
-            reuse: uses of each pair, within some hundred batches (a block, see ``stream``): divides
-                the cost of rendering per batch, and the number of new pairs.
+            vary_inputs: see ``Augmentation``.
+            reuse: number of uses of each pair, within its block of batches (see ``stream``). It
+                divides the rendering time per batch, and the number of different pairs.
             start: number of the first batch, to resume.
             length: batches per iteration; default: endless.
             backend: as in ``glsim.simulate``.
-            target: as in ``StoredPairs``.
-            protocol: as in ``StoredPairs``. Default: by ``settings.output.nearest_to_mm``.
+            target: see ``StoredPairs``.
+            protocol: see ``StoredPairs``. Default: from ``settings.output.nearest_to_mm``.
         """
         limits = {"batch": (batch, 1), "reuse": (reuse, 1), "start": (start, 0)}
         for name, (value, least) in (limits | {"length": (length or 0, 0)}).items():
@@ -198,7 +198,7 @@ class _BlockRenderer:
                     yield task
 
     def pairs(self, place: BatchPlace) -> Sequence[NDArray[np.float32]]:
-        """Return the pairs of a batch's block, and render batch / reuse frames of later blocks."""
+        """Return all pairs of a batch's block; also render batch / reuse frames of later blocks."""
         block = (place.lane, place.block)
         self._pairs.pop((place.lane, place.block - 1), None)
         while block not in self._pairs:

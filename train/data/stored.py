@@ -88,11 +88,11 @@ class Augmentation:
 
     Attributes:
         flip: mirror left and right with probability 1/2. Shadows change sides, as if the emitter
-            did: right for a network for any camera, wrong for a network for a single camera.
-        relief_mm: add bumps and creases up to about this height to both depths.
-        slope_mm_per_px: add a plane of up to this slope to both depths.
-        texture: share of frames with ribs or grain, as of fabric and hair, added to both depths.
-        averaged: share of frames with the noise of a mean of several frames.
+            were on the other side; do not use it for a network for a single camera.
+        relief_mm: add bumps and creases of up to about this height to noisy and target depth.
+        slope_mm_per_px: add a plane of up to this slope to noisy and target depth.
+        texture: share of frames to which a texture (ribs or grain, as of fabric and hair) is added.
+        averaged: share of frames whose noise is reduced as if several frames were averaged.
         vary_inputs: change or leave out infrared and neighbours in time, see
             ``glsim.train.data.extra_inputs``.
     """
@@ -254,22 +254,23 @@ def _tensor(images: NDArray[np.float32]) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(images))
 
 
-#: Sizes of bumps (sigma of a Gaussian, px) and their relative heights: from creases to cheekbones
-#: at 0.9 m, 2.5 mm per pixel; all sizes are about equally steep.
+#: Sizes of bumps (sigma of a Gaussian, px) and their relative heights. They range from creases to
+#: cheekbones at 0.9 m (2.5 mm per pixel); all sizes are about equally steep.
 _SIZES_PX: Final = (1.2, 2.5, 5.0, 10.0)
 _HEIGHTS: Final = (0.25, 0.5, 0.75, 1.0)
-#: Sigma of the patches that contain bumps, px: a face is not rough everywhere.
+#: Sigma of the patches that get bumps, px; the rest of a face stays smooth.
 _PATCH_PX: Final = 12.0
-#: Share of frames without bumps; share of sizes drawn as creases instead of bumps.
+#: Share of frames without bumps, and share of bump sizes that become creases.
 _UNTOUCHED, _CREASED = 0.25, 0.5
-#: Period of textures, px, and their standard deviation, mm, both log-uniform: hair, ribs of knitted
-#: cloth and of chairs, leaves and keys at 0.5 to 2 m. Chosen; finer and lower textures look like
-#: noise.
+#: Ranges of a texture's period, px, and of its standard deviation, mm; both are log-uniform. Chosen
+#: for hair, knitted cloth, chairs, leaves and keys at 0.5 to 2 m; finer and lower textures look
+#: like noise.
 _PERIOD_PX: Final = (3.0, 12.0)
 _TEXTURE_MM: Final = (0.4, 4.0)
-#: Numbers of averaged frames whose noise is imitated.
+#: Numbers of frames of which ``averaged`` imitates the mean.
 _FRAMES_AVERAGED: Final = (2, 4, 9)
-#: Share of frames without a slope, and largest approach by a slope, as a share of the least depth.
+#: Share of frames without a slope. A slope moves points nearer by at most the second share of the
+#: frame's smallest depth.
 _LEVEL, _NEARER = 0.5, 0.5
 
 
@@ -278,9 +279,10 @@ def sample_surface_bumps(
 ) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres of bumps and creases to add to depth.
 
-    Without them a network learns the smooth skin of embedded heads, and removes lids, creases and
-    nostrils. The noise of a pair, drawn for the surface without bumps, is right to first order: it
-    depends on distance and tilt. ``height_mm`` limits the standard deviation of the largest bumps.
+    Without bumps, a network learns the smooth skin of embedded heads, and removes lids, creases and
+    nostrils. A pair's noise was drawn for the surface without bumps; bumps change distance and
+    tilt, on which noise depends, only a little. ``height_mm`` limits the standard deviation of the
+    largest bumps.
     """
     total_mm = np.zeros(shape, np.float32)
     if rng.random() < _UNTOUCHED:
@@ -297,7 +299,7 @@ def sample_surface_bumps(
 def sample_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
     """Draw (H, W) float32 millimetres of ribs or grain, in patches, to add to depth.
 
-    Without them a network smooths hair and fabric as if they were noise.
+    Without textures, a network smooths hair and fabric as if they were noise.
     """
     period_px, height_mm = (
         float(np.exp(rng.uniform(*np.log(limits)))) for limits in (_PERIOD_PX, _TEXTURE_MM)
@@ -317,7 +319,7 @@ def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
     """Divide a frame's noise by the root of a number of frames; ``images`` as in StoredPairs."""
     noisy, target = images[0], images[-1]
     error = noisy - target
-    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # larger errors are no noise
+    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # larger: flying pixels
     averaged = images.copy()
     averaged[0] = np.where(same, target + error / np.float32(math.sqrt(frames)), noisy)
     return averaged
@@ -333,7 +335,7 @@ def sample_slope(
     Args:
         shape: (H, W), px.
         largest_mm_per_px: largest slope; small slopes are more frequent.
-        nearest_mm: least depth of the frame, of which at least half remains.
+        nearest_mm: smallest depth of the frame; the slope leaves at least half of it.
         rng: generator of random numbers.
     """
     if rng.random() < _LEVEL:

@@ -1,4 +1,4 @@
-"""Plan of the pairs that a training renders: people, order, and conversion to images; no torch.
+"""Plan of the pairs that a training renders: their people, order and images (without PyTorch).
 
 The order must not depend on the number of workers, and each worker can reuse only pairs that it has
 rendered. So batch j belongs to lane j % LANES, and each worker has whole lanes. A lane is a
@@ -35,12 +35,14 @@ log = logging.getLogger(__name__)
 
 #: Number of lanes; 1, 2, 3, 4, 6 and 12 workers share them evenly.
 LANES: Final = 12
-#: Number of different batches in a block: large enough that two pairs seldom share a batch again,
-#: small enough that training starts soon (by experiment: 16 pairs of kinect-v2 take 0.35 s).
+#: Number of different batches in a block. With this number, two pairs seldom share a batch twice,
+#: and training starts soon (measured: 16 pairs of kinect-v2 take 0.35 s).
 BATCHES_PER_BLOCK: Final = 4
-#: Frames of a sequence in a row for networks with neighbours in time, which the first frames lack.
+#: Number of successive frames of a sequence, for networks with neighbours in time. The first of
+#: them have no earlier neighbours.
 FRAMES_PER_RUN: Final = 8
-#: Frames of one person in a row: a new procedural head takes 10 ms, a further frame 0.2 ms.
+#: Number of successive frames of a person: a new procedural head takes 10 ms, a further frame 0.2
+#: ms.
 FRAMES_PER_VISIT: Final = 4
 
 
@@ -56,7 +58,7 @@ class BatchPlace(NamedTuple):
 class BatchStream:
     """Plan of an endless sequence of batches.
 
-    For neighbours in time, the frames of a person are consecutive, of one sequence and one device.
+    For neighbours in time, frames of a person are consecutive frames of one sequence and device.
 
     Attributes:
         sources: the open sources of ``settings``.
@@ -189,9 +191,9 @@ def replace_skipped(results: Sequence[Frame | Skipped]) -> list[Frame]:
 def split_people(
     settings: Settings, sources: Sequence[FaceSource], split: str
 ) -> tuple[tuple[str, ...], ...]:
-    """List the people of a split for each source; the split is equal to ``glsim generate``'s.
+    """List the people of a split for each source; ``glsim generate`` makes the same split.
 
-    Raises ConfigError for an unknown or empty split, and for the paper's, which needs the frames.
+    Raises ConfigError for an unknown or empty split, and for the split "paper", which needs frames.
     """
     if split not in SPLIT_NAMES:
         raise ConfigError(f"no such split {split!r}: {did_you_mean(split, SPLIT_NAMES)}")

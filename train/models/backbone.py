@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from glsim.core.errors import ConfigError
 from glsim.networks.record import AROUND_PX
 
-#: Bounds of the sizes in a recipe or checkpoint, checked before a network is built: several times
-#: the largest published sizes (Restormer: 384 channels, 8 blocks; DnCNN: 64 layers).
+#: Bounds of sizes in a recipe or checkpoint, checked before a network is built. They are several
+#: times the largest published sizes (Restormer: 384 channels, 8 blocks; DnCNN: 64 layers).
 Width = Annotated[int, Field(ge=1, le=4096)]
 Depth = Annotated[int, Field(ge=2, le=512)]
 Blocks = Annotated[int, Field(ge=1, le=64)]

@@ -1,4 +1,4 @@
-"""Input features from infrared and from neighbours in time, as local as the depth `features`."""
+"""Input features from infrared and from neighbours in time; all are local, like `features`."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from glsim.train.models.backbone import pad_to_multiple
 from glsim.train.models.features import noise_around, tukey
 from glsim.train.models.gaussian import blurred, shrunk_mean, weighted_mean
 
-#: Differences enter as asinh(mm / this): linear for noise and motion, compressed beyond.
+#: A difference d becomes asinh(d / this), mm: linear for noise and motion, compressed beyond.
 _DIFFERENCE_MM: Final = 10.0
-#: Largest motion-compensated differences of an averaged neighbour, in units of the local noise: of
-#: the mean over a patch, and of the pixel. Chosen by the error of `face` on slow and fast heads:
-#: larger limits smear, smaller limits take noise for motion.
+#: A neighbour is averaged if its motion-compensated difference is below these multiples of the
+#: local noise: for the mean over a patch, and for the pixel. Chosen by the error of `face` on slow
+#: and fast heads: larger limits blur motion, smaller limits take noise for motion.
 _PATCH_LIMIT, _PIXEL_LIMIT = 3.0, 8.0
 #: Radius and sigma of a patch, px.
 _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
-#: Distance of the pixels that estimate the noise, px, where smooth noise shows too; and the least
-#: noise, mm: half of a step of whole millimetres.
+#: Noise is estimated from pixels at this distance, px, where smooth noise differs, too; and the
+#: smallest noise, mm: half of the noise of rounding to whole millimetres.
 _NOISE_STEP_PX, _LEAST_NOISE_MM = 3, 0.15
-#: Scale of the mean over time, mm: correction by a network output of 1.
+#: Scale of the mean over time, mm: a network output of 1 corrects depth by this.
 _RELATIVE_MM: Final = 10.0
-#: Largest difference of log infrared from its surface's mean: a factor of 20.
+#: Largest difference of log infrared from the mean of its surface: a factor of 20 in infrared.
 _LARGEST_LOG: Final = 3.0
-#: Scale of log infrared: log of 65,535 counts is 11.
+#: Divisor of log infrared; the largest log, of 65,535 counts, is 11.
 _LOG_SCALE: Final = 8.0
 
 #: Channels of `infrared_features`, and of `neighbour_features` for each neighbour and for all.
@@ -133,16 +133,17 @@ def _differences(neighbours_mm: Tensor, depth_mm: Tensor) -> tuple[Tensor, Tenso
     return torch.where(is_near, difference, 0.0), is_near.to(depth_mm.dtype)
 
 
-#: Radius and sigma of the neighbourhood, in pixels of half the size. A larger neighbourhood is
-#: better for slow heads (more exact) and worse for fast heads (their parts differ): with 16 instead
-#: of 12 px of full size, the error of `face` over its error on one frame is 0.81 instead of 0.83,
-#: and 1.07 instead of 1.04 (means of five frames, random cameras and a Kinect V2).
+#: Radius and sigma of the neighbourhood in which motion is fitted, px of the half-size image. A
+#: larger neighbourhood is more exact for slow heads and worse for fast heads, whose parts move
+#: differently. With 16 instead of 12 px of full size, the error of `face` over its error on one
+#: frame is 0.81 instead of 0.83 (slow) and 1.07 instead of 1.04 (fast): means of five frames,
+#: random cameras and a Kinect V2.
 _RADIUS, _SIGMA = 12, 6.0
 #: Radius and sigma of the smoothing before the gradient, px.
 _SMOOTH_RADIUS, _SMOOTH_SIGMA = 3, 1.5
-#: Largest gradient away from steps, mm a pixel: a surface at 70 degrees has 7 at 2.5 mm a pixel.
+#: Largest gradient of a surface, mm per px; at 2.5 mm per px, a tilt of 70 degrees gives 7.
 _STEEPEST: Final = 8.0
-#: Prior weight in means over a neighbourhood: motion is 0 where little is known.
+#: Weight of the prior (no motion) in a fit: motion is near 0 where few pixels are known.
 _PRIOR: Final = 0.02
 
 
@@ -156,7 +157,7 @@ def predicted_change(difference_mm: Tensor, near: Tensor, frames_mm: Tensor) -> 
 
     Args:
         difference_mm: (B, N, H, W) depth of the neighbours minus depth of the frame.
-        near: (B, N, H, W), 1 where both show one surface, else 0.
+        near: (B, N, H, W), 1 where frame and neighbour show the same surface, else 0.
         frames_mm: (B, 1 + N, H, W) depth of the frame and of its neighbours; pixels not above 0,
             or not a number, are holes.
     """

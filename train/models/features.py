@@ -25,34 +25,36 @@ FILTERS: Final[tuple[FilterName, ...]] = get_args(FilterName)
 #: Number of channels of `depth_features` besides the filters' channels; the last is validity.
 OTHER_CHANNELS: Final = 5
 
-#: Hole filling: number of rounds, radius and sigma of the Gaussian, px. Chosen: closes holes of up
-#: to 24 px, wider than any drop-out.
+#: Hole filling: number of rounds, radius and sigma of the Gaussian, px. Chosen: it fills holes of
+#: up to 24 px, wider than any drop-out.
 _FILL_ROUNDS, _FILL_RADIUS, _FILL_SIGMA = 3, 4, 1.5
 #: Radius and sigma of the surrounding mean, px. Chosen: wider than a nose at 0.9 m (14 px).
 _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
-#: Samples to each side, and the distance between them, px.
+#: Grid of samples: number of samples to each side of a pixel, and distance of samples, px.
 _TAPS, _TAP_STEP = 2, 3
 #: Epsilon of the guided filters, mm: the best on real Kinect V2 frames
 #: (docs/results/real_frames.md).
 _GUIDED_MM: Final = 15.0
-#: Radius of `_curved`'s Gaussians, standard deviations: at most 10 px, so that none crosses a step.
+#: Radius of `_curved`'s Gaussians, in standard deviations. It is at most 10 px, so that none
+#: crosses a depth step.
 _CURVED_REACH: Final = 2.0
-#: Number of means: the mean of the depth, then means of the residuals.
+#: Number of means in `_curved`: the mean of the depth, then means of the residuals.
 _CURVED_ROUNDS: Final = 3
-#: Subtracted from depth before it is squared, mm: keeps float32 exact to 1 mm2 up to 4.5 m.
+#: Subtracted from depth before it is squared, mm: float32 is then exact to 1 mm2 up to 4.5 m.
 _MIDDLE_MM: Final = 1000.0
 #: Distance between the 3x3 samples of `_support`, px.
 _SUPPORT_STEP: Final = 6
-#: Support beyond which a pixel is away from steps and holes; a straight edge within 5 px gives 2/3.
+#: A pixel with more support than this is away from steps and holes; a straight edge within 5 px
+#: gives a support of 2/3.
 _EVEN_SUPPORT: Final = 0.75
-#: Distances of the pixels that estimate the noise, px: smooth noise shows at the second alone.
+#: Noise is estimated at two distances between pixels, px; smooth noise is seen only at the second.
 _NOISE_STEPS_PX: Final = (1, 3)
 #: Radius and sigma of the Gaussian that averages the noise, px.
 _NOISE_RADIUS, _NOISE_SIGMA = 12, 6.0
-#: Added to the noise before the logarithm, mm: below the noise of rounding to whole millimetres.
+#: Added to the noise before its logarithm, mm; it is below the noise of rounding to whole mm.
 _LEAST_NOISE_MM: Final = 0.1
-#: Scales of the bands and of the surrounding depth, mm. Measured: bands of training frames have
-#: standard deviations of 0.4 to 1.8 mm.
+#: Divisors of the bands and of depth relative to its surroundings, mm. Measured: bands of training
+#: frames have standard deviations of 0.4 to 1.8 mm.
 _BAND_MM, _AROUND_MM = 2.0, 20.0
 
 
@@ -133,7 +135,8 @@ def depth_features(noisy_mm: Tensor, filters: Sequence[FilterName] = FILTERS) ->
 def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     """Find the depth of the nearest and of the farthest surface within 6 px, (B, 2, H, W) mm.
 
-    Each is the mean of the samples within 50 mm of the extreme sample; ``fill_mm`` without samples.
+    The depth of a surface is the mean of all samples within 50 mm of the nearest (or farthest)
+    sample; without samples, it is ``fill_mm``.
     """
     measured = noisy_mm > 0
     depth_mm = torch.where(measured, noisy_mm, torch.inf)
@@ -155,7 +158,7 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
     The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
 
     Args:
-        values: (B, 1, H, W) to average.
+        values: (B, 1, H, W) values to average.
         fill_mm: depth with filled holes, the surface of each pixel.
         noisy_mm: measured depth; 0 = none.
         known: mask of the known values.
@@ -203,7 +206,7 @@ def _extreme(
 
 
 def _filled(depth_mm: Tensor, known: Tensor) -> Tensor:
-    """Fill holes by rounds of normalised convolution; holes that stay out of reach become 0."""
+    """Fill holes by rounds of normalised convolution; pixels that no round reaches become 0."""
     for _ in range(_FILL_ROUNDS):
         grown_mm, reached = weighted_mean(depth_mm, known, _FILL_RADIUS, _FILL_SIGMA)
         depth_mm = torch.where(known > 0, depth_mm, grown_mm)

@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F  # noqa: N812
 from torch import Tensor
 
-#: Sums of weights below this are rounding, not neighbours.
+#: A smaller sum of weights is a rounding error: the window has no known pixel.
 TINY: Final = 1e-6
 #: Share of zeros that `shrunk_mean` adds to a neighbourhood.
 _LEAST_SHARE: Final = 0.02

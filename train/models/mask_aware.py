@@ -57,7 +57,7 @@ _CORRECTION_MM: Final = 3.0
 _PRIOR_LOGIT: Final = 6.0
 #: Log odds of a pixel's own surface over another before training: 95 %.
 _PRIOR_CHOICE: Final = 3.0
-#: Distances of other surfaces enter as asinh(mm / this).
+#: The distance d of another surface becomes asinh(d / this), mm.
 _OFFSET_MM: Final = 20.0
 #: Standard deviation before training, mm: Kinect v2's noise at 0.9 m.
 _PRIOR_SIGMA_MM: Final = 1.65
@@ -88,8 +88,8 @@ class MaskAware(DepthModel):
     a channel per filter and 5 others (2 more with ``surfaces``) to a gain per filter and 2 others
     (1 more with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies
     sigma, see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form of
-    surfaces, and so like frames without noise. ``unlikely`` is chosen by the wrong pixels that
-    remain beside simulated heads (docs/howto/denoise.md).
+    surfaces, and so like frames without noise. ``unlikely`` was chosen by counting wrong pixels
+    beside simulated heads (docs/howto/denoise.md).
     """
 
     sigma_scale: Tensor
@@ -126,7 +126,7 @@ class MaskAware(DepthModel):
         filters: Sequence[FilterName] = FILTERS,
         **_others: Any,
     ) -> dict[str, Any]:
-        """Return the arguments of the backbone that the model sets, given the model's."""
+        """Return the backbone's arguments that follow from the arguments of the model."""
         extra = extra_channels(NetworkInputs(infrared, before, after))
         return {
             "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,
@@ -151,7 +151,8 @@ class MaskAware(DepthModel):
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
                 channels = torch.cat([offset, channels], dim=1)
             valid = channels[:, -1:]
-            # At the end: a network of single frames keeps its weights, see `copy_weights`.
+            # Extra channels are last, so that weights of a single-frame network fit, see
+            # `copy_weights`.
             if self.inputs.infrared:
                 light = named[INFRARED]
                 around = own_surface_mean(log_counts(light), fill_mm, noisy_mm, light > 0)

@@ -18,7 +18,7 @@ from glsim.core.errors import ConfigError
 from glsim.train.models.backbone import Backbone, Blocks, Width, pad_to_multiple
 
 Levels = tuple[Blocks, Blocks, Blocks, Blocks]
-#: Channels inside a feed-forward network over channels at its ends, as in the paper.
+#: Ratio of the channels inside a feed-forward network to those at its ends, as in the paper.
 _EXPANSION: Final = 2.66
 
 

@@ -36,11 +36,10 @@ class SmallUNet(Backbone):
         residual: bool = True,
     ) -> None:
         super().__init__(in_channels, out_channels, residual)
-        # Measured with four and five scales: 48 and 80 px, see AROUND_PX. Each scale doubles the
-        # rest.
+        # Measured: 48 px with four scales and 80 px with five, see AROUND_PX.
         self.margin_px = max(AROUND_PX, 16 + 2 ** (scales + 1))
         widths = [round(width * (1 + growth * scale)) for scale in range(scales)]
-        # Keeps the variance about constant through all residual blocks in a row.
+        # With this gain, the variance stays about constant through all residual blocks.
         gain = (blocks * (2 * scales - 1)) ** -0.5
 
         def level(channels: int) -> nn.Sequential:
