@@ -2,8 +2,8 @@
 
 The matcher is OpenCV's semi-global one (Hirschmueller, "Stereo Processing by Semiglobal Matching
 and Mutual Information", PAMI 30(2), 2008), in integers: the same bytes on every machine. Its
-windows and paths reach far, so that a crop's depth differs a little from the same pixels of a
-whole frame.
+windows and paths reach far: the depth of a crop differs a little from the same pixels of the whole
+frame.
 
     infrared, infrared_right (or reference) --semi-global--> disparity, 1/16 px
     --smallest region, texture, left-right, border--> holes
@@ -34,14 +34,14 @@ from glsim.noise.twins.layers import normal_pair, pixels, random_bits
 __all__ = ["match_stereo"]
 
 
-#: Cameras deliver 16 bits.
+#: Largest depth in units of the camera, which delivers 16 bits.
 _LARGEST_UNITS = 65535
-#: Tells the random words of the device's error from those of other stages' draws.
+#: Separates the random words of the device's error from the words of other stages.
 _DEVICE_DRAW = 2
 
 
 def _reach_px(p: Mapping[str, float]) -> int:
-    """Return the reach of the matching windows, pixels; the paths reach farther, but weakly."""
+    """Return the reach of the matching windows, pixels; paths reach farther, but weakly."""
     windows = (int(p[name]) // 2 for name in ("window_px", "support_px", "refine_px"))
     return sum(windows) + 16
 
@@ -125,7 +125,7 @@ def match_stereo(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> 
     else:
         reject_unlit(found, right, int(p["window_px"]) | 1)
     disparity = turn.back(found)
-    # Matchers prefer whole pixels; D4xx cameras take a sine of this amplitude off ("A-factor").
+    # Matchers prefer whole pixels; D4xx cameras subtract a sine of this amplitude ("A-factor").
     exact = disparity / np.float64(STEPS_PER_PX)
     exact += p["amplitude_px"] * np.sin(2 * np.pi * exact)
     if p["device_sigma_px"] > 0:
@@ -151,7 +151,7 @@ def match_stereo(view: FrameContext, layers: Layers, p: Mapping[str, float]) -> 
 
 
 class _Turn:
-    """The rotation or mirroring that puts the second view to the right of the first."""
+    """The rotation or mirroring after which the second view is to the right of the first."""
 
     def __init__(self, second_view_m: tuple[float, float, float]) -> None:
         x, y, _ = second_view_m
@@ -167,7 +167,7 @@ class _Turn:
         return np.ascontiguousarray(turned.T if self.upright else turned)
 
     def first_px(self, view: FrameContext) -> int:
-        """Return how many pixels the turned image has to the left of the turned window."""
+        """Return the number of pixels of the turned image to the left of the turned window."""
         window = view.window
         first, size = window.left, window.width
         whole = view.width
@@ -177,7 +177,7 @@ class _Turn:
 
 
 #: Sigma of the Gaussian that smooths the strength of the device's error, px. Chosen: real TrueDepth
-#: boards differ from tile of 24 px to tile.
+#: boards differ between tiles of 24 px.
 _PATCH_PX = 16.0
 
 
@@ -192,15 +192,16 @@ def _device_error(
     patches: float,
     fine_across_px: float,
 ) -> Floats:
-    """Draw an (h, w) float32 smooth standard normal field, the same in every frame of a device.
+    """Sample an (h, w) float32 smooth standard normal field, the same in every frame of a device.
 
     Args:
+        device_seed, window: seed of the device, and the part of the frame that is sampled.
         upright: whether the baseline lies along columns.
-        grain_px: sigma of its Gaussian.
-        fine: share of its variance in bricks.
-        fine_px: sigma of their Gaussian along the baseline.
-        patches: standard deviation of the log of its strength from place to place.
-        fine_across_px: sigma of the bricks' Gaussian across the baseline.
+        grain_px: sigma of the field's Gaussian.
+        fine: share of its variance in fine grains.
+        fine_px: sigma of the fine grains' Gaussian along the baseline.
+        patches: standard deviation of the logarithm of the local strength.
+        fine_across_px: sigma of the fine grains' Gaussian across the baseline.
     """
     bricks = (fine_across_px, fine_px) if upright else (fine_px, fine_across_px)
     reach = int(np.ceil(3 * max(grain_px, *(bricks if fine else ()), _PATCH_PX if patches else 0)))
@@ -222,7 +223,7 @@ def _device_error(
 
 
 def _smooth(white: Floats, grain_px: tuple[float, float], reach: int) -> Floats:
-    """Smooth white noise by a Gaussian that keeps its variance, without ``reach`` px of border."""
+    """Smooth white noise by a Gaussian that keeps its variance; cut ``reach`` px of border off."""
     import cv2
 
     side = np.arange(-reach, reach + 1, dtype=np.float64)
@@ -232,10 +233,10 @@ def _smooth(white: Floats, grain_px: tuple[float, float], reach: int) -> Floats:
     return np.asarray(smooth[reach:-reach, reach:-reach], np.float32)
 
 
-#: A match that is farther from the true disparity has found another surface, px: ten times the
-#: noise. Chosen.
+#: A match whose disparity is wrong by more than this, px, has found another surface. Chosen: ten
+#: times the noise.
 _OTHER_SURFACE_PX = 1.0
-#: A view sees another surface if its depth is smaller by this share. Chosen: a step of 1 px at
+#: A surface is hidden if the view's depth there is smaller by this share. Chosen: a step of 1 px at
 #: most distances.
 _HIDDEN_SHARE = 0.02
 
@@ -259,7 +260,7 @@ def match_reasons(
 
 
 def is_other_surface(view: FrameContext, clean_m: Floats, depth_m: Floats) -> Mask:
-    """Return where both of two (h, w) depth maps, m, have depth and differ by over 1 px."""
+    """Mark pixels where two (h, w) depth maps, m, have depth and disparities over 1 px apart."""
     fb = np.float32(view.focal_baseline_px_m)
     both = (clean_m > 0) & (depth_m > 0)
     found_px, true_px = (fb / np.where(both, d, 1) for d in (depth_m, clean_m))
@@ -267,7 +268,7 @@ def is_other_surface(view: FrameContext, clean_m: Floats, depth_m: Floats) -> Ma
 
 
 def _hidden(view: FrameContext, layers: Layers, true_px: Floats) -> Mask:
-    """Return where the second imager does not see the surface, hidden or outside its image."""
+    """Mark pixels whose surface the second imager does not see, hidden or outside its image."""
     right, clean = layers["right_clean"], layers["clean"]
     height, width = clean.shape
     axis_px = np.array(view.second_view_m[:2]) / np.hypot(*view.second_view_m[:2])
@@ -282,14 +283,15 @@ def _hidden(view: FrameContext, layers: Layers, true_px: Floats) -> Mask:
 def warp_to_camera(depth_m: Floats, imager_m: Point, focal_px: float) -> Floats:
     """Project an imager's depth map to a camera at the origin, on the same pixel grid.
 
-    Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each is
-    drawn into the two pixels that it falls between, so that a slanted surface has no cracks. Maps
-    are (H, W) metres, 0 = none: what the imager, in the plane z = 0, does not see stays empty.
+    Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each
+    pixel is drawn into both pixels between which it falls, so that a slanted surface has no gaps.
+    Maps are (H, W) metres, 0 = none. The imager is in the plane z = 0; surfaces that it does not
+    see stay empty.
     """
     height, width = depth_m.shape
     row, column = np.nonzero(depth_m)
     depth = depth_m[row, column]
-    # Farthest first: of several values for one pixel NumPy keeps the last.
+    # Draw the farthest first: of several values for one pixel NumPy keeps the last.
     order = np.argsort(-depth, kind="stable")
     row, column, depth = row[order], column[order], depth[order]
     shift = np.float64(focal_px) / depth
@@ -298,7 +300,7 @@ def warp_to_camera(depth_m: Floats, imager_m: Point, focal_px: float) -> Floats:
     upright = abs(imager_m[1]) > abs(imager_m[0])
     along = np.floor(y if upright else x).astype(np.int64)
     across = np.rint(x if upright else y).astype(np.int64)
-    # Per pixel both neighbours are written before any nearer one.
+    # Both neighbours of a pixel are written before any nearer pixel.
     along = np.stack([along, along + 1], axis=1).ravel()
     across, depth = np.repeat(across, 2), np.repeat(depth, 2)
     rows, columns = (along, across) if upright else (across, along)
