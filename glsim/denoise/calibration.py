@@ -18,9 +18,9 @@ from glsim.sensors.images import remove_fixed_pattern
 from glsim.sensors.sensor import load_sensor
 from glsim.sensors.wiggling import remove_wiggling
 
-#: Tolerance of a crop's place, px: principal points are float32 in files.
+#: Tolerance of a crop's position, px, since files have principal points as float32.
 _CROP_PX: Final = 0.02
-#: Largest difference of two focal lengths of one camera, relative: a tenth of a percent. Chosen.
+#: Largest relative difference between two focal lengths of the same camera. Chosen, not measured.
 _SAME_FOCAL: Final = 1e-3
 
 
@@ -46,21 +46,21 @@ class DeviceCalibration:
                 "10 frames of walls with glsim fit"
             )
         pattern = "" if self._pattern is None else self._pattern.digest
-        #: Changes with what is subtracted.
+        #: A text that changes with the subtracted errors.
         self.identity = f"{pattern} {self._waves!r} {self._rig!r}"
 
     def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
         """Subtract the device's systematic errors from a depth map.
 
         Args:
-            depth_mm: (H, W) a whole image of the device, or a crop; 0 marks invalid pixels.
+            depth_mm: (H, W) mm, a whole image of the device or a crop; 0 = no depth.
             crop: intrinsics of a crop.
 
         Returns:
             (H, W) float32 mm; 0 stays 0.
 
         Raises:
-            ConfigError: the size or the crop is not of this device's image.
+            ConfigError: the size or the crop does not fit this device's image.
         """
         top, left = self._corner(depth_mm.shape, crop)
         height, width = depth_mm.shape
@@ -73,7 +73,7 @@ class DeviceCalibration:
             result = remove_wiggling(
                 result, self._waves, rig.modulation_mhz, rig.rays()[part], rig.emitter_m
             )
-        # Depth never becomes a hole or negative.
+        # A valid depth stays at least 1 mm.
         return np.where(depth_mm > 0, np.maximum(result, np.float32(1.0)), 0).astype(np.float32)
 
     def _corner(self, shape: tuple[int, ...], crop: Intrinsics | None) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""The camera that made depth maps, by what is stated and by their values, and its network."""
+"""Recognition of the camera that made depth maps, and choice of the network for it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from glsim.data.recording import Recording
 from glsim.denoise.registry import SHIPPED
 from glsim.measures.lattice import distinct_values, estimate_lattice
 
-#: Sizes of images, px, that one camera alone delivers: (width, height) -> sensor.
+#: Size of images that only one kind of camera delivers: (width, height), px -> sensor.
 _SIZES: Final = {
     (512, 424): "kinect-v2",
     (640, 576): "azure-kinect",
@@ -19,15 +19,15 @@ _SIZES: Final = {
     (512, 512): "azure-kinect-wfov",
     (1024, 1024): "azure-kinect-wfov-unbinned",
 }
-#: RealSense sensors by the size of their images; other sizes are like the D435's.
+#: Size of images -> RealSense sensor; for other sizes, the D435.
 _STEREO_SIZES: Final = {(640, 480): "realsense-d435-vga"}
-#: Deepest values of a lattice that are searched, in steps of the files: the search takes half a
-#: second, and a lattice of millimetres is known from 1 m on.
+#: Largest depth in which a lattice is searched, in steps of the files. The search takes half a
+#: second; with steps of 1 mm, a lattice is found in depths above 1 m.
 _SEARCHED_STEPS: Final = 12_000
-#: Largest error of a network of one camera before other cameras, over that of the best filter
-#: there (docs/results/model_card.md).
+#: Network for one kind of camera -> its largest error on other cameras, divided by the best
+#: filter's error there (docs/results/model_card.md).
 _ELSEWHERE: Final = {"face-kinect-v2": 1.24, "face-azure-kinect": 2.3, "face-stereo": 2.2}
-#: Begin of a sensor's name -> the network of that kind of camera; others take SHIPPED.
+#: First words of a sensor's name -> network for this kind of camera; for other names, SHIPPED.
 _NETWORK_OF: Final = {
     "kinect-v2": "face-kinect-v2",
     "azure-kinect": "face-azure-kinect",
@@ -38,7 +38,7 @@ _NETWORK_OF: Final = {
 
 
 class Camera(NamedTuple):
-    """The shipped sensor that is like the camera of depth maps, "" if unknown, and the evidence."""
+    """The shipped sensor that resembles a camera ("" if unknown), and the evidence for it."""
 
     sensor: str
     because: str
@@ -47,15 +47,15 @@ class Camera(NamedTuple):
 def recognise_camera(
     maps_mm: Sequence[NDArray[Any]], step_mm: float, stated: str = "", by: object = None
 ) -> Camera:
-    """Recognise a camera by what is stated, else the size of its images, else their values.
+    """Recognise a camera: by its stated sensor, else the size of its images, else their values.
 
     The depths of an active stereo camera lie on a lattice of disparities.
 
     Args:
         maps_mm: (H, W) millimetres each, as measured, 0 = no return.
         step_mm: rounding of the values; 0: not rounded.
-        stated: sensor that ``by`` states.
-        by: file or header that states it.
+        stated: name of a stated sensor, or "".
+        by: file or header that states the sensor.
     """
     if stated:
         return Camera(stated, f"{by} states it")
@@ -74,21 +74,21 @@ def recognise_camera(
 
 
 def camera_of(recording: Recording) -> Camera:
-    """Recognise the camera of depth maps by what states it, else by maps that vote."""
+    """Recognise the camera of a recording: by its stated sensor, else by its sampled maps."""
     votes, stated = recording.votes, recording.stated
     return recognise_camera(votes.maps_mm, votes.step_mm, stated.sensor, recording.stated_by)
 
 
 def network_for(sensor: str) -> str:
-    """Return the name of the shipped network for heads before a sensor of this name."""
+    """Return the name of the shipped network for frames of a sensor."""
     kinds = (kind for kind in _NETWORK_OF if sensor.startswith(kind))
     return _NETWORK_OF.get(next(kinds, ""), SHIPPED)
 
 
 def fitting_denoiser(given: str | None, camera: Camera) -> tuple[str, str]:
-    """Return the denoiser that is given, else the network of a camera, and a line about it or "".
+    """Return the user's denoiser, or else the network for a camera; and a remark or "".
 
-    The line says why a network is chosen, or that the given one is for another kind of camera.
+    The remark tells why a network is chosen, or that the user's is for other cameras.
     """
     fitting = network_for(camera.sensor)
     like = f"like {camera.sensor}, because " if camera.sensor else ""

@@ -1,4 +1,4 @@
-"""The denoiser: a class for single depth maps, streams, and frames with neighbours in time."""
+"""The class of denoisers, for single depth maps, streams, and frames with neighbours in time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Estimate:
     """The result of a denoiser for a frame, before a composite turns it into a depth map.
 
     Attributes:
-        noisy_mm: (H, W) the frame.
+        noisy_mm: (H, W) noisy depth of the frame, mm.
         depth_mm: (H, W) denoised depth, mm.
         valid: (H, W) bool mask of depth, or the probability of depth, float in [0, 1].
         sigma_mm: (H, W) float32 standard deviation, mm, from denoisers that predict it.
@@ -45,7 +45,7 @@ class Estimate:
         return composed((self.depth_mm, self.valid), self.noisy_mm, name)
 
     def composites(self) -> dict[str, NDArray[Any]]:
-        """Compute all composites: name -> depth map; a bool mask gives one, of the name ""."""
+        """Compute all composites: name -> depth map. A bool mask gives a single one, named ""."""
         names = ("",) if self.valid.dtype.kind == "b" else COMPOSITES
         return {name: self.composite(name) for name in names}
 
@@ -54,12 +54,13 @@ class Denoiser:
     """A loaded denoiser of depth maps, as ``glsim.load_denoiser`` returns it.
 
     Attributes:
-        label: its name in tables.
+        label: name of the denoiser in tables.
         before, after: numbers of earlier and of later frames that it uses.
-        protocol: where the depths of its training are counted from; None for both.
-        version: a text that changes with the file of the denoiser.
+        protocol: depth protocol of its training; None if it accepts both.
+        version: a text that changes if the denoiser's file changes.
         device: calibration that is subtracted from maps of ``__call__`` and ``push``; None: none.
-        composite: how a probability of depth becomes a depth map, one of COMPOSITES; None: not.
+        composite: rule (of COMPOSITES) that turns a probability of depth into a depth map. None:
+            the probability is returned.
     """
 
     def __init__(
@@ -74,9 +75,9 @@ class Denoiser:
     ) -> None:
         """Make a denoiser of a filter, a network, or a function of the user (``UserFunction``).
 
-        ``device`` is a sensor file; around "face" is only around the nearest head, see
-        ``tiles.head_box``. Raises DenoiserError for something that cannot be called; ConfigError
-        for an unknown composite or place, or an unusable device.
+        ``device`` is a sensor file. ``around="face"`` denoises only around the nearest head, see
+        ``tiles.head_box``. Raises DenoiserError if ``function`` cannot be called; ConfigError for
+        an unknown composite or ``around``, or an unusable device.
         """
         if composite is not None:
             check_composite(composite, "composite")
@@ -90,7 +91,7 @@ class Denoiser:
         self.uncertain = function.uncertain and around is None
         self.device: DeviceCalibration | None = None
         if device is not None:
-            from glsim.denoise.calibration import DeviceCalibration  # with all of the sensors
+            from glsim.denoise.calibration import DeviceCalibration  # it imports all sensors
 
             self.device = DeviceCalibration(device)
         self.composite = composite
@@ -117,7 +118,7 @@ class Denoiser:
             composite: the denoiser's own depth, and its mask or probability of depth in [0, 1].
 
         Raises:
-            ConfigError: for an array that is no depth map, is not moved as the network needs it, or
+            ConfigError: the array is no depth map, has another depth protocol than the network, or
                 is no image or crop of the device.
             DenoiserError: if the denoiser does not return two images.
         """
@@ -131,11 +132,11 @@ class Denoiser:
         *,
         intrinsics: Intrinsics | None = None,
     ) -> Denoised:
-        """Denoise the next frame of a stream by means of the frames pushed before it.
+        """Denoise the next frame of a stream, with the help of the frames pushed before.
 
-        It is causal: a denoiser that would use later frames gets none. A frame of another size
-        begins a new sequence; one that is refused leaves the stream as it was. Arguments, result
-        and errors as of a call.
+        The result is causal: a denoiser that could use later frames gets none. A frame of another
+            size begins a new sequence; a refused frame does not change the stream. Arguments,
+            result and errors: see ``__call__``.
         """
         frame = self._frame(depth_mm, infrared, intrinsics)
         if self._held and self._held[-1].shape != frame.shape:
@@ -152,9 +153,9 @@ class Denoiser:
     ) -> Estimate:
         """Denoise frame ``now`` of a sequence; the function gets copies, so it may change them.
 
-        The sequence is (T, H, W) mm, 0 = no return, as measured: no device is subtracted. Infrared
-        is (H, W) counts. Raises DenoiserError if the result is not two images of the frame's size
-        (three of one that predicts its uncertainty), and for errors of the user's own code.
+        The sequence is (T, H, W) measured depth, mm, 0 = no return; no device is subtracted.
+        Infrared is (H, W) counts. Raises DenoiserError for errors of the user's code, and if the
+        result is not two images of the frame's size (three with an uncertainty).
         """
         if not self._around_head:
             return self._estimate(noisy_mm, now, infrared)

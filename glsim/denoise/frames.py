@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration
     from glsim.denoise.denoiser import Denoiser
 
-#: A frame with its nearest point at 1 mm and a smaller median depth, mm, is in whole metres.
+#: A frame whose nearest depth is 1 and whose median is below this is in whole metres, not mm.
 _METRES_MM = 10.0
 
 
@@ -83,8 +83,8 @@ def prepared_frames(
 
     Args:
         recording: noisy maps without clean ones.
-        device: whose errors are subtracted.
-        protocol: "depth": as measured. "paper": the nearest point of each map at 1 mm.
+        device: device whose errors are subtracted.
+        protocol: "depth": measured depths. "paper": the nearest point of each map is at 1 mm.
 
     Returns:
         Frames that raise DatasetError if their depths cannot be millimetres.
@@ -112,11 +112,11 @@ def _move_noisy(stored: bool, frame: DepthFrame) -> DepthFrame:
 
 
 class DenoisedMaps:
-    """Loads the maps of a recording, denoised, one after the other.
+    """A reader that denoises the maps of a recording one after the other.
 
     Attributes:
         frames: the denoised maps; "sigma_mm" is their uncertainty, mm, if it is estimated.
-        unchanged: number of maps that came back as they were.
+        unchanged: number of maps that the denoiser did not change.
         first_are_still: whether the first two maps show one still view.
     """
 
@@ -125,8 +125,8 @@ class DenoisedMaps:
 
         Args:
             recording: noisy maps.
-            denoiser: denoises them; its device's errors are subtracted first.
-            protocol: where it counts depths from.
+            denoiser: the denoiser; errors of its device are subtracted first.
+            protocol: depth protocol of the denoiser.
 
         Raises:
             ConfigError: the denoiser needs infrared, and a map has none.
@@ -187,12 +187,12 @@ class Stacks:
     ) -> tuple[Depth, int]:
         """Return a frame with its neighbours in time, (T, H, W) noisy mm, and the frame's index.
 
-        Neighbours are of the same sequence and size, moved to the offset of the frame; unreadable
-        ones are left out.
+        Neighbours have the same sequence and size, and are shifted to the offset of the frame.
+        Unreadable neighbours are left out.
 
         Args:
-            number: of the frame.
-            before, after: most neighbours; default: as many as the reader holds.
+            number: number of the frame.
+            before, after: largest numbers of neighbours. Default: as many as the reader keeps.
 
         Raises:
             DatasetError: if the frame itself cannot be read.
@@ -219,7 +219,7 @@ class Stacks:
 
 
 def _noisy_at(frame: DepthFrame, offset_mm: float) -> Depth:
-    """Return the noisy map of a frame, (H, W) mm, counted from another offset."""
+    """Return the noisy map of a frame, (H, W) mm, shifted to another offset."""
     change_mm = offset_mm - frame.offset_mm
     if change_mm == 0 or np.isnan(change_mm):
         return frame.noisy_mm

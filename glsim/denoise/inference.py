@@ -18,9 +18,9 @@ from glsim.networks.record import NetworkRecord
 from glsim.train.models.base import DepthModel, channels_last, named_outputs
 from glsim.train.models.registry import build_model
 
-#: Keeps GPU convolutions in float32: the default, TF32, has ten bits, steps of 0.5 mm at 900 mm.
+#: Keeps GPU convolutions in float32. The default, TF32, has ten bits: 0.5 mm at 900 mm.
 _FLOAT32 = partial(torch.backends.cudnn.flags, enabled=True, allow_tf32=False)
-#: Side of the frame of zeros that tells the outputs of a network, px.
+#: Side of the frame of zeros on which a network runs to show its outputs, px.
 _TRIAL_PX: Final = 32
 
 

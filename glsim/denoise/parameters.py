@@ -11,7 +11,8 @@ from glsim.core.errors import ConfigError, did_you_mean
 def parameter(default: float | None, low: float, high: float, help: str) -> Any:
     """Declare a dataclass field as a command-line parameter in the range [low, high].
 
-    Its type, int or float, is that of the field. None is a default that a value replaces.
+    The field's type, int or float, is the parameter's type. A default of None means that no value
+    is set.
     """
     return dataclasses.field(default=default, metadata={"range": (low, high), "help": help})
 

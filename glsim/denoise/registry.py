@@ -54,7 +54,7 @@ GRIDS: Final[dict[str, dict[str, Sequence[float]]]] = {
 #: Windows of the mask clean-up that tuning tries, px.
 CLEANUPS: Final = (3, 5, 7)
 
-#: Suffix of networks that run without PyTorch; the others need it.
+#: Suffix of network files that run without PyTorch.
 ONNX_SUFFIX: Final = ".onnx"
 _SUFFIXES: Final = (ONNX_SUFFIX, ".pt", ".pth", ".ckpt", ".safetensors")
 

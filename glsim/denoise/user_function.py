@@ -1,4 +1,4 @@
-"""A user's denoising function, by the interface of glsim's own."""
+"""Adapter from a user's denoising function to the interface ``DepthFunction``."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _SINGLE: Final[Mapping[str, Mapping[str, float]]] = _TABLE["single"]
 _SIDES: Final = {"L": "Left", "R": "Right"}
 _COMPETING: Final = ("mouthPucker", "mouthFunnel")  # both push the lips out: their sum is at most 1
 
-#: Action unit -> its shapes in a model that differs from the table.
+#: Action unit -> (shape -> weight), for a model that differs from the table.
 Overrides = Mapping[str, Mapping[str, float]]
 _AS_IN_THE_TABLE: Final[Overrides] = {}
 
@@ -34,7 +34,7 @@ def shapes_of(unit: str, overrides: Overrides = _AS_IN_THE_TABLE) -> dict[str, f
     """Return the blend shapes of an action unit at full intensity: shape -> weight.
 
     Args:
-        unit: such as "AU12", "AU12_L" or "AU12_R".
+        unit: name of the action unit, such as "AU12", "AU12_L" or "AU12_R".
         overrides: rows of the table that a model replaces.
 
     Raises:
@@ -48,13 +48,13 @@ def shapes_of(unit: str, overrides: Overrides = _AS_IN_THE_TABLE) -> dict[str, f
         sides = [side] if side else list(_SIDES)
         return {f"{shape}{_SIDES[s]}": w for shape, w in _PAIRED[name].items() for s in sides}
     if name in single and side in _SIDES:
-        return dict(single[name])  # the midline has no sides
+        return dict(single[name])  # a shape of the midline has no sides
     raise ConfigError(
         f"{unit}: no blend shape shows this action unit ({did_you_mean(unit, known_units())})"
     )
 
 
-#: All shapes that a unit uses, sided, in a fixed order.
+#: All shapes that action units use, a name for each side, in a fixed order.
 SHAPES: Final = tuple(sorted({shape for unit in known_units() for shape in shapes_of(unit)}))
 
 
@@ -68,7 +68,7 @@ def shape_weights(
 
     Args:
         expression: action unit -> intensity.
-        overrides: as in ``shapes_of``.
+        overrides: see ``shapes_of``.
     """
     weights: dict[str, float] = {}
     for unit, intensity in expression.items():

@@ -1,4 +1,4 @@
-"""The protocol of face sources: listing frames is cheap, and loading geometry is a later step."""
+"""The protocol of face sources: they list frames cheaply, and load meshes in a later step."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
     Args:
         count: number of keys.
-        words: all values that the keys depend on.
+        words: all values on which the keys depend.
     """
 
     def __init__(self, count: int, *words: object) -> None:
@@ -77,7 +77,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
 @dataclass(frozen=True, eq=False)
 class WornPart:
-    """A worn mesh (hair, glasses or cloth) in the frame of the face; ``region`` labels it whole."""
+    """A mesh of hair, glasses or cloth in the axes of the face; ``region`` labels all of it."""
 
     mesh: Mesh
     region: str
@@ -89,7 +89,7 @@ class Face:
 
     Args:
         parts: worn meshes, rendered with the face.
-        neck: how the head turns against the shoulders; None: the whole mesh turns.
+        neck: description of the neck, which bends when the head turns. None: the whole mesh turns.
         expression: action unit or blend shape -> intensity in [0, 1], without zeros.
         notes: further metadata for the manifest (JSON values only), such as the detected unit.
     """
@@ -128,7 +128,7 @@ class Topology:
 
 
 class FaceSource(Protocol):
-    """A supplier of faces, to derive from; it must be picklable, and cheap until ``load``."""
+    """Base class of face sources; a source must be picklable, and cheap before ``load``."""
 
     name: str
     #: Whether a plan repeats the meshes of a subject with too few frames.
@@ -151,7 +151,7 @@ class FaceSource(Protocol):
         ...
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face | BadFace]:
-        """Yield one Face or BadFace per key, in order, decided by source settings and key alone."""
+        """Yield a Face or BadFace per key, in order; source settings and key alone decide it."""
         ...
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:
@@ -163,9 +163,9 @@ class FaceSource(Protocol):
 
 
 class FaceSettings(SourceSettings):
-    """The [[source]] table of one kind of source; derive from it to add a kind.
+    """Base class of the [[source]] tables; derive a class from it to add a kind of source.
 
-    The fields of the derived class are the kind's own settings, its docstring is the kind's help.
+    Fields of the derived class are settings of the kind; its docstring is the help.
     """
 
     @abstractmethod

@@ -17,7 +17,7 @@ from glsim.core.seeds import rng_for
 from glsim.faces.face_source import ComputedKeys, FaceKey, FaceSettings, FaceSource, Topology
 from glsim.faces.performance import performance_for, sequence_name, sequence_number
 
-#: Frames of a generated sequence, unless the settings say otherwise.
+#: Default number of frames of a generated sequence.
 DEFAULT_SEQUENCE: Final = 30
 _CACHED_PEOPLE: Final = 4
 
@@ -49,10 +49,10 @@ class GeneratorSettings(FaceSettings):
 class GeneratedFaces(FaceSource, Generic[_Person]):
     """A source of endless people "x0000", "x0001", ..., whose meshes share one topology.
 
-    Each sequence, also a shorter last one, runs from neutral to neutral and includes the peak. With
-    ``frames_per_second`` it is a part of this performance that starts at a random time; a sequence
-    longer than the performance shows all of it, then a neutral face. ``seed`` determines every
-    identity and performance.
+    A performance runs from neutral to neutral. Without ``frames_per_second``, each sequence (also a
+    shorter last sequence) shows the whole performance and includes its peak. With it, a sequence
+    shows a part of the performance that starts at a random time; a longer sequence shows all of it,
+    then a neutral face. ``seed`` determines each identity and performance.
     """
 
     #: First letter of the subjects' names.
@@ -143,7 +143,7 @@ class PerformanceKeys(ComputedKeys):
 
     def _key(self, number: int) -> FaceKey:
         sequence, frame = divmod(number, self._length)
-        if self._last[0] != sequence:  # callers mostly read keys in order
+        if self._last[0] != sequence:  # cached, since callers mostly read keys in order
             self._last = sequence, self._sequence(sequence)
         return self._last[1][frame]
 

@@ -1,7 +1,7 @@
 """The neck of meshes with shoulders: the head turns, the shoulders stay; and random head motion.
 
-Between head and shoulders each vertex turns about the middle of the neck by a share of the angle,
-which keeps the neck's thickness (a blend of two positions would make it thinner).
+Between head and shoulders, each vertex turns about the middle of the neck by a share of the angle.
+This keeps the neck's thickness; a mean of two positions would make it thinner.
 
 Motion in sequences of generated faces is a pure function of (seed of the sequence, time), smooth
 and band-limited: each of the six numbers of a pose is a sum of sinusoids between 0.1 and 1.5 Hz
@@ -28,23 +28,24 @@ from glsim.core.units import MM_PER_M
 #: (near (0, -140, -120)). Chosen.
 NECK_PIVOT_MM: Final = (0.0, -80.0, -95.0)
 
-#: Angle that the neck approaches; the trunk takes the rest. Chosen: about 60 % of its active range,
-#: 70-75 deg in rotation, 50-60 deg in flexion, 40-45 deg sideways (J. W. Youdas et al., Phys. Ther.
-#: 72, 1992), as people turn their shoulders before the end of that range.
+#: Largest angles of the neck; the trunk turns by the rest. Chosen: about 60 % of the neck's active
+#: range, which is 70-75 deg in rotation, 50-60 deg in flexion and 40-45 deg sideways (J. W. Youdas
+#: et al., Phys. Ther. 72, 1992). People turn their shoulders before the end of the range.
 NECK_DEG: Final = {"yaw_deg": 45.0, "pitch_deg": 32.0, "roll_deg": 26.0}
 
-#: The lowest y that follows the head entirely, as a function of z (mm): from the nape over the
-#: throat to the lowest chin, of a wide open mouth.
+#: Lowest y of vertices that turn entirely with the head, as a function of z, mm: from the nape over
+#: the throat to the chin of a wide open mouth.
 HEAD_Z = (-160.0, -110.0, -60.0, -25.0, 20.0)
 HEAD_Y = (-62.0, -88.0, -106.0, -150.0, -160.0)
 NECK_MM = 72.0  # height over which the share falls from 1 to 0; the clavicles stay still
 
-#: Components: number of the pose, largest amplitude, band in Hz. Sway of the head is slow (0.34 to
-#: 0.39 Hz, 20 standing adults, "Head movement recording and significance"); 3 to 4 mm near 0.36 Hz
-#: give the measured path of 37 cm a minute, more of it forwards than sideways. Angles are chosen:
-#: slow drifts of gaze and posture, turns of up to 6 and nods of up to 3 degrees, without the slower
-#: drifts and quick nods of speakers (U. Hadar et al., Human Movement Science 2, 1983). Amplitudes
-#: are drawn between a third and the whole: some people keep still.
+#: Components of the motion: index of the pose's number, largest amplitude, and band, Hz. Sway of
+#: the head is slow (0.34 to 0.39 Hz, 20 standing adults, "Head movement recording and
+#: significance"); 3 to 4 mm near 0.36 Hz give the measured path of 37 cm a minute, more of it
+#: forwards than sideways. Angles are chosen: slow drifts of gaze and posture, turns of up to 6 and
+#: nods of up to 3 degrees, without the slower drifts and quick nods of speakers (U. Hadar et al.,
+#: Human Movement Science 2, 1983). Amplitudes are drawn between a third of the largest and the
+#: largest, since some people keep still.
 WAVES: Final = (
     ("x_mm", 3.0, 0.25, 0.5),
     ("x_mm", 1.0, 0.5, 1.1),
@@ -66,8 +67,8 @@ class Neck:
     """A description of a mesh's neck, which bends when the head turns against the shoulders.
 
     Args:
-        head_share: vertices (N, 3), mm from the centre of the face -> (N,) share of the head's
-            turn: 1 head, 0 shoulders.
+        head_share: function from vertices (N, 3), mm from the centre of the face, to (N,) shares of
+            the head's turn: 1 head, 0 shoulders.
         face_mm: centre of the face in the frame of the mesh.
         trunk_poses: whether ``[pose]`` turns the whole person, so that only motion bends the neck;
             if not, the trunk stays upright as far as the neck can turn.

@@ -23,7 +23,7 @@ class OneMesh(FaceSource):
         return [self._subject]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
-        """Return keys of ``count`` frames of the same mesh, which differ in their seeds only."""
+        """Return keys of ``count`` frames; all have the same mesh and differ in their seeds."""
         return [FaceKey(subject, "main", number) for number in range(count or 1)]
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:

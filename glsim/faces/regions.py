@@ -27,7 +27,7 @@ KNOWN_REGIONS: Final = (
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
     "beard", "glasses", "cloth", "shoulder",
 )  # fmt: skip
-_KEPT_LABELS: Final = 64  # arrays; a room has ten, one for each of its meshes
+_KEPT_LABELS: Final = 64  # cached arrays; a room needs ten, one for each mesh
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region
 
 

@@ -17,7 +17,7 @@ class SparseShapes:
 
     Args:
         names: (N,).
-        starts: (N + 1,) int64: shape n holds the entries starts[n] to starts[n + 1].
+        starts: (N + 1,) int64: shape n has the entries from starts[n] to before starts[n + 1].
         points: (E,) int32.
         offsets_mm: (E, 3) float32.
     """

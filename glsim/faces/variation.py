@@ -1,8 +1,8 @@
 """Random variation of a face: a smooth warp of its shape, and patches of its reflectivity.
 
-A network trained on one source of faces learns the source's ears, necks and hair lines along with
-the noise, and reproduces them on other people. The noise of varied heads is correct, but they no
-longer belong to a real person. Both fields are sums of plane waves over the canonical frame,
+A network that is trained on one source of faces also learns its ears, necks and hair lines, and
+reproduces them on other people. Varied heads have correct noise, but no longer belong to a real
+person. Both fields are sums of plane waves over the canonical frame,
 continuous in space: touching surfaces stay in contact.
 """
 
@@ -22,8 +22,8 @@ from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import VariationSettings
 
 #: Wavelengths, mm, from a head's width to an ear's. Amplitudes are proportional to wavelengths, so
-#: that all waves have the same slope. A strain of -1 folds space: of 200 fields none folded below
-#: 7.0 mm, and settings allow up to 6 mm.
+#: that all waves have the same slope. A warp with a strain of -1 folds the surface: of 200 fields,
+#: none folded below 7.0 mm, and settings allow up to 6 mm.
 _WAVELENGTHS_MM: Final = (240.0, 120.0, 60.0)
 #: Waves per wavelength: enough to approximate a Gaussian field.
 _WAVES: Final = 6

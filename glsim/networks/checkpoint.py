@@ -28,8 +28,8 @@ VERSION: Final = 1
 BEST: Final = "best.pt"
 LAST: Final = "last.pt"
 SAFETENSORS: Final = ".safetensors"
-#: Largest file, bytes: eight times Restormer (26 million weights) with Adam's two moments, an
-#: average and the weights themselves in float32.
+#: Largest file, bytes: eight times a checkpoint of Restormer (26 million weights, their average and
+#: Adam's two moments, in float32).
 MAX_BYTES: Final = 1 << 32
 _KEYS: Final = ("recipe", "model", "data", "progress", "validation")
 _TABLE: Final = "glsim"
@@ -37,7 +37,7 @@ _FOREIGN: Final = "is damaged or cut short, or is no checkpoint of glsim train"
 
 
 def save(path: Path, content: dict[str, Any]) -> None:
-    """Write a checkpoint. Raises TrainError if writing fails; the file before it then stays."""
+    """Write a checkpoint. Raises TrainError if writing fails; then the previous file stays."""
     write(path, {"format": FORMAT, "version": VERSION, **content})
 
 
@@ -115,15 +115,15 @@ def _from_archive(file: IO[bytes]) -> Any:
             raise ValueError
     file.seek(0)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about pickles not of torch, which are refused
+        warnings.simplefilter("ignore")  # about foreign pickles, which are refused
         return torch.load(file, map_location="cpu", weights_only=True)
 
 
 def _from_safetensors(file: IO[bytes]) -> Any:
     data = file.read()
     weights = _safetensors().load(data)
-    # The reader has checked the header, a JSON table behind its length in eight bytes; it gives the
-    # text in it only for files that it opens itself.
+    # The reader has checked the header: eight bytes of length, then a JSON table. It returns the
+    # header's metadata only for files that it opens itself.
     header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
     return json.loads(header["__metadata__"][_TABLE]) | {"model": weights}
 

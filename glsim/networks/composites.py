@@ -32,15 +32,16 @@ DEFAULT_COMPOSITE: Final = "measured"
 
 #: A pixel is doubtful if its probability of depth is at most this.
 DOUBT: Final = 0.5
-#: Radius of the neighbourhood, px, and width of the widest hole that is closed.
+#: Radius of the neighbourhood of a pixel, and width of the widest hole that is filled, px.
 REACH_PX: Final = 2
-#: A doubtful pixel lies on a surface with this number of sure pixels on it among the 24 around, or
-#: with this share of any pixels on it. Chosen by experiment: docs/howto/denoise.md.
+#: A doubtful pixel counts as part of a surface if this number of the 24 pixels around it are sure
+#: and lie on that surface, or if this share of all pixels around it do. Chosen by experiment:
+#: docs/howto/denoise.md.
 LEAST_SURE, LEAST_PATCH = 3, 0.5
-#: Least number of measured neighbours of a filled pixel: 3 in a gap 2 px wide.
+#: A pixel is filled only if this number of its neighbours is measured; a gap 2 px wide has 3.
 LEAST_TOUCHING: Final = 3
-#: Pixels within this of a hole are beside it, px. Measured: of the wrong pixels of simulated heads
-#: nine tenths lie within 2 px before a Kinect V2, 3 before a TrueDepth, 4 before a D435 and D415.
+#: Pixels up to this distance from a hole are beside it, px. Measured: nine tenths of the wrong
+#: pixels of simulated heads are within 2 px (Kinect V2), 3 px (TrueDepth) or 4 px (D435, D415).
 BESIDE_PX: Final = 4
 
 
@@ -69,10 +70,10 @@ def composed(
 def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth) -> Depth:
     """Compute the composite "measured": depth where the input has depth, small holes closed.
 
-    A measured pixel beside a hole is dropped if it is unlikely (UNLIKELY). Another doubtful one
-    stays if it lies on a surface (LEAST_SURE, LEAST_PATCH), with its denoised depth if that is on
-    the same surface, else with its measured depth. A hole of at most REACH_PX inside the image is
-    filled where the denoiser is sure and all depths around lie on one surface. The probability is 0
+    A measured pixel beside a hole is removed if it is unlikely (UNLIKELY). Another doubtful pixel
+    stays if it is part of a surface (LEAST_SURE, LEAST_PATCH). It gets its denoised depth if this
+    is on the same surface, else its measured depth. A hole of at most REACH_PX inside the image is
+    filled if the denoiser is sure and all depths around are on one surface. The probability is 0
     where ``glsim.networks.safeguards`` reject the depth. Depths are (H, W) mm, 0 = none.
     """
     measured = noisy_mm > 0
@@ -96,9 +97,9 @@ def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
 
 
 def calibrated(probability: Probability, unlikely: float) -> Probability:
-    """Rescale a network's probabilities, float32, so that its bound for pixels beside holes fits.
+    """Rescale a network's float32 probabilities so that its bound becomes UNLIKELY.
 
-    ``unlikely``, in (0, 1/2), becomes UNLIKELY. Order is kept; 0, 1/2 and 1 stay.
+    The bound ``unlikely`` is in (0, 1/2). The order of probabilities stays, and so do 0, 1/2 and 1.
     """
     if unlikely == UNLIKELY:
         return probability
@@ -114,7 +115,7 @@ def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:
     alike = (depth > 0) & (np.abs(depth - own) <= MEASURED_STEP.limit_mm(own))
     surely, pixels, places = (np.sum(part, axis=1) for part in (alike & known, alike, inside))
     found = np.zeros_like(asked)
-    # A pixel is on its own surface: it does not count.
+    # The pixel itself is not counted.
     found[asked] = (surely >= LEAST_SURE) | (pixels - 1 >= LEAST_PATCH * (places - 1))
     return found
 
@@ -135,7 +136,7 @@ def _narrow_holes(empty: Mask) -> Mask:
     side = REACH_PX + 1
     wide = cv2.erode(empty.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     narrow = np.ones(count, np.bool_)
-    narrow[0] = False  # what is no hole
+    narrow[0] = False  # label 0: no hole
     for outside in (labels[wide], labels[0], labels[-1], labels[:, 0], labels[:, -1]):
         narrow[outside] = False
     return np.asarray(narrow[labels])

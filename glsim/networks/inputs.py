@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Floats
 
-#: Most neighbours on each side. Chosen: noise falls only with the root of their number.
+#: Largest number of neighbours on each side. Chosen: noise falls only with the root of their
+#: number.
 MAX_NEIGHBOURS: Final = 4
 #: Names of the inputs of exported networks, in the order of the stack.
 DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"
@@ -74,8 +75,8 @@ def stack_inputs(
 
     Args:
         depth_mm: (H, W) depth of the frame, 0 = no return.
-        before_mm: earlier frames, the latest first; surplus ones are ignored.
-        after_mm: later frames, the next one first; surplus ones are ignored.
+        before_mm: earlier frames, the latest first; surplus frames are ignored.
+        after_mm: later frames, the next frame first; surplus frames are ignored.
         infrared: (H, W) counts, or None.
 
     Returns:

@@ -8,9 +8,9 @@ from typing import Any, Final, NamedTuple
 from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.depth_protocol import DepthProtocol
 
-#: A smaller depth, mm, is none from a camera: no depth camera measures nearer.
+#: Smallest depth that a depth camera measures, mm. Maps with smaller depths are in another unit.
 MIN_MEASURED_MM: Final = 50.0
-#: Smallest depth that counts as depth, mm: a smaller one rounds to 0 in a 16-bit file in mm.
+#: Smallest depth that counts as depth, mm; smaller values become 0 in a 16-bit file in mm.
 MIN_DEPTH_MM: Final = 0.5
 
 
@@ -27,7 +27,7 @@ class DepthFunction(ABC):
     Attributes:
         before, after: numbers of earlier and of later frames that it uses.
         uncertain: whether it returns a standard deviation.
-        protocol: where the depths of its training are counted from; None for both.
+        protocol: depth protocol of its training; None if it accepts both.
         keep_clean: whether it returns frames without noise unchanged.
     """
 

@@ -17,11 +17,12 @@ from glsim.networks.record import UNLIKELY, NetworkRecord
 from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask
 from glsim.networks.tiles import box_around, run_tiled
 
-#: Frames are padded with holes, to the right and below, to multiples of this, pixels: the shipped
-#: architectures halve the size three or four times, and an ONNX graph cannot pad by itself.
+#: Frames are padded with holes, right and below, to multiples of this, px: the shipped
+#: architectures halve the size three or four times, and an ONNX graph cannot pad.
 SIZE_MULTIPLE_PX: Final = 16
-#: A change of depth from frame to frame counts as motion from this many standard deviations of the
-#: frame's noise on, and from so many mm. Chosen: a difference of two frames has 1.4 of them.
+#: A change of depth between frames counts as motion if it is at least this multiple of the frame's
+#: noise, and at least this many mm. Chosen: noise alone gives a difference of 1.4 standard
+#: deviations.
 _MOTION_NOISES: Final = 5.0
 _LEAST_MOTION_MM: Final = 3.0
 
@@ -42,9 +43,10 @@ class NetworkFunction(DepthFunction):
     """The denoising of frames of any size by a network.
 
     Attributes:
-        earlier: frames that the network sees; missing ones are allowed, and so is no infrared.
-        average: it sees the mean of this many frames, up to the denoised one, where nothing moves.
-        protocol, keep_clean, margin_px, unlikely: of its ``NetworkRecord``.
+        earlier: number of earlier frames that the network sees; frames and infrared may be missing.
+        average: where nothing moves, the network sees the mean of this number of past frames,
+            including the denoised frame.
+        protocol, keep_clean, margin_px, unlikely: see ``NetworkRecord``.
     """
 
     def __init__(self, network: Runner, name: str, min_probability: float = 0.0) -> None:
@@ -60,7 +62,7 @@ class NetworkFunction(DepthFunction):
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
 
     def configure(self, earlier: int, average: int, keep_clean: bool | None) -> None:
-        """Set the most earlier frames, the frames of the mean, and, unless None, ``keep_clean``."""
+        """Set ``earlier``, ``average`` and, unless it is None, ``keep_clean``."""
         self.earlier, self.average = min(self.earlier, earlier), average
         self.before = max(self.earlier, average - 1)
         if keep_clean is not None:
@@ -90,13 +92,13 @@ class NetworkFunction(DepthFunction):
         if "probability" not in outputs:
             return self._result(depth_mm, depth_mm >= MIN_DEPTH_MM, sigma_mm)
         noise_mm = clean_noise_mm(frame) if self.keep_clean else None
-        if noise_mm is not None:  # unchanged; sigma is the input's noise
+        if noise_mm is not None:  # return the frame; sigma is its noise
             measured = self._validity((frame > 0).astype(np.float32))
             sigma_mm = np.full_like(frame, noise_mm) if self.uncertain else None
             return self._result(frame, measured, sigma_mm)
         # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
         probability = calibrated(np.clip(outputs["probability"], 0.0, 1.0), self.unlikely)
-        # A measured pixel that is unlikely keeps its probability: the doubt is not which surface.
+        # An unlikely measured pixel keeps its probability; it is not doubtful between two surfaces.
         unlikely = (frame > 0) & (probability <= UNLIKELY)
         probability *= unlikely | trusted_mask(frame, outputs.get("risk_mm"))
         if self._min_probability and "choice" in outputs:

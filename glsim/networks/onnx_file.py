@@ -35,8 +35,8 @@ Runtime = Literal["onnxruntime", "opencv"]
 _MAX_BYTES: Final = 2**29
 #: Side of the frame of zeros that a network must run on, px.
 _TRIAL_PX: Final = 32
-#: The operators of convolutional networks: those that ``glsim export`` writes, and more of their
-#: kind. Others would only be ways to run long (Loop, Scan) or to run other code.
+#: Accepted operators: those that ``glsim export`` writes, and further operators of convolutional
+#: networks. Others could run for ever (Loop, Scan) or run other code.
 _OPERATOR_NAMES: Final = """
     Abs Acos Add And ArgMax ArgMin Asin Asinh Atan AveragePool BatchNormalization Cast Ceil Clip
     Concat Constant ConstantOfShape Conv ConvTranspose Cos Cosh DepthToSpace Div Elu Equal Erf Exp
@@ -49,7 +49,8 @@ _OPERATOR_NAMES: Final = """
     Split Sqrt Squeeze Sub Sum Tan Tanh TopK Transpose Unsqueeze Where Xor
 """
 _OPERATORS: Final = frozenset(_OPERATOR_NAMES.encode().split())
-#: Prefix of the keys of a record, before the names of its fields; what is default has no entry.
+#: Prefix of a record's keys in the file, before the names of its fields. Fields with default values
+#: have no entry.
 _PREFIX: Final = "glsim."
 
 # Numbers of fields: ModelProto, GraphProto, NodeProto, AttributeProto, TensorProto.
@@ -80,7 +81,7 @@ def read_onnx(path: Path) -> tuple[bytes, OnnxContent]:
         return data, read_content(data)
     except (ValueError, ConfigError) as error:
         reason = f"it {error}"
-    except (IndexError, TypeError):  # of bytes that are no message
+    except (IndexError, TypeError):  # the bytes are no message
         reason = "it is cut short"
     raise DenoiserError(f"{path}: is damaged, or is no network of glsim export ({reason})")
 

@@ -1,4 +1,4 @@
-"""Settings of a network's denoiser that training chooses and every file of the network holds."""
+"""Settings of a denoiser that are chosen in training and stored in each file of its network."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from glsim.core.depth_protocol import DepthProtocol
 #: up to 0.1 mm. face-stereo, of five scales, needs 80 px (0.002 mm): with 48 px depth differs by
 #: 0.1 mm, and by 80 mm where it chooses the other surface.
 AROUND_PX: Final = 48
-#: Pixels beside holes whose probability of depth is at most this are dropped. Chosen: the network
+#: Pixels beside holes are removed up to this probability of depth. Chosen: the network
 #: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
-#: (docs/howto/denoise.md). Networks with another bound calibrate their probability: see
+#: (docs/howto/denoise.md). If a network has another bound, its probabilities are rescaled: see
 #: ``glsim.networks.composites.calibrated``.
 UNLIKELY: Final = 0.17
 
@@ -22,7 +22,7 @@ class NetworkRecord(NamedTuple):
     """Settings of a network's denoiser, chosen in training; a file without them has the defaults.
 
     Attributes:
-        protocol: where the depths of its training are counted from.
+        protocol: depth protocol of its training.
         keep_clean: whether frames without noise are returned unchanged: those whose noise rounding
             and the form of surfaces explain (``glsim.networks.safeguards``).
         margin_px: holes around depth that the network still sees, px.
@@ -36,5 +36,5 @@ class NetworkRecord(NamedTuple):
     unlikely: float = UNLIKELY
 
 
-#: The record of a file without one.
+#: The record of a file that has no record.
 DEFAULT_RECORD: Final = NetworkRecord()

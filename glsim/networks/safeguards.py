@@ -37,11 +37,12 @@ FORM_GROWTH: Final = ((0.1, 5.2), (1.0, 3.8))
 #: at most 3.5, but then at most 0.24. 31 maps of azure-kinect at 0.4 to 1.5 m and 10 of truedepth
 #: at 0.4 and 0.6 m: at least 3.6 and 0.35. In finer steps folds of cloth have as many as noise.
 DITHER_SIDE, DITHER_DENSITY = 3.0, 0.3
-#: Least step of such maps, mm.
+#: The test for dither applies to maps with at least this step, mm.
 DITHER_LEAST_MM: Final = 0.9
-#: Largest difference of such a pixel, steps. Chosen: a larger one is relief or an edge.
+#: Largest difference of a pixel that dither moves, steps. Chosen: larger differences are relief or
+#: an edge.
 DITHER_STEPS: Final = 2.5
-#: Depths nearer to each other than this, mm, are one value: float32 resolves 0.0005 mm at 4 m.
+#: Depths that differ by less than this, mm, are equal: float32 resolves 0.0005 mm at 4 m.
 SAME_MM: Final = 5e-4
 #: Largest accepted risk, mm, at measured pixels and in holes: the expected error of the chosen
 #: surface, as the network predicts it. Chosen by the RMSE of the shipped network under each sensor,
@@ -57,9 +58,9 @@ GAIN: Final = 6.0
 #: Mean of the square root of |x| for a standard normal x, 2^(1/4) Gamma(3/4) / sqrt(pi). Averaging
 #: roots limits the influence of the large values at facial features.
 MEAN_ROOT: Final = 2**0.25 * math.gamma(0.75) / math.sqrt(math.pi)
-#: Least number of windows without an edge.
+#: Smallest number of windows without an edge for an estimate of noise.
 LEAST_WINDOWS: Final = 50
-#: Least local noise, mm: rounding makes windows without any difference; size of the windows, px.
+#: Smallest local noise, mm, since rounded windows may have no difference.
 _LEAST_MM: Final = 0.01
 _LOCAL_PX: Final = (15, 15)
 

@@ -26,19 +26,20 @@ MARGIN_PX: Final = 128
 #: Corners of boxes are at multiples of this, px: networks halve the size up to four times.
 GRID_PX: Final = 16
 
-#: Height and width of the part that is denoised, mm: a head of the 99th percentile is 255 mm high
-#: (ANSUR II, stature less chin height) and 165 mm wide; the rest is for hair and a turned head.
+#: Height and width of the denoised part around a head, mm. A head of the 99th percentile is 255 mm
+#: high (ANSUR II, stature minus chin height) and 165 mm wide; the rest is for hair and turned
+#: heads.
 HEAD_MM: Final = (280.0, 220.0)
 #: Focal length over the width of the image: Kinect V2 0.71, Azure Kinect 0.79, D435 0.60 to 0.67,
-#: TrueDepth 0.68. A wrong one makes the box a little too large or too small.
+#: TrueDepth 0.68. With a wrong value, the box is a little too large or too small.
 FOCAL_SHARE: Final = 0.7
-#: Least area of a person, of a box of HEAD_MM at its distance, and in coarse pixels: smaller pieces
-#: are hands and noise. Chosen: a face is larger up to 5 m.
+#: Smallest area of a person: as a share of the box HEAD_MM at its distance, and in coarse pixels.
+#: Smaller pieces are hands or noise. Chosen: up to 5 m, a face is larger.
 _LEAST_SHARE, _LEAST_PX = 0.15, 20
-#: Frames are divided by this for the search, px.
+#: Heads are searched in frames reduced by this factor.
 _COARSE_PX: Final = 4
-#: Surface around the head that is denoised too, px. Chosen: with it, cutting the frame there moves
-#: no depth of the head by more than 0.1 mm.
+#: Margin around the head's box that is denoised, too, px. Chosen: with it, cutting out the box
+#: changes no depth of the head by more than 0.1 mm.
 _HEAD_MARGIN_PX: Final = 32
 
 #: Rows and columns of a part of a frame.
@@ -61,8 +62,8 @@ def box_around(mask: Mask, margin_px: int = AROUND_PX) -> Box | None:
 def head_box(depth_mm: Depth) -> Box | None:
     """Return the box around the nearest head with a margin; None without a head.
 
-    The nearest piece of surface that is large enough is taken for a person, and what is within a
-    head's height of its top for the head: live streams need no detector.
+    The nearest connected surface that is large enough counts as a person, and its part within a
+    head's height of its top counts as the head. Live streams thus need no detector.
     """
     coarse = np.ascontiguousarray(depth_mm[::_COARSE_PX, ::_COARSE_PX])
     labels = _pieces(coarse, coarse > 0)
@@ -136,7 +137,7 @@ def run_tiled(
 def _spans(size: int, tile_px: int, margin_px: int) -> Iterator[tuple[slice, slice, slice]]:
     """Divide [0, size) into overlapping tiles of one length, so that a runtime plans memory once.
 
-    Yields each tile, the part of it that is used, and the place of that part in the tile.
+    Yields for each tile: its span, the span of its used part, and the used part within the tile.
     """
     used = 0
     while used < size:

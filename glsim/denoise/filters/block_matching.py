@@ -2,8 +2,8 @@
 
 K. Dabov et al., "Image Denoising by Sparse 3-D Transform-Domain Collaborative Filtering", IEEE
 Trans. Image Processing 16 (2007); for correlated noise: Y. Mäkinen, L. Azzari, A. Foi, ibid. 29
-(2020). The package is theirs and free for non-commercial use only; it is no part of glsim, nor of
-any of its extras but ``bm3d``.
+(2020). The authors' package is free for non-commercial use only. It is not part of glsim; only the
+extra ``bm3d`` installs it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from glsim.denoise.filters.windows import fill
 from glsim.denoise.parameters import parameter
 from glsim.networks.safeguards import estimate_noise_mm, noise_share
 
-#: Noise of frames without enough surface to estimate it, mm, and the least one. Chosen.
+#: Noise assumed for frames with too little surface to estimate it, and smallest noise, mm. Chosen.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01
-#: Least side of an image that the package takes, px: larger than its blocks and steps.
+#: Smallest side of an image for the package, px; it must be larger than its blocks and steps.
 _LEAST_PX: Final = 32
-#: Threshold of the first stage and weight of the second, the package's own for white noise. Its
-#: estimate of them for correlated noise fails under NumPy 2.4 (no numpy.trapz); ``strength`` scales
-#: both.
+#: Threshold of the first stage and weight of the second: the package's values for white noise.
+#: ``strength`` scales both. The package's estimate for correlated noise fails under NumPy 2.4 (no
+#: numpy.trapz).
 _THRESHOLD, _WIENER = 3.0, 0.4
-#: Noise of the image as the package gets it: 20 grey levels of an 8-bit photograph of range 1, as
-#: its thresholds for the likeness of blocks are made for. Chosen.
+#: Depth is scaled so that its noise has this standard deviation. Chosen: the package's thresholds
+#: for similar blocks are made for 20 grey levels of an 8-bit photograph, scaled to [0, 1].
 _LEVEL: Final = 20 / 255
-#: Share of the noise's variance that is white. Chosen: without it, the package keeps the rows of a
-#: Kinect V2, which differ from one to the next, as if they were form.
+#: Share of white noise in the assumed variance. Chosen: without it, the package treats a Kinect
+#: V2's differences between rows as form and keeps them.
 _WHITE: Final = 0.03
 
 
@@ -64,7 +64,7 @@ class BlockMatching(Masked):
         image = np.pad(image, [(0, below), (0, right)], mode="edge")
         profile = bm3d.BM3DProfile()
         profile.lambda_thr3d, profile.mu2 = _THRESHOLD, _WIENER
-        profile.num_threads = 1  # more add up in any order: the last bit differs
+        profile.num_threads = 1  # several threads sum in any order
         noise = noise_spectrum(self.correlation_px, image.shape) * (_LEVEL**2 * image.size)
         smooth = bm3d.bm3d(image, noise, profile)
         smooth = np.asarray(smooth, np.float32).reshape(image.shape)[:height, :width]
@@ -73,7 +73,8 @@ class BlockMatching(Masked):
 
 def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> Array:
     """Compute the (H, W) power spectrum, of mean 1, of noise of variance 1, in FFT order."""
-    # It is white noise under a Gaussian of ``correlation_px`` and _WHITE of it without.
+    # The noise is white noise blurred by a Gaussian of ``correlation_px``, plus a share _WHITE of
+    # white noise.
     rows, columns = (np.fft.fftfreq(size) for size in shape)
     square = np.add.outer(rows**2, columns**2)
     correlated = np.exp(-square * (2 * np.pi * correlation_px) ** 2)
@@ -83,7 +84,7 @@ def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> 
 
 #: Name on the command line -> filter.
 FILTERS = {"bm3d": BlockMatching}
-#: Values that tuning tries, where the package is installed: it takes 0.7 s for 128 x 128 px.
+#: Values that tuning tries if the package is installed; it takes 0.7 s for 128 x 128 px.
 GRIDS = (
     {"bm3d": {"correlation_px": (0.5, 0.65, 0.8), "strength": (1.5, 2.2, 3.2)}}
     if find_spec("bm3d") is not None

@@ -1,7 +1,7 @@
 """Mask-aware classical filters, which read valid pixels only.
 
-A network should be compared with these filters, because they are fair rivals. Each has an optional
-mask clean-up; without it the output keeps the input's validity.
+A network should be compared with these filters: like it, they know which pixels are valid. Each has
+an optional mask clean-up; without it, the output keeps the input's validity.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from glsim.networks.interface import Denoised
 
 #: Radius of the window in standard deviations.
 _REACH = 2.5
-#: Relative ridge weight that pulls slope and curvature to 0: negligible where the pixels determine
-#: them, decisive where they do not (pixels in a line, fewer pixels than coefficients).
+#: Relative ridge weight that pulls slope and curvature to 0. It is negligible if the pixels
+#: determine them, and decides if not (pixels in a line, or fewer pixels than coefficients).
 _RIDGE = 1e-6
 
 

@@ -30,10 +30,10 @@ from glsim.networks.safeguards import estimate_noise_mm, local_noise_mm
 #: Step of the primal and dual updates: their product is at most 1 / |K|^2, and |K|^2 <= 12 for
 #: gradients and symmetrised gradients of step 1 px (Bredies 2014, section 4).
 _STEP: Final = np.float32(1 / np.sqrt(12))
-#: Bounds of the weight of a pixel's data: where the noise is three times that of the frame or a
-#: third of it. Chosen.
+#: Smallest and largest weight of a pixel's depth: its noise is three times the frame's noise, or a
+#: third of it. Both were chosen, not measured.
 _WEIGHTS: Final = (1 / 9, 9.0)
-#: Noise of frames without enough surface to estimate it, mm, and the least one. Chosen.
+#: Noise assumed for frames with too little surface to estimate it, and smallest noise, mm. Chosen.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01
 
 
@@ -121,8 +121,8 @@ def solve(
     """Minimise the total generalised variation by a primal-dual method; return u, (H, W) float32.
 
     Args:
-        noisy: (H, W), where the iteration starts.
-        weight: (H, W) of the data; 0 without data.
+        noisy: (H, W) noisy depth, from which the iteration starts.
+        weight: (H, W) weight of each pixel's depth; 0 without depth.
         alpha_1: weight of the slopes' misfit.
         alpha_0: weight of bends.
     """

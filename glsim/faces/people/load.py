@@ -31,7 +31,8 @@ from glsim.faces.sparse_shapes import SparseShapes
 
 _CACHE_VERSION: Final = 5  # raise it when the content of the cache changes
 _MM_PER_UNIT: Final = 100.0  # targets are in decimetres, in the axes of the canonical frame
-#: Actions without sides in the data: they are cut into two halves that overlap at the midline.
+#: Actions that the data do not divide into sides; here they are cut into two halves, which overlap
+#: at the midline.
 _UNSIDED: Final = ("browInnerUp", "cheekPuff")
 
 
@@ -123,6 +124,6 @@ def read_target(path: Path) -> tuple[Whole, Array]:
         table = np.array(b"\n".join(lines).split(), dtype=np.float64).reshape(-1, 4)
     except (OSError, EOFError, ValueError, zlib.error) as error:
         raise MeshError(f"{path}: damaged ({error}): {FETCH} --again") from None
-    # A file may name a vertex twice; the last line holds.
+    # A file may name a vertex twice; the last line counts.
     vertices, first = np.unique(table[::-1, 0].astype(np.int64), return_index=True)
     return vertices, table[::-1, 1:][first] * _MM_PER_UNIT

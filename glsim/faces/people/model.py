@@ -33,9 +33,9 @@ class BodyModel:
         triangles: (F, 3) int32.
         occluder: (F', 3) int32 triangles that cast shadows, chosen on the mean body, see ``Mesh``.
         regions: (V,) uint8 indices into REGIONS.
-        rigid: number of the first fine vertices that move with the bone "head" alone.
-        soft_starts, soft_bones, soft_weights: (V - rigid,), (M,) and (M, 1) float32: the weights
-            above 0 of the other vertices.
+        rigid: the first ``rigid`` fine vertices move with the bone "head" only.
+        soft_starts, soft_bones, soft_weights: (V - rigid,), (M,) and (M, 1) float32: bones and
+            weights above 0 of all other vertices.
         bones: (B,) names, parents before children.
         parents: (B,) int32, -1 for the root.
         landmarks: (68,) int64 fine vertices in the order of ``glsim.faces.regions``.

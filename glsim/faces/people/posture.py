@@ -1,9 +1,9 @@
 """Postures and movements of people, as rotations of the bones.
 
-Directions and targets are in the axes of the body at rest (+x the left, +y up, +z the front), mm
-from the person's joints, so that they suit a child and a heavy man alike. Angles stay well inside
-the ranges of healthy people (neck: 60 degrees of rotation, 45 of flexion to a side, American
-Academy of Orthopaedic Surgeons, 1965): people in front of a camera sit easily.
+Directions and targets are in the axes of the body at rest (+x left, +y up, +z front), mm from the
+person's joints, so that they suit a child and a heavy man alike. People in front of a camera sit
+comfortably, so angles are much smaller than healthy people's limits (neck: 60 degrees of rotation,
+45 of flexion to a side, American Academy of Orthopaedic Surgeons, 1965).
 
 Movements: breathing, sway, and nods of the head against the torso; the pipeline adds the rigid
 motion of the head for all generated faces. Quiet standing sways by 0.5 to 1 degree below 1 Hz (D.
@@ -51,7 +51,7 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class Posture:
-    """A standing or sitting posture: bone -> (3, 3) rotation against its parent, arms of ARMS."""
+    """A posture: kind of arms (of ARMS), and bone -> (3, 3) rotation relative to its parent."""
 
     turns: Mapping[str, Array]
     sitting: bool
@@ -87,7 +87,7 @@ def sample_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> P
 
 def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, Array]:
     sampled = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _TABLE["look_deg"]]
-    if gentle:  # the chin stays above the hand
+    if gentle:  # keep the chin above the hand
         sampled = [0.3 * value for value in sampled]
     turns = {
         bone: rotation(*(share * angle for angle in sampled))
@@ -181,7 +181,7 @@ def _fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[st
     """Return the rotations that curl the fingers towards the palm, the thumb less."""
     axis = _unit(joints[f"finger5-1.{side}"] - joints[f"finger2-1.{side}"])
     along = joints[f"finger3-2.{side}"] - joints[f"finger3-1.{side}"]
-    if np.cross(axis, along)[1] > 0:  # it would bend upwards
+    if np.cross(axis, along)[1] > 0:  # the finger would bend upwards
         axis = -axis
     turns = {}
     for finger in (2, 3, 4, 5):
@@ -192,7 +192,7 @@ def _fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[st
 
 
 def _elbow(shoulder: Array, target: Array, upper: float, lower: float, towards: Array) -> Array:
-    """Return the elbow's position for a wrist at ``target``, or as near to it as possible."""
+    """Return the position of the elbow if the wrist is at ``target``, or as near as possible."""
     along = target - shoulder
     least, most = 1.05 * abs(upper - lower) + 0.3 * upper, 0.995 * (upper + lower)
     reach = float(np.clip(norm(along), least, most))
@@ -233,8 +233,8 @@ def movement(
         seed: of the source.
         subject: name of the person.
         sequence: name of the sequence.
-        framing: as in `People`.
-        time_s: since the start of the sequence.
+        framing: see `People`.
+        time_s: seconds since the start of the sequence.
     """
     rng = rng_for(seed, "movement", subject, sequence)
     breath = np.sin(2 * np.pi * (rng.uniform(*_TABLE["breaths_hz"]) * time_s + rng.uniform()))
@@ -248,7 +248,7 @@ def movement(
         start, length = rng.uniform(0.1, 1.0), rng.uniform(0.4, 0.8)
         inside = np.clip((time_s - start) / length, 0.0, 1.0)
         head[1] -= rng.uniform(3.0, 8.0) * np.sin(np.pi * inside) ** 2
-    # The neck compensates the chest, so that the head does not nod with the breath.
+    # The neck turns back by the chest's angle, so that the head does not nod with each breath.
     turns = {
         "spine05": rotation(*(0.5 * angle for angle in sway)),
         "spine02": rotation(0.0, chest * breath, 0.0),

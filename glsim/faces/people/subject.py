@@ -29,7 +29,7 @@ from glsim.faces.procedural.subject import (
     clipped_normal,
 )
 
-_PALE: Final = 0.03  # skin varies by this share over the body: blood and sun; chosen
+_PALE: Final = 0.03  # skin varies by this share over the body (blood, sun); chosen, not measured
 
 #: Action that closes an eye -> landmarks of the upper lid in the order of x, and of the lower lid.
 _LIDS: Final = {"eyeBlinkRight": ((37, 38), (41, 40)), "eyeBlinkLeft": ((43, 44), (47, 46))}
@@ -55,8 +55,8 @@ class BodySubject:
 
         Args:
             sequence: name of the sequence.
-            framing: chooses the origin, see ``People``.
-            time_s: since the start of the sequence.
+            framing: name of the origin, see ``People``.
+            time_s: seconds since the start of the sequence.
             expression: action unit -> intensity.
         """
         model = self._model
@@ -107,9 +107,9 @@ def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> Floats
 def add_expression(model: BodyModel, rest_mm: Floats, expression: Mapping[str, float]) -> None:
     """Add an expression (action unit -> intensity) to resting vertices (V, 3) mm, in place.
 
-    At full strength the lids of an eye meet and do not cross. The data's action closes the wide
-    eyes of the base mesh: it would move the upper lid of the mean person 4 mm below the lower lid,
-    and unevenly for other people. Lids close last, after all other actions on the eye.
+    At full strength, the lids of an eye meet and do not cross. The action of the data is scaled,
+    since it closes the wide eyes of the base mesh: it would move the mean person's upper lid 4 mm
+    below the lower lid. Lids close last, after all other actions on the eye.
     """
     weights = shape_weights(expression)
     model.actions.add(rest_mm, {n: w for n, w in weights.items() if n not in _LIDS})

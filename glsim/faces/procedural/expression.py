@@ -1,8 +1,8 @@
 """Expressions of a procedural head: skin pulls, lid motion, and jaw rotation.
 
-Skin pulls are the same for all subjects; lids and jaw depend on the subject's geometry. A jaw
-rotation by angle t is linear in (sin t, 1 - cos t), a lid closure a is linear in (a, a^2), so that
-an expression is a sum of weighted shapes.
+Skin pulls are equal for all subjects; lids and jaw depend on the subject's geometry. An expression
+is a sum of weighted shapes: a jaw rotation by angle t is linear in (sin t, 1 - cos t), and a lid
+closure a is linear in (a, a^2).
 """
 
 from __future__ import annotations

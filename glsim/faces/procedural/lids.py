@@ -29,7 +29,7 @@ class Lids:
 
     Args:
         index: (L,) vertices.
-        left: (L,) whether on the subject's left.
+        left: (L,) whether a vertex is on the subject's left.
         strips: (2, C, LID_ROWS) vertices of the upper and the lower lids.
         strip_left: (C,) whether a column belongs to the left eye.
         linings: (2, P, 2) column and vertex of the rings behind the margins.

@@ -1,8 +1,8 @@
 """Identity parameters of procedural heads, and the drawing of random identities.
 
-The table parameters.toml has their distributions with sources. Measures of one person correlate:
-each parameter is a weighted sum of the person's factors (``FACTORS``) and an independent number;
-the weights in the table are the correlations with the factors.
+The table parameters.toml has their distributions with sources. Measures of a person are correlated:
+each parameter is a weighted sum of the person's factors (``FACTORS``) and an independent random
+number. The weights in the table are the correlations with the factors.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ _BALD_MM: Final = 0.8  # thickness of hair that shows the scalp
 
 #: Wavelengths of the asymmetry, mm: from a head's width to a cheek's; amplitudes are proportional.
 WAVELENGTHS_MM: Final = (260.0, 150.0, 90.0)
-WAVES: Final = 4  # per wavelength: enough to approximate a Gaussian field
+WAVES: Final = 4  # waves per wavelength, enough for a nearly Gaussian field
 #: Standard deviation of the field in each direction, mm, and its spread over people. Faces and
 #: their registered mirror images differ by 0.63 mm root mean square (sd 0.16) over 350 adults
 #: (Cleft Palate Craniofac. J., doi 10.1597/13-353). Field and asymmetric parameters together give
@@ -117,7 +117,7 @@ def asymmetry_field(seed: int, subject: str) -> Array:
     field, anchors = np.split(moved, [len(model.template_mm)])
     for (vertices, weights), anchor in zip(model.rigid, anchors, strict=True):
         change = weights[:, None] * (anchor - field[vertices])
-        field = field.astype(np.float64, copy=False)  # not before: the sums keep their last bits
+        field = field.astype(np.float64, copy=False)  # last: sums stay equal
         field[vertices] += change
     return np.asarray(field, np.float64)
 
@@ -128,10 +128,10 @@ def clipped_normal(
     """Draw a normally distributed number, clipped to [low, high].
 
     Args:
-        rng: advanced by one number.
-        mean: of the distribution before clipping.
+        rng: generator, of which one number is drawn.
+        mean: mean before clipping.
         sd: standard deviation before clipping.
-        low: least result.
+        low: smallest result.
         high: largest result.
     """
     return float(np.clip(rng.normal(mean, sd), low, high))

@@ -23,7 +23,7 @@ _T = TypeVar("_T")
 #: Largest number of characters of an exception in a message.
 _REASON_LENGTH = 120
 
-#: Extensions of files that a mesh reads: materials of OBJ, buffers of glTF.
+#: Extensions of files on which a mesh file depends: materials of OBJ, buffers of glTF.
 _COMPANIONS = (".mtl", ".bin")
 
 
@@ -31,13 +31,13 @@ class FileFaces(FaceSource):
     """A source of mesh files below a root folder, to derive from.
 
     Args:
-        unit, axes: as for ``load_mesh``.
+        unit, axes: see ``load_mesh``.
 
     Raises:
         ConfigError: an invalid setting, or a missing root.
     """
 
-    #: Text of the error for a root without subjects.
+    #: Error message for a root without subjects.
     nothing: ClassVar[str]
     repeats = True
 
@@ -46,7 +46,7 @@ class FileFaces(FaceSource):
         check_axes(axes)
         self.root = check_root(root)
         self._unit, self._axes = unit, axes
-        self._results: dict[Any, Any] = {}  # of read_once: a result or its error
+        self._results: dict[Any, Any] = {}  # cache of read_once: a result or an error
         self._topologies: list[NDArray[np.int32]] = []
 
     def __getstate__(self) -> dict[str, Any]:

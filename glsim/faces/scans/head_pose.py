@@ -1,4 +1,4 @@
-"""Head poses of the Biwi Kinect Head Pose set, one text file a frame."""
+"""Head poses of the Biwi Kinect Head Pose set, stored as one text file per frame."""
 
 from __future__ import annotations
 

@@ -53,8 +53,8 @@ _MAX_DEPTH: Final = 3
 #: Width over the cheek bones as measured by ``mm_per_unit``: mean of 100 random ICT-FaceKit heads,
 #: whose unit is known (standard deviation 7.8 mm). Adults have 137 mm by calliper.
 FACE_WIDTH_MM: Final = 141.0
-#: Depth of the measured part behind the tip of the nose, in face widths: it includes the widest
-#: part of the cheeks and excludes the ears.
+#: The width is measured on points up to this distance behind the tip of the nose, in face widths:
+#: they include the widest part of the cheeks and exclude the ears.
 _DEPTH: Final = 0.55
 _ITERATIONS: Final = 30
 
@@ -74,7 +74,7 @@ class _PersonGeometry:
 
     Args:
         faces: (F, 3) int32.
-        vertices: V.
+        vertices: number of vertices V.
         estimated_scale: whether the unit comes from the face width.
     """
 

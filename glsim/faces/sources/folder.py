@@ -71,8 +71,8 @@ class Folder(FileFaces):
     moves within a sequence.
 
     Args:
-        unit, axes, rotation_deg: as for ``load_mesh``. "auto" is found on the first valid mesh of
-            a subject and used for all its meshes, so that a sequence does not jump.
+        unit, axes, rotation_deg: see ``load_mesh``. For "auto", they are found on the first valid
+            mesh of a subject and used for all its meshes, so that a sequence does not jump.
 
     Raises:
         ConfigError: an invalid setting, a missing root or a root without meshes.

@@ -30,7 +30,7 @@ from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.model_cache import Arrays, cached_arrays
 
-#: Numbers of the rendered vertices and triangles of the neutral mesh.
+#: File with the indices of the neutral mesh's rendered vertices and triangles.
 DRAWN: Final = Path(__file__).with_suffix(".npz")
 
 #: Region -> reflectivity: diffuse, 860 nm, relative to a white wall, with the sources of
@@ -53,7 +53,7 @@ _GET: Final = "get the whole face model with 'git clone https://github.com/ICT-V
 _CACHE_VERSION: Final = "7"  # raise it when the content of the cache changes
 _MM_PER_UNIT: Final = 10.0  # the model is in centimetres
 
-#: AU25 parts the lips by 4 mm, of 42 mm of the kit's jawOpen.
+#: AU25 opens the lips by 4 mm; the kit's jawOpen opens them by 42 mm.
 _OVERRIDES: Final = {"AU25": {"jawOpen": 0.1}}
 #: Shapes of the midline whose names have a side.
 _WHOLE: Final = ("jawLeft", "jawRight")
@@ -270,7 +270,7 @@ def _build(files: list[Path]) -> Arrays:
     with np.load(DRAWN) as stored:
         drawn = {name: stored[name] for name in stored.files}
     neutral = read_obj(files[0])
-    triangles, _ = neutral.fans()  # triangulated as DRAWN was
+    triangles, _ = neutral.fans()  # the same triangulation as in DRAWN
     if [len(neutral.vertices), len(triangles)] != drawn["size"].tolist():
         raise MeshError(f"{files[0]}: damaged or of another model; {_GET}")
     rendered = drawn["vertices"]

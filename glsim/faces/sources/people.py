@@ -21,7 +21,8 @@ from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import BodySubject
 
-#: |x| between which a vertex's share of the head's turn falls to 0, mm. Chosen: beside the hair.
+#: A vertex's share of the head's turn falls to 0 between these two |x|, mm. Chosen: they are beside
+#: the hair.
 _ASIDE_MM: Final = (130.0, 190.0)
 
 
@@ -49,7 +50,7 @@ class PeopleSettings(GeneratorSettings):
 def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the share (N,) of the head's rotation at each vertex (N, 3), mm from the face.
 
-    As on the embedded heads, but raised hands and shoulders beside the neck do not follow.
+    The share is that of procedural heads, but 0 for raised hands and for shoulders beside the neck.
     """
     aside = np.clip((_ASIDE_MM[1] - np.abs(vertices_mm[:, 0])) / np.diff(_ASIDE_MM)[0], 0.0, 1.0)
     share: NDArray[np.float32] = neck_share(vertices_mm) * aside.astype(np.float32)
@@ -63,9 +64,9 @@ class People(GeneratedFaces[BodySubject]):
 
     Args:
         seed, frames_per_sequence, frames_per_second: see ``GeneratedFaces``.
-        framing: what lies at the origin of the mesh, and so at ``pose.distance_mm``: "face" (the
-            head is upright in the canonical frame, the body turns under it), "bust" (the base of
-            the neck) or "body" (its middle); with the last two the body stands upright.
+        framing: point of the body at the origin of the mesh, and so at ``pose.distance_mm``.
+            "face": the head is upright in the canonical frame, and the body turns under it. "bust":
+            base of the neck, "body": middle of the body; the body stands upright.
 
     Raises:
         ConfigError: without anny.
@@ -83,7 +84,7 @@ class People(GeneratedFaces[BodySubject]):
         framing: str = "face",
     ) -> None:
         super().__init__(seed, frames_per_sequence, frames_per_second)
-        data_folder()  # says what to install
+        data_folder()  # raises an error that tells what to install
         self.framing = framing
 
     @property
