@@ -95,7 +95,7 @@ def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
 
 
 def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
-    """Import the object of a plug-in. Raises ConfigError if that fails or it is not ``valid``."""
+    """Import a plug-in's object. Raises ConfigError if that fails or the object is invalid."""
     entry = _entry_points(group)[name]
     try:
         found = entry.load()

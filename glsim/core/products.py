@@ -16,9 +16,9 @@ from glsim.core.array_types import Array
 
 _Numbers = NDArray[Any]
 
-_FEW = 32  # elements: NumPy adds up fewer at once, in the same order; measured
-_SHORT = 32  # columns: shorter rows are faster when transposed; measured
-_BLOCK = 32_768  # elements per block, which fit into a processor's cache; measured
+_FEW = 32  # largest arrays, elements, that NumPy adds up at once; measured
+_SHORT = 32  # longest rows, elements, that are faster transposed; measured
+_BLOCK = 32_768  # elements of a block, which fits into the cache; measured
 
 
 def product(left: _Numbers, right: _Numbers) -> _Numbers:

@@ -149,7 +149,7 @@ def written_layer(match: re.Match[str], where: str) -> Layer:
 
 
 def _scale(rest: str, where: str) -> Fraction:
-    """Read a layer's scale from its note, such as ``//@ 1/3``; 1 without a note. ShaderError."""
+    """Read a layer's scale from a note like ``//@ 1/3``; else 1. Raises ShaderError."""
     match = _SCALE.search(rest)
     if match is None:
         return Fraction(1)

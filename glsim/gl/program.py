@@ -22,7 +22,8 @@ def link(
     driver reports another type or default of a parameter than the declaration.
 
     Args:
-        vertex: default: a triangle that covers the viewport, for a full-screen pass.
+        fragment: the fragment shader.
+        vertex: the vertex shader; default: a triangle that covers the viewport.
     """
     vertex = vertex or load_source(SHADER_ROOT / "render" / "fullscreen.vert")
     outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}

@@ -122,7 +122,7 @@ class ClothBody:
         return self.crotch_mm + 0.28 * (float(self.neck[1]) - self.crotch_mm)
 
     def cut(self, opening: Reals, inside: Reals) -> ClothBody:
-        """Cut the body at the edges of a garment, where the (N,) distances ``inside`` are 0 mm."""
+        """Cut the body at a garment's edges, where the distances ``inside``, (N,) mm, are 0."""
         whole = replace(self, opening=opening)
         grid, blend = self.grid.clipped(np.minimum(opening, inside))
         names = ("skin", "normal", "local", "share", "down", "opening")

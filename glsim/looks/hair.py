@@ -83,7 +83,7 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
 
 
 def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle, seed: int) -> Hair:
-    """Make the hair mesh of a subject, whose reference head is (V, 3) mm."""
+    """Make the hair mesh of a subject; ``skin_mm`` is the resting head, (V, 3)."""
     base = scalp.anchors.place(skin_mm)
     inside = _inside_mm(anatomy, scalp, style, base)
     thickness = _thickness_mm(anatomy, scalp, style, base, inside, seed)

@@ -31,7 +31,7 @@ _LEFT_ROWS = 1.0 - _WEIGHTS[0]
 #: the centre: 1 - 2 h r + h R h with the pixels' correlations r, R.
 _LEFT_WHITE, _LEFT_SMOOTH = 0.9705, 0.7285
 _CORRELATION_WHITE, _CORRELATION_SMOOTH = -0.032, 0.552
-#: Smallest number of pixels of a row or column in each half of the frames, and of rows.
+#: Smallest number of rows, and of pixels of a row or column in each half of the frames.
 _LEAST_PIXELS = 30
 _LEAST_ROWS = 60
 #: Number of bands of the image in which the alternation is averaged.

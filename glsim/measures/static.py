@@ -83,7 +83,7 @@ def _change(first: Floats, lag: int, second: Floats) -> str:
 
 
 def _moved_share(change_mm: Array) -> float:
-    """Compute the share of blocks with depth that moved as a whole, e.g. with a person."""
+    """Compute the share of blocks with depth whose pixels moved together, e.g. with a person."""
     height, width = (size - size % _BLOCK for size in change_mm.shape)
     shape = height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK
     blocks = change_mm[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, _BLOCK**2)

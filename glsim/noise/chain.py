@@ -73,7 +73,7 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
 
 
 def _needs_baseline(stage: Stage, source: ShaderSource) -> bool:
-    """Return whether a stage uses disparity; one whose amplitude in px is 0 does not."""
+    """Return whether a stage uses disparity; a stage with an amplitude of 0 px does not."""
     if "u_focal_baseline_px_m" not in source.bound or stage.settings[ENABLED].bounds()[1] == 0:
         return False
     amplitudes = [stage.settings[n] for n in ("sigma_px", "amplitude_px") if n in stage.settings]

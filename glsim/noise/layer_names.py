@@ -27,9 +27,9 @@ PROJECTOR_LAYER = "projector_image"
 #: layer and the constant only if its sensor has the image.
 IMAGE_CONSTANTS = {PATTERN_LAYER: "PATTERN_MAP", PROJECTOR_LAYER: "PROJECTOR_IMAGE"}
 
-#: The clean depth with the device's systematic error, without anything random. It is the clean
-#: depth before the first stage. Stages write it only in chains that request it: their shaders see
-#: the constant EXPECTED. tof_light, tof_fast and any_camera_noise write it. The other stages add
+#: The clean depth with the device's systematic error, without anything random. Before the first
+#: stage it equals the clean depth. Stages write it only in chains that request it: their shaders
+#: see the constant EXPECTED. tof_light, tof_fast and any_camera_noise write it. Other stages add
 #: noise of mean 0 or a removable pattern, blur, move, drop or round depth, or depend on the scene.
 EXPECTED_LAYER, EXPECTED_CONSTANT = "expected", "EXPECTED"
 

@@ -88,8 +88,8 @@ def array_stage(
     Args:
         reach_px: distance, pixels, at which the function reads neighbours; crops are drawn with
             this margin.
-        reads: layers that the function reads besides clean, depth, reason and infrared. It gets
-            those that the chain has.
+        reads: layers that the function reads besides clean, depth, reason and infrared. A
+            layer that the chain lacks is left out.
     """
 
     def mark(function: ArrayFunction) -> ArrayFunction:

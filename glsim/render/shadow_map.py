@@ -151,7 +151,7 @@ class ShadowMap:
     def _add_light(
         self, lit: Target, view: View, window: Rect, weight: tuple[float, float]
     ) -> None:
-        """Add one emitter's light to a view's target ``lit``; each component has a ``weight``."""
+        """Add one emitter's light to a view's target ``lit``; ``weight`` is per component."""
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         program = self._pass.program
         self._depth.use(3)

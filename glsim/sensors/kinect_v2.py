@@ -17,9 +17,9 @@ FREQUENCIES_MHZ = (80, 16, 120)
 #: Derived: c / 2 / 216 MHz for the mean of the three cycle counts, divided by 2 pi.
 FUSION_MM_PER_RAD = 110.5
 
-#: Tap noise fitted to the curve above, read as that of unfiltered phases: variance = read + shot
-#: times the raw amplitude (amplitude over the multiplier of its frequency), LSB^2. It holds above
-#: an amplitude of 120 too.
+#: Tap noise fitted to the depth noise above, as the noise of unfiltered phases. The variance of a
+#: tap is read + shot times the raw amplitude, LSB^2. The raw amplitude is the amplitude over its
+#: frequency's multiplier. The fit holds above an amplitude of 120, too.
 TAP_READ_LSB2 = 1.755
 TAP_SHOT_LSB = 0.0166
 AMPLITUDE_MULTIPLIERS = (1.3226, 1.0, 1.6129)
@@ -35,14 +35,12 @@ def tap_phase_sigma_rad(
 
     Args:
         amplitude: libfreenect2's infrared units, any shape.
-        amplitude: libfreenect2's infrared units, any shape.
         rounding_lsb2: variance that rounding adds to a tap, LSB^2.
         read_lsb2: variance of a tap without light, LSB^2.
         shot_lsb: growth of a tap's variance per LSB of light, LSB.
 
     Returns:
         (3, ...) phase noise of each frequency, rad.
-        (3, ...) rad.
     """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
     raw = np.stack([a / m for m in AMPLITUDE_MULTIPLIERS])

@@ -9,23 +9,23 @@ centre_px = [254.878, 205.395]
 supersample = 3           optional: samples per pixel along each axis (1, 3 or 5)
 modulation_mhz = [80, 16, 120]   time of flight only: fast, slow, fastest
 shadow_map = true         false: a stage casts the shadows instead of the renderer
-fixed_pattern_map = "x_fixed_pattern.npy"   optional: the device's own, written by glsim fit
-projector_image = "dots.png"   optional: thrown by all emitters instead of drawn dots; and its
-projector_view_deg = [90, 63]  field of view, degrees (glsim.sensors.images)
+fixed_pattern_map = "x_fixed_pattern.npy"   optional: this device's error map, from glsim fit
+projector_image = "dots.png"   optional: image that all emitters project instead of dots
+projector_view_deg = [90, 63]  its field of view, degrees (glsim.sensors.images)
 [rig.exposure]            optional: captures and spacing_ms; or read_out_ms and bands of rows
-[[rig.wiggling]]          optional: the device's own, written by glsim fit (glsim.sensors.wiggling)
-border_px = [0, 0, 0, 0]  optional: left, top, right, bottom of what imagers see around the image
+[[rig.wiggling]]          optional: this device's wiggling, from glsim fit (glsim.sensors.wiggling)
+border_px = [0, 0, 0, 0]  optional: pixels that imagers see left, above, right, below the image
 [[rig.emitter]]
 position_m = [0.045, 0, 0]
-spread_m = 0.005          optional: three points instead of one, this far apart
-shares = [0.2, 0.4, 0.4]  optional: of the light, near end, centre, far end
-path_from_m = [0.04, 0, 0]   optional: where the decoder counts paths from, if elsewhere
+spread_m = 0.005          optional: three points of light at this distance, instead of one
+shares = [0.2, 0.4, 0.4]  optional: shares of the light: near end, centre, far end
+path_from_m = [0.04, 0, 0]   optional: start of the light's path in the decoder, if elsewhere
 [[rig.imager]]            stereo: two; structured light: one, matched with the first emitter's dots
 position_m = [0, 0, 0]
-deliver = "colour"        registers the frame to the camera of
+deliver = "colour"        registers the frame to this camera:
 [rig.colour]              width, height, focal_px, centre_px as above
 position_m = [-0.015, 0, 0]   in the depth camera's frame
-turn_deg = [0, 0, 0]      optional: axis times angle from the depth camera's axes to its own
+turn_deg = [0, 0, 0]      optional: rotation vector from the depth camera's axes to its axes
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
 """Sensors as data: a TOML file with the rig and the chain of noise stages.
 
 title = "..."
-extends = "azure-kinect"  optional: another sensor's name, or a path that ends in .toml, from this
-                          file's folder; a mode of a camera says only what differs
+extends = "azure-kinect"  optional: another sensor's name, or a path to a .toml file, relative to
+                          this file's folder; this file has only the keys that differ
 binning = 2               optional: this mode averages 2 x 2 pixels of the extended sensor into one
 [rig]                     see glsim.sensors.rig_table
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
 name = "axial"            optional; required if a stage is used twice
-base_sigma_mm = 1.5       parameters: numbers or distributions; they replace those of the same stage
-                          of the file that is extended
+base_sigma_mm = 1.5       parameters: numbers or distributions; they replace the parameters of the
+                          same stage in the extended file
 """
 
 from __future__ import annotations

@@ -180,8 +180,8 @@ class MapEngine:
 
 def noise_name(depth_mm: Floats) -> str:
     """Return the name of a map's noise: equal depths in any format and file have the same name."""
-    # Rounding to 1/64 mm makes metres and steps equal: multiples of a step of 0.05 mm or more, or
-    # of a step that is a power of 2, do not fall between two of these numbers.
+    # Rounding to 1/64 mm gives metres and steps the same numbers: a multiple of a step that is 0.05
+    # mm or more, or a power of 2, does not lie halfway between two of them.
     steps = np.rint(depth_mm * np.float32(64)).astype("<i4")
     return f"{stable_seed(depth_mm.shape, zlib.crc32(steps.tobytes())):x}"
 

@@ -216,11 +216,11 @@ class DepthNoise:
         seeds: Any = None,
         **given: Any,
     ) -> dict[str, Any]:
-        """Return what the camera measures of a batch, tensors (B, H, W), by "torch".
+        """Return the layers that the camera measures of a batch, tensors (B, H, W), by "torch".
 
-        depth: noisy, metres; reason: uint8 codes of ``glsim.Reason``; infrared: counts; expected:
-        metres, depth with the device's systematic error and without noise. Arguments and errors as
-        of a call; all maps are changed.
+        The layers are: depth, noisy, metres; reason, uint8 codes of ``glsim.Reason``; infrared,
+        counts; expected, metres, depth with the device's systematic error and without noise. The
+        arguments and errors are those of a call. All maps are changed, whatever ``p`` is.
         """
         if self._backend not in (None, "torch"):
             raise ConfigError(f'layers: only with backend="torch", not {self._backend!r}')
@@ -294,7 +294,7 @@ class DepthNoise:
             self._forget()
         torch = sys.modules.get("torch")
         info = None if torch is None else torch.utils.data.get_worker_info()
-        worker = "here" if info is None else f"worker {info.seed}"  # another one in each epoch
+        worker = "here" if info is None else f"worker {info.seed}"  # changes with each epoch
         number = self._maps.get(worker, 0)
         self._maps = {worker: number + maps}
         return worker, number

@@ -60,7 +60,7 @@ _encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=_to_p
 
 
 def to_json(value: object, where: str) -> str:
-    """Encode a value, which may hold NumPy types, as one line of JSON. NaN: DatasetError."""
+    """Encode a value, NumPy types included, as a line of JSON. Raises DatasetError for NaN."""
     try:
         return _encode(value)
     except (TypeError, ValueError) as error:

@@ -195,7 +195,7 @@ def skin_signal(depth: Image, albedo: Image, lambert: Numbers, squared: Numbers)
 
 
 def any_camera_noise(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Adds noise and a systematic error, as of an unknown depth camera."""
+    """Adds noise and a systematic error of an unknown depth camera."""
     z = layers["depth"]
     xp = of(z)
     cosine, squared, known = incidence(layers["normal"], layers["rays"])

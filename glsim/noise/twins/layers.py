@@ -154,7 +154,7 @@ def has_depth(reason: Image) -> Mask:
 
 
 def reasons_of_taken(layers: Layers, depth_m: Image, lost: Reason) -> Image:
-    """Match the reason codes to new depths, m; pixels that lose their depth get ``lost``."""
+    """Return the reason codes for new depths, m; pixels that lose their depth get ``lost``."""
     xp, here = of(depth_m), layers["depth"]
     new = xp.where(layers["clean"] > 0, float(Reason.MOVED), float(Reason.GROWN))
     reason = xp.where((depth_m <= 0) & (here > 0), float(lost), layers["reason"])

@@ -33,7 +33,7 @@ def stereo_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str,
 
 
 def pattern_light(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Image]:
-    """Draw the light that reaches one imager, and the projected pattern to match it with."""
+    """Draw the light that reaches one imager, and the pattern that it is matched with."""
     left = _imaged_light(view, layers, p, "left", view.imagers_m[0])
     pattern = _thrown(view, layers, layers["rays"], _key(view), p)
     return {"light_left": left, "light_right": np.maximum(pattern, np.float32(0))}
