@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 
 from glsim.cli.common import epilog, run_command_line, with_messages
 
-#: Command -> the heading above it, its module and function (or group), and what it does.
+#: Command -> its heading in the help, its module and function (or group), and its description.
 _COMMANDS = {
     "generate": ("Make data", "generate:generate", "Generate a data set; run again to resume it."),
     "render": ("Make data", "render:render", "Render one mesh to clean and noisy depth."),

@@ -34,8 +34,8 @@ def make_console(
 ) -> Console:
     """Create a console that prints text unchanged: paths may contain [brackets] and :colons:.
 
-    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead. ``width`` are columns
-    where the output is no terminal; ``soft_wrap`` never breaks lines.
+    Markup is off everywhere: give ``style`` or a ``rich.text.Text`` instead. ``width``: number of
+    columns if the output is no terminal. With ``soft_wrap``, lines are never broken.
     """
     plain = functools.partial(
         Console, stderr=stderr, highlight=False, markup=False, emoji=False, soft_wrap=soft_wrap
@@ -116,7 +116,7 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
 
 
 def epilog(examples: str) -> str:
-    """Format the end of a command's help: examples, and the options that all commands have."""
+    """Format the end of a command's help: examples, and options of all commands."""
     shared = "All commands take -q (errors only), -v (decisions), --debug (tracebacks)."
     return f"\b\nExamples:\n{examples.strip()}\n\n{shared}"
 
@@ -186,7 +186,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
 
     def terminate(number: int, _frame: FrameType | None) -> None:
         terminated.append(number)
-        raise KeyboardInterrupt  # ends workers and removes temporary files as Ctrl-C does
+        raise KeyboardInterrupt  # as for Ctrl-C: ends workers, removes temporary files
 
     _print_any_character()
     try:
@@ -209,7 +209,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
     except GlsimError as error:
         return _report_error(error, 2 if isinstance(error, ConfigError) else 1)
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of the output has ended, e.g. ``| head``
+        sys.stderr.close()  # the reader of the pipe has ended, e.g. ``| head``
         return 0
     except Exception as error:
         return _report_error(error, 1)
@@ -330,7 +330,7 @@ JsonFileOption = Annotated[
         help="Write all numbers as JSON; - prints them instead of a table. Default: no file.",
     ),
 ]
-#: The FILE of JsonFileOption that means stdout.
+#: Value of JsonFileOption that means stdout.
 STDOUT = Path("-")
 
 

@@ -1,4 +1,4 @@
-"""``glsim compare``: measure two sets of depth frames and tell them apart."""
+"""``glsim compare``: measure two sets of depth frames, and classify their patches."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def compare(
 ) -> None:
     """Measure two sets of depth frames and tell them apart.
 
-    With --replay the second set is made of the first: its own surfaces, silhouettes and
-    reflectivity, rendered through a sensor. Scenes, distances and light then agree, and what tells
-    the sets apart is the camera.
+    With --replay the second set is made from the first: its surfaces, silhouettes and reflectivity
+    are rendered through a sensor. Scenes, distances and light then agree, and only the camera
+    differs.
 
     The table has noise over distance, radius and infrared, correlation, fixed pattern, silhouettes,
     light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
@@ -58,14 +58,15 @@ def compare(
             Default: none.
         assignments: Set a parameter of that sensor. Repeatable.
         out: Write the table as Markdown. Default: print it.
-        frames: Frames of each set; larger sets are thinned.
-        seed: Of the device and the noise of --replay.
+        frames: Number of frames of each set; of larger sets, evenly spread frames are used.
+        seed: Random seed of the device and the noise of --replay.
         smooth_px: Standard deviation of the smoothing that removes the noise of REAL before a
-            replay, pixels. Default: 2 times the distance at which its noise is half alike.
-        depth_unit_mm: Step of integer depth files, mm. Default: what the recording says, or 1.
-        focal_px: Focal length of both, pixels. Default: stated, or that of the sensor of --replay,
-            or a Kinect V2's.
-        topic: Depth images of bags. Default: native images whose name says depth.
+            replay, pixels. Default: 2 times the distance at which the correlation of its noise is
+            0.5.
+        depth_unit_mm: Step of integer depth files, mm. Default: the stated step, or 1.
+        focal_px: Focal length of both sets, pixels. Default: the stated one, or that of the sensor
+            of --replay, or a Kinect V2's.
+        topic: Topic of the depth images in bags. Default: native images named depth.
     """
     from glsim.bench.compare.comparison import compare_sets
     from glsim.bench.compare.replay import replay

@@ -107,7 +107,7 @@ def corrupt(
 
 
 class _Corrupter:
-    """Adds noise to clean maps, in their order: each copy of a map has noise of its own."""
+    """Adds noise to clean maps in their order; each copy of a map gets other noise."""
 
     def __init__(self, noise: DepthNoise) -> None:
         self._noise, self._copies = noise, Counter[str]()

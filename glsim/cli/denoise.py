@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from glsim.denoise.denoiser import Denoiser
     from glsim.denoise.frames import DenoisedMaps
 
-#: Step of denoised PNG files, which state it, mm: rounding to it adds 0.03 mm. Whole millimetres
-#: cost a network 4 to 8 % of its error.
+#: Step of denoised PNG files, mm; the files state it. Rounding adds noise of 0.03 mm; with whole
+#: millimetres, a network's error would be 4 to 8 % larger.
 _FINEST_MM = 0.1
 
 EXAMPLES = """

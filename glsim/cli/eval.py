@@ -159,12 +159,12 @@ def score_and_write(
     """Score with a progress bar, and print the names of the written files.
 
     Args:
-        score: ``score_denoisers``, or a function of the same job, folder and options.
-        job: what is scored.
+        score: ``score_denoisers``, or a function with the same parameters.
+        job: the frames and the denoisers.
         out: folder of the results.
-        figures: whether report.html is wanted.
-        workers: as ``--workers``.
-        tune: adds denoisers to the job, given the folder and the number of workers.
+        figures: whether to write report.html.
+        workers: value of ``--workers``.
+        tune: function of job, folder and number of workers that adds denoisers to the job.
     """
     from glsim.data.worker_processes import worker_count
 

@@ -28,7 +28,7 @@ glsim eval-real recording -d face -o real
 glsim eval-real recording -d face --tune-filters -o real    beside the classical filters
 """
 
-#: Scored without --denoiser: the shipped network.
+#: Denoisers that are scored without --denoiser: the shipped network.
 _DEFAULT = ("face",)
 
 

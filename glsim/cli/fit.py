@@ -44,25 +44,25 @@ def fit(
 
     Record at least 30 frames of walls and furniture at many distances; nothing may move. Without
     infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo; with
-    infrared, that the brightest ones have it. Wiggling needs undistorted frames of plane walls that
-    cover 0.65 m of distances or more: one at a slant, or several at several distances. A plain wall
-    shows the fixed pattern, which is also written as a map: NAME_fixed_pattern.npy, float32 mm,
-    (rows, columns), NaN where it is unknown. The sensor file names the map, and frames of that
-    sensor have this pattern.
+    infrared, it assumes that the brightest surfaces have it. Wiggling needs undistorted frames of
+    plane walls that cover 0.65 m of distances or more: one at a slant, or several at several
+    distances. A plain wall shows the fixed pattern, which is also written as a map:
+    NAME_fixed_pattern.npy, float32 mm, (rows, columns), NaN where it is unknown. The sensor file
+    names the map, and frames of that sensor have this pattern.
 
-    Recordings of stereo and structured light are told by their depths (the lattice of f B / n): the
-    fit finds focal length times baseline, the noise of disparity from frame to frame and what stays
-    of it, its correlation, holes, and writes a sensor that extends the nearest shipped one.
+    Recordings of stereo and structured light are recognised by their depths (the lattice of f B /
+    n). For these, the fit finds focal length times baseline, the temporal and the static noise of
+    disparity, its correlation and holes, and writes a sensor that extends the nearest shipped one.
 
     Args:
         frames: A recording as glsim import kinect2 reads it, a data set, or files.
         out: The sensor file to write.
         focal_px: Focal length, pixels. Default: stated, or the base sensor's.
         albedo: Albedo of the scene relative to a white wall.
-        depth_unit_mm: Step of the depth files, mm. Default: as the recording says, or 1.
-        base: Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default: what the
-            recording's depths say.
-        topic: Depth images of a bag. Default: native images whose name says depth.
+        depth_unit_mm: Step of the depth files, mm. Default: the stated step, or 1.
+        base: Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default:
+            recognised by the recording's depths.
+        topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     import io
 

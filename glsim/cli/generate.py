@@ -42,12 +42,12 @@ glsim generate -o shared/data --subjects 100000 --part 3/16   one of 16 jobs
 The same command again resumes an interrupted run, or checks a finished one.
 """
 
-#: What ``--plan`` draws to measure time and size: frames of each of some people, and the seconds
-#: after which it draws no more. Chosen.
+#: ``--plan`` renders some frames to measure time and size: number of frames per person, number of
+#: people, and seconds after which it starts no more frames. The values were chosen.
 _SAMPLED_FRAMES, _SAMPLED_PEOPLE, _SAMPLING_S = 4, 3, 8.0
-#: People of each folder whose unit and pose are printed first. Chosen.
+#: Number of people in each folder whose unit and pose are printed. Chosen, not measured.
 _SHOWN_PEOPLE = 3
-#: Seconds until a worker process has imported what it needs, measured on a two-core cloud machine.
+#: Seconds in which a worker process imports its modules, measured on a two-core cloud machine.
 _PROCESS_S = 1.5
 #: Bytes of a frame's record, measured with kinect-v2.
 _RECORD_BYTES = 1_600
@@ -137,7 +137,7 @@ def generate(
 
 
 def _print_poses(settings: Settings) -> None:
-    """Print the unit and the pose that are found in the first meshes of files, and the doubts."""
+    """Print unit and pose of the first meshes of each folder, and doubts about them."""
     from glsim.faces.face_source import BadFace
     from glsim.faces.meshes.alignment import describe_notes
     from glsim.faces.scans.file_source import FileFaces
@@ -156,7 +156,7 @@ def _print_poses(settings: Settings) -> None:
 
 
 def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
-    """Say which splits have a share of the people, but nobody, because people are few."""
+    """Name the splits that have a share above 0 but no person, since there are few people."""
     from glsim.settings.schema import SPLIT_NAMES
 
     if isinstance(settings.split, str):
@@ -179,7 +179,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
     from glsim.simulation.pipeline import open_sources
     from glsim.simulation.plan.tasks import make_tasks
 
-    if not sensor_code(settings):  # a plan runs none
+    if not sensor_code(settings):  # a plan must not run a sensor's code
         sensor_of(settings)
     sources = open_sources(settings)
     plan = make_tasks(settings, sources)
@@ -215,7 +215,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
 
 
 class _Cost(NamedTuple):
-    """Measured bytes and seconds of a frame, seconds of a person and of a worker's start."""
+    """Measured bytes and seconds per frame, seconds per person, and seconds of a worker's start."""
 
     frame_bytes: float
     frame_s: float
@@ -225,7 +225,7 @@ class _Cost(NamedTuple):
 
 
 def _measured_cost(settings: Settings, sources: Sequence[FaceSource], plan: Plan) -> _Cost | None:
-    """Draw and encode some frames of a plan; None if it has none that can be drawn."""
+    """Render and encode some frames of a plan; None if no frame can be rendered."""
     from statistics import median
 
     from glsim.core.files.png import encode_png

@@ -23,10 +23,10 @@ glsim import kinect2 dumps -o real --mirror
 
 
 class _KindFinder(TyperGroup):
-    """The commands of ``import``; a path in place of a command takes that of its recordings."""
+    """The commands of ``import``; for a path without a command, the kind of recordings decides."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the kind before a path: Biwi's persons have a template NN.obj beside each folder."""
+        """Insert the command before a path: biwi if a template NN.obj is beside a folder NN."""
         if args and args[0] not in self.commands and Path(args[0]).exists():
             args = ["biwi" if any(Path(args[0]).glob("[0-9][0-9].obj")) else "kinect2", *args]
         return super().parse_args(ctx, args)
@@ -104,11 +104,11 @@ def kinect2(
         root: A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of iai_kinect2,
             16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2, .bag, .mcap, .mkv.
         out: Folder for the data set.
-        depth_unit_mm: Step of integer depth files, mm. Default: as the recording says, or 1.
+        depth_unit_mm: Step of integer depth files, mm. Default: the stated step, or 1.
         mirror: Flip left and right, as libfreenect2's dumps need.
         every: Use every N-th frame.
         split: Shares of train,val,test. Default: 0,0,1 (all test).
-        topic: Depth images of a bag. Default: native images whose name says depth.
+        topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     from glsim.cli.progress import generation_progress, print_summary
     from glsim.data.recordings.imports import import_recordings

@@ -53,8 +53,8 @@ def inspect(
         shown: Number of faces on the sheet; 0 draws none.
         unit: Unit of the mesh files; overrides detection.
         axes: Axes of the mesh files; overrides detection.
-        depth_unit_mm: Step of a recording's whole numbers, mm. Default: as stated, else 1.
-        topic: Depth images of a bag. Default: native images whose name says depth.
+        depth_unit_mm: Step of a recording's integers, mm. Default: the stated step, else 1.
+        topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     from glsim.core.files.png import write_picture
     from glsim.data import inspection
@@ -104,7 +104,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     except NoDepthError:
         return None
     except DatasetError:
-        if meshes:  # pictures beside a face set are its textures
+        if meshes:  # images beside meshes are textures of a face set
             return None
         raise
     if not meshes:
@@ -117,7 +117,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
 
 
 def _camera(recording: Recording) -> dict[str, Any]:
-    """Return what a recording says of its camera, the sensor that is like it, and its denoiser."""
+    """Return the stated camera of a recording, the most similar sensor, and a denoiser for it."""
     from glsim.denoise.camera_choice import camera_of, network_for
 
     frame = recording.frames[0]

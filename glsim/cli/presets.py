@@ -26,7 +26,7 @@ def presets(name: Annotated[str | None, typer.Argument()] = None) -> None:
     """
     if name is not None:
         text = preset_file(name).read_text(encoding="utf-8")
-        sys.stdout.write(text.replace("\ntitle =", "\n# title =", 1))  # no setting
+        sys.stdout.write(text.replace("\ntitle =", "\n# title =", 1))  # the title is no setting
         return
     table = Table("preset", "what it is", box=None)
     for each in preset_names():

@@ -16,7 +16,7 @@ glsim preview data -o pictures --frames 12 --split test
 glsim preview data -o pictures --3d         surface.html: a frame to turn
 """
 
-#: Number of frames for the noise summary; more do not change the printed digits.
+#: Number of frames for the summary of noise; more frames do not change the printed digits.
 _MEASURED_FRAMES = 200
 
 
@@ -61,7 +61,7 @@ def preview(
             print_message(sentence)
     if len(pairs) == 0:
         raise DatasetError(f"{dataset}: has no frames to draw")
-    # Frames are spread evenly, each from the middle of its share, where expressions are strong.
+    # Frames are evenly spread, each from the middle of its interval, where expressions are strong.
     rows = min(frames, len(pairs))
     shown = [pairs[int((row + 0.5) * len(pairs) / rows)] for row in range(rows)]
     sheet, summary = out / "contact_sheet.png", out / "summary.md"

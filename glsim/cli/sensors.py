@@ -81,7 +81,7 @@ def _copy(source: Path, out: Path | None) -> None:
     """Print a sensor's file, or copy it to a new file. Raises ConfigError, DatasetError."""
     from glsim.settings.toml_tables import read_toml
 
-    read_toml(source)  # refuses what is no readable TOML file
+    read_toml(source)  # raises ConfigError if it is no readable TOML file
     text = source.read_text(encoding="utf-8")
     if out is None:
         sys.stdout.write(text)

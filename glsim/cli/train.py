@@ -29,9 +29,10 @@ glsim train --list
 Ctrl-C stops after the current step and saves the training; --resume continues it.
 """
 
-#: Seconds between the first lines in a log; they grow to 10 minutes within an hour. Chosen.
+#: Seconds between the first lines of a log; the interval grows to 10 minutes within an hour. The
+#: value was chosen, not measured.
 _LINE_S = 10.0
-#: Printed metrics of a validation, which have names of metrics.csv.
+#: Metrics of a validation that are printed, by their names in metrics.csv.
 _METRICS = (
     "loss {loss:.4g}, interior {interior_rmse_mm:.2f} mm (input {input_interior_rmse_mm:.2f}), "
     "flips {flips:.0f} (input {input_flips:.0f}), mse {mse_mm2:.0f} mm2"

@@ -76,10 +76,10 @@ def tune(
         address.open_browser()
     # A single process draws here, so it may use all cores.
     os.environ.setdefault("LP_NUM_THREADS", str(available_workers()))
-    # The page's libraries load in another thread while the face is made: at Python's default of
-    # 5 ms each of many short NumPy calls would wait that long for the interpreter.
+    # The page's libraries load in another thread while the face is made. At Python's default of 5
+    # ms, each of many short NumPy calls would wait 5 ms for the interpreter.
     sys.setswitchinterval(0.0005)
     session.prepare()
-    from glsim.cli.tune_page.page import serve  # takes seconds, while the first frame is drawn
+    from glsim.cli.tune_page.page import serve  # takes seconds, while a frame is drawn
 
     serve(session, address)

@@ -43,8 +43,8 @@ def validate(
 ) -> int:
     """Check a sensor's noise against published measurements.
 
-    Walls, edges, steps and faces are rendered and measured. Each check names its source and whether
-    that was measured on devices, is a data sheet's, or was derived. The exit status is 0 if every
+    Walls, edges, steps and faces are rendered and measured. Each check names its source, and
+    whether this is a measurement, a data sheet or a derivation. The exit status is 0 if every
     check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
 
     Args:

@@ -17,7 +17,7 @@ glsim verify data
 glsim verify data --deep --repair
 """
 
-#: Problems that are printed; a folder that was lost makes thousands.
+#: Largest number of printed problems; a lost folder causes thousands.
 _SHOWN = 200
 #: Settings of ``generate`` that have their own option in ``glsim import``.
 _IMPORT_OPTIONS = ("every", "subjects", "frames_per_subject")
@@ -31,7 +31,7 @@ def verify(
 ) -> int:
     """Check a data set's header, counts, checksums and splits; find files without a record.
 
-    Prints one line a problem. The exit status is 1 if there is any. Nothing is changed.
+    Prints one line per problem. The exit status is 1 if there is a problem. Nothing is changed.
 
     Args:
         dataset: Folder of a data set.
@@ -101,7 +101,7 @@ def _command(dataset: Path, header: Mapping[str, Any]) -> str:
         if tree["split"] != default["split"]:
             shares = tree["split"]
             words += ["--split", shares if isinstance(shares, str) else ",".join(map(str, shares))]
-        # The header does not hold these two: they are in the depth files that it holds.
+        # The header lacks these two options; their effect is in the depth files.
         more = " # and --depth-unit-mm and --mirror as before"
         return shlex.join(words) + (more if source["kind"] == "kinect2" else "")
     for name, value in tree.items():

@@ -1,1 +1,1 @@
-"""Noise in the programs of others: robot learning."""
+"""Sensor noise in other programs, such as environments for robot learning."""

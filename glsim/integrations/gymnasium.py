@@ -1,4 +1,4 @@
-"""A camera's noise on the depth images that a Gymnasium environment observes."""
+"""A sensor's noise on the depth images of a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ __all__ = ["NoisyDepth"]
 
 
 class NoisyDepth(gymnasium.ObservationWrapper):  # type: ignore[misc]  # it has no types for us
-    """Adds a sensor's noise to the depth images of an environment; each episode has another device.
+    """A wrapper that adds sensor noise to an environment's depth images, by episode another device.
 
-    The noise is a function of the seed that ``reset`` was last given (of the sensor's before), the
-    number of episodes since, and the step. The environment's own random numbers stay as they are.
+    The noise is a function of the last seed of ``reset`` (before: the sensor's seed), the number of
+    episodes since then, and the step. The environment's random numbers do not change.
 
     Args:
-        env: observes a depth image, (H, W) or (H, W, 1) float metres along the axis, 0 or infinity
-            = nothing; or a dictionary that has one.
-        sensor: as of DepthNoise; its stages must take tensors.
-        key: of the depth image in the dictionary.
+        env: environment whose observation is a depth image, or a dictionary with one: (H, W) or (H,
+            W, 1) float metres along the axis, 0 or infinity = no depth.
+        sensor: see DepthNoise; its stages must accept tensors.
+        key: key of the depth image in the dictionary.
         camera: fx, fy, cx, cy of the image, pixels, with the first pixel's centre at 0.5.
-        options: further ones of DepthNoise.
+        options: further options of DepthNoise.
 
     Raises:
-        ConfigError: for observations without such an image, and as DepthNoise does.
+        ConfigError: observations have no such image; also the errors of DepthNoise.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class NoisyDepth(gymnasium.ObservationWrapper):  # type: ignore[misc]  # it has 
         self._device, self._frame = 0, 0
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode with another device; a seed makes it and those after it repeatable."""
+        """Begin an episode with another device; a seed makes this and later episodes repeatable."""
         if seed is not None:
             self._devices = np.random.default_rng(seed)
         self._device, self._frame = int(self._devices.integers(2**31)), 0

@@ -1,7 +1,7 @@
 """``glsim tune``: change a sensor's noise in a browser and see the frame at once.
 
-``tuning`` holds what the user has changed, with undo, and writes it out; ``preview`` draws frames
-on the GL thread; ``controls`` turns declared parameters into sliders; ``figures`` measures;
-``sensor_file`` saves. These need no browser. ``page`` is the page itself (NiceGUI, extra
-``glsim[tune]``), ``access`` says who may open it; ``assets`` holds its scripts.
+These modules need no browser: ``tuning`` stores the user's changes with undo, ``preview`` draws
+    frames on the GL thread, ``controls`` defines sliders of declared parameters, ``figures``
+    measures frames, ``sensor_file`` writes a sensor. ``page`` is the page itself (NiceGUI, extra
+    ``glsim[tune]``), ``access`` decides who may open it, ``assets`` has its scripts.
 """

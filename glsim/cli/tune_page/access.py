@@ -1,8 +1,8 @@
 """Access control of the page, and the settings that are kept after the command ends.
 
-As Jupyter does: the page listens on loopback, the printed address holds a token, which a browser
-exchanges for a cookie, and requests of other origins are refused. One file that the user alone can
-read keeps the cookie's secret and the last settings.
+As in Jupyter, the page listens on loopback. The printed address contains a token, which a browser
+exchanges for a cookie; requests of other origins are refused. A file that only the user can read
+stores the cookie's secret and the last settings.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from glsim.core.files.regular import read_regular
 _COOKIE_S = 30 * 86_400
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 _EVERY_HOST = ("0.0.0.0", "::")
-#: Largest state file, bytes, and the number of settings in it.
+#: Largest state file, bytes, and largest number of stored settings.
 _LARGEST, _MOST_KEPT = 1 << 22, 20
 
 
@@ -51,7 +51,7 @@ class PageAddress:
 
     @property
     def port(self) -> int:
-        """The port in use, which differs from the requested port if that was taken."""
+        """The port in use; it differs from the requested port if that was taken."""
         return int(self.listening.getsockname()[1])
 
     @property
@@ -84,7 +84,7 @@ def listen(host: str, port: int) -> PageAddress:
         except OSError as error:
             failure = error.strerror or error
         else:
-            # Small answers would wait up to 40 ms for each other.
+            # Without this option, small answers wait up to 40 ms for each other.
             listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             return PageAddress(host, listening)
     raise ConfigError(f"--host {host} --port {port}: {failure}")
@@ -115,7 +115,8 @@ class AccessCheck:
             if _equal(request.cookies.get(self._cookie, ""), self._secret):
                 return None
             if _equal(request.query_params.get("token", ""), self._address.token):
-                # Lax: the browser sends it on this redirection, which a file of another site began.
+                # Lax: the browser sends the cookie on this redirection, which began in a local
+                # file.
                 page = RedirectResponse(str(request.url.remove_query_params("token")), 303)
                 page.set_cookie(
                     self._cookie, self._secret, _COOKIE_S, httponly=True, samesite="lax"
@@ -148,7 +149,7 @@ class AccessCheck:
         tables = (Path("/proc/net", name) for name in ("tcp", "tcp6"))
         lines = (line.split() for t in tables if t.is_file() for line in t.read_text().splitlines())
         users = {int(f[7]) for f in lines if f[1].endswith(ends[0]) and f[2].endswith(ends[1])}
-        return users <= {os.getuid(), 0}  # root owns sockets that nobody holds any more
+        return users <= {os.getuid(), 0}  # closed sockets belong to root
 
 
 def _equal(given: str, wanted: str) -> bool:
@@ -168,7 +169,7 @@ def _unframed(send: Send) -> Send:
 
 
 def _write_private(name: str, text: str) -> Path | None:
-    """Write a file of mode 0600 in the cache folder; return None if there is none to write to."""
+    """Write a file of mode 0600 in the cache folder; return None without a cache folder."""
     try:
         path = cache_folder() / name
         path.parent.mkdir(parents=True, exist_ok=True)

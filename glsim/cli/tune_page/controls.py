@@ -10,10 +10,10 @@ from glsim.noise.stage import ENABLED, Stage
 from glsim.settings.distribution import Distribution
 from glsim.settings.schema import Settings
 
-#: Steps of a slider between its ends: one per pixel of its track, about.
+#: Number of steps of a slider: about one per pixel of its track.
 _STEPS = 200
-#: A declared range is shown up to this many times the larger of default and value, unless the note
-#: gives the slider's own: [0, 65535] counts is a limit, not a range to choose from.
+#: A slider shows a declared range up to this multiple of the larger of default and value, unless
+#: the parameter's note gives the slider's range: [0, 65535] counts is a limit, not a useful range.
 _SPAN = 5.0
 
 
@@ -22,14 +22,14 @@ class Control:
     """A value that the user can change with a slider.
 
     Attributes:
-        name: as in ``--set name=value``.
-        kind: float, int or bool.
+        name: name in ``--set name=value``.
+        kind: type of the value: float, int or bool.
         low, high: the valid range.
         least, most: the ends of the slider.
-        log_scale: the slider holds the logarithm to base 10.
-        start: the sensor's own value.
-        off: the sensor lacks the value until the slider moves away from ``start``.
-        own_step: the step that the declaration gives; 0: none.
+        log_scale: whether the slider's position is the logarithm to base 10.
+        start: value in the sensor file.
+        off: whether the sensor has no such value until the slider is moved from ``start``.
+        own_step: step in the parameter's declaration; 0: none.
     """
 
     name: str

@@ -16,7 +16,7 @@ from glsim.gl.includes import display_name
 from glsim.noise.stage import Stage
 
 _TEMPLATE = Path(__file__).parent / "assets" / "template.glsl"
-#: Wait for this long after the last key before compiling, seconds.
+#: Seconds from the last key to the compilation.
 _PAUSE = 0.25
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 

@@ -21,11 +21,11 @@ from glsim.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.measures.validity import measure_invalid
 from glsim.simulation.frame import Frame
 
-#: Frames of the recording that are measured; chosen, since the page waits for them.
+#: Number of measured frames of the recording. Chosen: the page waits for the measurement.
 _RECORDED = 16
-#: Pixels up to this far behind the nearest point count as the face, mm: the depth of a head.
+#: Pixels up to this distance behind the nearest point count as the face, mm: the depth of a head.
 _FACE_MM = 250.0
-#: Width of the bins of distance and angle, and least pixels of a bin.
+#: Width of the bins of distance and of angle, and smallest number of pixels in a bin.
 _DISTANCE_MM, _ANGLE_DEG, _LEAST = 20.0, 10.0, 30
 _BINS, _LAGS = 40, 8
 
@@ -33,8 +33,8 @@ _BINS, _LAGS = 40, 8
 def frame_figures(frame: Frame) -> dict[str, Any]:
     """Compute the figures of a frame as JSON values; None for too few pixels.
 
-    Errors are noisy minus clean, mm, of pixels with both, without flying pixels; sigma is their
-    standard deviation about the mean of a bin on the face.
+    Errors are noisy minus clean depth, mm, of pixels with both, without flying pixels. Sigma is
+    their standard deviation about the mean of a bin on the face.
 
     Args:
         frame: with the layer ``normal``, (h, w, 4) in the camera's axes.
@@ -132,7 +132,7 @@ def _by(at: Floats, error: Floats, width: float) -> list[list[float]]:
 def _histogram(values: Floats, unit_mm: float) -> dict[str, Any]:
     """Count errors in bins within four robust deviations; outliers go to the last bins.
 
-    Bins are whole units of depth: others would leave every third bin empty.
+    Bins are whole depth units wide; with other widths, every third bin might be empty.
     """
     if values.size < _LEAST:
         return {"low_mm": -1.0, "high_mm": 1.0, "counts": []}

@@ -21,9 +21,9 @@ from glsim.cli.tune_page.tab import Elements, TuneTab
 from glsim.cli.tune_page.topbar import TopBar
 
 ASSETS = Path(__file__).parent / "assets"
-#: How long a silent tab is kept, s: the first frame compiles shaders, seconds on a busy machine.
+#: Seconds for which a silent tab is kept; the first frame compiles shaders, which is slow.
 _PATIENCE_S = 20
-_LAST_S = 0.8  # after the server's own second
+_LAST_S = 0.8  # seconds after the server's timeout of 1 s
 
 _HEAD = """
 <link rel="stylesheet" href="/tune/assets/tune.css">
@@ -90,12 +90,12 @@ def serve(session: TuneSession, address: PageAddress) -> None:
             host=address.host, port=address.port, fd=address.listening.fileno(), show=False,
             reload=False, show_welcome_message=False, dark=None, tailwind=False,
             reconnect_timeout=_PATIENCE_S, title="glsim tune", favicon=ASSETS / "icon.svg",
-            # On one machine: to compress 1.5 MB of layers takes longer than to draw and send them.
+            # No compression on one machine: it takes longer than to draw and send 1.5 MB of layers.
             gzip_middleware_factory=None, timeout_graceful_shutdown=1,
             proxy_headers=False,  # else a local user forges the address that AccessCheck looks up
         )  # fmt: skip
     finally:
-        # The interpreter would wait for a frame that is being drawn, or measured.
+        # Exit without waiting for a frame that is being drawn or measured.
         end = threading.Timer(_LAST_S, os._exit, (1,))
         end.daemon = True
         end.start()

@@ -23,7 +23,7 @@ from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.distribution import Distribution, constant
 
 _POSE = "pose and scene"
-#: The slider sends at most one change in this time, seconds; the last one always.
+#: A slider sends at most one change in this time, seconds; it always sends the last change.
 _THROTTLE = 0.04
 
 

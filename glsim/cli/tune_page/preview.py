@@ -39,7 +39,7 @@ from glsim.simulation.plan.tasks import Task, make_tasks
 
 #: Layers that the page measures or shows besides the images.
 _EXTRA_LAYERS = ("normal", DISPARITY_LAYER)
-#: Values that need other faces or another plan, and so a simulator of their own.
+#: Values that change the faces or the plan, and so need another simulator.
 _OF_PLAN = ("seed", "devices")
 _TYPES = {"uint8": "u1", "uint16": "u2", "float32": "f4"}
 _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
@@ -62,7 +62,7 @@ class Picture:
 
 
 class Preview:
-    """Renderer of tunings on an OpenGL context of its own, for use on one thread."""
+    """Renderer of tunings with its own OpenGL context; use it on one thread only."""
 
     def __init__(
         self, base: Settings, open_sources: Callable[[Settings], Sequence[FaceSource]]
@@ -73,8 +73,8 @@ class Preview:
         self._plan: tuple[str, Mapping[str, Any]] | None = None
         self._tasks: Sequence[Task] = ()
         self._plain: Simulator | None = None
-        #: The simulator with the code of some stages, and the last that drew a frame: its programs
-        #: stay linked while its code is edited.
+        #: Code of changed stages, and the last simulator with this code that drew a frame. Its
+        #: programs stay linked while the code is edited.
         self._coded: tuple[Mapping[str, StageCode], Simulator] | None = None
         self._last: Simulator | None = None
 

@@ -16,7 +16,7 @@ from glsim.sensors.sensor import EXTENDS, RIG_FILES, Sensor
 from glsim.settings.schema import Settings
 from glsim.settings.toml_tables import toml_value
 
-#: End of the title of a sensor that was changed.
+#: Suffix of the title of a changed sensor.
 _TUNED = ", tuned"
 
 
@@ -26,8 +26,8 @@ def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
     Raises ConfigError for a name without .toml.
 
     Args:
-        sensor: as the tuning's simulator has it. Values of the pose and the scene are no part of a
-            sensor and are left out (``other_values`` names them).
+        sensor: the sensor of the tuning's simulator. Values of pose and scene are left out, since
+            they are not part of a sensor (``other_values`` names them).
     """
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: the name of a sensor file ends in .toml")
@@ -43,8 +43,8 @@ def save_sensor(tuning: Tuning, sensor: Sensor, file: Path) -> list[Path]:
 def checked_path(text: str) -> Path:
     """Check the file name that the user typed, and return its path.
 
-    Raises ConfigError for no name, a name of a folder, and a folder that does not exist: a mistyped
-    one is not made.
+    Raises ConfigError for an empty name, the name of a folder, and a folder that does not exist; it
+    is not created, since its name may be mistyped.
     """
     if not text.strip() or "\0" in text:
         raise ConfigError("give the name of a file")
@@ -107,7 +107,7 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
 
 
 def _replace(table: Any, key: str, value: Any) -> None:
-    """Set a value, and replace the comment, the old value's source, by the old value."""
+    """Set a value; the old value replaces the comment, which gave the old value's source."""
     before = table.get(key)
     if before == value:
         return

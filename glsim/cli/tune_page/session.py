@@ -25,7 +25,7 @@ from glsim.simulation.pipeline import open_sources
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 
-#: Frames of one mesh: the same surface with other noise.
+#: Number of frames of a mesh; they show the same surface with different noise.
 _MESH_FRAMES = 30
 
 
@@ -34,11 +34,11 @@ class TuneSession:
     """A run of ``glsim tune``, with its threads.
 
     Attributes:
-        base: the settings that a tab starts from.
+        base: settings from which a tab starts.
         start: the tuning of the command's options.
         command: the part of a command line that names the faces, e.g. ``glsim render face.obj``.
         real: folder of a recording, or None.
-        recorded: its figures, once they are measured.
+        recorded: figures of this recording, after they were measured.
     """
 
     base: Settings
@@ -52,7 +52,7 @@ class TuneSession:
 
     def prepare(self) -> None:
         """Draw the first frame on the GL thread, so that the first tab opens at once."""
-        self._gl.submit(self.preview.draw, self.start)  # a tab reports its errors
+        self._gl.submit(self.preview.draw, self.start)  # the tab will report errors
 
     async def on_gl(self, function: Callable[..., _T], *arguments: Any) -> _T:
         """Run a function on the GL thread."""
@@ -92,9 +92,9 @@ def open_session(
     Raises MeshError if ``face`` cannot be read.
 
     Args:
-        assignments: of ``--set``.
+        assignments: values of ``--set``.
         face: a mesh file that replaces the source of ``settings``.
-        command_options: option -> value or None, of the command that makes the same frames.
+        command_options: option -> value or None, for the command that makes the same frames.
     """
     settings, values = _split(settings, assignments)
     start = Tuning(settings.sensor, values)
@@ -119,7 +119,7 @@ def open_session(
 def _split(settings: Settings, assignments: Sequence[str]) -> tuple[Settings, dict[str, Any]]:
     """Split settings into fixed settings and values that the page shows as changed.
 
-    Changed values are those of the rig and the stages, and ``--set`` of the pose and the scene.
+    Changed values are values of the rig and the stages, and ``--set`` values of pose and scene.
     """
     values: dict[str, Any] = {f"rig.{key}": value for key, value in settings.rig.items()}
     for stage, own in settings.stage.items():

@@ -1,4 +1,4 @@
-"""One open tab: its history of tunings, its drawing loop, and what it asks of its elements."""
+"""One open tab: its history of tunings, its drawing loop, and calls of its elements."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from glsim.core.errors import GlsimError
 from glsim.core.reason import Reason
 from glsim.sensors.sensor import Sensor
 
-#: Pause between a painted picture and its figures, and the same while the page plays, seconds:
-#: to show figures takes the browser as long as a picture.
+#: Pause between a painted picture and its figures, seconds: normally, and while the page plays. To
+#: show figures takes the browser as long as to show a picture.
 _REST, _REST_PLAYING = 0.15, 1.5
-#: Longest wait of a browser's request for a picture, and of the server's end after Ctrl-C, seconds.
+#: Longest time, s, that a browser's request waits for a picture; Ctrl-C waits as long, too.
 _WAITING: Final = 2.0
 
 
@@ -48,13 +48,13 @@ class TuneTab:
     """Tunings and pictures of a tab.
 
     Attributes:
-        picture: the newest one.
-        selected: the open section of the left column.
-        playing: whether frame follows frame.
+        picture: the newest picture.
+        selected: name of the open section of the left column.
+        playing: whether the frames are shown one after the other.
         packet: the newest picture for the browser.
         other_packet: the picture of setting B, or None.
-        other_figures: its figures, or None.
-        restored: it started from the last settings of this command.
+        other_figures: figures of setting B, or None.
+        restored: whether the tab started from the last settings of this command.
     """
 
     def __init__(
@@ -259,7 +259,7 @@ class TuneTab:
             return
         self.playing = False
         self.show_problem(why)
-        if self.picture is None or tuning != self.picture.tuning:  # else a file has changed
+        if self.picture is None or tuning != self.picture.tuning:  # if equal, a file has changed
             if self.history.refuse(tuning) and self.picture is None:
                 self._wanted = True
             self.show_settings()

@@ -16,7 +16,7 @@ from glsim.core.errors import ConfigError, GlsimError
 from glsim.sensors.sensor import sensor_names
 from glsim.settings.toml_tables import toml_value
 
-#: Ranges of colours of the difference, mm.
+#: Ranges of the colour scale for differences, mm.
 _SCALES_MM = (2, 5, 10, 20, 50, 100)
 
 

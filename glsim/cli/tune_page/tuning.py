@@ -1,7 +1,7 @@
 """A tuning (the changes to a sensor as a plain value), and its undo history.
 
-Names and values are those of ``--set`` in all that the page writes: a command line, Python, a
-sensor file.
+All that the page writes (a command line, Python, a sensor file) has the names and values of
+``--set``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from glsim.settings.toml_tables import toml_value
 #: A number, a switch, or a distribution such as {"uniform": [1, 3]}.
 Value = Any
 
-#: Steps that can be undone; a step is a few hundred bytes.
+#: Largest number of steps that can be undone; a step takes a few hundred bytes.
 _HISTORY = 200
 
 
@@ -25,7 +25,7 @@ class StageCode:
     """GLSL code that replaces a stage's code, or that adds a new stage.
 
     Attributes:
-        before: the stage that a new one precedes.
+        before: name of the stage before which a new stage is inserted.
     """
 
     text: str
@@ -38,8 +38,8 @@ class Tuning:
     """A state of the page's settings; equal tunings give equal frames.
 
     Attributes:
-        sensor: name or file.
-        values: name of ``--set`` -> value.
+        sensor: name of a sensor, or a sensor file.
+        values: name in ``--set`` -> value.
         code: stage -> its changed GLSL.
         frame: number of the frame in the plan.
     """
