@@ -150,8 +150,7 @@ class _Torch(Functions):
         return self._torch.stack(self._torch.broadcast_tensors(*arrays)).movedim(0, axis)
 
     def vector(self, numbers: Sequence[float] | Reals, like: Any) -> Any:
-        # The vector is filled on its device: to copy it from the CPU, the program would wait for a
-        # GPU.
+        # The vector is filled on its device: a copy from the CPU would wait for the GPU.
         f32 = self._torch.float32
         return self._torch.stack([like.new_full((), float(n), dtype=f32) for n in numbers])
 

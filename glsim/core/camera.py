@@ -259,8 +259,7 @@ class Exposure:
         captures: number of captures of a time-of-flight frame; 0 for other cameras. The first nine
             measure, frequency by frequency in the rig's order; a tenth is not used.
         spacing_ms: time from one capture to the next.
-        read_out_ms: time that a rolling shutter takes from the first row to the last; 0 for a
-            global shutter.
+        read_out_ms: time from the first row to the last of a rolling shutter; 0 for a global one.
         bands: number of bands; the rows of a band share one time.
     """
 
@@ -327,13 +326,11 @@ class SensorRig:
             distorted image of the lens. "colour": the colour camera's image.
         supersample: samples per pixel along each axis, for stages that sum up light; odd.
         modulation_mhz: the three frequencies of a time-of-flight camera; otherwise empty.
-        shadow_map: whether the renderer casts shadows. If False, it lights all surfaces, and a
-            stage casts the shadows.
+        shadow_map: whether the renderer casts shadows. If False, a stage casts them.
         imagers_m: positions of the infrared imagers of a triangulating camera, camera frame,
             metres: two for stereo; one for structured light, whose second view is the first
             emitter; empty for other cameras. Their images have the rig's intrinsics.
-        border_px: columns and rows that the imagers see left, above, right and below the delivered
-            image.
+        border_px: pixels that the imagers see left, above, right and below the delivered image.
         projector_tan: tangents of half the projector's field of view, horizontal and vertical; 0
             if the emitters project no pattern.
     """

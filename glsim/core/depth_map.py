@@ -4,8 +4,7 @@ Functions of ``Maps`` take and return arrays of NumPy or tensors of PyTorch, (..
 
 The module defines two kinds of normals. ``normals`` computes one for every pixel from the
 differences to neighbours on the same surface; at the surface's edge the difference is one-sided.
-``central_normals`` uses central differences, at pixels that the caller knows to be inside a
-surface.
+``central_normals`` uses central differences, at pixels that the caller knows to be inside one.
 """
 
 from __future__ import annotations
@@ -201,8 +200,7 @@ def lit_by_marching(depth_m: Floats, rig: SensorRig) -> Floats:
     """Compute the (H, W) share of the emitters' light that reaches each pixel, by ray marching.
 
     It is the reference for tests of the shadow shader, and replaces it without OpenGL. The ray from
-    a point to an emitter is a line in the image; a pixel on this line that is nearer than the ray
-    puts the point in shadow.
+    a point to an emitter is a line in the image; a nearer pixel on it puts the point in shadow.
     """
     if not rig.emitters:
         return np.ones_like(depth_m)

@@ -22,8 +22,7 @@ SKIN_ALBEDO = 0.6
 #: Share of the triangles that a reduced mesh has; chosen by the error in docs/results/speed.md.
 KEPT_SHARE = 0.44
 
-#: Growth of the library's error bound, 1 to 7 (the default): 5 is the smallest that reaches the
-#: share.
+#: Growth of the library's error bound, 1 to 7 (the default): 5 is the smallest that works.
 _AGGRESSIVENESS = 5
 #: fast_simplification keeps its mesh in global variables: two threads would mix theirs.
 _SIMPLIFYING = Lock()

@@ -49,8 +49,7 @@ SPARSE = re.compile(r"^//@ sparse\b")
 #: Longest line with a declaration, characters; shipped lines have at most 100. The time of the
 #: patterns above grows with the square of the length.
 _MAX_DECLARATION = 2000
-#: Largest size of a written layer relative to the frame's: the renderer has up to 5 samples a
-#: pixel.
+#: Largest size of a written layer relative to the frame's: rigs have up to 5 samples a pixel.
 _MAX_SCALE = 5
 _PARAMETER_TYPES = {"float": float, "int": int, "bool": bool}
 _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}

@@ -71,8 +71,7 @@ def index_buffer(
 ) -> tuple[moderngl.Buffer, int]:
     """Upload the (F, 3) triangles of a mesh; return the buffer and the bytes per index.
 
-    The software rasteriser reads 16-bit indices 4 % faster; they are used for up to 65,536
-    vertices.
+    The software rasteriser reads 16-bit indices 4 % faster; up to 65,536 vertices have them.
     """
     short = vertices <= 1 << 16
     return context.buffer(faces.astype(np.uint16 if short else np.uint32)), 2 if short else 4

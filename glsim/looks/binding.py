@@ -105,8 +105,7 @@ class Shell:
         Args:
             grid: the grid of the skin.
             rest_mm: (V, 3) mm, the subject's vertices at rest.
-            offset_mm: (N,) mm along the skin's smooth normals, or (N, 3) mm in canonical axes at
-                rest.
+            offset_mm: (N,) mm along the skin's smooth normals, or (N, 3) mm in canonical axes.
             drop_mm: (N, 3) mm, an additional offset that rotates with the skull, not with the skin.
         """
         self.used, self.faces = grid.base, np.ascontiguousarray(grid.faces, np.int32)

@@ -1,8 +1,7 @@
 """Clothes: shells over the body that rest on the skin, hang and fold, with openings and seams.
 
 A garment is made in four steps. Its area is cut out of the skin. It is lifted as a membrane, which
-spans hollows and falls from shoulders and chest. It is folded. Its edges get hems, ribs or a
-collar.
+spans hollows and falls from shoulders and chest. It is folded. Its edges are finished.
 """
 
 from __future__ import annotations
@@ -48,15 +47,13 @@ _REST_MM: Final = 1.5
 #: Largest gap at the armpit, mm, and its growth per mm from there, to leave room for the arms. The
 #: values were chosen, not measured.
 _PIT_MM, _PIT_SLOPE = 10.0, 0.3
-#: Limits of the gap under hanging cloth, mm: most beyond the garment's ease, and at the start.
-#: Chosen.
+#: Gap under hanging cloth, mm: largest excess over the garment's ease; initial value. Chosen.
 _FREE_MM, _START_MM = 65.0, 30.0
 #: Rounds of smoothing: of the settling membrane, of its lifting directions, of the result. Chosen.
 _ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 24, 8, 8
 #: Rounds of smoothing that blend trunk and limbs across their border. Chosen.
 _JOINED: Final = 6
-#: Height of folds on a bust relative to a whole body's. Chosen: its triangles are too long for
-#: more.
+#: Height of folds on a bust relative to a whole body's. Chosen: its triangles are too long.
 _BUST_FOLDS: Final = 0.65
 #: |noise| below which a fold has its crest; the noise's standard deviation is 0.3. Chosen: a
 #: quarter of a draped cloth is crest.
@@ -201,8 +198,7 @@ def make_clothes(
 ) -> list[Shell]:
     """Make an upper garment, a lower garment and shoes; a bust gets an upper garment only.
 
-    A tucked hem is inside the lower garment. ``scale`` is the subject's size relative to a mean
-    adult's.
+    A tucked hem is inside the lower garment. ``scale`` is the size relative to a mean adult.
     """
     upper, lower, shoes = garments
     height = float(body.neck[1]) - body.crotch_mm
@@ -497,8 +493,7 @@ def _rows(profile: Profile, thick: float, normal: Reals, away: Reals) -> Reals:
     """Compute offsets, (R, P, 3) mm, from an edge of P points to the R rows of points of a hem.
 
     For each row the profile holds: the distance away from the cloth, mm; and along the normal, a
-    multiple of the thickness, and mm. ``normal`` and ``away`` (from the cloth) are (P, 3) unit
-    vectors.
+    multiple of the thickness, and mm. ``normal`` and ``away`` are (P, 3) unit vectors.
     """
     return np.stack([a * away + (n * thick + m) * normal for a, n, m in profile])
 

@@ -19,8 +19,7 @@ _DIRECTIONS, _SHARPNESS = 642, 160.0
 _PUSH_MM = 12.0
 #: Wavelength of the relief within a lock, mm. Chosen: strands part every few millimetres.
 _STRAND_MM = 6.0
-#: Distance between the rings of vertices of a lock, mm; smallest and largest number of rings.
-#: Chosen.
+#: Distance between the rings of vertices of a lock, mm; range of the number of rings. Chosen.
 _STEP_MM, _RINGS = 18.0, (5, 14)
 #: Number of columns of a sheet around the head, 6 mm apart, and distance of its rows, mm. Chosen:
 #: two pixels of a Kinect V2 at 0.9 m.

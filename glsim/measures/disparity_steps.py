@@ -18,8 +18,7 @@ from glsim.measures.pixel_runs import goes_on, successive_runs
 #: Neighbours on one surface differ by at most this many px of disparity. Chosen: eight times the
 #: noise of a D400.
 _SAME_PX = 1.0
-#: Smallest difference, px, and smallest ratio of the disparities at a step. Chosen: four times
-#: _SAME_PX.
+#: Smallest difference, px, and smallest ratio of the disparities at a step. Chosen: 4 _SAME_PX.
 _LEAST_STEP_PX, _LEAST_RATIO = 4.0, 1.15
 #: Smallest width of both surfaces, px; number of end pixels whose median is the disparity.
 _LEAST_RUN_PX, _END_PX = 10, 5

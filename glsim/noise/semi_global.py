@@ -177,8 +177,7 @@ def _align(
     first = place >> _TAP_BITS
     known = (found >= 0) & (first >= 1) & (first < width - 2)
     seen, steep = _interpolated(right, np.where(known, first, 1), place & (_TAP_STEPS - 1))
-    # Fixed point: counts have the factor 2^13, slopes 2^9, disparities 2^8, differences 2^17 (<
-    # 2^27).
+    # Fixed point: counts have the factor 2^13, slopes 2^9, disparities 2^8, differences 2^17.
     apart = ((left.astype(np.int32) << 13) - seen) * fine
     apart -= steep * ((coarse << _TAP_BITS) - found)
     steep[~known] = 0

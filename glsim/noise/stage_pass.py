@@ -79,8 +79,7 @@ class StagePass:
     ) -> dict[str, Target]:
         """Draw the frame's window; return name -> written layer. Raises ConfigError.
 
-        The caller gives the returned targets back. Pixels outside the silhouette ``within`` are
-        skipped.
+        The caller gives the returned targets back. Pixels outside ``within`` are skipped.
         """
         view = frame.view(self.name)
         for name in self._bound:

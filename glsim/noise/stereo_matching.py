@@ -285,8 +285,7 @@ def warp_to_camera(depth_m: Floats, imager_m: Point, focal_px: float) -> Floats:
 
     Pixels shift by focal length times offset over depth; a nearer one covers farther ones. Each
     pixel is drawn into both pixels between which it falls, so that a slanted surface has no gaps.
-    Maps are (H, W) metres, 0 = none. The imager is in the plane z = 0; surfaces that it does not
-    see stay empty.
+    Maps are (H, W) metres, 0 = none. The imager is in the plane z = 0; hidden surfaces stay empty.
     """
     height, width = depth_m.shape
     row, column = np.nonzero(depth_m)

@@ -42,8 +42,7 @@ class Silhouette:
         Args:
             targets: the targets of the passes.
             window: the part of the frame that is drawn.
-            blank: layer -> value outside the silhouette, 0 for other layers; None leaves the
-                targets unchanged outside.
+            blank: layer -> value outside the silhouette, 0 for other layers; None: no change.
             flags: further GL capabilities to enable (moderngl.BLEND).
         """
         buffer = self._pool.framebuffer(targets, self._depth)

@@ -57,8 +57,7 @@ def wiggling_mm(
     total = np.zeros_like(distance)
     for mhz in {wave.modulation_mhz for wave in waves}:
         phase = 4e6 * math.pi * mhz / SPEED_OF_LIGHT * distance
-        # The light's phasor is exp(i phase); harmonic n adds size exp(i (phase of the wave - n
-        # phase)).
+        # The light's phasor is exp(i phase); harmonic n adds size exp(i (its phase - n phase)).
         bent = np.ones(distance.shape, np.complex128)
         for wave in waves:
             if wave.modulation_mhz == mhz:

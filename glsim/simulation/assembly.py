@@ -37,8 +37,7 @@ def assemble_frame(
 
     Args:
         layers: (h, w) float32 layers of ``window``: clean and depth in metres, reason, and
-            optionally expected (metres), infrared (counts), region (numbers), normal, and color
-            (uint8).
+            optionally expected (metres), infrared (counts), region, normal and color (uint8).
         window: the rectangle of ``image`` that the layers hold.
         crop: the rectangle of ``image`` that is delivered.
         extra: names of layers to copy to ``Frame.extra``.

@@ -188,8 +188,7 @@ def noise_name(depth_mm: Floats) -> str:
 
 def surface_depth(depth: Reals, far_m: float) -> Floats:
     """Return depth as float32 metres with 0 for NaN, for values up to 0, and beyond ``far_m``."""
-    # Simulators use any of these for the empty background. Unchanged maps share memory with the
-    # input.
+    # Simulators use any of these for the empty background. Unchanged maps are not copied.
     seen = (depth > 0) & (depth <= far_m)  # NaN compares as False
     if seen.all() and depth.dtype == np.float32:
         return np.ascontiguousarray(depth, np.float32)

@@ -171,8 +171,7 @@ class DepthNoise:
         Args:
             depth_m: clean depth, metres, float16, float32 or float64. Shapes are (H, W), (1, H, W),
                 (B, 1, H, W) or others with leading axes; a last axis of 1 is allowed. 0, NaN,
-                infinity and depths beyond the sensor's far plane are no surface. The input is not
-                changed.
+                infinity and depths beyond the sensor's far plane are no surface. The input stays.
             frame: makes the noise repeatable: map b of a batch has the noise of ``frame + b``. With
                 ``seeds``: the frame of all maps, or (B,) one for each map; default 0.
             sequence: name of the sequence of ``frame``. Numbers that are sampled per sequence or

@@ -156,8 +156,7 @@ class Simulator:
         Args:
             layers, extra_layers: as in ``simulate``.
             changes: stages whose code replaces the code that the sensor's file names.
-            cache: the cache of another simulator with the same sources and context; default: a new
-                one.
+            cache: cache of another simulator with the same sources and context; default: none.
         """
         self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context, self._layers, self._changes = context, layers, tuple(changes)

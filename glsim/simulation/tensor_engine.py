@@ -29,8 +29,7 @@ from glsim.simulation.frame import refuse_millimetres
 
 #: Stage -> parameter -> its value for a batch: a number for all maps, or (B, 1, 1).
 Values = Mapping[str, Mapping[str, Any]]
-#: Number of pixels computed together on a CPU: their layers stay in the cache. Measured: 2^17 is
-#: the fastest.
+#: Number of pixels computed together on a CPU: their layers fit the cache. Measured: fastest.
 _CACHED_PX = 2**17
 #: What simulators may give with their maps: the camera, and properties of the surface.
 _CAMERA, _SURFACE = ("fx", "fy", "cx", "cy"), ("normal", "albedo")

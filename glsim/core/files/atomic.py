@@ -251,8 +251,7 @@ def _temporary_name() -> str:
 def temporary_folder(inside: Path | None = None) -> Iterator[Path]:
     """Make a temporary folder for a block, by default in the system's; delete it afterwards.
 
-    Temporary folders of killed processes beside it are removed. Raises DatasetError if it cannot be
-    made.
+    Temporary folders of killed processes beside it are removed. Raises DatasetError on failure.
     """
     with wrap_write_errors(inside or Path(os.environ.get("TMPDIR", "/tmp"))):
         parent = Path(tempfile.gettempdir()) if inside is None else inside

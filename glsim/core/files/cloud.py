@@ -325,8 +325,7 @@ class CloudStore(Store):
                         f"{self.where(name)}: {_one_line(error)}: {advice}"
                     ) from error
                 log.info("%s: %s: trying again", self.where(name), _one_line(error))
-                # Random waiting times, so that throttled workers do not all try again at the same
-                # moment.
+                # Random waiting times, so that throttled workers do not try again together.
                 time.sleep(wait_s * random.uniform(0.5, 1))
         raise AssertionError("the last attempt returns or raises")
 

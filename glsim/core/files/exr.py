@@ -97,8 +97,7 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
 def _displayed(pixels: NDArray[Any], header: dict[str, Any], max_px: int) -> NDArray[Any]:
     """Place the pixels of the data window in the display window, with 0 around. Raises ValueError.
 
-    The frames of an animation share one display window; a data window holds the pixels that are not
-    empty.
+    The frames of an animation share one display window; a data window holds the filled pixels.
     """
     (left, top), _ = np.array(header["dataWindow"]).tolist()
     (x, y), (right, bottom) = np.array(header["displayWindow"]).tolist()
@@ -116,8 +115,7 @@ def _displayed(pixels: NDArray[Any], header: dict[str, Any], max_px: int) -> NDA
 def depth_channel(channels: dict[str, NDArray[Any]], chosen: str | None = None) -> NDArray[Any]:
     """Return the depth channel: the chosen one, one with a name of depth, or the only one.
 
-    Raises ValueError, with the channels' names, if there is no such channel, or several that
-    differ.
+    Raises ValueError, with the channels' names, for no such channel, and for several that differ.
     """
     name = depth_name(channels, chosen)
     return next(pixels for key, pixels in channels.items() if key.lower() == name)

@@ -158,8 +158,7 @@ def _cut(triangles: Points, albedo: Points, plane: tuple[Points, float]) -> tupl
         d = np.take_along_axis(side[some], order, axis=1)
         ends = []
         for n in (1, 2):
-            # Cut from the inner to the outer corner, so that neighbours cut their edge at the same
-            # point.
+            # Cut from the inner to the outer corner, so that neighbours share the cut point.
             a, b = (0, n) if corners == 1 else (n, 0)
             share = (d[:, a] / (d[:, a] - d[:, b]))[:, None]
             ends.append(p[:, a] + share * (p[:, b] - p[:, a]))

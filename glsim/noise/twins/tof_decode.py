@@ -81,8 +81,7 @@ def _bilateral(
     neighbours, whatever their phase.
 
     Args:
-        sharpness: decay of the weight with the phase distance, which is 0 for equal and 1 for
-            opposite phases.
+        sharpness: decay of the weight with the phase distance, 0 for equal, 1 for opposite ones.
         along: weights along an axis, by distance.
         clamped: as in ``padded``.
 

@@ -221,8 +221,7 @@ def simplex_at(at: Vector, seed: Any) -> Image:
     ranks = xy + xz, 1 - xy + yz, 2 - yz - xz
     n, key = [xp.words(part) for part in cell], xp.words(seed, at[0])
     total: Any = 0.0
-    # The corners: the cell's origin, then a step along the largest coordinate, the second, the
-    # third.
+    # The corners: the cell's origin, then steps along the largest, second, third coordinate.
     for least, back in ((3, 0.0), (2, 1 / 6), (1, 1 / 3), (0, 0.5)):
         step = [xp.floats(rank >= least) for rank in ranks]
         x, y, z = (part - one + back for part, one in zip((x0, y0, z0), step, strict=True))
