@@ -420,7 +420,7 @@ class SensorRig:
         return (bx - ax, by - ay, bz - az)
 
     def reach_of_views(self, nearest_m: float) -> tuple[int, int, int, int]:
-        """Compute the margin (left, top, right, bottom), px, of a window in the other views."""
+        """Compute how far other views shift a window to the left, top, right and bottom, px."""
         if not self.imagers_m:
             return (0, 0, 0, 0)
         views = [*self.imagers_m, np.add(self.imagers_m[0], self.second_view_m)]

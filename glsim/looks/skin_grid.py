@@ -30,7 +30,7 @@ class Anchors(NamedTuple):
 
 
 class Blend(NamedTuple):
-    """M points between pairs of grid points, (M,) indices; ``share`` is 0 at the first."""
+    """M points, each between two grid points; ``share`` is 0 at the first, 1 at the second."""
 
     first: Whole
     second: Whole

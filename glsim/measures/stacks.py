@@ -146,7 +146,7 @@ def edge_jitter(positions: Array) -> float:
 
 
 def mixed_per_row(frames: Array, near_mm: float, far_mm: float) -> tuple[float, float, float]:
-    """Count pixels per row: over 20 mm between the two surfaces, outside both, without depth."""
+    """Count pixels per row: between two surfaces, 20 mm from both; outside both; without depth."""
     between = (frames > near_mm + 20) & (frames < far_mm - 20)
     outside = (frames < near_mm - 20) | (frames > far_mm + 20)
     rows = frames.shape[0] * frames.shape[1]

@@ -59,7 +59,7 @@ def view_change(first: DepthFrame, second: DepthFrame) -> str:
 
 
 def _thinned(depth_mm: Floats) -> tuple[Floats, int]:
-    """Subsample large depth maps for the comparison; also return _APART_PX in the new pixels."""
+    """Subsample a large depth map; also return the distance _APART_PX in the new pixels."""
     step = _EVERY_PX if depth_mm.size > _THINNED_FROM else 1
     return depth_mm[::step, ::step], _APART_PX // step
 

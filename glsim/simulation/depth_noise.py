@@ -217,8 +217,8 @@ class DepthNoise:
     ) -> dict[str, Any]:
         """Return the layers that the camera measures of a batch, tensors (B, H, W), by "torch".
 
-        The layers are: depth, noisy, metres; reason, uint8 codes of ``glsim.Reason``; infrared,
-        counts; expected, metres, depth with the device's systematic error and without noise. The
+        The layers are depth (noisy, metres), reason (uint8 codes of ``glsim.Reason``), infrared
+        (counts) and expected (metres, with the device's systematic error but without noise). The
         arguments and errors are those of a call. All maps are changed, whatever ``p`` is.
         """
         if self._backend not in (None, "torch"):

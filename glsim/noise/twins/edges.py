@@ -32,7 +32,7 @@ from glsim.noise.twins.values import angle_ratio, angle_to_axis
 
 CELL_PX = 3
 _CELLS = Layer("dot_match", "float", Fraction(1, CELL_PX))
-_REACH_PX = 4  # of a 9x9 window
+_REACH_PX = 4  # half a 9x9 window
 _REACH_CELLS = 2  # pixels within 4 px of a dot lie within two cells of the dot's cell
 
 
