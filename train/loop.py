@@ -42,8 +42,7 @@ from glsim.train.state import TrainingState
 NAN_BATCH_FILE: Final = "nan_batch.pt"
 #: Number of frames in each picture in samples/.
 _SAMPLES: Final = 4
-#: Largest share of the training time (a limit in minutes) that one validation may take. The value
-#: was chosen, not measured.
+#: Largest share of a limit in minutes that one validation may take. Chosen, not measured.
 _VALIDATION_SHARE: Final = 0.1
 
 
@@ -403,8 +402,7 @@ def validation_figures(
     Returns:
         loss: mean of the training loss.
         mse_mm2: mean squared error of all pixels; pixels predicted invalid count as 0.
-        interior_rmse_mm: RMSE of pixels with depth in both maps, more than 3 px from an edge of the
-            truth.
+        interior_rmse_mm: RMSE where both have depth, more than 3 px from an edge of the truth.
         flips: number of pixels per frame with wrong validity.
         input_interior_rmse_mm, input_flips: the two metrics above for the noisy input.
     """

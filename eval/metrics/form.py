@@ -19,8 +19,7 @@ from glsim.eval.metrics.scored_map import ScoredMap
 #: Standard deviations of two Gaussians, px. Their difference passes relief of 4 to 8 px: 0.29, 0.51
 #: and 0.51 of waves of 4, 6 and 8 px, and 0.24 of waves of 16 px.
 _BAND_PX: Final = (1.0, 2.2)
-#: Smallest standard deviation of clean relief that is scored, mm. Chosen: below it, remaining noise
-#: would decide the result.
+#: Smallest standard deviation of scored relief, mm. Chosen: below it, remaining noise would decide.
 _LEAST_MM: Final = 0.1
 #: Two frames show one view if at most this share of their clean pixels differs. Chosen: on faces, a
 #: share of 0.0001 differs after 1 ms.

@@ -1,7 +1,6 @@
 """Scoring of one frame: the table METRICS and the function that computes all of its metrics.
 
-A metric comes from ``definitions.SHIPPED_METRICS``, or from another package by its entry point
-"glsim.metrics".
+Metrics are in ``definitions.SHIPPED_METRICS`` and in other packages' entry points "glsim.metrics".
 """
 
 from __future__ import annotations

@@ -41,8 +41,7 @@ class Metric:
         better: the direction of better values.
         group: one of GROUPS.
         help: the definition in one line.
-        value: computes the metric of a frame, NaN if undefined. None: computed by ``score``, or by
-            the caller of ``score``.
+        value: computes the metric of a frame, NaN if undefined. None: ``score`` or its caller does.
         in_table: whether the metric is a column of table.md; table.csv has all metrics.
     """
 

@@ -36,8 +36,7 @@ _LOST_MM: Final = STEP_MM / 2
 #: _LEAST_SHARE: smallest share of a tile's pixels on its plane.
 #: _OUTLIER, _ROUNDS: pixels with a residual above 4.4 medians (3 sigma) are removed, three times.
 #: _STRAIGHT: smallest ratio of a quadric's residual to the plane's; below it, the tile is curved.
-#: _ROUGHEST: largest residual / distance; above it, a tile shows two surfaces (D435: 0.014 at 1.7
-#: m).
+#: _ROUGHEST: largest residual / distance of one surface (a D435 at 1.7 m has 0.014).
 _TILE_PX: Final = 48
 _LEAST_SHARE, _OUTLIER, _ROUNDS, _STRAIGHT, _ROUGHEST = 0.85, 4.4, 3, 0.95, 0.03
 #: A pixel is alone if fewer than this number of its eight neighbours have depth.

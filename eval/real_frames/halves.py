@@ -19,8 +19,7 @@ from glsim.measures.static import static_pairs
 #: Side of an image tile, px. Chosen: three times the widest filter that tuning tries, so that most
 #: pixels of a tile are denoised from no pixel of the next tile.
 TILE_PX: Final = 64
-#: With at least this number of static scenes, halves and intervals are over scenes; with fewer,
-#: over image tiles. The value was chosen, not measured.
+#: Fewest static scenes for halves and intervals over scenes, not tiles. Chosen, not measured.
 LEAST_SCENES: Final = 6
 
 

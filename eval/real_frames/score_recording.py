@@ -81,8 +81,7 @@ def score_recording(
     Args:
         recording: the recording to score on.
         denoisers: specifications for ``load_denoiser``.
-        scoring_half: score on static pairs of the scoring half only, which ``tune_on_pairs`` does
-            not use.
+        scoring_half: score only on static pairs that ``tune_on_pairs`` does not use.
         workers: number of processes. Default: one per core.
         progress: called after each frame.
 

@@ -52,8 +52,7 @@ class RealMeasures:
 
     Attributes:
         pair_rmse_mm: error on static pairs.
-        pair_change: change of the RMSE on static pairs against the raw frames, %: geometric mean
-            over the bins.
+        pair_change: change of this RMSE against the raw frames, %: geometric mean over bins.
         paper_rmse_mm: residual of the board's white paper from its plane.
         paper_change: change of paper_rmse_mm, computed as pair_change.
         shift_mm: mean of denoised - raw over smooth surfaces.
@@ -102,8 +101,7 @@ class RealScores:
         scenes: number of static scenes.
         boards: number of frames with a board.
         by_scene: whether units are scenes; otherwise tiles.
-        own_ring_losses: shares of the first and second ring that are lost in another raw frame of
-            the view.
+        own_ring_losses: shares of both rings that are lost in another raw frame of the view.
         pixels: number of pixels of the static pairs, by BINS_M.
     """
 

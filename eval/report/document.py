@@ -93,8 +93,7 @@ def html_page(
 ) -> str:
     """Return a complete HTML page. Raises GlsimError without Jinja2.
 
-    All text is escaped; **bold** and `code` become HTML. An interval at the end of a cell is
-    printed small.
+    All text is escaped; **bold** and `code` become HTML. Last intervals of cells are small.
 
     Args:
         title: title of the page.

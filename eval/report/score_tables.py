@@ -26,8 +26,7 @@ TABLE_SECTIONS: Final[dict[str, list[str]]] = {
     title: [m.name for m in METRICS.values() if m.in_table and GROUPS[m.group] == title]
     for title in dict.fromkeys(reversed(GROUPS.values()))
 }
-#: A method harms surfaces if this metric is worse than the input's; and the input's label in
-#: tables.
+#: Metric that is worse than the input's if a method harms surfaces; label of the input.
 _INSIDE, _INPUT = "input_interior_rmse_mm", "noisy"
 #: The metrics of trivial baselines in tables.
 _BASELINE_METRICS: Final = (

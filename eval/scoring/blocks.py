@@ -66,8 +66,7 @@ class ScoringJob:
         baseline_every: score trivial baselines on every n-th frame; 0: never.
         stride: score only every n-th frame.
         device: sensor file; its fixed pattern and wiggling are subtracted from all inputs.
-        protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: protocol of the
-            files.
+        protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: the files'.
     """
 
     dataset: Path

@@ -29,8 +29,8 @@ glsim train --list
 Ctrl-C stops after the current step and saves the training; --resume continues it.
 """
 
-#: Seconds between the first lines of a log; the interval grows to 10 minutes within an hour. The
-#: value was chosen, not measured.
+#: Seconds between the first lines of a log; they grow to 10 minutes in an hour. Chosen, not
+#: measured.
 _LINE_S = 10.0
 #: Metrics of a validation that are printed, by their names in metrics.csv.
 _METRICS = (

@@ -74,7 +74,7 @@ _DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
 #: A depth difference of this share of the median is a jump; smallest share of jumps along rows.
 #: Both values were chosen, not measured.
 _JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
-#: Pixels of exactly 1 are a background if they have this share. Chosen, not measured.
+#: Pixels of exactly 1 with this share of all pixels are a background. Chosen, not measured.
 _BACKGROUND = 0.02
 #: Suffixes of files that may hold several maps.
 STACKS: Final = (".npy", ".npz")

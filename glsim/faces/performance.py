@@ -5,11 +5,10 @@ the face model. All functions are pure functions of (seed, subject, sequence num
 
 Codes are chosen as in posed FACS data sets: single units, the pairs of the FACS manual (P. Ekman,
 W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002) and the prototypes of the basic
-emotions (EMFACS). Timing: expressions of emotion mostly last 0.5-4 s (P. Ekman,
-"Darwin, deception, and facial expression", Ann. N.Y. Acad. Sci. 1000, 2003); smiles rise in about
-0.4-0.7 s and fall more slowly (K. L. Schmidt, J. F. Cohn, Y. Tian, Biol. Psychol. 65, 2003);
-a blink closes in about 0.1 s and opens in about 0.2 s (F. VanderWerf et al., J. Neurophysiol. 89,
-2003).
+emotions (EMFACS). Timing: expressions of emotion mostly last 0.5-4 s (P. Ekman, "Darwin, deception,
+and facial expression", Ann. N.Y. Acad. Sci. 1000, 2003); smiles rise in about 0.4-0.7 s and fall
+more slowly (K. L. Schmidt, J. F. Cohn, Y. Tian, Biol. Psychol. 65, 2003); a blink closes in about
+0.1 s and opens in about 0.2 s (F. VanderWerf et al., J. Neurophysiol. 89, 2003).
 """
 
 from __future__ import annotations

@@ -38,8 +38,7 @@ LANES: Final = 12
 #: Number of different batches in a block. With this number, two pairs seldom share a batch twice,
 #: and training starts soon (measured: 16 pairs of kinect-v2 take 0.35 s).
 BATCHES_PER_BLOCK: Final = 4
-#: Number of successive frames of a sequence, for networks with neighbours in time. The first of
-#: them have no earlier neighbours.
+#: Number of successive frames of a sequence, for networks with neighbours in time.
 FRAMES_PER_RUN: Final = 8
 #: Number of successive frames of a person: a new procedural head takes 10 ms, a further frame 0.2
 #: ms.

@@ -10,8 +10,7 @@ from glsim.eval.scoring.aggregate import ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM
 
 _TEXT_SIZE: Final = 7
-#: The axis of bias ends at this multiple of the median curve's extent; larger curves leave it. The
-#: value was chosen, not measured.
+#: The axis of bias ends at this multiple of the median curve's extent. Chosen, not measured.
 _FAR: Final = 5.0
 #: Smallest extent of the axis of bias, mm. Chosen: the step of a depth file.
 _LEAST_MM: Final = 1.0

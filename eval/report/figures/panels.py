@@ -1,7 +1,6 @@
 """Figure that compares methods: rows of depth, errors, normals, side views and a scan line.
 
-The first column is the truth, then one column per method. All columns have the colour scales of the
-truth.
+The first column is the truth; a column per method follows, with the truth's colour scales.
 """
 
 from __future__ import annotations
@@ -51,8 +50,7 @@ def method_panels(
 
     Args:
         frame: a frame with clean depth; surfaces are drawn at their distance from the camera.
-        methods: title -> (H, W) millimetres, 0 = no depth. The second and further lines of a title
-            are small.
+        methods: title -> (H, W) millimetres, 0 = no depth; lines after a title's first are small.
         rows: kinds of panels.
         note: a line below the panels.
     """

@@ -22,8 +22,7 @@ _FOLDS = 5
 _STRATA = 8
 #: Number of boosted trees, and depth of each tree. Chosen: training on 10,000 patches takes 1 s.
 _TREES, _TREE_DEPTH = 80, 4
-#: Largest absolute value of a standardised feature; larger values are clipped, so that no single
-#: patch decides. The value was chosen, not measured.
+#: Larger standardised features are clipped, so that no single patch decides. Chosen, not measured.
 _CUT = 4.0
 #: Smallest number of matched patches per set for which an AUC is computed: four in each fold.
 LEAST_PATCHES = 20

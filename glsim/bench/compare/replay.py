@@ -79,8 +79,7 @@ def replay(
         sensor: name of a sensor, or a sensor file.
         seed: seed of the device and its noise.
         assignments: parameters of the sensor's stages, in the form of ``--set``.
-        smooth_px: standard deviation of the smoothing window. Default: from the noise's
-            correlation.
+        smooth_px: standard deviation of the smoothing window. Default: from the noise.
 
     Returns:
         Frames with the names, size and order of ``real``.

@@ -29,8 +29,7 @@ Labels = NDArray[np.int64]
 #: distance, where noise is large; and the bounds of the classes of distance, mm. Both were chosen,
 #: not measured.
 _STEP_NOISE, _BINS_MM = 8.0, np.geomspace(200.0, 8000.0, 17)
-#: Smallest number of pixels in a surface; smaller groups are flying pixels and speckle. The value
-#: was chosen, not measured.
+#: Smallest surface, pixels; smaller groups are flying pixels and speckle. Chosen, not measured.
 _LEAST_PX = 40
 #: The smoothing divides depth into slabs and fits each plane to three of them: thickness of a slab
 #: as a share of the depth, and the share of a window's pixels that must lie in the slab. Chosen: a
@@ -45,8 +44,7 @@ _RIM_PX = 1
 #: Widest gap that is filled, px. Inside the image: a head at 0.6 m before a wall at 3 m has a gap
 #: of 24 px. At the image border: a D435 at 0.4 m leaves an empty band.
 _WIDEST_GAP_PX, _WIDEST_BAND_PX = 80, 60
-#: Number of pixels by which a far surface continues behind a near surface. No camera of glsim sees
-#: that far around the near surface.
+#: Pixels by which a far surface continues behind a near surface; no camera of glsim sees farther.
 _BEHIND_PX = 60
 #: Noise is measured in classes of infrared, or of depth without infrared: the bounds of the
 #: classes, counts or mm; the smallest number of pixels in a class; and the quantile of the variance
@@ -56,8 +54,7 @@ _CLASSES, _LEAST_CLASS_PX, _SMOOTHEST = np.geomspace(100.0, 65_000.0, 34), 500, 
 #: lower quartile in a window of 3 px is 0.8 of the variance, so that three quarters of a plane keep
 #: no relief.
 _RELIEF_OVER_NOISE = 1.7
-#: Relief is removed up to this distance from a rim, px, since flying pixels look like relief. The
-#: value was chosen, not measured.
+#: Relief is removed up to this distance from a rim, px (flying pixels). Chosen, not measured.
 _RELIEF_RIM_PX = 2
 
 
@@ -93,8 +90,7 @@ def find_surfaces(
         depth_mm: (H, W) mm, NaN where there is no depth.
         smooth_px: standard deviation of the Gaussian window of the smoothing, px.
         widest_hole_px: widest hole within a surface to close.
-        noise_mm2: (H, W) variance of the camera's noise, mm^2; relief above it stays. Default: no
-            relief stays.
+        noise_mm2: (H, W) variance of the noise, mm^2; relief above it stays. None: no relief.
     """
     label, front = smooth_surfaces(depth_mm, smooth_px)
     if noise_mm2 is not None:
@@ -255,8 +251,7 @@ class NoiseFloor:
 def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseFloor:
     """Measure the noise of the smoothest surfaces over infrared (or over depth without infrared).
 
-    Either all frames have infrared or none. ``sigma_px``: standard deviation of the smoothing
-    window, px.
+    All frames or none have infrared. ``sigma_px``: standard deviation of the window, px.
     """
     variances, drivers = [], []
     for frame in frames:

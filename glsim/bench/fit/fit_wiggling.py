@@ -37,8 +37,7 @@ _USUAL_MM = 1.5
 #: Side of an image tile that the jackknife leaves out, px. The value was chosen, not measured.
 _TILE_PX = 64
 
-#: Smallest range of distances that the planes must cover, mm: a little over the longest period of
-#: the result, 625 mm.
+#: Smallest range of distances of the planes, mm; the longest period of the result is 625 mm.
 _LEAST_SPAN_MM = 650.0
 _LEAST_PIXELS = 5000
 #: Largest number of planes. Chosen above the number in a room; the search takes 0.1 s per plane.

@@ -32,8 +32,7 @@ _LAG_PX = 4
 #: Smallest cosine of the angle between a surface's normal and the light that a fit uses.
 _LEAST_FACING = 0.5
 
-#: Smallest amplitude that a fit uses. Measured: below it, the noise of a phase is not Gaussian, as
-#: the model assumes.
+#: Smallest amplitude in a fit. Measured: below it, phase noise is not Gaussian, unlike the model.
 _LEAST_AMPLITUDE = 15.0
 
 #: Derived: factor by which libfreenect2's 3 x 3 filter reduces noise, and variance that rounding
@@ -43,8 +42,7 @@ _TAP_ROUNDING_LSB2 = 1.0 / 12.0
 
 #: Smooth pixels above this quantile of light are bright surfaces.
 _BRIGHT_SHARE = 0.95
-#: Number of pairs of frames in which noise over infrared is measured; more pairs change no printed
-#: digit.
+#: Number of pairs of frames in which noise over infrared is measured; more change no digit.
 _PAIRS = 12
 
 
@@ -82,10 +80,8 @@ class InfraredLaw:
         gain: amplitude of a white wall at 1 m (libfreenect2's infrared units); NaN if no bright
             surface is near the image centre.
         law: a and b of sigma^2 = a^2 + (b / IR)^2.
-        floor_mm: part of the noise that does not depend on light; it excludes the noise of the
-            taps.
-        noise_error: relative standard error of the taps' noise; infinite if all pixels are equally
-            bright.
+        floor_mm: part of the noise that depends neither on light nor on the taps.
+        noise_error: relative standard error of the taps' noise; infinite for equal brightness.
         tap_scale: variance of the taps, divided by the variance of the base sensor's taps.
     """
 
@@ -235,8 +231,7 @@ def _search(
         floors[number] = max(float(np.average(variance - white, weights=weight)), 0.0)
         misfit[number] = float((weight * (variance - white - floors[number]) ** 2).sum())
     best = int(misfit.argmin())
-    # One standard error away from the best amplitude, the misfit is larger by the mean misfit per
-    # class.
+    # One standard error from the best amplitude, the misfit is larger by a class's mean misfit.
     freedom = len(light) - 2
     rise = max(misfit[best] / freedom, 1.0) if freedom > 0 else np.inf
     good = np.flatnonzero(misfit <= misfit[best] + rise)

@@ -57,8 +57,7 @@ def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     """Compute the (H, W) depth minus the best plane in windows of MAP_WINDOW_PX, mm.
 
-    NaN where the window has too few usable pixels, and for values above LARGEST_MM, since no
-    pattern is that large.
+    NaN where a window has too few usable pixels, or a value above LARGEST_MM (no pattern).
     """
     if not used.any():
         return np.full(used.shape, np.nan, np.float32)
@@ -152,8 +151,7 @@ def _smooth_mask(mean: Array) -> Mask:
     known = np.isfinite(bend)
     if not known.any():
         return known
-    # The median second difference is the noise on a wall; on curved surfaces it is six times
-    # larger.
+    # The median second difference is a wall's noise; curved surfaces have six times more.
     limit = max(6.0 * float(np.median(bend[known])), 2.0)
     kernel = np.ones((2 * _LAG_PX + 1,) * 2, np.uint8)
     flat = (bend < limit).astype(np.uint8)

@@ -128,8 +128,7 @@ def measure_stereo(
     )
 
 
-#: Base sensor of a recording whose depths lie on a lattice: by the size of the frames, and for all
-#: other sizes.
+#: Base sensor if depths lie on a lattice: by the size of the frames, and for all other sizes.
 _VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
 #: Number of frames in which a lattice is searched. Chosen: more frames add no new depths.
 _LATTICE_FRAMES = 12
@@ -153,8 +152,7 @@ def stereo_base(recording: Recording, base: str | None) -> str | None:
     """Return the sensor that a fit extends; None for a time-of-flight camera.
 
     It is ``base`` if the user names it. Otherwise the sensor that the recording states, or the
-    lattice of its depths, decides.
-    Raises ConfigError if the named sensor does not match images.
+    lattice of its depths, decides. Raises ConfigError if the named sensor does not match images.
     """
     if base is not None:
         if base in BASES:
@@ -283,8 +281,7 @@ class _Fit:
         disparity: list[Array] = []
         pairs: list[tuple[int, int]] = []
         for z_mm, slope in zip(self.statistics.distances_mm, self.statistics.slopes, strict=True):
-            # One pixel is z / f wide. Over it, disparity changes by slope, and depth by z^2 slope /
-            # (f B).
+            # Over a pixel, z / f wide, disparity changes by slope, depth by z^2 slope / (f B).
             steep = float(np.degrees(np.arctan(slope * z_mm * focal / product)))
             mesh = scenes.tilted(z_mm, min(steep, _MOST_TILT_DEG), _ALBEDO, half_mm=z_mm)
             shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
@@ -296,8 +293,7 @@ class _Fit:
     def support(self) -> None:
         """Choose the matching window that gives the recording's correlation of temporal noise.
 
-        Starts at the window of the base sensor. Tries larger, then smaller windows as long as the
-        fit improves.
+        From the base's window, it tries larger, then smaller windows while the fit improves.
         """
         real = self.statistics.noise
         target = np.array([real.frame_rows[_LAGS], real.frame_columns[_LAGS]])

@@ -24,8 +24,7 @@ OFF = {"enabled": 0.0}
 #: Layers with the phasors (real and imaginary part) of a chain with ``tof_taps``: the first for 80
 #: and 16 MHz, the second for 120 MHz.
 PHASES = ("phasor_a", "phasor_b")
-#: Name of a change to a chain -> "needs": stages of which the chain must have one; "stage":
-#: parameters.
+#: Name of a change to a chain -> "needs": one of these stages; "stage": its new parameters.
 _ABLATIONS = read_toml(Path(__file__).with_name("ablations.toml"))
 
 
