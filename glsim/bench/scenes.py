@@ -195,7 +195,7 @@ def mug_before_walls() -> Mesh:
     """Build a simple model of an Azure Kinect's real frame: a mug before walls.
 
     Distances are read from the frame: the mug is at 0.26 m, its handle at 0.3 m. On the left, 0.38
-        m beside the camera, a side wall recedes; the back wall is at 1.55 m.
+    m beside the camera, a side wall recedes; the back wall is at 1.55 m.
     """
     mug = _cylinder((-71.0, 303.0), 41.0, (-18.0, 88.0), _MUG_ALBEDO)
     handle = _cylinder((2.0, 306.0), 6.0, (5.0, 75.0), _HANDLE_ALBEDO)

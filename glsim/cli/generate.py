@@ -43,7 +43,7 @@ The same command again resumes an interrupted run, or checks a finished one.
 """
 
 #: ``--plan`` renders some frames to measure time and size: number of frames per person, number of
-#: people, and seconds after which it starts no more frames. The values were chosen.
+#: people, and seconds after which it starts no more frames. Chosen, not measured.
 _SAMPLED_FRAMES, _SAMPLED_PEOPLE, _SAMPLING_S = 4, 3, 8.0
 #: Number of people in each folder whose unit and pose are printed. Chosen, not measured.
 _SHOWN_PEOPLE = 3

@@ -192,7 +192,7 @@ class _Shard:
     """An open tar file in the layout of the library webdataset.
 
     Members are named by index: the library cuts names at the first dot, and names of sequences may
-        contain dots.
+    contain dots.
     """
 
     name: str

@@ -81,7 +81,7 @@ def frame_row(frame: DepthFrame, side: int) -> Picture:
     """Draw a row of cells of ``side`` pixels with the frame's name.
 
     Cells: shaded clean map, shaded noisy map, difference, reasons (inferred from depths if
-        missing). Without a clean map: shaded noisy map, infrared.
+    missing). Without a clean map: shaded noisy map, infrared.
     """
     noisy_m = frame.in_metres("noisy_mm")
     noisy = shaded(noisy_m, frame.intrinsics)

@@ -82,10 +82,10 @@ def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | N
     Raises DatasetError for a damaged image or record.
 
     Returns for a layer of depth or infrared: (H, W) uint16 as stored; "reason", "regions": (H, W)
-        uint8; "normals": (H, W, 3) uint16; "color": (H, W, 3) uint8; "json": the checked record.
-        Depth in mm is the stored number times the set's ``depth_unit_mm``, plus the record's
-        ``depth_offset_mm``. Any other member gives None, and the next decoder is asked. The
-        library's ``decode("pil")`` would give 8 bits, with 255 for every depth above 255.
+    uint8; "normals": (H, W, 3) uint16; "color": (H, W, 3) uint8; "json": the checked record. Depth
+    in mm is the stored number times the set's ``depth_unit_mm``, plus the record's
+    ``depth_offset_mm``. Any other member gives None, and the next decoder is asked. The library's
+    ``decode("pil")`` would give 8 bits, with 255 for every depth above 255.
 
     Args:
         key: the member's name after the sample's number, such as ".noisy.png" or ".json".

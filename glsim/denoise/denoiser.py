@@ -135,8 +135,8 @@ class Denoiser:
         """Denoise the next frame of a stream, with the help of the frames pushed before.
 
         The result is causal: a denoiser that could use later frames gets none. A frame of another
-            size begins a new sequence; a refused frame does not change the stream. Arguments,
-            result and errors: see ``__call__``.
+        size begins a new sequence; a refused frame does not change the stream. Arguments, result
+        and errors: see ``__call__``.
         """
         frame = self._frame(depth_mm, infrared, intrinsics)
         if self._held and self._held[-1].shape != frame.shape:

@@ -25,7 +25,7 @@ from glsim.core.units import MM_PER_M
 
 #: Centre of rotation of head and neck, mm from the centre of the face: between the
 #: atlanto-occipital joint (near (0, -25, -85) on the embedded heads) and the last cervical vertebra
-#: (near (0, -140, -120)). Chosen.
+#: (near (0, -140, -120)). Chosen, not measured.
 NECK_PIVOT_MM: Final = (0.0, -80.0, -95.0)
 
 #: Largest angles of the neck; the trunk turns by the rest. Chosen: about 60 % of the neck's active

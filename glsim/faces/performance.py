@@ -32,8 +32,8 @@ CODES: tuple[str, ...] = (
 
 LATERAL_UNITS = frozenset((1, 2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 16, 20, 43, 45))
 DURATION_S = (1.2, 2.0)  # duration from neutral to neutral
-ONSET_SHARE = (0.22, 0.36)  # share of the duration
-OFFSET_SHARE = (0.30, 0.44)
+ONSET_SHARE = (0.22, 0.36)  # rise to the peak, as a share of the duration
+OFFSET_SHARE = (0.30, 0.44)  # fall from the peak, as a share of the duration
 DELAY_SHARE = 0.06  # largest delay between action units, share of the duration
 PEAK = (0.55, 1.0)
 ASYMMETRY = 0.15  # sides of one unit differ by up to this share of the peak

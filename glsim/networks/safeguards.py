@@ -15,27 +15,29 @@ import numpy as np
 from glsim.core.array_types import Array, Depth, Mask
 from glsim.core.depth_map import JUMP_MM
 
-#: Frames in whole millimetres whose estimated noise is below both bounds, mm, between adjacent
-#: pixels and between every other pixel, are returned unchanged. Measured: 656 simulated frames
-#: without noise have at most 0.312 and 0.551; 500 with white noise at least 0.354; 96 with smooth
-#: noise at least 0.29, 0.559. Finer steps round by less: there the bounds count in steps.
+#: A frame in whole millimetres is clean, and is returned unchanged, if its estimated noise is below
+#: both bounds, mm: the first between adjacent pixels, the second between every other pixel.
+#: Measured: 656 simulated frames without noise have at most 0.312 and 0.551; 500 frames with white
+#: noise at least 0.354; 96 with smooth noise at least 0.29 and 0.559. For finer steps, the bounds
+#: are in steps.
 CLEAN_MM: Final = (0.33, 0.56)
-#: Frames of finer steps whose estimate exceeds these bounds are clean too if it is due to the form
-#: of surfaces: bends grow with the distance of the compared pixels faster than noise. Least ratio
-#: of the estimate between every fourth pixel to that of adjacent ones, less the rounding: (largest
-#: step in mm, ratio). Measured on heads without noise at 0.25 to 2 m, 144 frames of each: at least
-#: 7.2 unrounded, 5.6 in steps of 0.1 mm, 3.84 of 0.2 mm. Boards before two TrueDepth cameras (24
-#: frames, 0.1 mm) have at most 3.5, simulated heads before one 3.5 to 5.1.
+#: A frame of finer steps above these bounds is clean, too, if only the form of surfaces causes its
+#: estimate. A bend grows faster with the distance of the compared pixels than noise does: the
+#: estimate between every fourth pixel, divided by the estimate between adjacent pixels (both
+#: without rounding), must be at least this ratio; pairs of (largest step in mm, ratio). Measured on
+#: heads without noise at 0.25 to 2 m, 144 frames each: at least 7.2 unrounded, 5.6 in steps of 0.1
+#: mm, 3.84 in steps of 0.2 mm. Two TrueDepth cameras (0.1 mm): boards at most 3.5 (24 frames),
+#: simulated heads 3.5 to 5.1.
 FORM_GROWTH: Final = ((0.1, 5.2), (1.0, 3.8))
-#: Frames in whole millimetres below those bounds are noisy if their steps are dithered: noise
-#: smaller than a step moves single pixels across its border. Counted are places, along rows and
-#: columns, between two pixels of one depth, and those of them with another depth. On clean surfaces
-#: these lie on ridges and in valleys, whose length grows with the side of the image; under noise
-#: they are everywhere and grow with its area. Least number over the square root of the measured
-#: pixels, and the least of that times the share of the places. Measured on 254 clean maps, heads,
-#: dressed people, walls and rooms at 0.4 to 3.5 m: heads and rooms have at most 2.0; dressed people
-#: at most 3.5, but then at most 0.24. 31 maps of azure-kinect at 0.4 to 1.5 m and 10 of truedepth
-#: at 0.4 and 0.6 m: at least 3.6 and 0.35. In finer steps folds of cloth have as many as noise.
+#: A frame in whole millimetres below the bounds CLEAN_MM is noisy if its steps are dithered: noise
+#: smaller than a step moves single pixels by a step. The test takes all pixels whose two neighbours
+#: in a row or column have equal depths, and counts the pixels with another depth. On clean surfaces
+#: these are on ridges and in valleys, so that their number N grows with the side of the image;
+#: under noise they are everywhere, and N grows with its area. A frame is dithered if N / S and N /
+#: S times the share of counted pixels exceed these bounds; S is the root of the number of measured
+#: pixels. Measured on 254 clean maps at 0.4 to 3.5 m: N / S is at most 2.0 for heads and rooms, and
+#: 3.5 for dressed people, whose second number is at most 0.24. Noisy maps (31 of
+#: azure-kinect at 0.4 to 1.5 m, 10 of truedepth at 0.4 and 0.6 m): at least 3.6 and 0.35.
 DITHER_SIDE, DITHER_DENSITY = 3.0, 0.3
 #: The test for dither applies to maps with at least this step, mm.
 DITHER_LEAST_MM: Final = 0.9

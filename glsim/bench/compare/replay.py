@@ -46,8 +46,9 @@ _LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
 #: Infrared images are smoothed by a Gaussian before their ratio is computed: its standard
 #: deviation, px; and the smallest infrared for a ratio, counts. Chosen: above the noise.
 _LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
-#: The median depth lies beyond the first share of a gate's near limit, the 2nd percentile beyond
-#: the second share of the resulting limit; chosen.
+#: Depths of a recording fit a sensor only if their median exceeds the first share of the near limit
+#: of each range gate, and their 2nd percentile the second share of the largest such bound. Chosen,
+#: not measured.
 _BEYOND_GATE, _NEAREST = 0.75, 0.35
 #: Number of frames in which the noise is measured; more frames do not change the smoothing.
 _SOME_FRAMES = 4

@@ -316,7 +316,7 @@ class _Fit:
         """Find the value of a parameter with which simulated noise equals the recording's noise.
 
         Model: the variance is a constant plus a multiple of the squared parameter. If no tile is
-            full of depth, noise cannot be measured and counts as too large.
+        full of depth, noise cannot be measured and counts as too large.
         """
         target = getattr(self.statistics.noise, measure)
         least = getattr(self.noise(name, 0.0), measure)

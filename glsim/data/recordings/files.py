@@ -29,7 +29,7 @@ from glsim.data.map_files import (
 from glsim.data.recordings.names import infrared_beside
 
 #: Largest number of maps of a set that vote on its unit, largest number of these that are kept to
-#: recognise the camera, and number of values per map that decide on the unit of floats. Chosen.
+#: recognise the camera, and number of values per map that decide on a unit. Chosen, not measured.
 VOTERS, SHOWN, _VALUES = 16, 4, 20_000
 
 

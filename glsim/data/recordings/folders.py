@@ -49,10 +49,9 @@ def list_maps(
     """Find the depth maps in a folder and its sub-folders, by the same rules for all commands.
 
     First rule, name: files named as depth (``*_depth``, ``*_noisy`` or ``*_clean``, else
-        ``depth*``) are read; if a folder has none, all files that are not named as another kind.
-        Second rule, format: of these PNG files are read; if there are none, TIFF, OpenEXR and .npy
-        files; if there are none, dumps of libfreenect2 and Biwi. A folder ``depth`` excludes all
-        files beside it.
+    ``depth*``) are read; if a folder has none, all files that are not named as another kind. Second
+    rule, format: of these PNG files are read; if there are none, TIFF, OpenEXR and .npy files; if
+    there are none, dumps of libfreenect2 and Biwi. A folder ``depth`` excludes all files beside it.
 
     Args:
         folder: the folder to search.

@@ -21,7 +21,8 @@ from glsim.denoise.filters.windows import fill
 from glsim.denoise.parameters import parameter
 from glsim.networks.safeguards import estimate_noise_mm, noise_share
 
-#: Noise assumed for frames with too little surface to estimate it, and smallest noise, mm. Chosen.
+#: Noise of frames with too little surface for an estimate; smallest noise, mm. Chosen, not
+#: measured.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01
 #: Smallest side of an image for the package, px; it must be larger than its blocks and steps.
 _LEAST_PX: Final = 32

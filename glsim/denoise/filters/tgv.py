@@ -33,7 +33,8 @@ _STEP: Final = np.float32(1 / np.sqrt(12))
 #: Smallest and largest weight of a pixel's depth: its noise is three times the frame's noise, or a
 #: third of it. Both were chosen, not measured.
 _WEIGHTS: Final = (1 / 9, 9.0)
-#: Noise assumed for frames with too little surface to estimate it, and smallest noise, mm. Chosen.
+#: Noise of frames with too little surface for an estimate; smallest noise, mm. Chosen, not
+#: measured.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01
 
 

@@ -33,7 +33,7 @@ _PALE: Final = 0.03  # skin varies by this share over the body (blood, sun); cho
 
 #: Action that closes an eye -> landmarks of the upper lid in the order of x, and of the lower lid.
 _LIDS: Final = {"eyeBlinkRight": ((37, 38), (41, 40)), "eyeBlinkLeft": ((43, 44), (47, 46))}
-#: Overlap of closed lids, mm, as in the procedural heads, so that no gap shows. Chosen.
+#: Overlap of closed lids, mm, so that no gap shows. Chosen as for the procedural heads.
 _OVERLAP_MM: Final = 0.25
 
 
