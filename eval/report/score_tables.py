@@ -26,7 +26,7 @@ TABLE_SECTIONS: Final[dict[str, list[str]]] = {
     title: [m.name for m in METRICS.values() if m.in_table and GROUPS[m.group] == title]
     for title in dict.fromkeys(reversed(GROUPS.values()))
 }
-#: Metric that is worse than the input's if a method harms surfaces; label of the input.
+#: A method harms surfaces if this metric is worse than its input's; label of the input in tables.
 _INSIDE, _INPUT = "input_interior_rmse_mm", "noisy"
 #: The metrics of trivial baselines in tables.
 _BASELINE_METRICS: Final = (

@@ -20,9 +20,8 @@ from glsim.networks.tiles import box_around, run_tiled
 #: Frames are padded with holes, right and below, to multiples of this, px: the shipped
 #: architectures halve the size three or four times, and an ONNX graph cannot pad.
 SIZE_MULTIPLE_PX: Final = 16
-#: A change of depth between frames counts as motion if it is at least this multiple of the frame's
-#: noise, and at least this many mm. Chosen: noise alone gives a difference of 1.4 standard
-#: deviations.
+#: A pixel moves if its depth changes between frames by at least this multiple of the frame's noise,
+#: and by at least _LEAST_MOTION_MM. Chosen: noise alone changes depth by 1.4 standard deviations.
 _MOTION_NOISES: Final = 5.0
 _LEAST_MOTION_MM: Final = 3.0
 

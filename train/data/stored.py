@@ -163,7 +163,7 @@ class StoredPairs(PairDataset):
         return len(self.split)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the state without the cache, which workers of a DataLoader do not use."""
+        """Return the state without the cache, since workers of a DataLoader do not use it."""
         return {**self.__dict__, "_cache": None}
 
     def __getitem__(self, index: int) -> tuple[Tensor, Tensor]:

@@ -19,7 +19,7 @@ from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm,
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 
 PanelRow = Literal["depth", "error", "normals", "side", "scan"]
-#: Row -> label at its left end.
+#: Kind of panels in a row -> label left of the row.
 _LABELS: Final[dict[PanelRow, str]] = {
     "depth": "depth\nrow [px]",
     "error": "error\nrow [px]",

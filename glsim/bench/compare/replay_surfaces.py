@@ -25,9 +25,9 @@ from glsim.measures.quadrics import local_planes
 
 Labels = NDArray[np.int64]
 
-#: Neighbours on one surface differ by at most this multiple of the median difference at their
-#: distance, where noise is large; and the bounds of the classes of distance, mm. Both were chosen,
-#: not measured.
+#: Where noise is large, neighbours on one surface differ by at most this multiple of the median
+#: difference at their distance. The second constant has the bounds of the classes of distance, mm.
+#: Both were chosen, not measured.
 _STEP_NOISE, _BINS_MM = 8.0, np.geomspace(200.0, 8000.0, 17)
 #: Smallest surface, pixels; smaller groups are flying pixels and speckle. Chosen, not measured.
 _LEAST_PX = 40
@@ -44,7 +44,7 @@ _RIM_PX = 1
 #: Widest gap that is filled, px. Inside the image: a head at 0.6 m before a wall at 3 m has a gap
 #: of 24 px. At the image border: a D435 at 0.4 m leaves an empty band.
 _WIDEST_GAP_PX, _WIDEST_BAND_PX = 80, 60
-#: Pixels by which a far surface continues behind a near surface; no camera of glsim sees farther.
+#: Pixels by which a far surface continues behind a near surface; no camera here sees so far.
 _BEHIND_PX = 60
 #: Noise is measured in classes of infrared, or of depth without infrared: the bounds of the
 #: classes, counts or mm; the smallest number of pixels in a class; and the quantile of the variance

@@ -32,7 +32,7 @@ _LAG_PX = 4
 #: Smallest cosine of the angle between a surface's normal and the light that a fit uses.
 _LEAST_FACING = 0.5
 
-#: Smallest amplitude in a fit. Measured: below it, phase noise is not Gaussian, unlike the model.
+#: Smallest amplitude in a fit. Measured: below it, phase noise is not Gaussian as in the model.
 _LEAST_AMPLITUDE = 15.0
 
 #: Derived: factor by which libfreenect2's 3 x 3 filter reduces noise, and variance that rounding

@@ -24,7 +24,7 @@ from glsim.sensors.sensor import Sensor
 #: Pause between a painted picture and its figures, seconds: normally, and while the page plays. To
 #: show figures takes the browser as long as to show a picture.
 _REST, _REST_PLAYING = 0.15, 1.5
-#: Longest time, s, that a browser's request waits for a picture; Ctrl-C waits as long, too.
+#: Seconds that a browser's request waits for a picture, and that Ctrl-C waits for the server.
 _WAITING: Final = 2.0
 
 

@@ -40,7 +40,7 @@ def words_of(name: str) -> list[str]:
 
 
 def other_kind(name: str, kind: DepthKind) -> str:
-    """Return the pattern of names like this one if it marks another kind of image; else ""."""
+    """Return the pattern of a file's name if the name marks another kind of image; else ""."""
     suffix, words = name.rpartition(".")[2], words_of(name)
     if name in _PICTURES:
         return name

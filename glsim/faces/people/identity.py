@@ -61,7 +61,7 @@ DETAILS: Final = (*(target for pair in _PAIRS for target in pair[:2]), *_HEAD_SH
 
 @cache
 def phenotype_targets() -> dict[str, tuple[str, ...]]:
-    """Return target file (in macrodetails, no suffix) -> the phenotype extremes it combines."""
+    """Return target file (in macrodetails, no suffix) -> phenotype extremes that it combines."""
     choices = {**ANCHORS, "origin": ORIGINS}
     return {
         pattern.format(*extremes): extremes
