@@ -23,6 +23,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.files.png import read_image
+from glsim.faces.sources.procedural import ProceduralFaces
 
 pytest.importorskip("nicegui", reason="the extra glsim[tune] is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -92,8 +93,8 @@ def start(folder: Path, *options: str) -> Server:
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     folder = tmp_path_factory.mktemp("tune")
     (folder / "small.toml").write_text(SENSOR)
-    (folder / "plate.obj").write_text(_face())
-    options = ["small.toml", "--face", "plate.obj", "--port", "0"]
+    (folder / "head.obj").write_text(_face())
+    options = ["small.toml", "--face", "head.obj", "--port", "0"]
     running = start(folder, *options, "--set", "scene.wall_mm=1500")
     try:
         yield running
@@ -131,18 +132,11 @@ def page(server: Server, browser: Any) -> Iterator[Any]:
 
 
 def _face() -> str:
-    """A curved plate of 200 x 240 mm that looks at the camera."""
-    lines, wide, high = [], 12, 14
-    for row in range(high + 1):
-        for column in range(wide + 1):
-            x, y = 200 * (column / wide - 0.5), 240 * (row / high - 0.5)
-            lines.append(f"v {x:.2f} {y:.2f} {60 - 0.004 * (x * x + y * y):.2f}")
-    for row in range(high):
-        for column in range(wide):
-            a = row * (wide + 1) + column + 1
-            b, c, d = a + 1, a + wide + 1, a + wide + 2
-            lines += [f"f {a} {b} {d}", f"f {a} {d} {c}"]
-    return "\n".join(lines) + "\n"
+    """An embedded head as an OBJ file: a mesh in which a face is found."""
+    source = ProceduralFaces(seed=7)
+    vertices, faces = source.neutral(source.subjects(1)[0])
+    lines = [f"v {x:.2f} {y:.2f} {z:.2f}" for x, y, z in vertices]
+    return "\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces + 1)]) + "\n"
 
 
 def shown(page: Any) -> int:
@@ -232,12 +226,12 @@ def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: S
     assert "base_sigma_mm = 3   # loud" in text
     out = server.folder / "out"
     options = ["--sensor", str(target), "--set", "scene.wall_mm=1500", "-q"]
-    assert main(["render", str(server.folder / "plate.obj"), "-o", str(out), *options]) == 0
+    assert main(["render", str(server.folder / "head.obj"), "-o", str(out), *options]) == 0
     width, height, window, noisy = page.evaluate(
         "(p => [p.head.width, p.head.height, p.head.window, Array.from(p.layers.noisy)])"
         "(glsimTune.state.picture)"
     )
-    rendered = read_image(out / "plate_noisy.png")
+    rendered = read_image(out / "head_noisy.png")
     assert rendered.shape == (height, width)
     left, top, w, h = window
     assert rendered[top : top + h, left : left + w].ravel().tolist() == noisy
@@ -374,12 +368,12 @@ def test_the_page_says_nothing_on_its_console_and_asks_no_other_server(
 def test_a_stereo_camera_shows_both_images_and_what_was_matched(
     tmp_path: Path, browser: Any
 ) -> None:
-    (tmp_path / "plate.obj").write_text(_face())
+    (tmp_path / "head.obj").write_text(_face())
     (tmp_path / "stereo.toml").write_text(
         'extends = "realsense-d435"\ntitle = "small"\n[rig]\nwidth = 160\nheight = 120\n'
         "focal_px = [110, 110]\ncentre_px = [80, 60]\n"
     )
-    options = ["stereo.toml", "--face", "plate.obj", "--port", "0"]
+    options = ["stereo.toml", "--face", "head.obj", "--port", "0"]
     values = ["--set", "pose.distance_mm=500", "--set", "scene.wall_mm=1500"]
     running = start(tmp_path, *options, *values)
     context = browser.new_context()
@@ -406,8 +400,8 @@ def _kept_values(folder: Path) -> list[Any]:
 
 def test_a_killed_page_comes_back_with_its_settings(tmp_path: Path, browser: Any) -> None:
     (tmp_path / "small.toml").write_text(SENSOR)
-    (tmp_path / "plate.obj").write_text(_face())
-    options = ["small.toml", "--face", "plate.obj", "--port"]
+    (tmp_path / "head.obj").write_text(_face())
+    options = ["small.toml", "--face", "head.obj", "--port"]
     first = start(tmp_path, *options, "0")
     root = first.root
     box = '[aria-label="axial.base_sigma_mm value"]'
