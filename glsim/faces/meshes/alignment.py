@@ -48,7 +48,8 @@ TILTED_FIT: Final = 0.5  # among all rotations, where other shapes fit better to
 SURE_FIT: Final = 0.6  # ends the search
 FACE_RATIO: Final = 1.3  # of a face to the mean face: 0.83 to 1.18 in heads of three sources
 GIVEN_RATIO: Final = 2.5  # a given unit is obeyed below; inches differ from centimetres by 2.54
-UPRIGHT_DEG: Final = 12.0  # heads of ICT-FaceKit seem tilted by up to 10 degrees
+UPRIGHT_DEG: Final = 12.0  # heads of ICT-FaceKit seem tilted by up to 10 degrees, once by 13
+PLAIN_DEG: Final = 20.0  # a weak fit gives the pose worse: quarter turns are taken instead
 FINE_ROTATIONS: Final = 200  # 30 degrees apart
 DENSE_SAMPLES: Final = 450_000  # a body has 1.8 m2: 4 in a cell of the mean face
 FINE_SAMPLES: Final = 5  # every fifth
@@ -184,7 +185,7 @@ def estimate_alignment(
     name, mm_per_unit = _unit_of(fit, extent, unit, doubts)
     if given is None:
         assert fit is not None
-        turn, chosen, degrees = _upright(fit.rotation)
+        turn, chosen, degrees = _upright(fit)
     else:
         turn, chosen, degrees = given, axes, rotation_deg or NO_TURNS
         if fit is not None and _angle_deg(fit.rotation, turn) > _OTHER_WAY_DEG:
@@ -213,10 +214,10 @@ def estimate_alignment(
     )  # fmt: skip
 
 
-def _upright(turn: Array) -> tuple[Array, str, Turns]:
+def _upright(fit: FaceFit) -> tuple[Array, str, Turns]:
     """Return a rotation, axes and turns of an upright head: quarter turns, unless it is tilted."""
-    axes = _nearest_axes(turn)
-    if _angle_deg(turn, _ROTATIONS[axes]) <= UPRIGHT_DEG:
+    turn, axes = fit.rotation, _nearest_axes(fit.rotation)
+    if fit.score < GOOD_FIT or _angle_deg(turn, _ROTATIONS[axes]) <= UPRIGHT_DEG:
         return _ROTATIONS[axes], axes, NO_TURNS
     degrees = _degrees(turn @ _ROTATIONS[axes].T)
     return rotation(axes, degrees), axes, degrees
@@ -290,7 +291,7 @@ def _find_face(
 def _is_plain(fit: FaceFit, length: float) -> bool:
     """Return whether the face has a head's size in a metric unit, and stands in quarter turns."""
     metric = length in (UNITS_MM[name] for name in DETECTED_UNITS)
-    upright = _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation))) <= UPRIGHT_DEG
+    upright = _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation))) <= PLAIN_DEG
     return metric and upright and _ratio(fit.mm_per_unit, length) < FACE_RATIO
 
 

@@ -28,11 +28,11 @@ _FIRST: Final = np.array([[15], [14]])
 _HALF_WIDTH_MM, _HALF_HEIGHT_MM, _MIDDLE_MM = 58.0, 74.0, 22.0  # an ellipse to the hairline
 _LOWEST_MM = -24.0  # at the upper lip: jaws move
 #: The mean of the embedded heads is turned and enlarged to the middle between them and 25 heads of
+#: ICT-FaceKit, which look 6 degrees further down and are 6 % larger.
+_PITCH_DEG, _ENLARGED = -2.3, 1.064
 #: Damping of the Gauss-Newton steps per cell, which keeps them small where a face is flat. The
 #: value was chosen, not measured.
 _DAMPING: Final = 1e-3
-#: ICT-FaceKit, which look 6 degrees further down and are 6 % larger.
-_PITCH_DEG, _ENLARGED = -2.3, 1.064
 _BACK_MM: Final = -60.0  # of the embedded heads: the face lies before it
 _LAYER_MM: Final = 6.0  # depth of a cell's foremost layer
 _STEPS: Final = 30
