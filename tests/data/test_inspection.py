@@ -57,7 +57,7 @@ def test_what_is_there_is_counted_and_problems_are_named(tmp_path: Path) -> None
     assert (report.frames, report.checked) == (4, 4)
     assert report.vertices == (len(FACE), len(FACE))
     assert report.triangles == (len(TRIANGLES), len(TRIANGLES))
-    assert report.placements == {"unit m, axes +x+y+z": 3}
+    assert report.placements == {"unit m, axes +x+y+z, 215 mm across": 3}
     (problem,) = report.problems
     assert problem.startswith("Joe/1+2/1+2_9.ply: damaged")
     assert inspect(tmp_path, kind, source, 2).checked == 2
