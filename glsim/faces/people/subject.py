@@ -16,7 +16,7 @@ from glsim.core.array_types import Floats
 from glsim.core.products import product
 from glsim.core.seeds import rng_for
 from glsim.faces.action_units import shape_weights
-from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.people.identity import BodyIdentity, sample_identity
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.posture import BodyShape, Posture, movement, sample_posture

@@ -26,7 +26,7 @@ from glsim.core.seeds import rng_for
 from glsim.faces.action_units import SHAPES, shape_weights
 from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
-from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.meshes.obj import read_obj, read_vertices
 from glsim.faces.model_cache import Arrays, cached_arrays
 

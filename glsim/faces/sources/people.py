@@ -13,7 +13,7 @@ from pydantic import Field
 from glsim.core.mesh import Mesh
 from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
 from glsim.faces.generated import DEFAULT_SEQUENCE, GeneratedFaces, GeneratorSettings
-from glsim.faces.meshes.alignment import ORIGIN_BEHIND_NOSE_MM
+from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.neck import Neck
 from glsim.faces.neck import head_share as neck_share
 from glsim.faces.people.fetch import data_folder
