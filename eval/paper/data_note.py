@@ -1,4 +1,4 @@
-"""Captions of the paper's data sets: their sources, and the face sets that are missing."""
+"""Captions that name a data set's face sources, and those of the paper that it lacks."""
 
 from __future__ import annotations
 

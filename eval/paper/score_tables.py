@@ -1,4 +1,4 @@
-"""Scoring with the paper's tables, which show printed values beside ours."""
+"""Score a data set and write tables with the paper's printed values beside ours."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def find_planes(depth_mm: NDArray[np.floating]) -> list[tuple[tuple[slice, slice
 
 
 def _fitted(values: Array, pixels: tuple[NDArray[np.intp], ...], degree: Literal[1, 2]) -> Array:
-    """Fit a polynomial of rows and columns to values at pixels; return its values there."""
+    """Fit a polynomial in row and column to the values of pixels; return the fitted values."""
     row, column = (axis / _TILE_PX - 0.5 for axis in pixels)
     terms = [np.ones_like(row), row, column]
     terms += [row * row, row * column, column * column] if degree == 2 else []

@@ -1,4 +1,4 @@
-"""Scoring of denoisers and trained networks, with all tables and figures written."""
+"""Score denoisers and trained networks, and write all tables and figures."""
 
 from __future__ import annotations
 

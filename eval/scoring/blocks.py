@@ -136,7 +136,7 @@ def labelled(method: Denoiser, estimate: Estimate) -> dict[str, Depth]:
 
 
 def default_composites(labels: Iterable[str]) -> list[str]:
-    """Return the labels, but of a network's composites only the default composite."""
+    """Return the labels without those of a network's composites that are not the default."""
     others = tuple(f" [{name}]" for name in COMPOSITES if name != DEFAULT_COMPOSITE)
     return [label for label in labels if not label.endswith(others)]
 

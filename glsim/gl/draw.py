@@ -78,7 +78,7 @@ def index_buffer(
 
 
 def shader_arithmetic(context: moderngl.Context) -> bytes:
-    """Return the driver's sine, logarithm, power, ... at 4,096 pixels, as float32 bytes.
+    """Compute sine, logarithm, power, ... with the driver at 4,096 pixels: float32 bytes.
 
     Two drivers, or one driver on two processors, may differ in the last bits.
     """

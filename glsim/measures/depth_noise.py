@@ -126,7 +126,7 @@ def still_difference(first: DepthFrame, second: DepthFrame) -> Array:
 
 @dataclass(frozen=True)
 class TemporalNoise:
-    """Temporal noise of static pairs: sigma_T, mm, without rounding, and correlation at LAGS."""
+    """Temporal noise of pairs of static frames: sigma in mm, less rounding; correlation at LAGS."""
 
     pairs: int
     cells: tuple[Cell, ...]
@@ -169,7 +169,7 @@ class SpatialNoise:
 
 
 def measure_spatial(frames: Sequence[DepthFrame]) -> SpatialNoise:
-    """Measure the residuals of local quadrics on all smooth surfaces."""
+    """Measure spatial noise: residuals of quadrics fitted around pixels of smooth surfaces."""
     samples, rough, sums = [], [], []
     for frame in frames:
         s = surfaces(frame)

@@ -169,7 +169,7 @@ def measure_disparity_noise(
 
 
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Compute the correlation of (N, S, S) tiles at LAGS_PX along rows, and along columns."""
+    """Compute the autocorrelation of (N, S, S) tiles at LAGS_PX, along rows and along columns."""
     # Pooled: of all tiles together. Otherwise: the mean over the tiles, where a few tiles that are
     # no planes do not decide.
     found = []

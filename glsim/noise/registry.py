@@ -39,7 +39,7 @@ def _shipped() -> dict[str, Path | ModuleType]:
 
 @cache
 def shipped_stage(name: str) -> StageSpec | None:
-    """Return a shipped stage by its name, else None; it reads text only and needs no OpenGL."""
+    """Return the shipped stage of this name, or None. It needs no OpenGL."""
     place = _shipped().get(name)
     if isinstance(place, ModuleType):
         return _array_spec(name, getattr(place, name), place.__file__ or "")

@@ -111,7 +111,7 @@ def named_outputs(prediction: Prediction) -> dict[str, Tensor]:
 
 
 class NamedOutputs(nn.Module):
-    """A wrapped network with named inputs, (B, images, H, W) each, and a tuple of OUTPUTS."""
+    """Wrap a network: named inputs, (B, images, H, W) each; the outputs are a tuple, as OUTPUTS."""
 
     def __init__(self, model: DepthModel) -> None:
         super().__init__()

@@ -134,7 +134,7 @@ def _draw(
 
 
 def in_space(frame: DepthFrame, depth: Depth) -> Depth:
-    """Add the frame's offset (0.9 m if unknown) to a depth map: mm from the camera."""
+    """Return the distance from the camera, mm: the depth map plus the frame's offset, or 900 mm."""
     return add_offset(depth, frame.offset_mm if math.isfinite(frame.offset_mm) else _ASSUMED_MM)
 
 

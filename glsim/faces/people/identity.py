@@ -71,7 +71,7 @@ def phenotype_targets() -> dict[str, tuple[str, ...]]:
 
 
 def phenotype_weights(values: Mapping[str, float]) -> dict[str, float]:
-    """Compute the weights of targets, without zeros, for the values (0 to 1) of phenotypes.
+    """Compute the weights above 0 of morph targets from phenotype values, 0 to 1.
 
     ``values`` also holds the share of each origin.
     """

@@ -45,7 +45,7 @@ def noise_level(captures: Captures) -> dict[str, Measurement]:
 
 @validation_check("kinect-v2")
 def tilt(captures: Captures) -> dict[str, Measurement]:
-    """Measure check 6: noise on walls turned about x, which light and view meet at equal angles.
+    """Measure check 6: noise on walls turned about x, so that light and view have equal angles.
 
     At 80 degrees, the depth of the wall changes by 14 mm per row.
     """
