@@ -37,6 +37,7 @@ def sensors(
         name: Print the file of this sensor, or copy it with -o.
         out: New .toml file for the copy. Default: print it.
     """
+    from glsim.bench.real_frames import told_apart
     from glsim.core.plugins import each_usable
     from glsim.sensors.sensor import load_sensor, sensor_file, sensor_names
 
@@ -52,12 +53,13 @@ def sensors(
     if as_json:
         print_json([_described(sensor) for _, sensor in usable])
         return
-    table = Table("sensor", "image", "focal px", "baseline", "description", box=None)
+    told = "told from real frames, AUC"
+    table = Table("sensor", "image", "focal px", "baseline", "description", told, box=None)
     for name, sensor in usable:
         image = sensor.rig.intrinsics
         size, focal = f"{image.width}x{image.height}", f"{image.fx:g}"
         baseline = f"{sensor.rig.baseline_m * MM_PER_M:g} mm" if sensor.rig.emitters else "none"
-        table.add_row(name, size, focal, baseline, sensor.title)
+        table.add_row(name, size, focal, baseline, sensor.title, told_apart(sensor))
     print_table(table)
 
 

@@ -45,7 +45,9 @@ def validate(
 
     Walls, edges, steps and faces are rendered and measured. Each check names its source, and
     whether this is a measurement, a data sheet or a derivation. The exit status is 0 if every
-    check passes or is a documented exception, else 1. Your own sensors are checked as a kinect-v2.
+    check passes or is a documented exception, else 1. The key sheet of a sensor file names the
+    checks; a sensor without it has no published measure, and is refused. A sheet that passes is no
+    promise: the last line has the AUC on real frames, where there are any (0.5 is the goal).
 
     Args:
         sensor: A shipped sensor (glsim sensors) or a .toml file.

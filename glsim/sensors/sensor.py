@@ -4,6 +4,7 @@ title = "..."
 extends = "azure-kinect"  optional: another sensor's name, or a path to a .toml file, relative to
                           this file's folder; this file has only the keys that differ
 binning = 2               optional: this mode averages 2 x 2 pixels of the extended sensor into one
+sheet = "kinect-v2"       optional: published measures for glsim validate; "": there are none
 [rig]                     see glsim.sensors.rig_table
 [[stage]]
 use = "axial"             shipped stage, path of a .glsl file, or file.py:function
@@ -71,6 +72,7 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(NumberSetting)
 class _SensorFile(TomlTable):
     title: str
     rig: RigTable
+    sheet: str = ""
     stage: tuple[dict[str, Any], ...] = ()
 
 
@@ -100,6 +102,7 @@ class Sensor:
         projector_image: the emitters' image over ``projector_view_deg``, degrees (horizontal,
             vertical); None: the light stage draws dots.
         wiggling: the device's error for ``remove_wiggling``; the light stage does not read it.
+        sheet: name of the sheet of ``glsim validate`` with published measures; "": none.
     """
 
     name: str
@@ -111,6 +114,7 @@ class Sensor:
     wiggling: tuple[Wave, ...] = ()
     projector_image: SensorImage | None = None
     projector_view_deg: tuple[float, float] | None = None
+    sheet: str = ""
 
     @property
     def matcher(self) -> Stage | None:
@@ -360,6 +364,7 @@ def load_sensor(
         keys.wiggling,
         read_projector_image(thrown, view_deg, keys.focal_px) if thrown and view_deg else None,
         view_deg,
+        table.sheet,
     )
 
 

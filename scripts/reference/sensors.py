@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from textwrap import dedent
 
+from glsim.bench.real_frames import told_apart
 from glsim.sensors import sensor as sensor_module
 from glsim.sensors.sensor import load_sensor, sensor_names
 from scripts.reference.markdown import block, plain, table
@@ -13,7 +14,9 @@ _INTRODUCTION = """\
 
 A sensor is a TOML file: a rig (intrinsics, lens, emitters) and a chain of [noise
 stages](stages.md). Every number names its source in a comment of the file. `glsim render face.obj
---sensor my_sensor.toml` uses a file of your own; copy a shipped one to begin.
+--sensor my_sensor.toml` uses a file of your own; copy a shipped one to begin. The last
+column says how well a classifier (regression / trees) tells real frames from their replay; 0.5 is
+the goal.
 
 """
 
@@ -26,10 +29,11 @@ def pages() -> dict[str, str]:
         baseline = f"{rig.baseline_m * 1000:g} mm" if rig.emitters else "none"
         rows.append(
             [f"[`{sensor.name}`](../../glsim/sensors/{sensor.name}.toml)", plain(sensor.title),
-             f"{image.width}x{image.height}", f"{image.fx:g} px", baseline]
+             f"{image.width}x{image.height}", f"{image.fx:g} px", baseline, told_apart(sensor)]
         )  # fmt: skip
     text = _INTRODUCTION + table(
-        ["sensor", "what it is", "image", "focal length", "baseline"], rows
+        ["sensor", "what it is", "image", "focal length", "baseline", "told from real frames, AUC"],
+        rows,
     )
     layout = (sensor_module.__doc__ or "").split("\n\n", 1)[1]
     return {"sensors": text + "## Keys of a sensor file\n\n" + block(dedent(layout))}

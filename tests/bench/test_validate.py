@@ -21,7 +21,7 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.data.maps import open_maps
 from glsim.measures.lattice import on_lattice
-from glsim.sensors.sensor import SENSOR_FOLDER
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, shipped_sensors
 from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.real_cameras import (
     REAL_CAMERAS,
@@ -220,6 +220,7 @@ def test_command_writes_table_and_json(tmp_path: Path, capsys: pytest.CaptureFix
     printed = capsys.readouterr()
     assert "9 x 9 window" in printed.out
     assert "kinect-v2-paper: 10 checks: 10 pass" in printed.err
+    assert "AUC" not in printed.err  # no real frame of it
     assert json.loads(Path(files[0]).read_text())["passed"] is True
     assert Path(files[1]).read_text().count("\n") == 12
 
@@ -232,5 +233,17 @@ def test_command_fails_for_a_wrong_sensor_and_refuses_an_unknown_one(
     monkeypatch.setitem(run.sheets(), "kinect-v1", sheet)
     assert main(["validate", "kinect-v1", "--frames", "8"]) == 1
     assert "FAIL" in capsys.readouterr().out
-    assert main(["validate", "nothing"]) == 2
-    assert "no such sensor 'nothing'" in capsys.readouterr().err
+    for sensor, message in (
+        ("nothing", "no such sensor 'nothing'"),
+        ("azure-kinect-wfov", "no published measure"),
+        ("oak-d-pro", "no published measure"),
+    ):
+        assert main(["validate", sensor]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_sensors_name_sheets_that_exist_and_their_files_inherit_them() -> None:
+    named = {name: load_sensor(name).sheet for name in shipped_sensors()}
+    assert set(named.values()) <= {"", *run.sheets()}
+    assert named["femto-bolt"] == "azure-kinect"
+    assert named["truedepth-filtered"] == ""

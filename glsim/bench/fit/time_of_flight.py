@@ -211,7 +211,8 @@ def fitted_toml(
         fitted = {n: values[n] for n in _FITTED.get(stage["use"], ()) if n in values}
         bounded = {n: min(max(v, declared[n].low), declared[n].high) for n, v in fitted.items()}
         stages.append(stage | {n: float(f"{value:.5g}") for n, value in bounded.items()})
-    return sensor_toml(comments, {"title": f"fitted to a recording, from {base}"}, rig, stages)
+    head = {"title": f"fitted to a recording, from {base}", "sheet": str(tree.get("sheet", ""))}
+    return sensor_toml(comments, head, rig, stages)
 
 
 def _result_lines(

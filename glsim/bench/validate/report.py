@@ -167,7 +167,12 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class ValidationReport:
-    """Results of all checks of one sensor; ``sheet`` is the title of its validation sheet."""
+    """Results of all checks of one sensor.
+
+    Args:
+        sheet: title of its validation sheet.
+        real_frames: AUC by which real frames are told from replays; "" if none were compared.
+    """
 
     sensor: str
     title: str
@@ -176,6 +181,7 @@ class ValidationReport:
     frames: int
     seconds: float
     results: tuple[CheckResult, ...]
+    real_frames: str = ""
 
     @property
     def passed(self) -> bool:
@@ -187,11 +193,16 @@ class ValidationReport:
         """Line of text with the count of each state."""
         counts = {state: sum(r.state == state for r in self.results) for state in STATES}
         text = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
-        return f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s)"
+        beside = (
+            f"; real frames are told from replays by AUC {told}"
+            if (told := self.real_frames)
+            else ""
+        )
+        return f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s){beside}"
 
     def as_json(self) -> dict[str, Any]:
         """Convert the report to values for a JSON file."""
-        names = ("sensor", "title", "sheet", "seed", "frames", "passed")
+        names = ("sensor", "title", "sheet", "seed", "frames", "passed", "real_frames")
         facts = {name: getattr(self, name) for name in names}
         return {**facts, "checks": [result.as_json() for result in self.results]}
 

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from glsim.bench.real_frames import told_apart
 from glsim.bench.validate.captures import Captures
 from glsim.bench.validate.report import (
     Band,
@@ -17,16 +18,15 @@ from glsim.bench.validate.report import (
     Measurement,
     ValidationReport,
 )
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.plugins import each_usable, load_plugin, plugin_names, shipped_objects
 from glsim.gl.context import borrowed_context
+from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.toml_tables import read_toml
 from glsim.simulation.virtual_camera import VirtualCamera
 
 #: Folder with the checks of each sensor; a file is named after its sensor.
 _SHEETS = Path(__file__).parent / "sheets"
-#: Sheet that replaces a missing sheet, by the number of imagers that the sensor matches.
-_ALIKE = ("kinect-v2", "kinect-v1-pattern", "realsense-d435")
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,19 @@ def _sheet(name: str, functions: list[Any]) -> ValidationSheet:
     return ValidationSheet(tree["title"], tuple(checks), tuple(functions), decimated_by)
 
 
+def _sheet_of(sensor: Sensor) -> ValidationSheet:
+    """Return the sheet of a sensor. Raises ConfigError if there is none."""
+    known = sheets()
+    if found := known.get(sensor.name, known.get(sensor.sheet)):
+        return found
+    if other := sensor.sheet:
+        raise ConfigError(f"{sensor.file}: no sheet {other!r} ({did_you_mean(other, known)})")
+    raise ConfigError(
+        f"{sensor.name}: no published measure of this camera is known; a sensor file names the "
+        f'sheet of a camera alike: sheet = "NAME", one of {", ".join(known)}'
+    )
+
+
 def _check(table: dict[str, Any]) -> Check:
     unit = table.get("unit", "")
     bands = tuple(
@@ -92,8 +105,7 @@ def validate_sensor(
 ) -> ValidationReport:
     """Run all checks of a sensor, given by a shipped name or a .toml file.
 
-    A sensor without a sheet is checked as a D435 if it has two imagers, as kinect-v1-pattern if it
-    has one, and otherwise as a Kinect V2. Raises the errors of ``simulate``.
+    Raises ConfigError for a sensor without a sheet, and the errors of ``simulate``.
 
     Args:
         sensor: name or file.
@@ -101,15 +113,18 @@ def validate_sensor(
         frames: number of frames of each wall; more frames give more precise numbers.
         backend: OpenGL back end, as in ``open_context``.
     """
+    _sheet_of(load_sensor(sensor))
     with borrowed_context(backend) as context:
         return run_checks(VirtualCamera(sensor, context, seed, frames))
 
 
 def run_checks(camera: VirtualCamera) -> ValidationReport:
-    """Run the sheet of a camera's sensor. Raises ConfigError for a check without measurement."""
+    """Run the sheet that a camera's sensor names, or the sheet of its name.
+
+    Raises ConfigError for a sensor without a sheet, and for a check without measurement.
+    """
     started = time.perf_counter()
-    alike = _ALIKE[min(len(camera.rig.imagers_m), 2)]
-    sheet = sheets().get(camera.sensor.name, sheets()[alike])
+    sheet = _sheet_of(camera.sensor)
     captures = Captures(camera, sheet.decimated_by)
     measured: dict[str, Measurement] = {}
     for function in sheet.functions:
@@ -124,4 +139,5 @@ def run_checks(camera: VirtualCamera) -> ValidationReport:
         camera.frames,
         time.perf_counter() - started,
         tuple(CheckResult(check, measured[check.number]) for check in sheet.checks),
+        told_apart(camera.sensor),
     )
