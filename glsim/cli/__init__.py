@@ -86,9 +86,9 @@ def load_commands() -> Any:
 
 def _print_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
+        from glsim.data.code_version import code_version
 
-        typer.echo(f"glsim {version('glsim')}")
+        typer.echo(f"glsim {code_version()}")
         raise typer.Exit
 
 

@@ -13,7 +13,6 @@ import uuid
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from glsim.core.files.atomic import temporary_folder
 from glsim.core.files.cloud import open_store
 from glsim.data.chunk_writer import ChunkEvent, RenderJob, write_chunks
 from glsim.data.chunks import Chunk, ChunkPlan
+from glsim.data.code_version import code_version
 from glsim.data.dataset_run import ChunkRenderer
 from glsim.data.disk_format import STATE
 from glsim.data.frame_maker import SameMachineSimulator
@@ -57,7 +57,7 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
     ) -> Generator[ChunkEvent, None, None]:
         if not numbers:
             return
-        shared = ClusterJob(job, uuid.uuid4().hex, version("glsim"), str(Path.cwd()))
+        shared = ClusterJob(job, uuid.uuid4().hex, code_version(), str(Path.cwd()))
         with ray_cluster(address) as ray:
             # Ray does not resolve references in a list, so a process that has the job gets no copy.
             reference = [ray.put(shared)]
@@ -96,9 +96,9 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
 
 def _prepared(shared: ClusterJob) -> RenderJob:
     """Return the RenderJob, set up for this node's process. Raises ConfigError."""
-    if version("glsim") != shared.glsim_version:
+    if code_version() != shared.glsim_version:
         raise ConfigError(
-            f"{socket.gethostname()} has glsim {version('glsim')}, the driver "
+            f"{socket.gethostname()} has glsim {code_version()}, the driver "
             f"{shared.glsim_version}: install the same version on every node"
         )
     with suppress(OSError):

@@ -7,10 +7,10 @@ different halves.
 from __future__ import annotations
 
 import json
+import logging
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any
 
 from glsim.core.errors import ConfigError
@@ -18,9 +18,12 @@ from glsim.core.files.atomic import to_json
 from glsim.core.files.contents import text_hash
 from glsim.core.reason import Reason
 from glsim.data.chunks import ChunkPlan
+from glsim.data.code_version import code_version
 from glsim.data.disk_format import FORMAT, FORMAT_VERSION
 from glsim.settings.schema import Settings
 from glsim.settings.toml_tables import flattened
+
+log = logging.getLogger(__name__)
 
 #: Settings that do not change any frame: a run may be resumed with other values.
 _FREE_SETTINGS = ("settings.strict",)
@@ -86,7 +89,7 @@ def make_identity(
     return {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
-        "glsim_version": version("glsim"),
+        "glsim_version": code_version(),
         "settings": settings.model_dump(mode="json", exclude_none=True),
         "sensor": dict(sensor),
         "renderer": renderer,
@@ -101,9 +104,15 @@ def make_identity(
 def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
     """Raise ConfigError if an entry of ``identity`` differs from the ``begun`` data set's."""
     old, new = flattened(begun), flattened(json.loads(to_json(identity, out)))
-    for name in [*new, *old]:
+    for name in new | old:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
-        if compared and old.get(name) != new.get(name):
+        if name == "glsim_version" and new[name].partition("+")[0] == old.get(name):
+            log.warning(
+                "%s was begun by a glsim %s that recorded no hash of its code: its frames are of "
+                "one kind only if that code was this machine's",
+                *(out, old[name]),
+            )
+        elif compared and old.get(name) != new.get(name):
             raise ConfigError(_difference(out, name, old.get(name), new.get(name)))
 
 
@@ -127,7 +136,8 @@ def _difference(out: str, name: str, old: Any, new: Any) -> str:
     if name == "glsim_version":
         return (
             f"{out} was begun with glsim {old}, whose frames of a seed may differ from those of "
-            f"{new}: continue with that version, or choose another folder"
+            f"{new}: continue with that version (glsim --version prints it, with a hash of the "
+            "code), or choose another folder; what is complete can still be read"
         )
     return (
         f"{out} was begun with {name.removeprefix('settings.')} = {json.dumps(old)}, not "

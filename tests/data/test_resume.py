@@ -13,7 +13,9 @@ from pathlib import Path
 
 import pytest
 
+import glsim
 from glsim.core.errors import ConfigError, DatasetError
+from glsim.data.code_version import code_version
 from glsim.data.run_identity import InputHashes
 from glsim.data.verification import verify
 from glsim.settings.schema import load_settings
@@ -205,7 +207,9 @@ def test_full_disk(tmp_path: Path, undisturbed, format: str, name: str) -> None:
     resume(tmp_path, format, undisturbed[format])
 
 
-def test_another_data_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_data_set_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     make(tmp_path)
     before = contents(tmp_path)
     for changes, message in (
@@ -220,9 +224,16 @@ def test_another_data_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(ConfigError, match='renderer = "fake renderer", not "another"'):
         make(tmp_path, renderer="another")
     with monkeypatch.context() as patch:
-        patch.setattr("glsim.data.run_identity.version", lambda package: "0.1.0")
-        with pytest.raises(ConfigError, match=r"begun with glsim \S+, whose frames of a seed may"):
+        patch.setattr("glsim.data.run_identity.code_version", lambda: "0.3.0+0123abcd")
+        with pytest.raises(
+            ConfigError, match=r"begun with glsim (\S+), whose .* of 0.3.0\+0123abcd"
+        ):
             make(tmp_path)
+    assert contents(tmp_path) == before
+    plan = tmp_path / ".glsim" / "plan.json"  # of a version that recorded no hash
+    plan.write_text(plan.read_text().replace(code_version(), glsim.__version__))
+    make(tmp_path)
+    assert "recorded no hash of its code" in caplog.text
     assert contents(tmp_path) == before
     (tmp_path / ".glsim" / "plan.json").unlink()  # the header has the same identity
     with pytest.raises(ConfigError, match="planned_frames = 160, not 140"):
