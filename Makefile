@@ -17,6 +17,7 @@ demo:
 
 # Tests of a file share what they make (exported networks, pages, recordings): one process runs them.
 test: check
+	@echo "tests of the core"
 	@$(PYTEST) -m "not long"
 
 # The extra comes first: quick tests of S3 and cards skip without it. Then what fails soonest.
@@ -28,8 +29,10 @@ test-all:
 
 check:
 	@scripts/setup.sh test
+	@echo "lint and format"
 	@$(VENV)/ruff check .
 	@$(VENV)/ruff format --check .
+	@echo "types: a minute or two"
 	@scripts/check_types.sh
 
 docs:

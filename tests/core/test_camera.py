@@ -55,7 +55,7 @@ cameras = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(cameras, st.floats(0.2, 9))
 def test_projecting_what_was_unprojected_gives_the_pixel_centres(
     image: Intrinsics, depth_m: float
@@ -71,7 +71,7 @@ def test_no_depth_unprojects_to_the_origin() -> None:
     assert not V2.unproject(np.zeros((V2.height, V2.width), np.float32)).any()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(cameras, st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(0.2, 9)))
 def test_clip_matrix_projects_as_the_camera_does(
     image: Intrinsics, point: tuple[float, float, float]

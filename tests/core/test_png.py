@@ -33,7 +33,7 @@ def make_image(
     return image
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from([np.uint8, np.uint16]),
     st.integers(1, 40),

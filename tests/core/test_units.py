@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from glsim.core.errors import ConfigError
@@ -20,7 +20,6 @@ from tests.support.imports import all_modules
 MAY = ("glsim.core.units", "glsim.core.depth_frame", "glsim.noise")
 
 
-@settings(deadline=None)
 @given(st.floats(0, 65, width=32), st.sampled_from([1.0, 2.5, 10.0]))
 def test_depths_are_rounded_to_steps_and_nothing_else_becomes_nothing(
     depth_m: float, step_mm: float

@@ -18,7 +18,7 @@ from glsim.data.recordings.biwi import read_calibration, read_depth_bin
 from tests.support.face_sets import CALIBRATION, OTHERS, depth_bytes, needs_others, put
 
 
-@quick(deadline=None, max_examples=60)
+@quick(max_examples=60)
 @given(st.integers(1, 9), st.integers(1, 7), st.randoms(use_true_random=False))
 def test_depth_round_trip(
     tmp_path_factory: pytest.TempPathFactory, width: int, height: int, random: object
@@ -71,7 +71,7 @@ def test_calibration(tmp_path: Path) -> None:
         (read_calibration, CALIBRATION),
     ],
 )
-@quick(deadline=None, max_examples=25, derandomize=True)
+@quick(max_examples=25, derandomize=True)
 @given(at=st.floats(0, 1), length=st.integers(0, 40), new=st.binary(max_size=12))
 @pytest.mark.long
 def test_damage_anywhere_does_no_harm(

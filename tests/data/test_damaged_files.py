@@ -27,7 +27,6 @@ TEXTS = {
     "calib_ir.yaml": YAML,
 }
 any_case = settings(
-    deadline=None,
     max_examples=60,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

@@ -145,7 +145,7 @@ def places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return found
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_value_in_a_record_is_checked_or_one_line(originals: Path, data: st.DataObject) -> None:
     """A record that is taken names files inside, and reads without another error."""
@@ -171,7 +171,6 @@ def test_any_value_in_a_record_is_checked_or_one_line(originals: Path, data: st.
         assert "\n" not in refused
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_any_bytes_of_a_chunk_record_are_one_line(data: bytes) -> None:
     for text in (data, b"00000000 " + data):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from functools import partial
@@ -85,17 +84,20 @@ def test_a_part_counts_its_own_frames_only(tmp_path: Path) -> None:
 
 
 SCRIPT = """
-import sys
+import signal, sys
 from pathlib import Path
 from tests.data.test_parts import make_part
 make_part(Path(sys.argv[1]), sys.argv[2], sys.argv[3], workers=int(sys.argv[4]), delay_s=0.01,
-          progress=lambda state: print(state.done, flush=True))
+     progress=lambda s: (print(s.done, flush=True), s.done < int(sys.argv[5]) or signal.pause()))
 """
 
 
-def start_part(out: Path, part: str, format: str, workers: int = 1) -> subprocess.Popen[str]:
+def start_part(
+    out: Path, part: str, format: str, workers: int = 1, wait_at: int = 1000
+) -> subprocess.Popen[str]:
+    """Start a process that makes a part; after ``wait_at`` frames it waits for a signal."""
     return subprocess.Popen(
-        [sys.executable, "-c", SCRIPT, str(out), part, format, str(workers)],
+        [sys.executable, "-c", SCRIPT, str(out), part, format, str(workers), str(wait_at)],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         text=True,
@@ -108,19 +110,18 @@ def start_part(out: Path, part: str, format: str, workers: int = 1) -> subproces
 def test_a_killed_part_resumes_beside_the_others(
     tmp_path: Path, undisturbed, format: str, workers: int
 ) -> None:
-    process = start_part(tmp_path, "0/2", format, workers)
+    process = start_part(tmp_path, "0/2", format, workers, wait_at=5)
     assert process.stdout is not None
     while int(process.stdout.readline()) < 5:
         pass
-    process.send_signal(signal.SIGSTOP)  # it holds its lock for as long as this test takes
     with pytest.raises(DatasetError, match="part 0/2 is being made by another process: wait"):
         make_part(tmp_path, "0/2", format)
     with pytest.raises(DatasetError, match="another run is writing here"):
         make(tmp_path, make_settings(format=format), **SKIP)
     other = make_part(tmp_path, "1/2", format)
     assert other.dataset is None
-    process.send_signal(signal.SIGKILL)
-    process.communicate(timeout=20)
+    process.kill()
+    process.communicate()
     summary = make_part(tmp_path, "2/2", format)
     assert summary.dataset is not None
     assert contents(tmp_path) == undisturbed[format]
@@ -129,7 +130,7 @@ def test_a_killed_part_resumes_beside_the_others(
 @pytest.mark.long
 def test_parts_that_run_at_the_same_time_merge_once(tmp_path: Path, undisturbed) -> None:
     processes = [start_part(tmp_path, f"{number}/3", "png") for number in range(3)]
-    assert [process.communicate(timeout=60) and process.returncode for process in processes] == [
+    assert [process.communicate() and process.returncode for process in processes] == [
         0, 0, 0
     ]  # fmt: skip
     assert contents(tmp_path) == undisturbed["png"]

@@ -104,7 +104,7 @@ def test_files_that_are_no_checkpoints(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".safetensors"])
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
 @given(cut=st.booleans(), place=st.floats(0, 0.999), bit=st.integers(0, 7))
 def test_a_damaged_file_is_refused_in_one_line(
     best: Path, suffix: str, cut: bool, place: float, bit: int

@@ -60,7 +60,7 @@ def test_graphs_that_no_export_wrote(tmp_path: Path, graph: bytes, words: str) -
         load_onnx(path)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, suppress_health_check=list(HealthCheck))
 @given(cut=st.booleans(), place=st.floats(0, 0.999), bit=st.integers(0, 7))
 def test_a_damaged_file_is_refused_in_one_line_or_still_runs(
     tmp_path_factory: pytest.TempPathFactory, cut: bool, place: float, bit: int
@@ -225,7 +225,7 @@ def test_onnxruntime_reports_nothing(tmp_path: Path) -> None:
         names = ("CI", "ORT_DISABLE_TELEMETRY", "GITHUB_ACTIONS")
         environment = {k: v for k, v in os.environ.items() if k not in names}
         environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
-        subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=300)
+        subprocess.run([sys.executable, "-c", code], env=environment, check=True)
         written[switch] = [f.name for f in home.rglob("*") if f.is_file()]
     if "deviceid" not in written["0"]:
         pytest.skip("this onnxruntime does not report")

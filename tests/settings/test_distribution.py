@@ -42,7 +42,7 @@ def test_what_is_no_distribution_is_refused(table: dict[str, object], message: s
         load_settings(overrides={"pose": {"yaw_deg": table}})
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(U64, U64, U64, st.text(max_size=20))
 def test_a_draw_depends_on_its_key_and_name_alone(
     frame: int, sequence: int, subject: int, name: str

@@ -36,7 +36,7 @@ def test_counts_and_weights() -> None:
         load_settings(overrides={"source": [{"weight": 1, "count": 2}]})
 
 
-@quick(deadline=None, max_examples=100)
+@quick(max_examples=100)
 @given(st.lists(st.integers(0, 20), min_size=1, max_size=8).filter(any), st.data())
 def test_thinning_is_even_and_exact(people: list[int], data: st.DataObject) -> None:
     total = sum(people)
@@ -66,7 +66,7 @@ def test_the_papers_split_is_met_where_the_people_allow_it() -> None:
     assert split_as_paper(dict(reversed(people.items())), 0) == split
 
 
-@quick(deadline=None, max_examples=50)
+@quick(max_examples=50)
 @given(st.lists(st.integers(0, 500), min_size=1, max_size=30), st.integers(0, 2**63 - 1))
 def test_every_person_is_in_one_of_the_papers_splits(counts: list[int], seed: int) -> None:
     people = {f"p{n}": count for n, count in enumerate(counts)}

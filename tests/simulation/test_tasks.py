@@ -62,7 +62,7 @@ def test_counts_are_those_of_the_largest_remainder(
         assert tuple(list(split.values()).count(s) for s in ("train", "val", "test")) == counts
 
 
-@quick(deadline=None, max_examples=200)
+@quick(max_examples=200)
 @given(
     st.integers(1, 200),
     st.lists(st.integers(0, 100), min_size=3, max_size=3).filter(any),
@@ -209,7 +209,7 @@ def test_tasks_are_those_of_the_plans_that_were_lists(
     assert hashlib.blake2b(text.encode(), digest_size=8).hexdigest() == expected
 
 
-@quick(deadline=None, max_examples=60)
+@quick(max_examples=60)
 @given(st.lists(st.integers(0, 7), min_size=1, max_size=12).filter(any), st.integers(1, 9))
 def test_chunks_hold_every_frame_once_by_split_and_index(each: list[int], size: int) -> None:
     class Uneven(People):

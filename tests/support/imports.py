@@ -74,7 +74,6 @@ def loaded_after(code: str) -> set[str]:
         [sys.executable, "-c", f"{code}\nimport sys; print(' '.join(sys.modules))"],
         capture_output=True,
         text=True,
-        timeout=60,
         check=True,
     )
     return set(done.stdout.split())

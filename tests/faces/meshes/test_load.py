@@ -266,9 +266,7 @@ def _bytes_of(extension: str) -> bytes:
 
 
 @pytest.mark.parametrize("extension", [".obj", ".ply", ".stl", ".glb", ".off"])
-@settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 @pytest.mark.long
 def test_fuzzed_bytes_give_a_mesh_or_a_mesh_error(

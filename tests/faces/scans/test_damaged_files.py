@@ -47,7 +47,6 @@ def read(root: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", list(_SOURCES))
 @quick(
-    deadline=None,
     max_examples=25,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
