@@ -131,9 +131,7 @@ def generate(
     if made.dataset is not None:
         print_summary(made.dataset, out)
     else:
-        print_message(
-            f"{made.absent_chunks} chunks of other parts are not made yet; the last part merges"
-        )
+        print_message(f"not complete yet: {made.missing}; the last part merges")
 
 
 def _print_poses(settings: Settings) -> None:

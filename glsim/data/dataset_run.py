@@ -186,17 +186,17 @@ def run_part(
     """Make the chunks of a part with ``render``; then merge if no chunk of the set is missing."""
     counts = run.counts(part, progress)
     with run.state.locked(run.identity, part=part) as state:
+        state.note_parts(part.of, len(run.plan))
         make_missing_chunks(run, state, part, render, counts)
     counts.report(last=True)
     # This part's lock is free now. The part that completed the last chunk sees all records and
     # merges. If two parts end together, both try, and the second finds the merge done.
-    absent = len(run.plan) - len(run.state.recorded_chunks())
-    whole = None
-    if not absent:
+    missing, whole = run.state.missing_parts(), None
+    if len(run.state.recorded_chunks()) == len(run.plan):
         with run.state.locked(run.identity, wait=True) as state:
             whole = finish(state, run.plan, run.identity, run.counts())
     done = (counts.frames, counts.skipped, counts.rendered, counts.reused, counts.seconds)
-    return PartSummary(part, *done, absent_chunks=absent, dataset=whole)
+    return PartSummary(part, *done, missing=missing, dataset=whole)
 
 
 def finish(
@@ -205,7 +205,7 @@ def finish(
     """Merge the chunk records of a locked data set if necessary; return the summary of the run."""
     if not state.is_merged:
         merge(state, plan, identity)
-    state.discard_part_locks()
+    state.discard_part_files()
     store = state.store
     header = parse_header(store.read(HEADER, MAX_HEADER_BYTES) or b"", store.where(HEADER))
     with store.open(SKIPPED) as lines:

@@ -125,8 +125,12 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
     data = store.read(HEADER, MAX_HEADER_BYTES)
     if data is None:
         if store.names(STATE):
+            from glsim.data.state_folder import RunState  # not needed to read a data set
+
+            parts = RunState(store).missing_parts()
             raise DatasetError(
-                f"{store}: is not complete: run glsim generate again with the same settings"
+                f"{store}: is not complete{parts and f' (missing: {parts})'}: run glsim "
+                "generate again with the same settings"
             )
         raise DatasetError(f"{store}: is no data set of glsim: it has no {HEADER}")
     where = store.where(HEADER)

@@ -66,7 +66,7 @@ class PartSummary:
     Attributes:
         frames, skipped: numbers of frames of this part.
         rendered, reused: as in GenerateSummary.
-        absent_chunks: number of chunks of other parts that are not complete yet.
+        missing: the parts that are not complete yet, as in "parts 3, 7 of 64".
         dataset: the whole, if all parts are complete.
     """
 
@@ -76,7 +76,7 @@ class PartSummary:
     rendered: int
     reused: int
     seconds: float
-    absent_chunks: int
+    missing: str
     dataset: GenerateSummary | None = None
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 from glsim.core.errors import DatasetError
@@ -15,8 +18,14 @@ from glsim.data.record_schema import checksum_of, parse_frame
 from glsim.data.records import ChunkRecord, parse_chunk_record
 from glsim.data.run_identity import refuse_difference
 
+log = logging.getLogger(__name__)
+
 PLAN = f"{STATE}/plan.json"
+#: The numbers of parts and of chunks, from the first part until the merge.
+_PARTS = f"{STATE}/parts"
 _CHUNKS = f"{STATE}/chunks"
+#: Most parts that a message names; chosen.
+_NAMED = 20
 #: Largest file in the state folder, bytes: a thousand times the record of 512 frames.
 _MAX_BYTES = 1 << 30
 
@@ -27,6 +36,7 @@ class RunState:
         lock            held by the writing run; shared by parts, each with
                         part-<number>-of-<parts>.lock
         plan.json       settings, versions, renderer, fingerprint of the plan
+        parts           numbers of parts and chunks, until they are merged
         chunks/         one record per complete chunk
         complete.json   the header's checksum, once all records are merged into the manifest
         temporary/      incomplete files
@@ -43,6 +53,8 @@ class RunState:
     ) -> Iterator[RunState]:
         """Lock the data set or one part of it, and begin it or check that it can be continued.
 
+        A part waits until another run ends, since this may be the merge of all parts.
+
         Args:
             identity: header entries that decide the bytes.
             part: lock this part alone.
@@ -57,8 +69,14 @@ class RunState:
         busy = DatasetError(f"{self.store}: another run is writing here: {advice}")
         temporary = f"{STATE}/temporary"
         with ExitStack() as stack:
-            lock = self.store.lock(f"{STATE}/lock", busy, wait=wait, shared=part is not None)
-            stack.enter_context(lock)
+            lock = partial(self.store.lock, f"{STATE}/lock", busy, shared=part is not None)
+            try:
+                stack.enter_context(lock())
+            except DatasetError as error:
+                if error is not busy or not (wait or part):
+                    raise
+                log.warning("%s: another run is writing here: waiting until it ends", self.store)
+                stack.enter_context(lock(wait=True))
             if part is not None:
                 other = f"part {part} is being made by another process: wait until it ends"
                 part_busy = DatasetError(f"{self.store}: {other}")
@@ -107,7 +125,22 @@ class RunState:
             raise damage
         return None
 
-    # ---------------------------------------------------------------- chunk records
+    # ---------------------------------------------------------------- parts and chunk records
+
+    def note_parts(self, parts: int, chunks: int) -> None:
+        """Write the numbers of parts and of chunks, for ``missing_parts``."""
+        self.store.put(_PARTS, b"%d parts, %d chunks\n" % (parts, chunks))
+
+    def missing_parts(self) -> str:
+        """Name the parts that lack chunks, as in "parts 3, 7 of 64"; "" without parts."""
+        noted = self.store.read(_PARTS, _MAX_BYTES) or b""
+        match = re.fullmatch(rb"(\d{1,6}) parts, (\d{1,7}) chunks\n", noted)
+        if match is None or not (parts := int(match[1])):
+            return ""
+        missing = sorted({n % parts for n in {*range(int(match[2]))} - self.recorded_chunks()})
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+        names = f"part{'s'[: len(missing) - 1]} {', '.join(map(str, missing[:_NAMED]))}"
+        return f"{names}{more} of {parts}" if missing else ""
 
     def save_chunk(self, record: ChunkRecord) -> None:
         """Write a chunk's record; the chunk's images must be written and flushed before."""
@@ -157,10 +190,10 @@ class RunState:
         self.store.delete([HEADER])
         self.store.delete([COMPLETE])
 
-    def discard_part_locks(self) -> None:
-        """Delete the lock files of parts, while the whole data set is locked."""
-        names = self.store.names(STATE)
-        self.store.delete(f"{STATE}/{name}" for name in names if name.endswith(".lock"))
+    def discard_part_files(self) -> None:
+        """Delete the files of parts, such as their locks, while the whole data set is locked."""
+        names = [f"{STATE}/{name}" for name in self.store.names(STATE)]
+        self.store.delete(name for name in names if name.endswith(".lock") or name == _PARTS)
 
 
 def _images_of(record: ChunkRecord) -> Iterator[Mapping[str, Any]]:

@@ -152,7 +152,7 @@ def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> 
 
     first = part(1)
     assert first.dataset is None
-    assert first.absent_chunks == 2
+    assert first.missing == "part 0 of 2"
     assert part(0).dataset is not None
     assert stored(memory) == expected
 

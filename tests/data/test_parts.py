@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.cloud import open_store
+from glsim.core.files.lock import locked
 from glsim.data.chunks import Part, parse_part
 from glsim.data.dataset_run import DatasetRun, in_processes, run_part
 from glsim.data.progress import PartSummary
@@ -59,13 +61,12 @@ def make_part(
 def test_parts_in_any_order_give_the_bytes_of_one_run(
     tmp_path: Path, undisturbed, format: str, order: str
 ) -> None:
-    for number in order[:-1]:
+    for done, number in enumerate(order[:-1], start=1):
         summary = make_part(tmp_path, f"{number}/3", format)
         assert summary.dataset is None
-        assert summary.absent_chunks > 0
-        assert "is not complete: run glsim generate again" in verify(tmp_path)[0]
+        assert summary.missing == f"part{'s'[done - 1 :]} {', '.join(sorted(order[done:]))} of 3"
+        assert f"(missing: {summary.missing}): run glsim generate again" in verify(tmp_path)[0]
     last = make_part(tmp_path, f"{order[-1]}/3", format, workers=2)
-    assert last.absent_chunks == 0
     assert last.dataset is not None
     assert sum(last.dataset.frames.values()) == 138
     assert contents(tmp_path) == undisturbed[format]
@@ -134,6 +135,20 @@ def test_parts_that_run_at_the_same_time_merge_once(tmp_path: Path, undisturbed)
         0, 0, 0
     ]  # fmt: skip
     assert contents(tmp_path) == undisturbed["png"]
+
+
+def test_a_part_waits_for_a_merge_and_more_parts_than_chunks_are_sound(
+    tmp_path: Path, undisturbed, caplog: pytest.LogCaptureFixture
+) -> None:
+    make(tmp_path / "a", **SKIP)
+    parts = 1 + len(list((tmp_path / "a/.glsim/chunks").iterdir()))
+    with ThreadPoolExecutor() as pool:
+        with locked(tmp_path / "a/.glsim/lock", DatasetError()):
+            idle = pool.submit(make_part, tmp_path / "a", f"{parts - 1}/{parts}")
+            while "waiting until it ends" not in caplog.text:
+                assert not idle.done()
+        assert idle.result().dataset is not None
+    assert contents(tmp_path / "a") == undisturbed["png"]
 
 
 def test_one_run_completes_parts_and_any_part_merges(
