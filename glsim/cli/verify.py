@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_message
-from glsim.core.errors import DatasetError, GlsimError, printable
+from glsim.core.errors import DatasetError, printable
 
 EXAMPLES = """
 glsim verify data
@@ -34,14 +34,16 @@ def verify(
     Prints one line per problem. The exit status is 1 if there is a problem. Nothing is changed.
 
     Args:
-        dataset: Folder of a data set.
+        dataset: Folder of a data set, or its URL, such as s3://bucket/faces.
         deep: Also read every image: CRC32, size, and members of shards.
         repair: Print the command that makes the damaged files again.
     """
+    from glsim.core.files.cloud import cloud_url
     from glsim.data.reader import open_dataset
     from glsim.data.verification import verify as find_problems
 
     problems = find_problems(dataset, deep=deep)
+    place = cloud_url(dataset) or dataset
     if as_json:
         command = repair_command(dataset) if repair else None
         frames = {} if problems else open_dataset(dataset).header["frames"]
@@ -59,7 +61,7 @@ def verify(
     counts = open_dataset(dataset).header["frames"]
     frames = ", ".join(f"{split} {count}" for split, count in counts.items())
     depth = "every image was read" if deep else "images were not read: --deep does"
-    print_message(f"{dataset}: sound: {sum(counts.values())} frames ({frames}); {depth}")
+    print_message(f"{place}: sound: {sum(counts.values())} frames ({frames}); {depth}")
     return 0
 
 
@@ -68,19 +70,17 @@ def repair_command(dataset: Path) -> str:
 
     Raises DatasetError if neither dataset.json nor the plan in .glsim can be read.
     """
-    from glsim.core.files.atomic import read_json
-    from glsim.data.disk_format import HEADER, STATE
+    from glsim.core.files.cloud import open_store
+    from glsim.data.state_folder import RunState
 
-    failures = []
-    for file in (dataset / HEADER, dataset / STATE / "plan.json"):
-        try:
-            return _command(dataset, read_json(file))
-        except GlsimError as error:
-            failures.append(str(error))
-    raise DatasetError(f"{dataset}: the settings that made it are lost: {'; '.join(failures)}")
+    store = open_store(dataset)
+    begun = RunState(store).begun()
+    if begun is None:
+        raise DatasetError(f"{store}: holds no data set of glsim: name another folder or URL")
+    return _command(str(store), begun)
 
 
-def _command(dataset: Path, header: Mapping[str, Any]) -> str:
+def _command(dataset: str, header: Mapping[str, Any]) -> str:
     """Return ``glsim generate`` with all non-default settings, or ``glsim import``.
 
     Raises GlsimError if the settings are not those of this version.
@@ -88,14 +88,14 @@ def _command(dataset: Path, header: Mapping[str, Any]) -> str:
     from glsim.settings.schema import Settings
     from glsim.settings.toml_tables import parse_table, toml_value
 
-    settings = parse_table(Settings, header.get("settings", {}), str(dataset))
+    settings = parse_table(Settings, header.get("settings", {}), dataset)
     tree = settings.model_dump(mode="json", exclude_none=True)
     default = Settings().model_dump(mode="json", exclude_none=True)
-    words = ["glsim", "generate", "-o", str(dataset)]
+    words = ["glsim", "generate", "-o", dataset]
     sensor = header.get("sensor", {}).get("name")
     source = tree["source"][0]
     if (source["kind"], sensor) in (("biwi", "biwi"), ("kinect2", "recording")):
-        words = ["glsim", "import", source["kind"], source.get("root", ""), "-o", str(dataset)]
+        words = ["glsim", "import", source["kind"], source.get("root", ""), "-o", dataset]
         for name in (name for name in _IMPORT_OPTIONS if name in source):
             words += [f"--{name.replace('_', '-')}", str(source[name])]
         if tree["split"] != default["split"]:

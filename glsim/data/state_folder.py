@@ -101,14 +101,14 @@ class RunState:
         if alone and self.store.names("") == [STATE] and not self.recorded_chunks():
             self.store.put(PLAN, plan)  # an earlier run failed before its first frame
             return
-        begun = self._begun()
+        begun = self.begun()
         if begun is None:  # the first of several parts writes the plan, others compare it
             begun = parse_json(self.store.put_first(PLAN, plan), where)
         refuse_difference(str(self.store), begun, identity)
         if self.store.read(PLAN, _MAX_BYTES) != plan:
             self.store.put(PLAN, plan)
 
-    def _begun(self) -> dict[str, Any] | None:
+    def begun(self) -> dict[str, Any] | None:
         """Read the identity from plan.json, or from the header if plan.json is gone or damaged.
 
         Raises DatasetError for a damaged plan of a data set without a header.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from glsim.cli.verify import repair_command
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files import cloud
 from glsim.core.files.cloud import CloudStore, open_store
@@ -197,6 +198,7 @@ def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None
     folder.put("train-000001.tar", good[:-600] + b"x" + good[-599:])
     folder.put("train-000007.tar", b"")
     folder.delete(["test-000000.tar", "skipped.jsonl"])
+    assert repair_command(Path(memory)).startswith(f"glsim generate -o {memory} --set ")
     assert verify(memory) == [
         "skipped.jsonl is missing",
         "test-000000.tar is missing",
