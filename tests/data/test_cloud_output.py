@@ -54,7 +54,7 @@ def server() -> Iterator[S3Server]:
 
 @pytest.fixture
 def store(server: S3Server, here: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[S3Server]:
-    monkeypatch.setattr(cloud, "RETRY_AFTER_S", (0.0,) * 40)
+    monkeypatch.setattr(cloud, "FIRST_WAIT_S", 0.0)
     server.faults = Faults()
     server.requests.clear()
     yield server

@@ -2,7 +2,8 @@
 
 An object is complete or absent: a file is written on this machine's disk first, uploaded when it is
 complete, and its checksum is compared with the stored object's. Temporary failures (a timeout, a
-throttled request) are tried again; lasting failures raise DatasetError at once.
+throttled request) are tried again here, by no library below, until GIVE_UP_S have passed; lasting
+failures raise DatasetError at once.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -55,8 +56,16 @@ _PACKAGES = {
 _URL = re.compile(rf"^((?:[a-z]+::)*(?:{'|'.join(_PACKAGES)})):/+(?=[^/])")
 #: Another URL, such as "file:///data", or "s3://" without a bucket. One letter: a Windows drive.
 _SCHEME = re.compile(r"^(?:[a-z]+::)*[A-Za-z][A-Za-z0-9+.-]+:(?:/|$)")
-#: Waiting times before further attempts, seconds: they double, 31.5 s in all.
-RETRY_AFTER_S: tuple[float, ...] = (0.5, 1, 2, 4, 8, 16)
+#: Seconds after its first failure in which a request is tried again, and least number of attempts,
+#: since one attempt to upload a shard may take longer. Chosen.
+GIVE_UP_S, _ATTEMPTS = 30.0, 3
+#: Waiting time before the second attempt, seconds, which doubles five times.
+FIRST_WAIT_S, _DOUBLINGS = 0.5, 5
+#: Seconds in which a store answers, and bytes a second that it sends or takes at least. Chosen;
+#: s3fs gives up a silent connection after 15 s, others after minutes.
+_ANSWER_S, _SLOWEST_BYTES_S = 20.0, 1e5
+#: Options of s3fs: botocore shall repeat no request.
+_ONE_ATTEMPT = {"config_kwargs": {"retries": {"total_max_attempts": 1}}}
 #: Errors that another attempt does not cure. ValueError: the store refused a name or an option.
 _LASTING = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryError, ValueError)
 #: Names of error classes of botocore and google.auth, neither of which is imported here.
@@ -99,6 +108,7 @@ class CloudStore(Store):
     """
 
     is_remote = True
+    _warned_s = float("-inf")  # when this process last warned that a request failed
 
     def __init__(self, url: str, temporary: Path | None = None) -> None:
         """Remember the URL, and a local folder for files that are being written."""
@@ -115,7 +125,8 @@ class CloudStore(Store):
     def names(self, folder: str) -> list[str]:
         def ask(fs: Any, path: str) -> list[str]:
             fs.invalidate_cache()
-            return [str(entry).rstrip("/").rpartition("/")[2] for entry in fs.ls(path, False)]
+            entries = map(str, fs.ls(path, False, **_limit(fs)))
+            return [entry.rstrip("/").rpartition("/")[2] for entry in entries]
 
         return sorted(self._try(folder, ask) or [])
 
@@ -123,7 +134,7 @@ class CloudStore(Store):
     def size(self, name: str) -> int | None:
         def ask(fs: Any, path: str) -> int:
             fs.invalidate_cache()  # a cached listing may be older than the object
-            return int(fs.info(path)["size"])
+            return int(fs.info(path, **_limit(fs))["size"])
 
         return self._try(name, ask)
 
@@ -137,7 +148,8 @@ class CloudStore(Store):
             if not hasattr(fs, "call_s3"):
                 return None
             bucket, key, _ = fs.split_path(path)
-            head = fs.call_s3("head_object", Bucket=bucket, Key=key, ChecksumMode="ENABLED")
+            options = {"ChecksumMode": "ENABLED"} | _limit(fs)
+            head = fs.call_s3("head_object", Bucket=bucket, Key=key, **options)
             code = head.get("ChecksumCRC32")
             if code is None or head.get("ChecksumType", "FULL_OBJECT") != "FULL_OBJECT":
                 return None
@@ -166,7 +178,8 @@ class CloudStore(Store):
     def read_range(self, name: str, start: int, size: int) -> bytes:
         if size == 0:
             return b""
-        data = self._try(name, lambda fs, path: fs.cat_file(path, start=start, end=start + size))
+        part = {"start": start, "end": start + size}
+        data = self._try(name, lambda fs, path: fs.cat_file(path, **part, **_limit(fs, size)))
         if data is None:
             raise missing(self.where(name))
         return bytes(data)
@@ -208,7 +221,7 @@ class CloudStore(Store):
     @override
     def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
         items = iter(items)
-        with ThreadPoolExecutor(CONNECTIONS) as pool:
+        with _connections() as pool:
             while batch := list(islice(items, 4 * CONNECTIONS)):
                 yield from pool.map(function, batch)
 
@@ -225,8 +238,12 @@ class CloudStore(Store):
         local = self._temporary / f"{secrets.token_hex(8)}-{name.rpartition('/')[2]}"
         with AtomicFile(local, sync=False) as file:
             yield file
+
+        def send(fs: Any, path: str) -> None:
+            fs.put_file(str(local), path, **_options(fs, file.size))
+
         for _ in range(_UPLOADS):
-            self._write(name, lambda fs, path: fs.put_file(str(local), path, **_options(fs, local)))
+            self._write(name, send)
             if self.checksum(name) == file.checksum:
                 break
         else:
@@ -236,14 +253,14 @@ class CloudStore(Store):
 
     @override
     def put(self, name: str, data: bytes, *, sync: bool = True) -> dict[str, int]:
-        self._write(name, lambda fs, path: fs.pipe_file(path, data, **_options(fs)))
+        self._write(name, lambda fs, path: fs.pipe_file(path, data, **_options(fs, len(data))))
         return checksum(data)
 
     @override
     def put_first(self, name: str, data: bytes) -> bytes:
         def send(fs: Any, path: str) -> bool:
             try:
-                fs.pipe_file(path, data, mode="create")
+                fs.pipe_file(path, data, mode="create", **_limit(fs, len(data)))
             except FileExistsError:
                 return False
             return True
@@ -259,8 +276,11 @@ class CloudStore(Store):
 
     @override
     def delete(self, names: Iterable[str]) -> None:
-        with ThreadPoolExecutor(CONNECTIONS) as pool:
-            list(pool.map(lambda name: self._try(name, lambda fs, path: fs.rm_file(path)), names))
+        def remove(fs: Any, path: str) -> None:
+            fs.rm_file(path, **_limit(fs))
+
+        with _connections() as pool:
+            list(pool.map(lambda name: self._try(name, remove), names))
 
     @override
     def lock(
@@ -274,11 +294,14 @@ class CloudStore(Store):
     def _connect(self) -> tuple[Any, str]:
         """Return fsspec's file system and the path in it; connect again after a fork."""
         if self._connected is None or self._connected[0] != os.getpid():
-            package = _PACKAGES[self.url.split("://")[0].split("::")[-1]]
+            scheme = self.url.split("://")[0].split("::")[-1]
+            package = _PACKAGES[scheme]
             try:
                 from fsspec.core import url_to_fs
 
-                fs, path = url_to_fs(self.url)
+                options = {scheme: dict(_ONE_ATTEMPT)} if package == "s3fs" else {}
+                fs, path = url_to_fs(self.url, **options)
+                fs.retries = 1  # of s3fs, which repeats requests itself
             except ImportError:
                 raise ConfigError(
                     f"{self.url}: needs the package {package}: pip install 'glsim[cloud]'"
@@ -308,14 +331,19 @@ class CloudStore(Store):
 
     def _attempt(self, name: str, call: Callable[[Any, str], _T]) -> _T:
         fs, root = self._connect()
-        for wait_s in (*RETRY_AFTER_S, None):
+        give_up_s = float("inf")
+        for attempt in count():
             try:
                 return call(fs, f"{root}/{name}" if name else root)
             except FileNotFoundError:
                 raise
             except Exception as error:
                 lasting = isinstance(error, _LASTING) or type(error).__name__ in _NO_ACCESS
-                if wait_s is None or lasting:
+                # Random waiting times, so that throttled workers do not try again together.
+                wait_s = FIRST_WAIT_S * 2 ** min(attempt, _DOUBLINGS) * random.uniform(0.5, 1)
+                now_s = time.monotonic()
+                give_up_s = min(give_up_s, now_s + GIVE_UP_S)
+                if lasting or (attempt + 1 >= _ATTEMPTS and now_s + wait_s > give_up_s):
                     advice = (
                         "check the credentials and what they allow"
                         if lasting
@@ -324,21 +352,40 @@ class CloudStore(Store):
                     raise DatasetError(
                         f"{self.where(name)}: {_one_line(error)}: {advice}"
                     ) from error
-                log.info("%s: %s: trying again", self.where(name), _one_line(error))
-                # Random waiting times, so that throttled workers do not try again together.
-                time.sleep(wait_s * random.uniform(0.5, 1))
-        raise AssertionError("the last attempt returns or raises")
+                if now_s - CloudStore._warned_s > GIVE_UP_S:  # many requests fail together
+                    CloudStore._warned_s = now_s
+                    again = f"trying again for {GIVE_UP_S:.0f} s"
+                    log.warning("%s: %s: %s", self.where(name), _one_line(error), again)
+                time.sleep(wait_s)
+        raise AssertionError("an attempt returns or raises")
 
 
-def _options(fs: Any, file: Path | None = None) -> dict[str, Any]:
+@contextmanager
+def _connections() -> Iterator[ThreadPoolExecutor]:
+    """Open a pool of threads; an error in the block drops the calls that wait for a thread."""
+    pool = ThreadPoolExecutor(CONNECTIONS)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _limit(fs: Any, size: int = 0) -> dict[str, Any]:
+    """Return fsspec's option of a time limit for a request of ``size`` bytes."""
+    limited = type(fs).async_impl  # not the store in memory
+    return {"timeout": _ANSWER_S + size / _SLOWEST_BYTES_S} if limited else {}
+
+
+def _options(fs: Any, size: int) -> dict[str, Any]:
     """Return upload options: S3 shall check the received bytes and store their CRC32."""
-    if not hasattr(fs, "call_s3"):
-        return {}
-    options: dict[str, Any] = {"ChecksumAlgorithm": "CRC32"}
-    if file is not None and file.stat().st_size < _MAX_PUT_BYTES:
-        options["chunksize"] = _MAX_PUT_BYTES  # in one part: S3 stores its CRC32
+    options = _limit(fs, size)
+    if hasattr(fs, "call_s3"):
+        options["ChecksumAlgorithm"] = "CRC32"
+        if size < _MAX_PUT_BYTES:
+            options["chunksize"] = _MAX_PUT_BYTES  # in one part: S3 stores its CRC32
     return options
 
 
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300] or type(error).__name__
+    nothing = "no answer" if isinstance(error, TimeoutError) else type(error).__name__
+    return " ".join(str(error).split())[:300] or nothing
