@@ -22,7 +22,7 @@ from glsim.cli.common import (
     print_message,
 )
 from glsim.cli.progress import generation_progress, print_summary
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, MeshError
 
 if TYPE_CHECKING:
     from glsim.data.progress import GenerateSummary
@@ -145,10 +145,16 @@ def _print_poses(settings: Settings) -> None:
         if isinstance(source, FileFaces):
             people = source.subjects(table.subjects)
             keys = [source.frames(person, 1)[0] for person in people[:_SHOWN_PEOPLE]]
+            meshes, bad = sum(len(source.frames(person, None)) for person in people), 0
             for face in source.load(keys):
-                if not isinstance(face, BadFace):
+                if isinstance(face, BadFace):
+                    bad += 1
+                    print_message(f"cannot be used: {face.error}")
+                else:
                     placement, doubts = describe_notes(face.notes)
                     print_message("; ".join([f"{face.key.path}: {placement}", *doubts]))
+            if bad == meshes and len(settings.source) == 1:
+                raise MeshError(f"{source.root}: no mesh in it can be used; nothing is written")
             if len(people) > _SHOWN_PEOPLE:
                 print_message(f"{len(people)} people: glsim inspect {source.root} -o shows them")
 

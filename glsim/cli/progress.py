@@ -86,10 +86,11 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
     print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
     if summary.reused:
         print_message(f"{summary.reused} of them were complete already")
-    if summary.rendered:
+    if summary.rendered and summary.bytes:
         milliseconds = 1000 * summary.cpu_seconds / summary.rendered
         print_message(
-            f"{summary.rendered} rendered in {summary.seconds:.1f} s: "
+            f"{summary.rendered} {'drawn or skipped' if summary.skipped else 'rendered'} in "
+            f"{summary.seconds:.1f} s: "
             f"{rate_text(summary.rendered / summary.seconds)}, {milliseconds:.1f} ms of CPU each, "
             f"{summary.bytes / 1e6:.1f} MB"
         )

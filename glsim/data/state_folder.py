@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import parse_json, to_json
 from glsim.core.files.store import Store
 from glsim.data.chunks import Part
@@ -104,9 +104,27 @@ class RunState:
         begun = self.begun()
         if begun is None:  # the first of several parts writes the plan, others compare it
             begun = parse_json(self.store.put_first(PLAN, plan), where)
-        refuse_difference(str(self.store), begun, identity)
+        try:
+            refuse_difference(str(self.store), begun, identity)
+        except ConfigError:
+            if not alone or not self._discard_run_without_frames():
+                raise
         if self.store.read(PLAN, _MAX_BYTES) != plan:
             self.store.put(PLAN, plan)
+
+    def _discard_run_without_frames(self) -> bool:
+        """Delete the records and shards of a run whose frames were all skipped; tell if it was."""
+        numbers = self.recorded_chunks()
+        try:
+            records = [self.load_chunk(number) for number in numbers]
+        except DatasetError:
+            return False
+        if not records or any(record.summary.frames for record in records):
+            return False
+        self.withdraw()
+        self.discard_chunks(numbers)
+        self.store.delete(file["name"] for record in records for file in _images_of(record))
+        return True
 
     def begun(self) -> dict[str, Any] | None:
         """Read the identity from plan.json, or from the header if plan.json is gone or damaged.

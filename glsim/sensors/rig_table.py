@@ -40,7 +40,7 @@ from glsim.sensors.wiggling import Wave
 from glsim.settings.toml_tables import TomlTable
 
 #: Coordinates in the camera frame, m, and in the image, px; their limits exceed any camera's.
-_Metres = Annotated[float, Field(ge=-100, le=100)]
+_Metres = Annotated[float, Field(ge=-2, le=2)]
 _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Border = Annotated[int, Field(ge=0, le=1024)]
 _FocalPx = Annotated[float, Field(ge=1, le=1e6)]
@@ -106,8 +106,8 @@ class RigTable(TomlTable, allow_inf_nan=False):
     distortion: _Lens = Distortion()
     deliver: Literal["undistorted", "raw", "colour"] = "undistorted"
     colour: _ColourTable | None = None
-    near_m: float = Field(0.1, gt=0)
-    far_m: float = Field(12.0, gt=0)
+    near_m: float = Field(0.1, gt=0, le=100)
+    far_m: float = Field(12.0, gt=0, le=1000)
     supersample: int = Field(1, ge=1, le=5)
     modulation_mhz: tuple[float, float, float] | tuple[()] = ()
     shadow_map: bool = True

@@ -49,6 +49,7 @@ from glsim.settings.source_settings import SourceSettings, parse_source
 from glsim.settings.toml_tables import (
     TomlTable,
     assign,
+    meant,
     merge_tables,
     parse_table,
     read_toml,
@@ -68,14 +69,25 @@ PAPER_SPLIT = "paper"
 """The value of ``split`` that divides images instead of people: glsim.simulation.plan.split."""
 FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
 """Largest depth of 16-bit files, mm, with the coarsest step."""
-POSE_LIMITS = {"motion": (0.0, 5.0)}
-"""Limits of the numbers in [pose]. They allow turns of 30 degrees in a sequence; chosen."""
+_TURN = (-360.0, 360.0)
+POSE_LIMITS = {
+    "distance_mm": (50.0, FARTHEST_MM),
+    "x_mm": (-20_000.0, 20_000.0),
+    "y_mm": (-20_000.0, 20_000.0),
+    "yaw_deg": _TURN,
+    "pitch_deg": _TURN,
+    "roll_deg": _TURN,
+    "motion": (0.0, 5.0),
+}
+"""Limits of the numbers in [pose]: a head is 50 mm deep before its centre, and files of 16 bits end
+at the largest distance; the others are chosen, motion for turns of 30 degrees in a sequence."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
 """Limits of the numbers in [variation]. The values were chosen, not measured."""
 
 
 #: Limits of a room's numbers, chosen to fit homes and offices.
 SCENE_LIMITS = {
+    "wall_mm": POSE_LIMITS["distance_mm"],
     "behind_mm": (400, 8000),
     "width_mm": (1500, 10_000),
     "height_mm": (2000, 5000),
@@ -93,14 +105,21 @@ def _number(default: float | tuple[float, float], description: str) -> Any:
     return Field(setting, description=description)
 
 
+#: Numbers of which the median must lie within the limits: a frame with a sample beyond is skipped.
+_MEDIANS = ("distance_mm", "wall_mm")
+
+
 def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -> None:
     """Raise ValueError if a setting, or a sample of its distribution, can exceed its limits."""
     for name, (least, most) in limits.items():
-        setting = getattr(table, name)
-        low, high = (least, most) if setting is None else setting.bounds()
+        if (setting := getattr(table, name)) is None:
+            continue
+        low, high = [setting.typical] * 2 if name in _MEDIANS else setting.bounds()
         if low < least or high > most:
             wrong = low if low < least else high
-            raise ValueError(f"{name} may be {wrong:g}, but must lie in [{least:g}, {most:g}]")
+            limit = f"[{least:g}, {most:g}]{' mm' if name.endswith('_mm') else ''}"
+            hint = meant(name, wrong, least, most)
+            raise ValueError(f"{name} may be {wrong:g}, but must lie in {limit}{hint}")
 
 
 class PoseSettings(TomlTable):
@@ -119,10 +138,6 @@ class PoseSettings(TomlTable):
     @model_validator(mode="after")
     def _check(self) -> PoseSettings:
         _check_limits(self, POSE_LIMITS)
-        if self.distance_mm.bounds()[1] <= 0:
-            raise ValueError("distance_mm is never above 0: faces are in front of the sensor")
-        if self.distance_mm.bounds()[0] > FARTHEST_MM:
-            raise ValueError(f"distance_mm is above {FARTHEST_MM:.0f}: files of 16 bits end there")
         return self
 
 

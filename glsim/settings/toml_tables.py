@@ -6,6 +6,7 @@ Settings (``schema``), sensors, recipes and plans each have their own model.
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.files.regular import read_regular
+from glsim.core.units import M_PER_MM, MM_PER_M
 
 #: Largest TOML file, bytes; shipped files have about 4,000.
 _MAX_BYTES = 1 << 20
@@ -142,7 +144,19 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
     text, value = _text(problem), problem.get("input")
     if isinstance(value, str | int | float) and problem["type"] != "literal_error":
         text += f" (got {value!r:.{_SHOWN}})"
+    if isinstance(value, int | float):
+        setting = next((part for part in reversed(path) if not part.isdigit()), "")
+        bound = problem.get("ctx", {})
+        text += meant(setting, value, bound.get("ge", -math.inf), bound.get("le", math.inf))
     return path, f"{name}: {text}" if name else text
+
+
+def meant(name: str, value: float, least: float, most: float) -> str:
+    """Return ": metres meant? 900" if 1000 times a number beyond its limits fits them, or ""."""
+    for end, factor, unit in (("_mm", MM_PER_M, "metres"), ("_m", M_PER_MM, "millimetres")):
+        if name.endswith(end) and not least <= value <= most and least <= value * factor <= most:
+            return f": {unit} meant? {value * factor:g}"
+    return ""
 
 
 def flattened(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -352,8 +352,9 @@ class Simulator:
         make_current(self._context)
         layers = item.readback.arrays()
         if not layers["clean"].any():
-            why = "the mesh covers no pixel: its triangles are wound inside out, or too small"
-            return self._skipped(item.task, MeshError(why))
+            at = ", ".join(f"{n} {item.scene.pose[n]:.0f}" for n in ("distance_mm", "x_mm", "y_mm"))
+            why = f"the mesh covers no pixel at {at}: it is outside the image, too small, "
+            return self._skipped(item.task, MeshError(f"{why}or its triangles are inside out"))
         run_array_stages(self.sensor.stages, layers, item.frame, item.values)
         if item.rolled:
             settle_reasons(layers)

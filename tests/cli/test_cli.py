@@ -83,14 +83,14 @@ def test_generate_preview_and_corrupt_go_together(here: Path) -> None:
         assert 0.5 < (noisy.astype(float) - truth)[both].std() < 20
 
 
-def test_a_folder_of_nothing_but_bad_meshes_fails_and_records_them(
+def test_a_folder_of_nothing_but_bad_meshes_is_refused_before_the_run(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (here / "scans").mkdir()
     (here / "scans" / "noise.stl").write_bytes(bytes(range(256)) * 3)
     arguments = ["generate", "-o", "data", "--source", "folder", "--root", "scans"]
-    assert "no frame could be made" in fails(capsys, 1, *arguments, "--workers", "1")
-    assert "noise.stl" in (here / "data" / "skipped.jsonl").read_text()
+    assert "scans: no mesh in it can be used" in fails(capsys, 1, *arguments, "--workers", "1")
+    assert not (here / "data").exists()
 
 
 def test_a_shader_that_does_not_compile_is_named_with_its_line(

@@ -241,6 +241,15 @@ def test_another_data_set_is_refused(
         make(tmp_path, tasks=make_tasks(7))
 
 
+@pytest.mark.parametrize("format", ["png", "webdataset"])
+def test_a_run_without_a_frame_does_not_block_its_folder(
+    tmp_path: Path, undisturbed, format
+) -> None:
+    other = load_settings(overrides={"seed": 3, "output": {"format": "webdataset"}})
+    assert not any(make(tmp_path, other, skip_every=1).frames.values())
+    resume(tmp_path, format, undisturbed[format])
+
+
 def test_other_folders_are_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
     with pytest.raises(DatasetError, match="is not empty and holds no data set of glsim"):

@@ -18,8 +18,8 @@ class BoardSettings(FaceSettings):
 
     endless: ClassVar[bool] = True
 
-    width_mm: float = Field(160.0, gt=0, le=10_000, description="width of the board, mm")
-    height_mm: float = Field(220.0, gt=0, le=10_000, description="height of the board, mm")
+    width_mm: float = Field(160.0, ge=5, le=10_000, description="width of the board, mm")
+    height_mm: float = Field(220.0, ge=5, le=10_000, description="height of the board, mm")
 
     def open(self, seed: int) -> FaceSource:
         """Open the source; ``seed`` is ignored."""

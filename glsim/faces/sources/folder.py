@@ -90,6 +90,7 @@ class Folder(FileFaces):
     ) -> None:
         super().__init__(root, unit, axes)
         self._turns = rotation_deg
+        self._bad: dict[str, MeshError] = {}
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a subject's first ``count`` frames. Raises ConfigError."""
@@ -103,8 +104,16 @@ class Folder(FileFaces):
 
     def _face(self, key: FaceKey) -> Face:
         """Return a frame's face; consecutive meshes of one topology share one ``faces`` array."""
-        file_mesh, alignment = self._read(key), self._alignment_of(key)
-        mesh = check_head_size(self.root / key.path, file_mesh.to_mesh(alignment), alignment)
+        if (known := self._bad.get(key.path)) is not None:
+            raise known  # a plan repeats a mesh; what is hopeless is tried once
+        try:
+            with one_bad_file(self.root / key.path):
+                file_mesh, alignment = self._read(key), self._alignment_of(key)
+                mesh = file_mesh.to_mesh(alignment)
+                mesh = check_head_size(self.root / key.path, mesh, alignment)
+        except MeshError as error:
+            self._bad[key.path] = error
+            raise
         if self._topologies and np.array_equal(self._topologies[0], mesh.faces):
             mesh = replace(mesh, faces=self._topologies[0])
         self._topologies = [mesh.faces]

@@ -156,6 +156,9 @@ def test_bad_meshes_are_bad_faces_and_do_not_stop_the_rest(tmp_path: Path) -> No
     assert "not PLY" in reasons[1]
     assert "no face is found" in reasons[2]
     assert all(str(tmp_path) in reason for reason in reasons)
+    (tmp_path / "b/0.obj").unlink()
+    again = list(source.load(all_keys(source)[-1:] * 2))
+    assert [str(result.error) for result in again] == reasons[2:] * 2, "it is not read again"
 
 
 def test_wrong_settings_give_one_clear_line(tmp_path: Path) -> None:
