@@ -54,7 +54,7 @@ _STATISTICS: Final[dict[str, tuple[Direction, str]]] = {
     "bias": ("neither", "mean error, positive is too far"),
 }
 _DEPTH_IN_TABLE: Final = (
-    *("both_rmse_mm", "input_rmse_mm", "both_interior_rmse_mm", "both_edge_rmse_mm"),
+    *("both_rmse_mm", "input_rmse_mm", "input_interior_rmse_mm", "both_edge_rmse_mm"),
     *("filled_rmse_mm", "input_bias_mm"),
 )
 

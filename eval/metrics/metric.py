@@ -23,7 +23,7 @@ _TITLES: Final = {
     "mse_mm2": "MSE", "psnr_db": "PSNR", "mse_flips_pct": "share of flips in MSE",
     "ssim_paper": "SSIM, paper", "ssim_standard": "SSIM", "ssim_16bit": "SSIM, 16 bits",
     "iou": "IoU", "flips_px": "wrong validity",
-    "flying_px": "flying pixels", "both_rmse_mm": "RMSE", "both_interior_rmse_mm": "RMSE inside",
+    "flying_px": "flying pixels", "both_rmse_mm": "RMSE", "input_interior_rmse_mm": "RMSE inside",
     "both_edge_rmse_mm": "RMSE at edges", "input_rmse_mm": "RMSE, input's pixels",
     "input_bias_mm": "bias", "filled_rmse_mm": "RMSE, filled pixels",
     "relief_kept_pct": "relief kept", "systematic_mm2": "systematic error",

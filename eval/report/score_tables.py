@@ -17,6 +17,7 @@ from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.scoring.aggregate import MetricMean, ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.evaluate import Evaluation, write_csv
+from glsim.eval.scoring.statistics import paired_difference
 
 #: Method -> metric -> mean over the set.
 ResultTable = dict[str, dict[str, MetricMean]]
@@ -68,6 +69,46 @@ def worse_inside(table: ResultTable) -> dict[str, tuple[float, float]]:
     return {name: (mean, before) for name, mean in means.items() if mean > before}
 
 
+#: Metric -> what its winner is best at.
+_CONTESTS: Final = {_INSIDE: "inside surfaces", "flips_px": "in which pixels have depth"}
+
+
+def winners(summary: ScoreSummary) -> list[str]:
+    """Say for surfaces and masks which method is best, by its paired difference to the next."""
+    lines = []
+    for name, what in _CONTESTS.items():
+        means = {method: summary.mean(method, name) for method in summary.methods}
+        order = sorted((m for m in means if not math.isnan(means[m])), key=means.__getitem__)
+        if len(order) < 2:
+            continue
+        first, second = order[:2]
+        gap = paired_difference(summary.values(first, name), summary.values(second, name))
+        unit = METRICS[name].unit
+        size, low, high = (format_number(-x, unit) for x in (gap.mean, gap.high, gap.low))
+        interval = "" if math.isnan(gap.low) else f" (95 % interval {low} to {high})"
+        people = f"{gap.lower} of {gap.subjects} people"
+        if gap.high < 0:
+            line = f"`{first}` is best {what}: {size} {unit} better than `{second}`"
+            lines.append(f"{line}{interval}, in {people}.")
+        else:
+            line = f"`{first}` and `{second}` are best {what} and are not told apart"
+            lines.append(f"{line}: {size} {unit}{interval}, better in {people}.")
+    return lines
+
+
+def _minus_best(summary: ScoreSummary) -> dict[str, str]:
+    """Return each method's error inside surfaces minus the smallest one, with a paired interval."""
+    values = {method: summary.values(method, _INSIDE) for method in summary.methods}
+    known = {method: sums.mean for method, sums in values.items() if not math.isnan(sums.mean)}
+    best = min(known, key=known.__getitem__, default="")
+    cells = {}
+    for method in known:
+        gap = paired_difference(values[method], values[best])
+        mean, low, high = (format_number(x) for x in (gap.mean, gap.low, gap.high))
+        cells[method] = mean if method == best or math.isnan(gap.low) else f"{mean} [{low}, {high}]"
+    return cells
+
+
 def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> str:
     """Return the text of table.md, which contains all documents of the result."""
     protocol = f"Protocol {evaluation.protocol}: {MEANING[evaluation.protocol]}."
@@ -82,8 +123,9 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
         "Scores",
         [
             f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. In "
-            "brackets the 95 % interval over subjects (bootstrap). Bold: the best mean. Arrows: "
-            "which way is better. Maps are scored as denoisers return them, unrounded."
+            "brackets the 95 % interval over subjects (bootstrap); differences to the best are "
+            "paired by subject. Bold: the best mean. Arrows: which way is better. "
+            "Maps are scored as denoisers return them, unrounded."
         ],
     )
     for title, names in TABLE_SECTIONS.items():
@@ -95,9 +137,11 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
                 "Nearly all of this squared error is in pixels that have depth in one map only, so "
                 "that it tells how a method treats silhouettes, not how near its surfaces are."
             )
-        scores.parts.append(_table(table, metrics, heads, intervals=True))
+        gaps = _minus_best(evaluation.summary) if _INSIDE in names else {}
+        scores.parts.append(_table(table, metrics, heads, intervals=True, gaps=gaps))
+    won = [Document("Result", [winners(evaluation.summary)])]
     others = (_region_document(table), _bias_document(evaluation.summary), _baselines(evaluation))
-    return [scores, *(document for document in others if document is not None)]
+    return [*won, scores, *(document for document in others if document is not None)]
 
 
 def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
@@ -110,9 +154,17 @@ def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]
 
 
 def _table(
-    table: ResultTable, metrics: Sequence[Metric], heads: Sequence[str], *, intervals: bool = False
+    table: ResultTable,
+    metrics: Sequence[Metric],
+    heads: Sequence[str],
+    *,
+    intervals: bool = False,
+    gaps: Mapping[str, str] | None = None,
 ) -> TextTable:
-    """Return a table with a row per method and a column per metric; the best means are bold."""
+    """Return a table with a row per method and a column per metric; the best means are bold.
+
+    ``gaps``: a text per method, beside the error inside surfaces.
+    """
     tops = {m.name: best_methods(table, m) for m in metrics}
     rows = []
     harms = worse_inside(table)
@@ -126,7 +178,13 @@ def _table(
             known = intervals and not math.isnan(entry.low)
             cells.append(f"{text} [{low}, {high}]" if known else text)
         rows.append(cells)
-    return TextTable(["method", *heads], rows)
+    head = ["method", *heads]
+    if gaps:
+        place = 2 + [m.name for m in metrics].index(_INSIDE)
+        head.insert(place, "inside, minus the best [mm]")
+        for cells, method in zip(rows, table, strict=True):
+            cells.insert(place, gaps.get(method, "n/a"))
+    return TextTable(head, rows)
 
 
 def _region_document(table: ResultTable) -> Document | None:

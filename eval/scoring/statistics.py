@@ -54,6 +54,39 @@ def bootstrap_interval(values: SubjectSums) -> tuple[float, float]:
     return float(low), float(high)
 
 
+@dataclass(frozen=True)
+class PairedDifference:
+    """The mean of one method minus that of another, over the same subjects.
+
+    Attributes:
+        mean: the difference.
+        low, high: ends of its 95 % interval; both methods have the same subjects in each draw.
+        lower, subjects: number of subjects where the one method has the lower mean, and of all.
+    """
+
+    mean: float
+    low: float
+    high: float
+    lower: int
+    subjects: int
+
+
+def paired_difference(one: SubjectSums, other: SubjectSums) -> PairedDifference:
+    """Compare two methods over the subjects where both are defined."""
+    both = (one.counts > 0) & (other.counts > 0)
+    sums = np.stack([one.sums, other.sums], axis=1)[both]
+    counts = np.stack([one.counts, other.counts], axis=1)[both]
+    lower = int(np.count_nonzero(np.diff(sums / counts) > 0))
+    if not both.any():
+        return PairedDifference(*[float("nan")] * 3, 0, 0)
+    mean = -float(np.diff(sums.sum(axis=0) / counts.sum(axis=0))[0])
+    if len(sums) < 2:
+        return PairedDifference(mean, float("nan"), float("nan"), lower, len(sums))
+    times = resampled(len(sums))
+    low, high = np.quantile(-np.diff((times @ sums) / (times @ counts)), [0.025, 0.975])
+    return PairedDifference(mean, float(low), float(high), lower, len(sums))
+
+
 def resampled(subjects: int) -> Array:
     """Draw bootstrap samples of S subjects: (_DRAWS, S) counts of each subject in each draw."""
     rng = np.random.default_rng(_SEED)

@@ -238,3 +238,7 @@ def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
     assert text.index("### Surface") < text.index("### The paper's metrics")
     assert "| `ruin:bend` (worse inside than its input) |" in text
     assert "| `masked_gaussian` |" in text
+    best = re.search(
+        r"`masked_gaussian` is best inside surfaces: (\S+) mm .* in 3 of 3 people", text
+    )
+    assert f"{best[1]} [" in next(line for line in text.splitlines() if "| `noisy`" in line)

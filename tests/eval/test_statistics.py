@@ -9,7 +9,7 @@ import pytest
 import scipy.stats
 
 from glsim.eval.report.score_tables import format_number
-from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
+from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval, paired_difference
 
 
 def values(*means: float, frames: int = 10) -> SubjectSums:
@@ -35,6 +35,17 @@ def test_the_bootstrap_interval_is_scipys() -> None:
     # 2000 draws: the 2.5 % point varies by 0.004 of probability, 7 % of the half width.
     assert ends == pytest.approx(expected, abs=0.25 * (expected.high - expected.low) / 2)
     assert all(math.isnan(end) for end in bootstrap_interval(values(3.0)))
+
+
+def test_a_difference_is_paired_by_subject() -> None:
+    rng = np.random.default_rng(2)
+    people, gain = rng.normal(5, 2, 20), rng.normal(0.3, 0.02, 20)
+    found = paired_difference(values(*people), values(*(people + gain)))
+    assert found.mean == pytest.approx(-gain.mean())
+    assert (found.lower, found.subjects) == (20, 20)
+    assert found.low < found.mean < found.high
+    assert found.high - found.low < 0.03, "people differ by 2, and the difference by 0.02"
+    assert math.isnan(paired_difference(values(3.0), values(4.0)).low)
 
 
 @pytest.mark.parametrize(

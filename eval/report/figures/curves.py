@@ -31,9 +31,10 @@ def bias_curves(summary: ScoreSummary) -> Any | None:
         middle_m = [(b.from_mm + BIAS_BIN_MM / 2) / MM_PER_M for b in bins]
         style = method_style(number)
         means = [b.mean_mm for b in bins]
-        axis.plot(middle_m, means, linewidth=1.2, marker=".", markersize=4, label=method, **style)
-        low, high = [b.low_mm for b in bins], [b.high_mm for b in bins]
-        axis.fill_between(middle_m, low, high, color=style["color"], alpha=0.12, linewidth=0)
+        bars = [[m - b.low_mm for m, b in zip(means, bins, strict=True)],
+                [b.high_mm - m for m, b in zip(means, bins, strict=True)]]  # fmt: skip
+        axis.errorbar(middle_m, means, bars, label=method, marker=".", markersize=4, **style,
+                      linewidth=1.2, elinewidth=0.6, capsize=1.5)  # fmt: skip
         tops[method] = max(map(abs, means))
     if not tops:
         return None
