@@ -60,9 +60,9 @@ def compare(
         out: Write the table as Markdown. Default: print it.
         frames: Number of frames of each set; of larger sets, evenly spread frames are used.
         seed: Random seed of the device and the noise of --replay.
-        smooth_px: Standard deviation of the smoothing that removes the noise of REAL before a
-            replay, pixels. Default: 2 times the distance at which the correlation of its noise is
-            0.5.
+        smooth_px: Standard deviation of the widest smoothing that removes the noise of REAL before
+            a replay, pixels. Default: 2 times the distance at which the correlation of its noise
+            is 0.5. What exceeds the noise, such as noses, stays.
         depth_unit_mm: Step of integer depth files, mm. Default: the stated step, or 1.
         focal_px: Focal length of both sets, pixels. Default: the stated one, or that of the sensor
             of --replay, or a Kinect V2's.
@@ -110,6 +110,6 @@ def compare(
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)
-    sentences = [recording.sentence(focal_px, taken) for recording in opened]
+    sentences = [*(recording.sentence(focal_px, taken) for recording in opened), simulated.note]
     for note in filter(None, dict.fromkeys(sentences)):
         print_message(note)

@@ -229,10 +229,10 @@ class Frames(Sequence[DepthFrame]):
         self.regions: Mapping[str, int] = regions or {}
 
     @classmethod
-    def of(cls, frames: Sequence[DepthFrame], title: str = "") -> Frames:
+    def of(cls, frames: Sequence[DepthFrame], title: str = "", note: str = "") -> Frames:
         """Make a set from frames in memory."""
         kept = tuple(frames)
-        return cls(len(kept), kept.__getitem__, title=title)
+        return cls(len(kept), kept.__getitem__, title=title, note=note)
 
     def __len__(self) -> int:
         return self._count

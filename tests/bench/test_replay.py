@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.replay import replay
-from glsim.bench.compare.replay_surfaces import (
-    find_surfaces,
-    keep_relief,
-    measure_noise_floor,
-    smooth_surfaces,
-)
+from glsim.bench.compare.replay_noise import half_distance_px, measure_replay_noise
+from glsim.bench.compare.replay_surfaces import find_surfaces, smooth_surfaces
 from glsim.cli import main
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
@@ -46,7 +43,7 @@ def step(seed: int = 0, sigma_mm: float = 1.5, gap_px: int = 6) -> Array:
 
 
 def test_surfaces_are_smooth_and_gaps_are_given_to_the_far_one() -> None:
-    found = find_surfaces(step(), 3.0, 12)
+    found = find_surfaces(step(), (3.0,), 12)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     wall = WALL_MM + 0.4 * x
     assert np.isfinite(found.front_mm).all()
@@ -63,30 +60,56 @@ def test_surfaces_are_smooth_and_gaps_are_given_to_the_far_one() -> None:
     assert found.light_from[60, 100] == 60 * WIDTH + 100
     open_depth = step()
     open_depth[90:118, 100:160] = np.nan
-    assert np.isnan(find_surfaces(open_depth, 3.0, 12).front_mm[104, 130])
-    assert np.isfinite(find_surfaces(open_depth, 3.0, 80).front_mm[104, 130])
+    assert np.isnan(find_surfaces(open_depth, (3.0,), 12).front_mm[104, 130])
+    assert np.isfinite(find_surfaces(open_depth, (3.0,), 80).front_mm[104, 130])
 
 
-def test_relief_rougher_than_the_noise_stays_and_noise_does_not() -> None:
-    """A wall whose right half is cloth: waves of 4 px and 3 mm; noise of 1 mm everywhere."""
-    x = np.mgrid[:HEIGHT, :WIDTH][1].astype(np.float64)
-    waves = np.where(x >= 100, 3.0 * np.sin(2 * np.pi * x / 4), 0.0)
-    noise = np.random.default_rng(0).normal(0, 1.0, waves.shape)
-    depth = (1000.0 + waves + noise).astype(np.float32)
-    light = np.full(depth.shape, 8000, np.float32)
-    frame = frames_of("wall", [depth], [light], Intrinsics(WIDTH, HEIGHT, 180, 180, 100, 60))[0]
-    label, smooth = smooth_surfaces(depth, 3.0)
-    floor = measure_noise_floor([frame], 3.0)
-    assert np.sqrt(floor.variance(frame)).mean() == pytest.approx(0.95, abs=0.1)
-    kept = keep_relief(depth, smooth, label, floor.variance(frame), 3.0)
-    inner = np.s_[8:-8, 10:90], np.s_[8:-8, 110:-10]
-    assert (kept - smooth)[inner[0]].std() < 0.1
-    regained = (kept - smooth)[inner[1]]
-    assert np.corrcoef(regained.ravel(), waves[inner[1]].ravel())[0, 1] > 0.85
-    # What the noise adds again stays out: the variance is that of the waves and less.
-    assert 0.5 * waves.std() < regained.std() < 1.05 * waves[inner[1]].std()
-    unknown = np.full(depth.shape, np.inf)
-    np.testing.assert_array_equal(keep_relief(depth, smooth, label, unknown, 3.0), smooth)
+def test_scattered_depths_of_a_far_wall_become_a_wall() -> None:
+    """A wall of which a tenth of the pixels has depth; flying pixels beside the square do not."""
+    depth, rng = step(), np.random.default_rng(1)
+    far = np.isnan(depth) | (depth > 1500)
+    depth[far & (rng.uniform(size=depth.shape) > 0.1)] = np.nan
+    depth[30:90, 141] = np.linspace(900, 1500, 60)
+    found = find_surfaces(depth, (3.0,), 12)
+    x = np.mgrid[:HEIGHT, :WIDTH][1]
+    away = np.abs(x - 100) > 52
+    assert np.isfinite(found.front_mm[away]).mean() > 0.9
+    assert np.nanmax(np.abs(found.front_mm - WALL_MM - 0.4 * x)[away]) < 15
+
+
+@pytest.mark.parametrize("alike_px", [1.5, 5.0])
+def test_noses_stay_and_noise_does_not(alike_px: float) -> None:
+    """A head with a nose and eyes, no plane anywhere; noise of 1.5 mm alike over some pixels."""
+    y, x = np.mgrid[:160, :130].astype(np.float64) - np.array([80, 65]).reshape(2, 1, 1)
+    ball = 700.0 + 60.0 * ((x / 55) ** 2 + (y / 75) ** 2)
+    nose = -14.0 * np.exp(-((x / 6) ** 2) - (y / 10) ** 2)
+    eyes = sum(6.0 * np.exp(-(((x - k) / 6) ** 2) - ((y + 25) / 5) ** 2) for k in (-18, 18))
+    inside = (x / 55) ** 2 + (y / 75) ** 2 < 1
+    truth, sigma = ball + nose + eyes, alike_px / np.sqrt(4 * np.log(2))
+    white = np.random.default_rng(0).normal(size=(2, *x.shape))
+    noise = np.stack([cv2.GaussianBlur(image, (0, 0), sigma) for image in white])
+    depth = np.where(inside, truth + 1.5 * noise / noise.std(), np.nan).astype(np.float32)
+    camera = Intrinsics(130, 160, 365, 365, 65, 80)
+    frames = list(frames_of("heads", list(depth), None, camera))
+    assert half_distance_px(frames) == pytest.approx(alike_px, rel=0.25)
+    found = measure_replay_noise(frames, None)
+    inner, part = (x / 55) ** 2 + (y / 75) ** 2 < 0.7, np.abs(nose + eyes) > 2
+    widest = smooth_surfaces(depth[0], found.scales_px).widest_mm
+    front = find_surfaces(depth[0], found.scales_px, 12, found.energy(frames[0])).front_mm
+
+    def kept(z: np.ndarray) -> float:
+        """Share of the relief of nose and eyes, beside that of the ball alone."""
+        relief = (nose + eyes)[part & inner]
+        return float(((z - ball)[part & inner] * relief).sum() / (relief**2).sum())
+
+    assert kept(front) > max(0.85, kept(widest) + 0.03)
+    smooth = inner & (np.abs(nose + eyes) < 0.05)
+    error = (front - ball)[smooth]
+    assert (error - error.mean()).std() < 0.7 * 1.5
+    unknown = np.full((3, *x.shape), np.inf)
+    np.testing.assert_array_equal(
+        smooth_surfaces(depth[0], found.scales_px).with_relief(unknown), widest
+    )
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.bench.compare.replay_surfaces import (
-    ReplaySurfaces,
-    find_surfaces,
-    measure_noise_floor,
-    mesh_of,
-)
+from glsim.bench.compare.replay_noise import measure_replay_noise
+from glsim.bench.compare.replay_surfaces import ReplaySurfaces, find_surfaces, mesh_of
 from glsim.core.array_types import Array
 from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
@@ -26,19 +22,11 @@ from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.core.units import MM_PER_M
 from glsim.gl.context import borrowed_context
-from glsim.measures.correlation import lagged_sums
-from glsim.measures.disparity import LAGS_PX, LEAST_TILES, find_tiles, to_disparity
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import view_numbers
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
 
-#: Standard deviation of the smoothing window: its ratio to the distance at which the noise's
-#: correlation is 0.5, and its limits, px. The third number is the quantile of the correlation over
-#: tiles of 40 x 40 px; it is low, since bends of faces and cloth look correlated too. Chosen: noise
-#: of a Kinect V2 is correlated over 1.5 px and is reduced to a fifth by a window of 3 px; noise of
-#: a D435 is correlated over 5 px and needs a window of 9 px.
-_SMOOTH_OVER_CORRELATION, _SMOOTH_PX, _FLATTEST = 2.0, (3.0, 10.0), 0.1
 #: Uniform reflectivity in the first capture; with it, no surface beyond 0.3 m saturates.
 _EVEN_ALBEDO = 0.25
 #: Smallest and largest reflectivity. Chosen: only retroreflectors are brighter.
@@ -83,7 +71,7 @@ def replay(
         smooth_px: standard deviation of the smoothing window. Default: from the noise.
 
     Returns:
-        Frames with the names, size and order of ``real``.
+        Frames with the names, size and order of ``real``; ``note`` says how much was smoothed.
     """
     loaded, camera = load_sensor(sensor), real.intrinsics
     assignments = [*_range_assignments(real, loaded), *assignments]
@@ -96,15 +84,16 @@ def replay(
     }
     frames = [_mirror(frame) if mirrored else frame for frame in real]
     some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
-    smooth_px = smooth_px or _smoothing_px(some)
-    noise = measure_noise_floor(some, smooth_px)
+    noise = measure_replay_noise(some, smooth_px)
     with borrowed_context(None) as context:
         virtual = VirtualCamera(sensor, context, seed=seed, rig=rig, assignments=assignments)
 
         def scene(frame: DepthFrame) -> Mesh | None:
             """Return the surfaces of a frame with their reflectivity; None without depth."""
             holes_px = _WIDEST_HOLE_PX[frame.infrared is not None]
-            surfaces = find_surfaces(frame.measured_mm, smooth_px, holes_px, noise.variance(frame))
+            surfaces = find_surfaces(
+                frame.measured_mm, noise.scales_px, holes_px, noise.energy(frame)
+            )
             if not np.isfinite(surfaces.front_mm).any():
                 return None
             albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
@@ -116,7 +105,7 @@ def replay(
         for frame, view in zip(frames, view_numbers(real), strict=True):
             rendered = _render(virtual, scene(frames[view]), frame)
             made.append((_mirror(rendered) if mirrored else rendered).changed(intrinsics=camera))
-    return Frames.of(made, f"{sensor}, replay")
+    return Frames.of(made, f"{sensor}, replay", noise.sentence)
 
 
 def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
@@ -190,16 +179,6 @@ def _albedo(
         typical = float(np.median(seen)) if seen.size else SKIN_ALBEDO
         ratio[~usable & (surfaces.label == number)] = typical
     return np.asarray(ratio)
-
-
-def _smoothing_px(frames: Sequence[DepthFrame]) -> float:
-    """Choose the smoothing of surfaces, px, from the correlation length of noise on planes."""
-    tiles = np.concatenate([find_tiles(to_disparity(f.measured_mm)).residual for f in frames])
-    if len(tiles) < LEAST_TILES:
-        return _SMOOTH_PX[0]
-    products, squares = lagged_sums(tiles, [(0, lag) for lag in LAGS_PX], both_axes=True).T
-    alike = np.quantile(products / np.maximum(squares, 1e-30), _FLATTEST, axis=1)
-    return float(np.clip(_SMOOTH_OVER_CORRELATION * np.interp(-0.5, -alike, LAGS_PX), *_SMOOTH_PX))
 
 
 def _is_mirrored(real: Frames, rig: SensorRig) -> bool:

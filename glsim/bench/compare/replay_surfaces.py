@@ -1,7 +1,7 @@
 """Surfaces of one real frame, without its noise, for a replay.
 
 A frame is cut into surfaces where neighbouring depths jump; tiny surfaces are flying pixels. Local
-planes in 1/z smooth each surface; relief rougher than the camera's noise stays. A gap between a
+planes in 1/z smooth each surface; relief that exceeds the camera's noise stays. A gap between a
 near and a far surface (a shadow, or the rim that cameras leave) is filled by the far surface, which
 also continues behind the rim of the near surface; a hole within a surface is closed.
 """
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Array, Mask
 from glsim.core.camera import Intrinsics
-from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_map import FITTED_STEP, grid_triangles
 from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
@@ -46,16 +45,15 @@ _RIM_PX = 1
 _WIDEST_GAP_PX, _WIDEST_BAND_PX = 80, 60
 #: Pixels by which a far surface continues behind a near surface; no camera here sees so far.
 _BEHIND_PX = 60
-#: Noise is measured in classes of infrared, or of depth without infrared: the bounds of the
-#: classes, counts or mm; the smallest number of pixels in a class; and the quantile of the variance
-#: that represents the smoothest surfaces. All three were chosen, not measured.
-_CLASSES, _LEAST_CLASS_PX, _SMOOTHEST = np.geomspace(100.0, 65_000.0, 34), 500, 0.25
-#: Variance is relief only above this multiple of the noise floor. Chosen: for noise alone, the
-#: lower quartile in a window of 3 px is 0.8 of the variance, so that three quarters of a plane keep
-#: no relief.
-_RELIEF_OVER_NOISE = 1.7
+#: A band keeps no relief where its energy is below this multiple of the noise. Chosen: the energy
+#: of noise alone exceeds it in 3 to 8 % of the pixels.
+_RELIEF_OVER_NOISE = 2.0
 #: Relief is removed up to this distance from a rim, px (flying pixels). Chosen, not measured.
 _RELIEF_RIM_PX = 2
+#: Depths that belong to no surface are joined where a Gaussian window of this width, px, that is as
+#: far from all surfaces, has at least this share of them, and they differ by less than this share
+#: of their depth. Chosen, not measured.
+_SCATTERED_PX, _LEAST_SCATTERED, _ONE_WALL = 4.0, 0.05, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +78,7 @@ class ReplaySurfaces:
 
 def find_surfaces(
     depth_mm: NDArray[np.float32],
-    smooth_px: float,
+    scales_px: Sequence[float],
     widest_hole_px: int,
     noise_mm2: Array | None = None,
 ) -> ReplaySurfaces:
@@ -88,13 +86,16 @@ def find_surfaces(
 
     Args:
         depth_mm: (H, W) mm, NaN where there is no depth.
-        smooth_px: standard deviation of the Gaussian window of the smoothing, px.
+        scales_px: standard deviations of the Gaussian windows of the smoothing, finest first.
         widest_hole_px: widest hole within a surface to close.
-        noise_mm2: (H, W) variance of the noise, mm^2; relief above it stays. None: no relief.
+        noise_mm2: (bands, H, W) variance of the noise in each band, mm^2; relief above it stays.
+            None: no relief.
     """
-    label, front = smooth_surfaces(depth_mm, smooth_px)
+    smooth = smooth_surfaces(depth_mm, scales_px)
+    label, front = smooth.label, smooth.widest_mm
     if noise_mm2 is not None:
-        front = keep_relief(depth_mm, front, label, noise_mm2, smooth_px)
+        front = smooth.with_relief(noise_mm2)
+    _add_scattered(depth_mm, label, front)
     index = np.arange(front.size, dtype=np.int64).reshape(front.shape)
     light_from = index.copy()
     _fill_rows(front, label, light_from, widest_hole_px)
@@ -147,16 +148,55 @@ def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.i
 # --- surfaces and their smoothing ---------------------------------------------------------------
 
 
-def smooth_surfaces(depth_mm: NDArray[np.float32], smooth_px: float) -> tuple[Labels, Array]:
-    """Number the surfaces of a depth map and smooth each surface.
+@dataclass(frozen=True, eq=False)
+class SmoothSurfaces:
+    """The surfaces of one frame, and what successive smoothings take from them.
 
-    Returns:
-        (H, W) number of each pixel's surface, -1 = none; and (H, W) smoothed depth, mm, NaN for
-        pixels without a surface.
+    Attributes:
+        label: (H, W) number of each pixel's surface; -1 = none.
+        widest_mm: (H, W) depth after the widest smoothing, mm; NaN without a surface.
+        bands_mm: (bands, H, W) what each smoothing takes, mm, finest first.
+        energy: (bands, H, W) mean square of each band within its window, mm^2.
     """
+
+    label: Labels
+    widest_mm: Array
+    bands_mm: Array
+    energy: Array
+
+    def with_relief(self, noise_mm2: Array) -> Array:
+        """Give back the relief that exceeds the noise in its band: noses, cloth, hair, print.
+
+        If real noise were rendered as relief, a sensor with too little noise would seem realistic.
+
+        Args:
+            noise_mm2: (bands, H, W) variance of the camera's noise in each band, mm^2.
+
+        Returns:
+            (H, W) mm: the widest smoothing plus 1 - (2 noise / energy)^2 of each band.
+        """
+        with np.errstate(over="ignore"):
+            excess = _RELIEF_OVER_NOISE * noise_mm2 / np.maximum(self.energy, 1e-9)
+            share = np.clip(1.0 - excess**2, 0.0, 1.0)
+        relief = np.where(far_from_rims(self.label), (share * self.bands_mm).sum(axis=0), 0.0)
+        return np.asarray(self.widest_mm + relief)
+
+
+def smooth_surfaces(depth_mm: NDArray[np.float32], scales_px: Sequence[float]) -> SmoothSurfaces:
+    """Number the surfaces of a depth map and smooth each surface by windows, finest first."""
     label = _connected(depth_mm)
-    smooth = _smoothed(depth_mm, label >= 0, smooth_px)
-    return np.where(np.isfinite(smooth), label, -1), smooth
+    last, bands, energy = np.where(label >= 0, depth_mm.astype(np.float64), np.nan), [], []
+    for scale in scales_px:
+        smooth = _smoothed(depth_mm, label >= 0, scale)
+        band = np.nan_to_num(last - smooth)
+        bands.append(band)
+        known = np.isfinite(smooth).astype(np.float64)
+        images = np.dstack([known, band * band])
+        blurred = cv2.GaussianBlur(images, (0, 0), scale, borderType=cv2.BORDER_CONSTANT)
+        energy.append(blurred[..., 1] / np.maximum(blurred[..., 0], 1e-6))
+        last = smooth
+    kept = np.where(np.isfinite(last), label, -1)
+    return SmoothSurfaces(kept, last, np.stack(bands), np.stack(energy))
 
 
 def _connected(depth_mm: NDArray[np.float32]) -> Labels:
@@ -225,100 +265,27 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
         return np.where(weight > 0.5, MM_PER_M * weight / total, np.nan)
 
 
-# --- relief -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class NoiseFloor:
-    """Variance of the camera's noise, from measured minus smoothed depth on smooth surfaces.
-
-    Attributes:
-        at: (N,) middle of each class: infrared in counts, or depth in mm.
-        variance_mm2: (N,) variance of measured minus smoothed depth; empty with too few pixels.
-    """
-
-    at: Array
-    variance_mm2: Array
-
-    def variance(self, frame: DepthFrame) -> Array:
-        """Compute the (H, W) noise variance of a frame, mm^2; infinite without measurements."""
-        if self.at.size == 0:
-            return np.full(frame.measured_mm.shape, np.inf)
-        driver = np.maximum(_driver(frame), _CLASSES[0])
-        return np.asarray(np.interp(np.log(driver), np.log(self.at), self.variance_mm2))
-
-
-def measure_noise_floor(frames: Sequence[DepthFrame], sigma_px: float) -> NoiseFloor:
-    """Measure the noise of the smoothest surfaces over infrared (or over depth without infrared).
-
-    All frames or none have infrared. ``sigma_px``: standard deviation of the window, px.
-    """
-    variances, drivers = [], []
-    for frame in frames:
-        label, smooth = smooth_surfaces(frame.measured_mm, sigma_px)
-        inner = _far_from_rims(label)
-        variances.append(_local_variance(frame.measured_mm - smooth, label >= 0, sigma_px)[inner])
-        drivers.append(_driver(frame)[inner])
-    variance, driver = np.concatenate(variances), np.concatenate(drivers)
-    place = np.digitize(driver, _CLASSES)
-    at, floor = [], []
-    for k in range(1, len(_CLASSES)):
-        chosen = variance[place == k]
-        if chosen.size >= _LEAST_CLASS_PX:
-            at.append(np.sqrt(_CLASSES[k - 1] * _CLASSES[k]))
-            floor.append(np.quantile(chosen, _SMOOTHEST))
-    return NoiseFloor(np.array(at), np.array(floor))
-
-
-def keep_relief(
-    depth_mm: NDArray[np.float32],
-    smooth_mm: Array,
-    label: Labels,
-    variance_mm2: Array,
-    sigma_px: float,
-) -> Array:
-    """Restore in smoothed depth the relief that exceeds the noise: cloth, hair, print.
-
-    The noise floor is measured in the real frames. If real noise were rendered as relief, a
-    simulated sensor with too little noise would seem realistic.
-
-    Args:
-        depth_mm: (H, W) measured depth, mm.
-        smooth_mm: (H, W) smoothed depth, mm, NaN where unknown.
-        label: (H, W) number of the surface of each pixel; -1 = none.
-        variance_mm2: (H, W) variance of the camera's noise, mm^2.
-        sigma_px: standard deviation of the Gaussian window, px.
-
-    Returns:
-        (H, W) mm: smoothed depth plus (variance - noise) / variance of the difference between
-        measured and smoothed depth.
-    """
-    difference = depth_mm - smooth_mm
-    variance = _local_variance(difference, label >= 0, sigma_px)
-    share = np.clip(1.0 - _RELIEF_OVER_NOISE * variance_mm2 / np.maximum(variance, 1e-9), 0.0, 1.0)
-    return np.asarray(smooth_mm + np.where(_far_from_rims(label), share * difference, 0.0))
-
-
-def _driver(frame: DepthFrame) -> Array:
-    """Return the quantity that noise depends on: (H, W) infrared, or depth without infrared."""
-    source = frame.measured_mm if frame.infrared is None else frame.infrared
-    return np.nan_to_num(source.astype(np.float64))
-
-
-def _far_from_rims(label: Labels) -> Mask:
+def far_from_rims(label: Labels) -> Mask:
     """Mark the (H, W) pixels whose window lies on one surface."""
     window = np.ones((2 * _RELIEF_RIM_PX + 1, 2 * _RELIEF_RIM_PX + 1), np.uint8)
     image = label.astype(np.float32)  # a frame has fewer surfaces than 2^24
     return np.asarray((cv2.erode(image, window) == cv2.dilate(image, window)) & (label >= 0))
 
 
-def _local_variance(difference_mm: Array, known: Mask, sigma_px: float) -> Array:
-    """Compute the (H, W) variance of known pixels within a Gaussian window."""
-    filled = np.where(known, difference_mm, 0.0)
-    images = np.dstack([known.astype(np.float64), filled, filled * filled])
-    blurred = cv2.GaussianBlur(images, (0, 0), sigma_px, borderType=cv2.BORDER_CONSTANT)
-    mean, square = np.moveaxis(blurred[..., 1:] / np.maximum(blurred[..., :1], 1e-6), -1, 0)
-    return np.asarray(np.maximum(square - mean * mean, 0.0))
+def _add_scattered(depth_mm: NDArray[np.float32], label: Labels, front_mm: Array) -> None:
+    """Join scattered depths without a surface, as on far dark walls, to surfaces, in place."""
+    alone = np.isfinite(depth_mm) & (label < 0)
+    near = cv2.distanceTransform((label < 0).astype(np.uint8), cv2.DIST_L2, 3)
+    alone &= near > _SCATTERED_PX
+    inverse = np.where(alone, MM_PER_M / np.where(alone, depth_mm, 1.0), 0.0)
+    images = np.dstack([alone.astype(np.float64), inverse, inverse**2])
+    count, first, second = np.moveaxis(cv2.GaussianBlur(images, (0, 0), _SCATTERED_PX), -1, 0)
+    mean, square = first / np.maximum(count, 1e-9), second / np.maximum(count, 1e-9)
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    found = (label < 0) & (near > _SCATTERED_PX) & (count > _LEAST_SCATTERED)
+    found &= spread < _ONE_WALL * mean
+    front_mm[found] = MM_PER_M / mean[found]
+    label[found] = label.max(initial=0) + 1
 
 
 # --- gaps ---------------------------------------------------------------------------------------
