@@ -17,15 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
-from glsim.core.files.regular import read_regular
+from glsim.core.files.regular import open_regular
 from glsim.core.products import product
-from glsim.faces.meshes.obj import MAX_BYTES, check_corners, check_count, read_bytes
+from glsim.faces.meshes.obj import (
+    MAX_BYTES,
+    check_corners,
+    check_count,
+    check_start,
+    read_bytes,
+)
 
 _Array = NDArray[Any]
 
 #: ``componentType`` -> NumPy's type; ``type`` -> numbers in an element.
 _TYPES: Final = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+#: Properties of a node that place it.
+_PLACES: Final = {"matrix", "rotation", "scale", "translation"}
+#: Largest number of objects, lists and their entries in the JSON: they take 60 MB.
+_MOST_ENTRIES: Final = 500_000
+#: Largest number of coordinates, indices and colours that are made besides one for each byte of the
+#: buffers, as copies and as zeros: they take 60 MB. Each part counts as _EACH numbers more.
+_MOST_COPIES, _EACH = 1 << 20, 64
 
 _DRACO: Final = "KHR_draco_mesh_compression"
 #: Extensions that are read, or that leave the surface as it is.
@@ -39,13 +53,18 @@ def read_gltf(path: Path) -> list[tuple[_Array, _Array, _Array | None]]:
 
     Raises MeshError, or the parser's error for a damaged file.
     """
-    data = read_bytes(path)
+    head = check_start(path, rb"\s*\{[^\0]*\Z|glTF.{16}", "glTF")
+    packed = head.startswith(b"glTF")
+    promised = int.from_bytes(head[8:12], "little") if packed else MAX_BYTES
+    data = read_bytes(path, promised + 4096)  # some writers pad the end
     chunk = b""
-    if data.startswith(b"glTF"):
-        if len(data) < int.from_bytes(data[8:12], "little"):
+    if packed:
+        if len(data) < promised:
             raise MeshError(f"{path}: cut short: it has {len(data)} bytes of those it promises")
         size = int.from_bytes(data[12:16], "little")
         chunk, data = data[28 + size :], data[20 : 20 + size]
+    if sum(data.count(mark) for mark in (b"{", b"[", b",")) > _MOST_ENTRIES:
+        raise MeshError(f"{path}: its JSON has more than {_MOST_ENTRIES} entries; export it again")
     tree = json.loads(data)
     if not str(tree.get("asset", {}).get("version", "2")).startswith("2"):
         raise MeshError(f"{path}: is not glTF 2; export it as glTF 2")
@@ -64,7 +83,8 @@ class _Scene:
     def __init__(self, path: Path, tree: dict[str, Any], chunk: bytes) -> None:
         self._path, self._tree = path, tree
         self._decoded: dict[int, _Array] = {}
-        self._buffers = [self._buffer(entry, chunk) for entry in tree.get("buffers", ())]
+        self._chunk, self._files = chunk, dict[str, bytes]()
+        self._left = _MOST_COPIES + len(chunk)
 
     def parts(self) -> list[tuple[_Array, _Array, _Array | None]]:
         nodes = self._tree.get("nodes", [])
@@ -73,34 +93,46 @@ class _Scene:
         self._places = self._placed(roots)
         scenes = self._tree.get("scenes") or [{"nodes": roots}]
         shown = self._placed(scenes[self._tree.get("scene", 0)].get("nodes", ()))
-        return [
-            self._part(nodes[number], mesh, primitive, place)
-            for number, place in shown.items()
-            if "mesh" in nodes[number]
-            for mesh in [self._tree["meshes"][nodes[number]["mesh"]]]
-            for primitive in mesh["primitives"]
-            if primitive.get("mode", 4) >= 4  # others are points and lines
-        ]
+        parts, triangles = [], 0
+        for number, place in shown.items():
+            mesh = self._tree["meshes"][nodes[number]["mesh"]] if "mesh" in nodes[number] else {}
+            for primitive in mesh.get("primitives", ()):
+                if primitive.get("mode", 4) >= 4:  # others are points and lines
+                    parts.append(self._part(nodes[number], mesh, primitive, place))
+                    triangles += len(parts[-1][1])
+                    check_count(self._path, triangles)
+        return parts
+
+    def _spend(self, numbers: int) -> None:
+        """Count numbers that are read, again for each copy. Raises MeshError for too many."""
+        self._left -= numbers
+        if self._left < 0:
+            raise MeshError(
+                f"{self._path}: its nodes show the same data too often; export it as one mesh"
+            )
 
     def _placed(self, roots: Iterable[int]) -> dict[int, _Array]:
         """Return the (4, 4) matrix of each node below the roots."""
         from trimesh.transformations import quaternion_matrix  # takes 0.2 s to import
 
         places: dict[int, _Array] = {}
-        left = [(root, np.eye(4)) for root in reversed(list(roots))]
+        still = np.eye(4)
+        left = [(root, still) for root in reversed(list(roots))]
         while left:
             number, above = left.pop()
             if number in places:
                 continue
             node = self._tree["nodes"][number]
-            if "matrix" in node:
+            if _PLACES.isdisjoint(node):
+                local = still
+            elif "matrix" in node:
                 local = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
             else:
                 x, y, z, w = node.get("rotation", (0, 0, 0, 1))
                 local = np.asarray(quaternion_matrix((w, x, y, z)))  # type: ignore[no-untyped-call]
                 local[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
                 local[:3, 3] = node.get("translation", (0, 0, 0))
-            places[number] = product(above, local)
+            places[number] = above if local is still else product(above, local)
             left += [(child, places[number]) for child in reversed(node.get("children", ()))]
         return places
 
@@ -121,6 +153,7 @@ class _Scene:
         if "indices" in primitive:
             corners = self._raw(primitive["indices"]).ravel().astype(np.int64)
         check_corners(self._path, corners, len(vertices))
+        self._spend(0 if mode == 4 else 2 * len(corners))
         if mode == 4:
             faces = corners[: len(corners) // 3 * 3].reshape(-1, 3)
         else:
@@ -140,6 +173,7 @@ class _Scene:
         self, vertices: _Array, skin: dict[str, Any], names: dict[str, int]
     ) -> NDArray[np.float64]:
         """Return the vertices moved by the joints; the matrix of the mesh's node does not count."""
+        self._spend(16 * len(skin["joints"]))
         joints = np.stack([self._places[number] for number in skin["joints"]])
         if "inverseBindMatrices" in skin:
             inverse = self._values(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
@@ -200,13 +234,15 @@ class _Scene:
 
     def _raw(self, index: int) -> _Array:
         """Return an accessor's (N, K) numbers as they are stored."""
+        self._spend(_EACH)
         if index in self._decoded:
+            self._spend(self._decoded[index].size)
             return self._decoded[index]
         entry = self._tree["accessors"][index]
         if "bufferView" in entry:
             values = self._stored(entry)
         else:
-            check_count(self._path, entry["count"] // 3)
+            self._spend(_WIDTHS[entry["type"]] * entry["count"])
             shape = entry["count"], _WIDTHS[entry["type"]]
             values = np.zeros(shape, _TYPES[entry["componentType"]])
         if sparse := entry.get("sparse"):
@@ -222,26 +258,34 @@ class _Scene:
         """Return the (N, K) numbers of a buffer view, whose rows may lie apart."""
         kind, width = np.dtype(_TYPES[entry["componentType"]]), _WIDTHS[entry["type"]]
         apart = self._tree["bufferViews"][entry["bufferView"]].get("byteStride")
-        strides = (apart or kind.itemsize * width, kind.itemsize)
+        strides = (max(apart or 0, kind.itemsize * width), kind.itemsize)
         data = self._view(entry["bufferView"])
+        self._spend(width * entry["count"])
         return np.ndarray((entry["count"], width), kind, data, entry.get("byteOffset", 0), strides)
 
     def _view(self, index: int) -> memoryview:
         view = self._tree["bufferViews"][index]
         start, length = view.get("byteOffset", 0), view["byteLength"]
-        data = memoryview(self._buffers[view["buffer"]])[start : start + length]
+        data = memoryview(self._buffer(view["buffer"]))[start : start + length]
         if len(data) < length:
             raise ValueError(f"buffer {view['buffer']} is cut short")
         return data
 
-    def _buffer(self, entry: dict[str, Any], chunk: bytes) -> bytes:
-        uri = entry.get("uri")
-        if uri is None:
-            return chunk
+    def _buffer(self, index: int) -> bytes:
+        entry = self._tree["buffers"][index]
+        if (uri := entry.get("uri")) is None:
+            return self._chunk
+        if uri not in self._files:
+            self._files[uri] = self._file(uri, entry["byteLength"])
+            self._left += len(self._files[uri])
+        return self._files[uri]
+
+    def _file(self, uri: str, length: int) -> bytes:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
         folder = self._path.parent
         try:
-            return read_regular(folder / unquote(uri), MAX_BYTES, inside=folder)
+            with open_regular(folder / unquote(uri), MAX_BYTES, inside=folder) as file:
+                return file.read(length)
         except OSError as error:
             raise MeshError(f"{self._path}: its buffer {uri}: {error.strerror or error}") from None

@@ -6,17 +6,20 @@ trimesh splits vertices by texture coordinate; a morphable model needs the verte
 from __future__ import annotations
 
 import codecs
+import io
 import re
-from collections.abc import Container
+import warnings
+from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from glsim.core.errors import MeshError
-from glsim.core.files.regular import read_regular
+from glsim.core.files.regular import open_regular, read_regular
 
 EXTENSIONS: Final = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 """Readable formats: STL by trimesh, the others by glsim."""
@@ -28,6 +31,15 @@ MAX_TRIANGLES: Final = 5_000_000
 MAX_BYTES: Final = 200 * MAX_TRIANGLES
 #: Largest material file, bytes: exporters write a few kB.
 _MAX_MATERIAL_BYTES = 1 << 24
+#: Largest number of letters in ``mtllib`` lines; each name is looked up in the folder. Chosen.
+_MAX_NAMES = 4096
+#: Number of triangles, and of bytes of face lines, that are computed at once. Chosen.
+_PART, _PART_BYTES = 1 << 16, 1 << 20
+#: Largest header, bytes; writers of PLY need up to 4 kB.
+_MAX_HEADER_BYTES = 1 << 16
+#: Largest sum of the squared numbers of corners of the hollow polygons: clipping their ears takes
+#: up to 7 ns times it (measured, at points in a random order), 4 s.
+_MAX_CLIPPING = 500_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,45 +68,79 @@ class PolygonFile:
         """Split polygons into fans: (T, 3) vertex indices and (T,) index of the source polygon."""
         fans = self.counts - 2
         polygon = np.repeat(np.arange(len(fans)), fans)
+        if self.counts.max(initial=3) == 3:
+            return self.corners.reshape(-1, 3), polygon
         starts = np.cumsum(self.counts) - self.counts
         first, fan = starts[polygon], np.cumsum(fans) - fans
         step = np.arange(len(polygon)) - fan[polygon]
         return self.corners[np.stack([first, first + step + 1, first + step + 2], axis=1)], polygon
 
-    def triangles(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Split polygons as ``fans`` does, but hollow polygons by clipping their ears."""
+    def triangles(self, path: Path) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Split polygons as ``fans`` does, but hollow polygons by clipping their ears.
+
+        Raises MeshError, which names the file ``path``, for hollow polygons of too many corners.
+        """
         triangles, polygon = self.fans()
         starts, fan = np.cumsum(self.counts) - self.counts, np.cumsum(self.counts - 2)
         fan -= self.counts - 2
         if self.counts.max(initial=3) == 3:
             return triangles, polygon
         with np.errstate(all="ignore"):  # NaN and absurd sizes are refused afterwards
-            a, b, c = (self.vertices[triangles[:, corner]] for corner in range(3))
-            normal = np.cross(b - a, c - a)
+            normal = self._normals(triangles)
             whole = np.add.reduceat(normal, fan)
             least = -1e-9 * (whole**2).sum(axis=1)
-            hollow = np.unique(polygon[(normal * whole[polygon]).sum(axis=1) < least[polygon]])
+            for part in slices(len(normal)):
+                normal[part] *= whole[polygon[part]]
+            hollow = np.unique(polygon[normal.sum(axis=1) < least[polygon]])
         if not len(hollow):
             return triangles, polygon
+        sizes = self.counts[hollow]
+        if (sizes**2).sum() > _MAX_CLIPPING:
+            raise MeshError(
+                f"{path}: {len(hollow)} hollow polygons of up to {sizes.max()} corners take too "
+                "long to split; export it as triangles"
+            )
+        ears = self._ears(starts[hollow], sizes, whole[hollow])
+        areas = np.zeros_like(whole[hollow])
+        np.add.at(areas, np.repeat(np.arange(len(hollow)), [len(new) for new in ears]),
+                  self._normals(np.concatenate(ears)))  # fmt: skip
+        missing = np.abs(areas - whole[hollow]).max(axis=1)
+        for bent in np.flatnonzero(missing > 1e-6 * np.abs(whole[hollow]).max(axis=1)):
+            start = fan[hollow[bent]]  # it lost an ear
+            ears[bent] = triangles[start : start + sizes[bent] - 2]
+        convex = ~np.isin(polygon, hollow)
+        source = np.repeat(hollow, [len(new) for new in ears])
+        return (
+            np.concatenate([triangles[convex], *ears]),
+            np.concatenate([polygon[convex], source]),
+        )
+
+    def _normals(self, triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+        normals = np.empty(triangles.shape)
+        for part in slices(len(triangles)):
+            a, b, c = (self.vertices[triangles[part, corner]] for corner in range(3))
+            normals[part] = np.cross(b - a, c - a)
+        return normals
+
+    def _ears(
+        self, starts: NDArray[np.int64], sizes: NDArray[np.int64], whole: NDArray[np.float64]
+    ) -> list[NDArray[np.int64]]:
+        """Split polygons seen along the largest axis of their normals, ``whole``, (P, 3)."""
         from mapbox_earcut import triangulate_float64  # few files have such polygons
 
-        convex = ~np.isin(polygon, hollow)
-        ears, source = [triangles[convex]], [polygon[convex]]
-        for number in hollow:
-            corners = self.corners[starts[number] : starts[number] + self.counts[number]]
-            axis = int(np.abs(whole[number]).argmax())
-            seen = self.vertices[corners][:, [(axis + 1) % 3, (axis + 2) % 3]]
-            plane = seen if whole[number, axis] > 0 else seen[:, ::-1]
-            ends = np.array([len(corners)], dtype=np.uint32)
-            clipped = triangulate_float64(np.ascontiguousarray(plane), ends).reshape(-1, 3)
-            new = corners[clipped]
-            a, b, c = (self.vertices[new[:, corner]] for corner in range(3))
-            missing = np.cross(b - a, c - a).sum(axis=0) - whole[number]
-            if np.abs(missing).max() > 1e-6 * np.abs(whole[number]).max():  # a bent one lost an ear
-                new = triangles[polygon == number]
-            ears.append(new)
-            source.append(np.full(len(new), number))
-        return np.concatenate(ears), np.concatenate(source)
+        axes, ears = np.abs(whole).argmax(axis=1), []
+        for start, size, axis, normal in zip(starts, sizes, axes, whole, strict=True):
+            corners = self.corners[start : start + size]
+            x, y = ((axis + 1) % 3, (axis + 2) % 3)[:: 1 if normal[axis] > 0 else -1]
+            plane = self.vertices[corners[:, None], [x, y]]
+            ends = np.array([size], np.uint32)
+            ears.append(corners[triangulate_float64(plane, ends)].reshape(-1, 3))
+        return ears
+
+
+def slices(count: int) -> Iterator[slice]:
+    """Yield the slices of a long array that are computed at once, so that little memory is used."""
+    return (slice(start, start + _PART) for start in range(0, count, _PART))
 
 
 def check_count(path: Path, triangles: int) -> None:
@@ -125,7 +171,7 @@ def check_corners(path: Path, corners: NDArray[np.int64], vertices: int, first: 
 
 def read_vertices(path: Path) -> NDArray[np.float64]:
     """Read only the ``v`` lines, (V, 3) float64. Raises MeshError."""
-    return _vertices(path, _lines(path))[0]
+    return _vertices(path, b"".join(line[2:] for line in _lines(path) if line[:2] == b"v "))[0]
 
 
 def read_obj(path: Path) -> PolygonFile:
@@ -133,42 +179,44 @@ def read_obj(path: Path) -> PolygonFile:
 
     Relative (negative) vertex numbers become absolute indices.
     """
-    lines = _lines(path)
-    vertices, colours = _vertices(path, lines)
     names = {"": 0}
     libraries: dict[str, None] = {}
-    faces: list[bytes] = []
-    vertices_before: list[int] = []
-    materials: list[int] = []
+    # An object for each line would take ten times the size of the file.
+    rows, faces = bytearray(), [bytearray()]
+    counts, materials, vertices_before = array("q"), array("q"), array("q")
     vertex_lines = material = 0
-    for line in lines:
+    for line in _lines(path):
         if line.startswith(b"f "):
-            faces.append(line[2:])
+            if len(faces[-1]) > _PART_BYTES:
+                faces.append(bytearray())
+            counts.append(len(line.split()) - 1)
+            last = line.split()[-1:] if counts[-1] in (1, 2) else []  # a triangle without area
+            faces[-1] += line[2:] + b" ".join(last * (3 - counts[-1])) + b"\n"
+            counts[-1] = max(counts[-1], 3 * len(last))
             materials.append(material)
             vertices_before.append(vertex_lines)
         elif line.startswith(b"v "):
             vertex_lines += 1
+            rows += line[2:]
         elif line.startswith(b"usemtl"):
             material = names.setdefault(_text(line[6:]), len(names))
         elif line.startswith(b"mtllib"):
             libraries[_text(line[6:])] = None
-    sizes = np.array([len(line.split()) for line in faces], dtype=np.int64)
-    for number in np.flatnonzero((sizes == 1) | (sizes == 2)):  # a triangle without area
-        words = faces[number].split()
-        faces[number] = b" ".join([*words, *words[-1:] * (3 - len(words))])
-        sizes[number] = 3
+    vertices, colours = _vertices(path, bytes(rows))
+    sizes, indices = np.array(counts, np.int64), np.array(materials, np.int64)
     check_count(path, int(sizes.sum()) - 2 * len(sizes))
-    corners = re.sub(rb"/[^ ]*", b"", b" ".join(faces)).split()
-    try:
-        numbers = np.array(corners, np.int64) if corners else np.empty(0, np.int64)
-    except (ValueError, OverflowError):
-        raise MeshError(f"{path}: a face line holds something else than vertex numbers") from None
+    if sum(map(len, libraries)) > _MAX_NAMES:
+        raise MeshError(f"{path}: its mtllib lines name too many files; remove them")
+    numbers = np.concatenate(
+        [parse_numbers(re.sub(rb"/[^ \n]*", b"", part), np.int64) for part in faces]
+    )
     if len(sizes) and sizes.min() < 3:
         raise MeshError(f"{path}: a face line has no corners; the file is cut short")
+    if len(numbers) != sizes.sum():
+        raise MeshError(f"{path}: a face line holds something else than vertex numbers")
     relative = np.repeat(np.array(vertices_before, dtype=np.int64), sizes)
     numbers = np.where(numbers < 0, numbers + relative, numbers - 1)
     check_corners(path, numbers, len(vertices), first=1)
-    indices = np.array(materials, dtype=np.int64)
     return PolygonFile(vertices, colours, numbers, sizes, indices, tuple(names), tuple(libraries))
 
 
@@ -202,6 +250,34 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
         raise MeshError(f"{path}: cannot be read ({reason})") from None
     if not data:
         raise MeshError(f"{path}: the file is empty")
+    return _plain_text(data)
+
+
+def check_start(path: Path, pattern: bytes, kind: str) -> bytes:
+    """Return the start of a file that matches a pattern, before the rest is read.
+
+    Args:
+        path: the file.
+        pattern: regular expression of the header, at most 64 kB.
+        kind: format that the error names.
+
+    Raises:
+        MeshError: the file cannot be read, or begins otherwise.
+    """
+    try:
+        with open_regular(path, MAX_BYTES) as file:
+            found = re.match(pattern, _plain_text(file.read(_MAX_HEADER_BYTES)), re.DOTALL)
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if found is None:
+        empty = path.stat().st_size == 0
+        reason = "the file is empty" if empty else f"damaged, cut short or not {kind}"
+        raise MeshError(f"{path}: {reason}; export it again")
+    return found[0]
+
+
+def _plain_text(data: bytes) -> bytes:
+    """Skip a byte order mark, and encode UTF-16 as UTF-8."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.decode("utf-16", errors="replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)
@@ -214,52 +290,75 @@ def plain_nan(text: bytes) -> bytes:
     return text
 
 
-def _lines(path: Path, max_bytes: int = MAX_BYTES) -> list[bytes]:
-    """Read the lines without comments, joined at backslashes, tabs as spaces. Raises MeshError."""
+def _lines(path: Path, max_bytes: int = MAX_BYTES) -> Iterator[bytes]:
+    """Yield the lines without comments, joined at backslashes, tabs as spaces. Raises MeshError."""
+    check_start(path, rb"[^\0]+\Z", "text")
     data = plain_nan(read_bytes(path, max_bytes)).replace(b"\t", b" ").replace(b"\r\n", b"\n")
+    data = data.replace(b"\r", b"\n")
     if b"\\\n" in data:  # one that ends a comment joins nothing
         data = re.sub(rb"(?m)^([vf ][^#\n]*)?#.*", rb"\1", data).replace(b"\\\n", b" ")
-    lines = data.splitlines()
-    if b"\n " in data:
-        lines = [line.lstrip() for line in lines]
-    if data.count(b"#") > data.count(b"\n#"):  # names of materials may have a #
-        lines = [line.partition(b"#")[0] if line[:1] in b"vf" else line for line in lines]
-    return lines
+    indented = b"\n " in data
+    remarks = data.count(b"#") > data.count(b"\n#")  # names of materials may have a #
+    for line in io.BytesIO(data):
+        if indented:
+            line = line.lstrip(b" ")
+        if remarks and line[:1] in b"vf" and b"#" in line:
+            line = line.partition(b"#")[0] + b"\n"
+        yield line
 
 
-def _vertices(
-    path: Path, lines: list[bytes]
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+def _vertices(path: Path, rows: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Parse ``v`` lines: x y z, x y z w, x y z r g b, x y z w r g b; a missing colour is NaN."""
-    rows = [line[2:] for line in lines if line.startswith(b"v ")]
-    if not any(row.strip() for row in rows):
+    if not rows.strip():
         raise MeshError(f"{path}: no vertex lines ('v x y z'): this is not an OBJ mesh")
     table = parse_rows(path, rows, (3, 4, 6, 7))
-    colours = np.where(np.isnan(table[:, 6:7]), table[:, 3:6], table[:, 4:7])
-    coloured = not np.isnan(colours).any(axis=1).all()
-    return table[:, :3].copy(), colours if coloured else None
+    if table.shape[1] < 6:
+        return table[:, :3].copy(), None
+    colours = table[:, 3:6]
+    if table.shape[1] == 7:
+        colours = np.where(np.isnan(table[:, 6:7]), colours, table[:, 4:7])
+    return table[:, :3].copy(), None if np.isnan(colours).any(axis=1).all() else colours
 
 
-def parse_rows(path: Path, rows: list[bytes], sizes: Container[int]) -> NDArray[np.float64]:
-    """Parse vertex lines as (V, 12), NaN after the end of a line. Raises MeshError.
+def parse_rows(path: Path, rows: bytes, sizes: Sequence[int]) -> NDArray[np.float64]:
+    """Parse lines of vertices as (V, K). Raises MeshError.
 
-    ``sizes``: allowed numbers of values in a line.
+    Args:
+        path: file that the error names.
+        rows: the lines.
+        sizes: allowed numbers of values in a line. If lines differ, K is the largest of these, and
+            NaN stands after the end of a line.
     """
+    lines = rows.count(b"\n") + (not rows.endswith(b"\n"))
     try:
-        table = np.loadtxt(rows, dtype=np.float64, ndmin=2)
-        lengths = {table.shape[1] if len(table) == len(rows) else 0}
+        table = np.loadtxt(io.BytesIO(rows), dtype=np.float64, ndmin=2, comments=None)
+        lengths = {table.shape[1] if len(table) == lines else 0}
     except ValueError:  # lines of several lengths, or broken lines
-        words = [row.split() for row in rows]
-        lengths = {len(line) for line in words}
-        try:
-            table = np.array([line + [b"nan"] * (12 - len(line)) for line in words], np.float64)
-        except ValueError as error:
-            raise MeshError(f"{path}: a vertex line is broken ({error!s:.80})") from None
-    if not all(length in sizes for length in lengths):
+        numbers, lengths = array("d"), set[int]()
+        for line in io.BytesIO(rows):
+            words = line.split()
+            lengths.add(len(words))
+            try:
+                numbers.extend(map(float, words[: sizes[-1]]))
+            except ValueError as error:
+                raise MeshError(f"{path}: a vertex line is broken ({error!s:.80})") from None
+            numbers.extend([np.nan] * (sizes[-1] - len(words)))
+        table = np.array(numbers).reshape(-1, sizes[-1])
+    if not lengths.issubset(sizes):
         raise MeshError(
             f"{path}: a vertex line is broken: it has not 3 (x y z) or 6 (with colour) numbers"
         )
-    return np.pad(table, ((0, 0), (0, 12 - table.shape[1])), constant_values=np.nan)
+    return table
+
+
+def parse_numbers(text: bytes, kind: DTypeLike) -> NDArray[Any]:
+    """Parse numbers between spaces and line breaks, up to what is no number."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        try:
+            return np.fromstring(text, kind, sep=" ")
+        except ValueError:  # NumPy 2.4 raises where it warned before
+            return np.empty(0, kind)
 
 
 def _text(data: bytes) -> str:

@@ -236,7 +236,7 @@ class FaceWarehouse(FileFaces):
         """Read the triangles (F, 3) and the number of vertices. Raises MeshError."""
         for path in self._topology_file(subject):
             obj = read_obj(path)
-            triangles, _ = obj.triangles()
+            triangles, _ = obj.triangles(path)
             if len(triangles):
                 return triangles, len(obj.vertices)
         raise MeshError(f"{self.root}: no shape_K.obj or pose_K.obj tells the topology")
