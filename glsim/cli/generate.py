@@ -177,7 +177,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
     """Print the number of images by source and split, their size, and the estimated time."""
     from rich.table import Table
 
-    from glsim.data.chunks import CHUNK_FRAMES
+    from glsim.data.chunks import chunk_frames
     from glsim.sensors.sensor import sensor_code, sensor_of
     from glsim.settings.schema import SPLIT_NAMES
     from glsim.simulation.pipeline import open_sources
@@ -208,7 +208,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
         how = "no time is estimated: none of a dozen frames could be drawn"
     else:
         seconds = len(plan) * cost.frame_s + sum(1 for _ in plan.people()) * cost.person_s
-        chunk = CHUNK_FRAMES[settings.output.format]
+        chunk = chunk_frames(settings)
         busiest = min(len(plan), -(-len(plan) // (chunk * workers)) * chunk)  # frames of a worker
         seconds = seconds * max(busiest / len(plan), 1 / workers) + cost.start_s
         how = (

@@ -21,7 +21,7 @@ from glsim.core.files.atomic import parse_json
 from glsim.core.files.cloud import open_store
 from glsim.core.files.store import Store
 from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
-from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan, Part
+from glsim.data.chunks import ChunkPlan, Part, chunk_frames
 from glsim.data.disk_format import HEADER, SKIPPED
 from glsim.data.merge import bounded_lines, merge, merged_files_are_intact
 from glsim.data.progress import GenerateSummary, PartSummary, Progress, RunCounts
@@ -73,7 +73,7 @@ class DatasetRun:
                 f"{self.store}: object storage takes shards: set "
                 "output.format=webdataset, or give a folder"
             )
-        plan = ChunkPlan(self.tasks, CHUNK_FRAMES[self.settings.output.format])
+        plan = ChunkPlan(self.tasks, chunk_frames(self.settings))
         object.__setattr__(self, "plan", plan)
 
     @cached_property

@@ -85,6 +85,11 @@ class Dataset:
             regions=self.regions,
         )
 
+    def shards(self, split: str) -> list[str]:
+        """Return the paths or URLs of a split's shards, for readers such as webdataset."""
+        names = (name for name in self.header["files"] if name.endswith(".tar"))
+        return [self._store.where(name) for name in names if name.startswith(f"{split}-")]
+
     def require(self, layer: str) -> None:
         """Raise DatasetError if the data set has no layer with this name."""
         if layer in self.layers:

@@ -241,6 +241,9 @@ class OutputSettings(TomlTable):
     format: Literal["png", "webdataset"] = Field(
         "png", description="a tree of PNG files, or shards"
     )
+    frames_per_shard: int | None = Field(
+        None, ge=1, le=8192, description="frames of a shard; 512 if not given"
+    )
     layers: Annotated[tuple[LayerName, ...], BeforeValidator(_words)] = Field(
         ("clean", "noisy"), description="images of each frame"
     )
@@ -264,6 +267,8 @@ class OutputSettings(TomlTable):
             raise ValueError(
                 f"layers must be one or more of {', '.join(get_args(LayerName))}, once"
             )
+        if self.frames_per_shard is not None and self.format != "webdataset":
+            raise ValueError("frames_per_shard needs format=webdataset: PNG files have no shards")
         return self
 
 

@@ -12,7 +12,7 @@ from glsim.cli.verify import repair_command
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files import cloud
 from glsim.core.files.cloud import CloudStore, open_store
-from glsim.data.chunks import CHUNK_FRAMES, Part
+from glsim.data.chunks import Part
 from glsim.data.dataset_run import DatasetRun, in_processes, run_part
 from glsim.data.reader import open_dataset
 from glsim.data.verification import verify
@@ -27,16 +27,9 @@ from tests.support.dataset_fakes import (
 )
 from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
-SHARDS = make_settings(format="webdataset")
+SHARDS = make_settings(format="webdataset", frames_per_shard=8)
 #: Two shards of the split train, one of each of the others.
 TASKS = make_tasks(4, 5)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def small_shards() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(CHUNK_FRAMES, "webdataset", 8)
-        yield
 
 
 @pytest.fixture(scope="module")

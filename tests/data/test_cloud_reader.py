@@ -15,6 +15,7 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files import cloud
 from glsim.core.files.cloud import CloudStore, cloud_url
 from glsim.data.reader import open_dataset
+from glsim.data.verification import verify
 from tests.support.dataset_fakes import make, make_settings, make_tasks
 from tests.support.s3_server import BUCKET, Faults, S3Server, s3_server
 
@@ -70,6 +71,12 @@ def test_a_frame_takes_one_request_and_the_manifest_is_copied_once(store: S3Serv
     assert pair.noisy_mm.any()
     assert pair.clean_mm.any()
     assert [method for method, _ in store.requests] == ["GET"]
+    store.requests.clear()
+    for pair in dataset:  # in order: blocks of many frames
+        assert pair.noisy_mm.any()
+    assert 0 < len(store.requests) <= 1 + len(set(store.requests)) == 4
+    assert verify(URL, deep=True) == []
+    assert [kind for kind, _ in store.requests].count("GET") < len(dataset)
     store.requests.clear()
     open_dataset(URL)
     assert not [path for method, path in store.requests if "manifest" in path]
@@ -134,6 +141,7 @@ def test_a_store_that_stays_away_is_an_error(
     monkeypatch.setattr(cloud, "GIVE_UP_S", 0.0)
     monkeypatch.setattr(CloudStore, "_warned_s", float("-inf"))
     store.faults = Faults(throttled=1.0)
+    store.requests.clear()
     refused = r"(slow down|Service Unavailable).*run the same command again"
     with pytest.raises(DatasetError, match=refused):
         open_dataset(URL)

@@ -20,17 +20,20 @@ LAYERS = ["clean", "noisy", "infrared", "reason"]
 @pytest.fixture(scope="module")
 def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("shards")
-    make(out, make_settings(format="webdataset", layers=LAYERS), make_tasks(2, 3))
+    settings = make_settings(format="webdataset", layers=LAYERS, frames_per_shard=2)
+    make(out, settings, make_tasks(2, 3))
     return out
 
 
 @pytest.mark.filterwarnings("ignore")  # webdataset leaves files open
 def test_samples_hold_the_stored_depths_and_checked_records(shards: Path) -> None:
     webdataset = pytest.importorskip("webdataset")
-    tars = sorted(map(str, shards.glob("*.tar")))
+    dataset = open_dataset(shards)
+    tars = [file for split in ("train", "test") for file in dataset.shards(split)]
+    assert len(tars) == 4 == len(list(shards.glob("*.tar")))
     read = webdataset.WebDataset(tars, shardshuffle=False, empty_check=False)
     samples = {s["json"]["index"]: s for s in read.decode(glsim.webdataset_decoder)}
-    pairs = list(open_dataset(shards))
+    pairs = list(dataset)
     assert len(samples) == len(pairs) == 6
     for pair in pairs:
         sample = samples[pair.record["index"]]
