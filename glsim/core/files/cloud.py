@@ -9,7 +9,6 @@ failures raise DatasetError at once.
 from __future__ import annotations
 
 import base64
-import errno
 import logging
 import os
 import random
@@ -20,8 +19,10 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 from itertools import count, islice
 from pathlib import Path
+from threading import Lock
 from typing import IO, Any, TypeVar
 
 from isal import isal_zlib
@@ -38,7 +39,6 @@ from glsim.core.files.atomic import (
 )
 from glsim.core.files.cache_folder import cache_folder
 from glsim.core.files.contents import text_hash
-from glsim.core.files.read_ahead import ReadAhead
 from glsim.core.files.store import MAX_FIRST_BYTES, Store
 
 log = logging.getLogger(__name__)
@@ -73,6 +73,9 @@ _LASTING = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryErr
 #: Names of error classes of botocore and google.auth, neither of which is imported here.
 _NO_ACCESS = ("NoCredentialsError", "DefaultCredentialsError", "PartialCredentialsError")
 _BLOCK_BYTES = 1 << 24
+#: Number of reads, each at most the second number of bytes from the one before, after which blocks
+#: of the third number are read. Chosen: a larger first block is waited for longer.
+_READS, _NEAR_BYTES, _AHEAD_BYTES = 3, 1 << 20, 1 << 22
 #: Number of parallel requests: one request takes tens of milliseconds.
 CONNECTIONS = 16
 #: Largest object that S3 takes in one request (its documentation: 5 GB).
@@ -115,7 +118,7 @@ class CloudStore(Store):
     def __init__(self, url: str, temporary: Path | None = None) -> None:
         """Remember the URL, and a local folder for files that are being written."""
         self.url, self._temporary = url.rstrip("/"), temporary
-        self._connected: tuple[int, Any, str, ReadAhead] | None = None
+        self._connected: tuple[int, Any, str, _OrderedReads] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_connected": None}
@@ -174,35 +177,30 @@ class CloudStore(Store):
                 f"{self.where(name)}: {size / 1e6:.0f} MB are more than the {limit / 1e6:.3g} "
                 "allowed"
             )
-        return None if size is None else self._fetch(name, 0, size)
+        return None if size is None else self.read_range(name, 0, size)
 
     @override
     def read_range(self, name: str, start: int, size: int) -> bytes:
-        return self._connect()[2].read(name, start, size)
-
-    def _fetch(self, name: str, start: int, size: int) -> bytes:
-        """Read like ``read_range``, by one request."""
-
-        def ask(fs: Any, path: str) -> bytes:
-            try:
-                part = {"start": start, "end": start + size}
-                return bytes(fs.cat_file(path, **part, **_limit(fs, size)))
-            except OSError as error:
-                if error.errno == errno.EINVAL:  # S3's answer if the object ends before
-                    return b""
-                raise
-
-        data = self._try(name, ask) if size else b""
+        if size == 0:
+            return b""
+        reads = self._connect()[2]
+        with reads.lock:
+            if reads.are_in_order(name, start, size):
+                data = self._try(name, partial(reads.read, start, size))
+                if data is not None:
+                    return data
+        part = {"start": start, "end": start + size}
+        data = self._try(name, lambda fs, path: fs.cat_file(path, **part, **_limit(fs, size)))
         if data is None:
             raise missing(self.where(name))
-        return data
+        return bytes(data)
 
     def _blocks(self, name: str, size: int | None) -> Iterator[bytes]:
         """Yield the bytes of an object in blocks, so that memory does not grow with its size."""
         if size is None:
             raise missing(self.where(name))
         starts = range(0, size, _BLOCK_BYTES)
-        return (self._fetch(name, at, min(_BLOCK_BYTES, size - at)) for at in starts)
+        return (self.read_range(name, at, min(_BLOCK_BYTES, size - at)) for at in starts)
 
     @override
     def open(self, name: str) -> IO[bytes]:
@@ -304,8 +302,8 @@ class CloudStore(Store):
 
     # ---------------------------------------------------------------- connection and retries
 
-    def _connect(self) -> tuple[Any, str, ReadAhead]:
-        """Return fsspec's file system, the path in it and a reader; connect again after a fork."""
+    def _connect(self) -> tuple[Any, str, _OrderedReads]:
+        """Return fsspec's file system, the path in it and its reads; connect again after a fork."""
         if self._connected is None or self._connected[0] != os.getpid():
             scheme = self.url.split("://")[0].split("::")[-1]
             package = _PACKAGES[scheme]
@@ -322,7 +320,7 @@ class CloudStore(Store):
                 ) from None
             except ValueError as error:
                 raise ConfigError(f"{self.url}: {_one_line(error)}") from None
-            self._connected = os.getpid(), fs, str(path).rstrip("/"), ReadAhead(self._fetch)
+            self._connected = os.getpid(), fs, str(path).rstrip("/"), _OrderedReads()
         return self._connected[1:]
 
     def _write(self, name: str, call: Callable[[Any, str], _T]) -> _T:
@@ -371,6 +369,37 @@ class CloudStore(Store):
                     log.warning("%s: %s: %s", self.where(name), _one_line(error), again)
                 time.sleep(wait_s)
         raise AssertionError("an attempt returns or raises")
+
+
+class _OrderedReads:
+    """Reads near each other, from an open file that reads blocks and the next one in advance.
+
+    A request over a network takes longer than the decoding of a frame. ``lock`` guards the methods.
+    """
+
+    def __init__(self) -> None:
+        self.lock = Lock()
+        self._name, self._end, self._count = "", 0, 0
+        self._file: Any = None
+
+    def are_in_order(self, name: str, start: int, size: int) -> bool:
+        """Note a read; whether it and some before are near each other, or it begins an object."""
+        same = name == self._name
+        near = abs(start - (self._end if same else 0)) <= _NEAR_BYTES
+        self._count = self._count + 1 if near and (same or self._count >= _READS) else 0
+        self._name, self._end = name, start + size
+        return self._count >= _READS
+
+    def read(self, start: int, size: int, fs: Any, path: str) -> bytes:
+        """Read a part of an object, from the blocks that are in memory."""
+        file, self._file = self._file, None  # kept if nothing fails
+        if file is None or file.path != path:
+            options = {"cache_type": "background", "cache_options": {"maxblocks": 3}}
+            file = fs.open(path, "rb", block_size=_AHEAD_BYTES, **options)
+        file.seek(start)
+        data = bytes(file.read(size))
+        self._file = file
+        return data
 
 
 @contextmanager
