@@ -96,6 +96,8 @@ def available_workers(workers: Workers = "auto") -> int:
     """
     if workers == "auto":
         # Some systems (macOS) do not know the usable cores of a process: take all.
+        if not hasattr(os, "fork"):
+            return 1
         affinity = getattr(os, "sched_getaffinity", None)
         cores = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
         return min(cores, _quota_cores())
@@ -204,14 +206,15 @@ def run_tasks(
     Args:
         job: the work of each worker.
         tasks: taken one by one, at the request of workers.
-        processes: number of workers; a single worker runs here, in the order of the tasks.
+        processes: number of workers; a single worker runs here, in the order of the tasks. So do
+            all on Windows, where a process inherits no socket.
         environment: variables for the workers. With any, a single worker is a process, too: NumPy
             and OpenBLAS read variables at import.
 
     Raises:
         DatasetError: workers die at their start, or twice at a task. Also errors of ``job.run``.
     """
-    if processes == 1 and not environment:
+    if (processes == 1 and not environment) or not hasattr(os, "fork"):
         yield from job.run(iter(tasks))
         return
     again: deque[_Task] = deque()

@@ -27,7 +27,7 @@ import numpy as np
 from isal import isal_zlib
 
 from glsim.core.errors import DatasetError
-from glsim.core.files.flush import flush_all, flush_file
+from glsim.core.files.flush import flush_all, flush_folder
 from glsim.core.files.regular import MOST_HELD, open_regular, read_regular
 
 #: Advice on common file system errors.
@@ -113,7 +113,9 @@ def check_can_write(file: Path) -> None:
         folder = next(parent for parent in file.absolute().parents if os.path.lexists(parent))
         if not folder.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        if not os.access(folder, os.W_OK | os.X_OK, effective_ids=True):
+        if not os.access(
+            folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids
+        ):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
@@ -171,7 +173,7 @@ class AtomicFile:
             if temporary is None:
                 if not path.parent.is_dir():
                     path.parent.mkdir(parents=True, exist_ok=True)
-                    flush_file(path.parent.parent)
+                    flush_folder(path.parent.parent)
                 _remove_stale(path.parent)
                 temporary = path.with_name(_temporary_name())
             self._file = _create(temporary)
@@ -211,7 +213,7 @@ class AtomicFile:
                     self._temporary.replace(self.path)
                     complete = True
                     if self._sync:
-                        flush_file(self.path.parent)
+                        flush_folder(self.path.parent)
         finally:
             if not complete and self._temporary is not None:
                 self._temporary.unlink(missing_ok=True)
@@ -270,7 +272,8 @@ def _remove_stale(folder: Path) -> None:
     for path in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
         with suppress(OSError):  # deleted meanwhile, or another user's
             status = path.lstat()
-            if time.time() - status.st_mtime < _STALE_S or status.st_uid != os.geteuid():
+            ours = getattr(os, "geteuid", lambda: 0)()  # on Windows all files have owner 0
+            if time.time() - status.st_mtime < _STALE_S or status.st_uid != ours:
                 continue
             if stat.S_ISDIR(status.st_mode):
                 shutil.rmtree(path, ignore_errors=True)

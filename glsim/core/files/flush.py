@@ -15,16 +15,21 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+#: Windows opens no folder: it writes the names of files itself.
+_OPENS_FOLDERS = hasattr(os, "O_DIRECTORY")
 
-def flush_file(path: Path) -> None:
-    """Flush the data of a file, or the names in a folder, to the disk. Raises OSError."""
+
+def flush_folder(path: Path) -> None:
+    """Flush the names in a folder to the disk. Raises OSError."""
+    if not _OPENS_FOLDERS:
+        return
     with _opened(path) as descriptor:
         os.fsync(descriptor)
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[int]:
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         yield descriptor
     finally:
@@ -35,6 +40,8 @@ def flush_all(folder: Path) -> None:
     """Flush all files of the file system that holds a folder to the disk. Raises OSError."""
     # One call is cheaper than one per file: a chunk of a data set has a hundred files. Only Linux
     # has this call; on other systems all file systems are flushed.
+    if not _OPENS_FOLDERS:
+        return
     syncfs = _syncfs()
     if syncfs is None:
         os.sync()

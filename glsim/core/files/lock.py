@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +9,11 @@ from pathlib import Path
 
 from glsim.core.errors import GlsimError
 from glsim.core.files.atomic import cannot_write
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 
 @contextmanager
@@ -22,11 +26,16 @@ def locked(
         file: the lock file; it is created if it is missing (DatasetError if that fails), and stays.
         busy: the error if another process holds the lock.
         wait: wait until the lock is free, instead of raising ``busy``.
-        shared: several processes may hold the lock together, if all of them ask for a shared one.
+        shared: several processes may hold the lock together, if all of them ask for a shared one;
+            not on Windows, where one process holds it.
     """
+    if fcntl is None:
+        with _locked_by_filelock(file, busy, wait):
+            yield
+        return
     kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
     try:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     except OSError as error:
         raise cannot_write(file, error) from error
     try:
@@ -39,3 +48,20 @@ def locked(
         yield
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def _locked_by_filelock(file: Path, busy: GlsimError, wait: bool) -> Iterator[None]:
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(file)
+    try:
+        lock.acquire(timeout=-1 if wait else 0)
+    except Timeout:
+        raise busy from None
+    except OSError as error:
+        raise cannot_write(file, error) from error
+    try:
+        yield
+    finally:
+        lock.release()

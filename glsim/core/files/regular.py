@@ -28,7 +28,8 @@ def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = 
     OSError is also raised for more than ``limit`` bytes, and for links out of the folder
     ``inside``. The kind is checked before opening: a pipe would wait for ever.
     """
-    return os.fdopen(_open(path, limit, inside), "rb")
+    _check(path, limit, inside)
+    return path.open("rb")
 
 
 class BoundedFile:
@@ -53,14 +54,12 @@ class BoundedFile:
 
 def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
     """Read a whole file of at most ``limit`` bytes. Raises OSError as ``open_regular``."""
-    descriptor = _open(path, limit, inside)
-    try:
+    _check(path, limit, inside)
+    with path.open("rb", buffering=0) as file:
         whole, left = io.BytesIO(), limit + 1  # joining parts would hold the file in memory twice
-        while left and (part := os.read(descriptor, min(left, _BLOCK_BYTES))):
+        while left and (part := file.read(min(left, _BLOCK_BYTES))):
             whole.write(part)
             left -= len(part)
-    finally:
-        os.close(descriptor)
     if not left:  # files of /proc have size 0, and a file may grow
         raise _too_large(limit + 1, limit)
     return whole.getvalue()
@@ -80,8 +79,8 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(line for line in lines if not line.lstrip().startswith("#")))
 
 
-def _open(path: Path, limit: int | None, inside: Path | None) -> int:
-    """Open a regular file like ``open_regular``, and return its descriptor."""
+def _check(path: Path, limit: int | None, inside: Path | None) -> None:
+    """Raise the errors of ``open_regular``."""
     try:
         if inside is not None and not path.resolve().is_relative_to(inside.resolve()):
             raise OSError(errno.EPERM, f"leads out of {inside}")
@@ -94,7 +93,6 @@ def _open(path: Path, limit: int | None, inside: Path | None) -> int:
         raise OSError(errno.EINVAL, "is a pipe, a socket or a device, not a file")
     if limit is not None and status.st_size > limit:
         raise _too_large(status.st_size, limit)
-    return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
 
 
 def _too_large(size: int, limit: int) -> OSError:

@@ -12,7 +12,7 @@ from typing import IO, TypeVar
 
 from glsim.core.errors import DatasetError, GlsimError
 from glsim.core.files.atomic import AtomicFile, file_checksum, wrap_read_errors, wrap_write_errors
-from glsim.core.files.flush import flush_all, flush_file
+from glsim.core.files.flush import flush_all, flush_folder
 from glsim.core.files.lock import locked
 from glsim.core.files.regular import open_regular, read_regular
 
@@ -155,7 +155,7 @@ class Store:
             folders.add(path.parent)
         for folder in (folder for folder in folders if folder.is_dir()):
             with wrap_write_errors(folder):
-                flush_file(folder)
+                flush_folder(folder)
 
     def lock(
         self, name: str, busy: GlsimError, *, wait: bool = False, shared: bool = False
