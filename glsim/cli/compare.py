@@ -45,7 +45,8 @@ def compare(
 
     With --replay the second set is made from the first: its surfaces, silhouettes and reflectivity
     are rendered through a sensor. Scenes, distances and light then agree, and only the camera
-    differs.
+    differs. Frames that the camera's library decimated or registered to colour are replayed in that
+    mode, which the last line names; a sensor that cannot have made them is refused.
 
     The table has noise over distance, radius and infrared, correlation, fixed pattern, silhouettes,
     light, and the AUC of a classifier of patches (which needs the extra eval). It goes to stdout
@@ -69,13 +70,11 @@ def compare(
         topic: Topic of the depth images in bags. Default: native images named depth.
     """
     from glsim.bench.compare.comparison import compare_sets
-    from glsim.bench.compare.replay import replay
-    from glsim.core.depth_frame import Frames
+    from glsim.bench.compare.replay import compare_replay
     from glsim.core.errors import ConfigError, require_package
     from glsim.core.files.atomic import write_atomic
     from glsim.data.maps import open_maps
     from glsim.data.recordings.folders import whole_recording
-    from glsim.sensors.sensor import load_sensor
 
     if (second is None) == (replay_sensor is None):
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
@@ -84,22 +83,19 @@ def compare(
     check_outputs(json_file, out)
     opened = [open_maps(first, unit_mm=depth_unit_mm, topic=topic)]
     real = opened[0].read(frames, focal_px)
-    taken = ""
-    if replay_sensor is not None and opened[0].assumed and focal_px is None:
-        taken = replay_sensor
-        camera = load_sensor(replay_sensor).rig.for_map(real[0].noisy_mm.shape).intrinsics
-        real = Frames.of([frame.changed(intrinsics=camera) for frame in real], real.title)
+    sentences = []
     if second is not None:
         own = topic if whole_recording([second]) else None
         opened.append(open_maps(second, unit_mm=depth_unit_mm, topic=own))
-        simulated = opened[1].read(frames, focal_px)
+        comparison = compare_sets(real, opened[1].read(frames, focal_px), progress=print_message)
     else:
         require_package("scipy", "--replay", "eval")
-        print_message(f"rendering {len(real)} frames through {replay_sensor}")
-        simulated = replay(
-            real, replay_sensor or "", seed=seed, assignments=assignments or (), smooth_px=smooth_px
-        )
-    comparison = compare_sets(real, simulated, progress=print_message)
+        stated = focal_px is not None or not opened[0].assumed
+        comparison, sentence = compare_replay(
+            real, str(replay_sensor), stated, print_message,
+            seed=seed, assignments=assignments or (), smooth_px=smooth_px,
+        )  # fmt: skip
+        sentences.append(sentence)
     table = comparison.as_markdown()
     written = []
     if json_file is not None:
@@ -110,6 +106,6 @@ def compare(
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)
-    sentences = [*(recording.sentence(focal_px, taken) for recording in opened), simulated.note]
+    sentences += [recording.sentence(focal_px, replay_sensor or "") for recording in opened]
     for note in filter(None, dict.fromkeys(sentences)):
         print_message(note)

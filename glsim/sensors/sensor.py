@@ -4,6 +4,8 @@ title = "..."
 extends = "azure-kinect"  optional: another sensor's name, or a path to a .toml file, relative to
                           this file's folder; this file has only the keys that differ
 binning = 2               optional: this mode averages 2 x 2 pixels of the extended sensor into one
+modes = [[848, 480, 423.8], [1280, 720, 640]]   optional: width, height and focal length, px, of all
+                          modes of the depth camera; for recordings in other modes than [rig]
 sheet = "kinect-v2"       optional: published measures for glsim validate; "": there are none
 [rig]                     see glsim.sensors.rig_table
 [[stage]]
@@ -73,6 +75,7 @@ class _SensorFile(TomlTable):
     title: str
     rig: RigTable
     sheet: str = ""
+    modes: tuple[tuple[int, int, float], ...] = ()
     stage: tuple[dict[str, Any], ...] = ()
 
 
@@ -103,6 +106,7 @@ class Sensor:
             vertical); None: the light stage draws dots.
         wiggling: the device's error for ``remove_wiggling``; the light stage does not read it.
         sheet: name of the sheet of ``glsim validate`` with published measures; "": none.
+        modes: (width, height, focal length), px, of each mode of the depth camera.
     """
 
     name: str
@@ -115,6 +119,7 @@ class Sensor:
     projector_image: SensorImage | None = None
     projector_view_deg: tuple[float, float] | None = None
     sheet: str = ""
+    modes: tuple[tuple[int, int, float], ...] = ()
 
     @property
     def matcher(self) -> Stage | None:
@@ -365,6 +370,7 @@ def load_sensor(
         read_projector_image(thrown, view_deg, keys.focal_px) if thrown and view_deg else None,
         view_deg,
         table.sheet,
+        table.modes or ((keys.width, keys.height, keys.focal_px[0]),),
     )
 
 

@@ -187,7 +187,7 @@ def test_the_command_replays_and_refuses_what_it_cannot(
         ([real, real, "--set", "a.b=1"], "add --replay"),
         ([real, "--replay", "kinekt"], "did you mean"),
         ([real, "--replay", "kinect-v2", "--depth-unit-mm", "10"], "give the unit"),
-        ([real, "--replay", "realsense-d435", "--depth-unit-mm", "0.1"], "give the unit"),
+        ([real, "--replay", "realsense-d435", "--depth-unit-mm", "0.1"], "another camera"),
     ):
         capsys.readouterr()
         assert main(["compare", *wrong]) in (1, 2)

@@ -83,6 +83,13 @@ class Comparison:
     verdicts: dict[str, Verdict]
 
     @property
+    def told(self) -> float:
+        """Mean AUC of the regression on planes and curved surfaces; 1 if there are too few."""
+        aucs = [v.auc for kind, v in self.verdicts.items() if kind in KINDS[:2]]
+        known = [auc for auc in aucs if math.isfinite(auc)]
+        return sum(known) / len(known) if known else 1.0
+
+    @property
     def rows(self) -> list[Row]:
         """Lines of the table with a value in at least one set."""
         first, second = _lines(self.first), _lines(self.second)

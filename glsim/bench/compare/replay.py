@@ -7,23 +7,29 @@ Without infrared, every surface reflects like skin.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from glsim.bench.compare.comparison import Comparison, compare_sets
 from glsim.bench.compare.replay_noise import measure_replay_noise
 from glsim.bench.compare.replay_surfaces import ReplaySurfaces, find_surfaces, mesh_of
+from glsim.bench.modes import Mode, find_lattice, possible_modes
 from glsim.core.array_types import Array
-from glsim.core.camera import SensorRig
+from glsim.core.camera import ColourCamera, Intrinsics, SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.core.products import product
 from glsim.core.units import MM_PER_M
 from glsim.gl.context import borrowed_context
 from glsim.measures.silhouettes import measure_silhouettes
 from glsim.measures.static import view_numbers
+from glsim.noise.realsense_filters import decimate
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
 
@@ -52,8 +58,11 @@ def replay(
     seed: int = 0,
     assignments: Sequence[str] = (),
     smooth_px: float | None = None,
+    mode: Mode | None = None,
 ) -> Frames:
     """Render the surfaces of real frames through a sensor.
+
+    The sensor's own frames are decimated or registered to colour as those of ``real`` were.
 
     Static frames of ``real`` are rendered as one static scene. If shadows lie on one side in
     ``real`` and on the other in the sensor's frames, ``real`` is mirrored, as libfreenect2's frames
@@ -69,20 +78,25 @@ def replay(
         seed: seed of the device and its noise.
         assignments: parameters of the sensor's stages, in the form of ``--set``.
         smooth_px: standard deviation of the smoothing window. Default: from the noise.
+        mode: the mode of ``real``, with its intrinsics. Default: the sensor's depth in the grid of
+            ``real``.
 
     Returns:
         Frames with the names, size and order of ``real``; ``note`` says how much was smoothed.
     """
     loaded, camera = load_sensor(sensor), real.intrinsics
-    assignments = [*_range_assignments(real, loaded), *assignments]
-    mirrored = _is_mirrored(real, loaded.rig)
-    rig = {
-        "width": camera.width,
-        "height": camera.height,
-        "focal_px": [camera.fx, camera.fy],
-        "centre_px": [camera.width - camera.cx if mirrored else camera.cx, camera.cy],
-    }
+    mode = mode or Mode("", camera, camera)
+    assignments = [*_range_assignments(real, loaded, mode.depth), *assignments]
+    mirrored = not mode.registered and _is_mirrored(real, loaded.rig)
+    plain = mode.depth is mode.image
+    rig = _grid(replace(mode.depth, cx=camera.width - camera.cx) if mirrored else mode.depth)
+    if mode.registered and loaded.rig.colour is not None:
+        colour = replace(loaded.rig.colour, intrinsics=camera)
+        place = {"position_m": colour.position_m, "turn_deg": colour.turn_deg}
+        rig |= {"deliver": "colour", "colour": {**_grid(camera), **place}}
     frames = [_mirror(frame) if mirrored else frame for frame in real]
+    if not plain:  # light is known in the depth camera's own grid alone
+        frames = [frame.without(["infrared"]) for frame in frames]
     some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
     noise = measure_replay_noise(some, smooth_px)
     with borrowed_context(None) as context:
@@ -99,16 +113,74 @@ def replay(
             albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
             if frame.infrared is not None:
                 albedo = _albedo(virtual, surfaces, frame.infrared)
-            return mesh_of(surfaces, virtual.rig.intrinsics, albedo)
+            seen_by = virtual.rig.intrinsics if plain else camera
+            mesh = mesh_of(surfaces, seen_by, albedo)
+            return _from_colour(mesh, colour) if mode.registered else mesh
 
         made = []
         for frame, view in zip(frames, view_numbers(real), strict=True):
-            rendered = _render(virtual, scene(frames[view]), frame)
+            rendered = _render(virtual, scene(frames[view]), frame, mode.decimated_by)
             made.append((_mirror(rendered) if mirrored else rendered).changed(intrinsics=camera))
     return Frames.of(made, f"{sensor}, replay", noise.sentence)
 
 
-def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
+def compare_replay(
+    real: Frames,
+    sensor: str,
+    stated: bool,
+    progress: Callable[[str], None],
+    *,
+    seed: int = 0,
+    assignments: Sequence[str] = (),
+    smooth_px: float | None = None,
+) -> tuple[Comparison, str]:
+    """Compare real frames with their replay in the mode in which they were delivered.
+
+    Of modes that cannot be told apart, the one whose surfaces are told less is chosen.
+
+    Args:
+        real: the frames.
+        sensor: name of a sensor, or a sensor file.
+        stated: whether their intrinsics are stated.
+        progress: function for messages.
+        seed, assignments, smooth_px: see ``replay``.
+
+    Returns:
+        The comparison, and a sentence about the mode, the smoothing, and other modes.
+    """
+    tried: list[tuple[float, Comparison, str, str]] = []
+    for mode in possible_modes(load_sensor(sensor), real, stated, find_lattice(real)):
+        progress(f"rendering {len(real)} frames through {sensor}: {mode.name}")
+        grid = Frames.of([f.changed(intrinsics=mode.image) for f in real], real.title)
+        made = replay(
+            grid, sensor, seed=seed, assignments=assignments, smooth_px=smooth_px, mode=mode
+        )
+        comparison = compare_sets(grid, made, progress=progress)
+        tried.append((comparison.told, comparison, mode.name, made.note))
+    tried.sort(key=lambda entry: entry[0])
+    (_, comparison, name, note), *others = tried
+    sentence = f"{real.title}: taken for frames in {name}; {note}"
+    if others:
+        also = "; ".join(f"{other[2]}: {other[0]:.2f}" for other in others)
+        sentence += f". Chosen by the AUC of surfaces, {tried[0][0]:.2f}; {also}"
+    return comparison, sentence
+
+
+def _grid(camera: Intrinsics) -> dict[str, Any]:
+    """Return the keys of [rig], or of [rig.colour], that place the pixels of a camera."""
+    size = {"width": camera.width, "height": camera.height}
+    return {**size, "focal_px": [camera.fx, camera.fy], "centre_px": [camera.cx, camera.cy]}
+
+
+def _from_colour(mesh: Mesh, colour: ColourCamera) -> Mesh:
+    """Move a mesh from the colour camera's frame to the depth camera's frame."""
+    back = np.linalg.inv(colour.from_depth())
+    points = product(mesh.vertices_mm.astype(np.float64), back[:3, :3].T)
+    moved = points + MM_PER_M * back[:3, 3]
+    return replace(mesh, vertices_mm=moved.astype(np.float32))
+
+
+def _range_assignments(real: Frames, sensor: Sensor, depth: Intrinsics) -> list[str]:
     """Return settings that widen the sensor's gates; raises ConfigError for depths beyond reach."""
     depths = np.concatenate([frame.measured_mm[::4, ::4].ravel() for frame in real])
     near, low, middle, far = np.nanquantile(depths, (0.001, 0.02, 0.5, 0.999)).tolist()
@@ -121,7 +193,7 @@ def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
     searched = [
         s.settings["largest_px"].typical for s in sensor.stages if "largest_px" in s.settings
     ]
-    matched = [MM_PER_M * real.intrinsics.fx * sensor.rig.baseline_m / px for px in searched]
+    matched = [MM_PER_M * depth.fx * sensor.rig.baseline_m / px for px in searched]
     least = max([reach[0], *(_BEYOND_GATE * gate[1] for gate in gates), *matched])
     most = min([reach[1], *(gate[2] for gate in gates)])
     if low < _NEAREST * least or not least <= middle <= 1.2 * most:
@@ -139,12 +211,17 @@ def _range_assignments(real: Frames, sensor: Sensor) -> list[str]:
     ]
 
 
-def _render(virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame) -> DepthFrame:
+def _render(
+    virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame, decimated_by: int
+) -> DepthFrame:
     """Render the mesh of a frame with the frame's depth step; without a mesh, no depth."""
     if mesh is None:
         return frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)})
     shot = virtual.capture(mesh, 1, None, scene=f"replay {frame.name}")[0]
     depth_mm = (np.rint(shot.noisy_mm / frame.step_mm) * frame.step_mm).astype(np.float32)
+    if decimated_by > 1:
+        small, depth_mm = decimate(depth_mm, decimated_by), np.zeros_like(frame.noisy_mm)
+        depth_mm[: small.shape[0], : small.shape[1]] = small  # librealsense pads with zeros
     light = {} if frame.infrared is None else {"infrared": shot.layer("infrared")}
     return frame.changed({"noisy_mm": depth_mm, **light})
 
