@@ -12,24 +12,27 @@ from __future__ import annotations
 
 import re
 import shutil
+import sqlite3
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
+from functools import cache
 from itertools import takewhile
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular
+from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular, read_regular
 from glsim.core.units import MM_PER_M
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.ros_images import TYPES, encoding_of, read_pixels
-from glsim.data.recordings.streams import FrameStream
+from glsim.data.recordings.streams import ROS2_FILE, FrameStream
 
 _INFO = "sensor_msgs/msg/CameraInfo"
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -38,6 +41,85 @@ _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
 #: If a camera_info has another size than the images, its scales along x and y may differ by this
 #: share: sizes of decimated images are rounded to multiples of 4 px.
 _UNEQUAL = 0.02
+#: Largest metadata.yaml, bytes, which is read in 3 s; recorders write 1 to 2 kB for each topic.
+_METADATA_BYTES = 3 << 16
+#: Largest first line of a bag ("#ROSBAG V2.0"), text of a topic, and more than once read parts of
+#: an index, bytes. Chosen.
+_LINE_BYTES, _TEXT_BYTES, _AGAIN_BYTES = 64, 1 << 20, 1 << 20
+
+
+class _Path(type(Path())):  # type: ignore[misc]
+    """A path of a bag, of which the library reads bounded parts of regular files."""
+
+    opened: ClassVar[list[BoundedFile]] = []
+
+    def check(self) -> int:
+        """Return the size of a regular file; of a bag's folder, links may not lead out of it."""
+        folder = self.parent if (self.parent / ROS2_FILE).is_file() else None
+        with open_regular(self, inside=folder):
+            return int(self.stat().st_size)
+
+    def open(self, mode: str = "r", *others: Any, **named: Any) -> Any:
+        if "w" in mode:  # a file that the library unpacks
+            return super().open(mode, *others, **named)
+        size = self.check()
+        file = _PartsFile(super().open("rb"), size + _AGAIN_BYTES)
+        self.opened.append(file)
+        return file
+
+    def read_text(self, *_: Any, **__: Any) -> str:
+        text = read_regular(self, _METADATA_BYTES, inside=self.parent).decode()
+        if re.search(r"(?m)(?:^|[\s\[,:{-])[*&]\w", text):
+            raise ValueError("its metadata.yaml repeats parts by anchors")
+        return text
+
+
+class _PartsFile(BoundedFile):
+    """A file that is read in parts of at most MOST_HELD bytes; ValueError for larger ones.
+
+    While the index is read, ``left`` lets each byte be read once: entries that all name one part
+    would take memory without end.
+    """
+
+    def read(self, size: int = -1) -> bytes:
+        data = super().read(size if 0 <= size <= MOST_HELD else MOST_HELD + 1)
+        if len(data) > MOST_HELD or self.left < 0:
+            raise ValueError(f"a part has more than {MOST_HELD >> 20} MB, or is listed twice")
+        if data == b"\0":  # the kind of a record of MCAP
+            raise ValueError("zeros stand between its records")
+        return data
+
+    def readline(self) -> bytes:
+        line: bytes = self._file.readline(_LINE_BYTES)
+        return line
+
+
+def _check_database(file: _Path) -> None:
+    """Raise ValueError for an SQLite file with computed or endless tables, or too long values."""
+    rows = file.check() // 4  # an entry takes more bytes; pages that name each other have no end
+    with closing(sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1", uri=True)) as database:
+        run = database.execute
+        schema = run("SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT 100").fetchall()
+        for kind, name, table, text in schema:
+            if kind not in ("table", "index") or re.search(r"(?i)\b(virtual|as)\b", text or ""):
+                raise ValueError(f"its {kind} {name!a:.40} is computed, which no recorder makes")
+            index = "" if kind == "table" else f" INDEXED BY {_quoted(name)}"
+            count = f"SELECT count(*) FROM (SELECT 1 FROM {_quoted(table)}{index} LIMIT {rows + 1})"
+            if run(count).fetchone()[0] > rows:
+                raise ValueError(f"its {kind} {name!a:.40} has no end")
+        for table, most in {
+            "topics": _TEXT_BYTES,
+            "message_definitions": _TEXT_BYTES,
+            "messages": MOST_HELD,
+        }.items():
+            for _, column, *_ in run(f"PRAGMA table_info({table})").fetchall():
+                long = f"SELECT 1 FROM {table} WHERE length({_quoted(column)}) > {most} LIMIT 1"
+                if run(long).fetchone():
+                    raise ValueError(f"its {table} have a {column} of more than {most} bytes")
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
 
 
 def _unpack(decompressor: Any, data: bytes) -> bytes:
@@ -79,6 +161,13 @@ _RESAMPLED = re.compile(
     _words("aligned|registered|q?hd|colou?r|rgb|ground_truth|clean|expected|filtered").pattern
     + "|_to_"
 )
+
+
+@cache
+def _types(ros1: bool) -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
 
 
 class BagStream(FrameStream):
@@ -145,11 +234,10 @@ class BagStream(FrameStream):
         from bz2 import BZ2Decompressor
 
         from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-        from rosbags.highlevel import AnyReader
         from rosbags.rosbag1 import reader as ros1
         from rosbags.rosbag2 import reader as ros2
         from rosbags.rosbag2 import storage_mcap as mcap
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.rosbag2 import storage_sqlite3 as sqlite
 
         zstd = mcap.zstd.ZstdDecompressor
         ros1.decompressors["bz2"] = lambda data: _unpack(BZ2Decompressor(), data)
@@ -160,14 +248,37 @@ class BagStream(FrameStream):
             decompress=lambda data: _unpack(zstd(), data),
             open=lambda file, mode: _UnpackedFile(mcap.zstd.open(file, mode)),
         )
+        # Settings of the transport, in YAML, which is slow to read; glsim needs none of them.
+        ros2.parse_qos = sqlite.parse_qos = mcap.get_qos = lambda _: []
+        ros2.Path = _Path
+
+        class Database(sqlite.Sqlite3Reader):  # type: ignore[misc]
+            def open(self) -> None:
+                _check_database(_Path(self.path))
+                super().open()
+
+        ros2.Reader.STORAGE_PLUGINS = ros2.Reader.STORAGE_PLUGINS | {".db3": Database}
+        folders = ros2.DirectoryReader
+        folders.STORAGE_PLUGINS = folders.STORAGE_PLUGINS | {"sqlite3": Database}
         if self._file is None:
-            if not self.path.is_dir():
-                open_regular(self.path).close()  # a pipe would wait for ever
-            store = get_typestore(Stores.ROS2_HUMBLE)
-            reader = AnyReader([self.path], default_typestore=store)
+            path = _Path(self.path)
+            if not path.is_dir():
+                path.check()  # a pipe would wait for ever
+            reader = (ros1 if self._is_ros1 else ros2).Reader(path)
             reader.open()
+            while _Path.opened:
+                _Path.opened.pop().left = sys.maxsize
             self._file = reader
         return self._file
+
+    @property
+    def _is_ros1(self) -> bool:
+        return self.path.suffix.lower() == ".bag"
+
+    def _read(self, data: bytes, kind: str) -> Any:
+        """Decode a message by ROS' own definition: a bag's own may have fields without end."""
+        types = _types(self._is_ros1)
+        return (types.deserialize_ros1 if self._is_ros1 else types.deserialize_cdr)(data, kind)
 
     def _of(self, topic: str) -> list[Any]:
         return [c for c in self._open().connections if c.topic == topic]
@@ -176,7 +287,7 @@ class BagStream(FrameStream):
         """Return the first message of a topic, None without one."""
         reader = self._open()
         for connection, _, data in reader.messages(self._of(topic)) if self._of(topic) else ():
-            return reader.deserialize(data, connection.msgtype)
+            return self._read(data, connection.msgtype)
         return None
 
     def _find_times(self, tracks: Sequence[str]) -> dict[str, NDArray[np.int64]]:
@@ -203,7 +314,7 @@ class BagStream(FrameStream):
             place += 1
         connection, _, data = next(messages)
         self._cursors[topic] = (number + 1, messages)
-        return read_pixels(reader.deserialize(data, connection.msgtype), f"{self.path}: {topic}")
+        return read_pixels(self._read(data, connection.msgtype), f"{self.path}: {topic}")
 
     def _read_camera(self) -> tuple[StatedCamera, tuple[str, ...]]:
         camera, lens, remarks = self._find_camera()
@@ -269,7 +380,7 @@ class BagStream(FrameStream):
         """Return the camera's name from librealsense's device information."""
         reader, connections = self._open(), self._of(topic)
         for connection, _, data in reader.messages(connections) if connections else ():
-            fact = reader.deserialize(data, connection.msgtype)
+            fact = self._read(data, connection.msgtype)
             if getattr(fact, "key", "") == "Name":
                 return str(fact.value)
         return ""

@@ -27,6 +27,8 @@ from glsim.data.recordings.streams import FrameStream
 
 #: Size of the chip, px, to which the calibration is normalised.
 _CHIP_PX = 1024
+#: Largest calibration.json, bytes; that of a device has 7 kB. A list of lists takes 22 times more.
+_CALIBRATION_BYTES = 1 << 20
 #: (width, height) of a mode -> chip pixels per pixel along each axis; first column and first row on
 #: the chip, in pixels of the mode; glsim's sensor.
 _MODES = {
@@ -149,6 +151,8 @@ def _factory_camera(
 ) -> tuple[Intrinsics, tuple[float, ...]] | None:
     """Return a mode's intrinsics and lens from the factory's JSON; None for another JSON file."""
     try:
+        if len(text) > _CALIBRATION_BYTES:
+            return None
         cameras = json.loads(text)["CalibrationInformation"]["Cameras"]
         own = next(c for c in cameras if c["Purpose"] == "CALIBRATION_CameraPurposeDepth")
         numbers = [float(v) for v in own["Intrinsics"]["ModelParameters"]]
