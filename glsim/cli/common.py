@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 import typer
 from rich.console import Console
 
-from glsim.core.errors import ConfigError, GlsimError
+from glsim.core.errors import ConfigError, GlsimError, one_line
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -266,8 +266,7 @@ def _error_text(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         place = f"{error.filename}: " if error.filename else ""
         return f"{place}{error.strerror}"
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text} (a bug; --debug shows where)"
+    return f"{one_line(error)} (a bug; --debug shows where)"
 
 
 def overrides(**values: Any) -> dict[str, Any]:

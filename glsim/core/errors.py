@@ -72,6 +72,16 @@ class DenoiserError(GlsimError):
     """The error of a denoiser that cannot be loaded or returns an invalid depth map."""
 
 
+def one_line(error: BaseException) -> str:
+    """Return the type and text of an exception in one line; the text of a plug-in's may fail."""
+    try:
+        return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        return "an exception whose text fails"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of an "unknown name" message: similar names or, if there are none, all."""
     names = sorted(known)

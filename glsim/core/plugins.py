@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -22,7 +23,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any, Final, TypeVar
 
-from glsim.core.errors import ConfigError, GlsimError
+from glsim.core.errors import ConfigError, GlsimError, one_line
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
@@ -97,17 +98,10 @@ def plugin_names(group: str, shipped: Iterable[str] = ()) -> list[str]:
 def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
     """Import a plug-in's object. Raises ConfigError if that fails or the object is invalid."""
     entry = _entry_points(group)[name]
-    try:
+    with plugin_errors(group, name):
         found = entry.load()
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # another package may raise anything, or exit
-        reason = " ".join(str(error).split())[:200]
-        raise ConfigError(
-            f"{_place(entry)}: {entry.value} cannot be loaded ({type(error).__name__}: {reason}): "
-            "mend or uninstall the package"
-        ) from error
-    if not valid(found):
+        is_valid = valid(found)
+    if not is_valid:
         raise ConfigError(
             f"{_place(entry)}: {entry.value} is not {GROUPS[group].format(name=name)}: mend or "
             "uninstall the package"
@@ -115,13 +109,33 @@ def load_plugin(group: str, name: str, valid: Callable[[Any], bool]) -> Any:
     return found
 
 
+@contextmanager
+def plugin_errors(group: str, name: str) -> Iterator[None]:
+    """Turn what a plug-in raises in the block into a ConfigError that names its package."""
+    try:
+        yield
+    except (KeyboardInterrupt, GlsimError):
+        raise
+    except BaseException as error:  # another package may raise anything, or exit
+        entry = _entry_points(group)[name]
+        raise ConfigError(
+            f"{_place(entry)}: {entry.value} cannot be loaded ({one_line(error)}): mend or "
+            "uninstall the package"
+        ) from error
+
+
 def each_usable(names: Iterable[str], load: Callable[[str], _T]) -> Iterator[tuple[str, _T]]:
-    """Yield each name with its loaded entry; warn of names whose loading raises GlsimError."""
+    """Yield each name with its loaded entry; warn of names whose loading fails."""
     for name in names:
         try:
-            yield name, load(name)
-        except GlsimError as error:
-            log.warning("left out: %s", error)
+            entry = load(name)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # an object of a package may raise anything when it is asked
+            reason = error if isinstance(error, GlsimError) else f"{name}: {one_line(error)}"
+            log.warning("left out: %s", reason)
+        else:
+            yield name, entry
 
 
 def plugin_file(package: object, name: str) -> Path | None:

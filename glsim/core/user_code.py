@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, one_line
 
 log = logging.getLogger(__name__)
 
@@ -26,12 +26,15 @@ def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | No
     code, _, name = target.rpartition(":")
     try:
         module = _import_file((folder or Path()) / code) if code.endswith(".py") else _import(code)
-    except Exception as error:  # the user's code may raise anything
-        raise ConfigError(f"{code} cannot be imported: {error}") from error
-    if not hasattr(module, name):
+        found = getattr(module, name, None)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the user's code may raise anything, or exit
+        raise ConfigError(f"{code} cannot be imported: {one_line(error)}") from error
+    if found is None:
         raise ConfigError(f"{code} has no {name!r}")
     file = getattr(module, "__file__", None)
-    return getattr(module, name), None if file is None else Path(file)
+    return found, None if file is None else Path(file)
 
 
 def _import(name: str) -> ModuleType:

@@ -160,9 +160,10 @@ def _frames_are_last(stack: NDArray[Any]) -> bool:
     jumps = []
     for axis in (0, 2):
         part = stack[tuple(slice(None) if n == axis else slice(None, None, 2) for n in range(3))]
-        change = np.abs(np.diff(part.astype(np.float32), axis=axis))
-        middle = float(np.median(part[part > 0])) if (part > 0).any() else 0.0
-        jumps.append(float((change > _JUMP_SHARE * middle).mean()))
+        with np.errstate(all="ignore"):  # NaN, infinity and 1e300 are no depth
+            change = np.abs(np.diff(part.astype(np.float32), axis=axis))
+            middle = float(np.median(part[part > 0])) if (part > 0).any() else 0.0
+            jumps.append(float((change > _JUMP_SHARE * middle).mean()))
     return jumps[0] > _LEAST_JUMPS and jumps[1] < jumps[0] / 4
 
 
@@ -291,7 +292,12 @@ def refuse_negative(image: NDArray[Any], where: Path) -> None:
 
 def doubt_of_floats(image: NDArray[Any]) -> str:
     """Return a remark if floats may be a depth buffer: they end at exactly 1, the background."""
-    if image.dtype.kind != "f" or float(np.nanmax(image)) != 1.0 or float(np.nanmin(image)) < 0:
+    # fmin and fmax say nothing if all values are NaN, unlike nanmin and nanmax.
+    if (
+        image.dtype.kind != "f"
+        or np.fmax.reduce(image, None) != 1
+        or np.fmin.reduce(image, None) < 0
+    ):
         return ""
     background = float((image == 1).mean())
     return (

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.core.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean
+from glsim.core.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean, one_line
 from glsim.core.plugins import load_plugin, module_names, plugin_names, shipped_module
 from glsim.core.user_code import load_object
 from glsim.denoise import shipped
@@ -198,7 +198,7 @@ def _own_code(target: str, parameters: str, spec: str, label: str) -> tuple[Any,
         elif keywords:
             function = functools.partial(function, **keywords)
     except Exception as error:  # the user's code may raise anything
-        raise DenoiserError(f"{label}: cannot make {target}: {error}") from error
+        raise DenoiserError(f"{label}: cannot make {target}: {one_line(error)}") from error
     return function, "" if file is None else _version(file)
 
 

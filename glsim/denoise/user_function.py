@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_protocol import check_protocol
-from glsim.core.errors import DenoiserError, GlsimError
+from glsim.core.errors import DenoiserError, GlsimError, one_line
 from glsim.networks.interface import DepthFunction
 
 
@@ -22,12 +23,13 @@ class UserFunction(DepthFunction):
         if not callable(function):
             raise DenoiserError(f"{label}: is no function of (noisy_mm, valid)")
         self._function, self._label = function, label
-        self._takes_sequences = hasattr(function, "before") or hasattr(function, "after")
-        self.before = int(getattr(function, "before", 0))
-        self.after = int(getattr(function, "after", 0))
-        self.infrared = bool(getattr(function, "infrared", False))
-        self.uncertain = bool(getattr(function, "uncertain", False))
-        self.keep_clean = bool(getattr(function, "keep_clean", False))
+        with _errors_of(label):
+            self._takes_sequences = hasattr(function, "before") or hasattr(function, "after")
+            self.before = int(getattr(function, "before", 0))
+            self.after = int(getattr(function, "after", 0))
+            self.infrared = bool(getattr(function, "infrared", False))
+            self.uncertain = bool(getattr(function, "uncertain", False))
+            self.keep_clean = bool(getattr(function, "keep_clean", False))
         self.protocol = check_protocol(getattr(function, "protocol", None), f"{label}: protocol")
 
     def __call__(
@@ -36,10 +38,16 @@ class UserFunction(DepthFunction):
         """Call the function with the arguments that it takes."""
         frame = (noisy_mm, valid, now) if self._takes_sequences else (noisy_mm[now], valid[now])
         images = {"infrared": infrared} if self.infrared else {}
-        try:
+        with _errors_of(self._label):
             return self._function(*frame, **images)
-        except GlsimError:
-            raise
-        except Exception as error:  # the user's code may raise anything
-            text = " ".join(str(error).split())
-            raise DenoiserError(f"{self._label}: {type(error).__name__}: {text}") from error
+
+
+@contextmanager
+def _errors_of(label: str) -> Iterator[None]:
+    """Turn what the user's code raises in the block into a DenoiserError."""
+    try:
+        yield
+    except (GlsimError, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # it may raise anything, or exit
+        raise DenoiserError(f"{label}: {one_line(error)}") from error

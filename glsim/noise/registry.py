@@ -15,7 +15,7 @@ from typing import Any
 
 from glsim.core.errors import ConfigError, ShaderError, did_you_mean
 from glsim.core.files.regular import read_regular
-from glsim.core.plugins import load_plugin, plugin_file, plugin_names
+from glsim.core.plugins import load_plugin, plugin_errors, plugin_file, plugin_names
 from glsim.core.user_code import load_object
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import load_source, parse_source
@@ -117,7 +117,8 @@ def _plugin_spec(name: str) -> StageSpec:
     found = load_plugin("stages", name, valid)
     if (file := plugin_file(found, shader)) is not None:
         return shader_stage(file)
-    return _array_spec(name, found, str(found.__module__))
+    with plugin_errors("stages", name):
+        return _array_spec(name, found, str(found.__module__))
 
 
 def _python_spec(use: str, beside: Path | None) -> StageSpec:

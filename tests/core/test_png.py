@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import io
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from glsim.core.files.png import encode_png
+from glsim.core.files.png import decode_png, encode_png
 
 
 def decoded(data: bytes) -> np.ndarray:
@@ -68,3 +70,22 @@ def test_empty_rows_cost_little() -> None:
     padded = np.vstack([np.zeros((150, 512), np.uint16), image, np.zeros((150, 512), np.uint16)])
     empty_rows = 300 * (1 + 2 * 512)
     assert len(encode_png(padded)) < len(encode_png(image)) + empty_rows // 50
+
+
+@pytest.mark.parametrize("encode", [encode_png, lambda image: cv2.imencode(".png", image)[1]])
+def test_one_wrong_bit_is_refused_and_nothing_is_printed(
+    encode: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The checksums of chunks are made right again: only that of the unpacked image is wrong."""
+    random = np.random.default_rng(1)
+    image = (600 + random.integers(-3, 4, (48, 64)).cumsum(axis=1)).astype(np.uint16)
+    whole = bytes(encode(image))
+    start = whole.index(b"IDAT")
+    end = start + 4 + int.from_bytes(whole[start - 4 : start], "big")
+    for place in random.integers(start + 4, end, 300):
+        data = bytearray(whole)
+        data[place] ^= 1 << int(random.integers(8))
+        data[end : end + 4] = zlib.crc32(data[start:end]).to_bytes(4, "big")
+        decoded = decode_png(bytes(data))
+        assert decoded is None or np.array_equal(decoded, image)
+    assert capfd.readouterr() == ("", "")

@@ -15,7 +15,6 @@ PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 from __future__ import annotations
 
 import struct
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +38,17 @@ MAX_MAP_PX = 1 << 22
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _ANIMATION = (b"acTL", b"fcTL", b"fdAT")
 _GREY, _RGB = 0, 2
-_UP_FILTER = 2
+_UP_FILTER, _LAST_FILTER = 2, 4
+_PALETTE = 3
+#: Largest block of a zlib stream that is not compressed, bytes.
+_STORED_BYTES = 65_535
+#: Colour type -> numbers of bits of a sample.
+_BITS = {_GREY: (1, 2, 4, 8, 16), _RGB: (8, 16), _PALETTE: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+#: First column and row of the pixels of each pass of an interlaced image, and their distances.
+_ADAM7 = (
+    (0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2),
+    (0, 1, 1, 2),
+)  # fmt: skip
 #: Keyword of the text chunk with the step of a depth map, mm.
 UNIT_KEYWORD = b"glsim depth_unit_mm"
 #: Number of bytes to read of a file's beginning: the signature, IHDR and that chunk need fewer.
@@ -99,7 +108,8 @@ def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    checksum = isal_zlib.crc32(data, isal_zlib.crc32(kind))
+    return b"".join([struct.pack(">I", len(data)), kind, data, struct.pack(">I", checksum)])
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
@@ -158,7 +168,7 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
 
     if image_size(data) is None or size_problem(data, max_px):
         return None
-    if data[:8] == _SIGNATURE and not _is_whole_png(data):
+    if data[:8] == _SIGNATURE and (data := _checked_png(data)) == b"":
         return None
     cv2.utils.logging.setLogLevel(0)  # glsim reports failures itself
     tags = _tiff_tags(data)
@@ -175,20 +185,64 @@ def decode_png(data: bytes, max_px: int = MAX_SIDE_PX**2) -> NDArray[np.generic]
     return image.view(np.float16) if half and image is not None else image
 
 
-def _is_whole_png(data: bytes) -> bool:
-    """Whether all chunks up to the last are complete and undamaged, and none is an animation's."""
-    # OpenCV allocates the length that a chunk states, up to 2 GB, before it reads the chunk, and
-    # its library prints messages about damage.
-    at, view = len(_SIGNATURE), memoryview(data)
+def _checked_png(data: bytes) -> bytes:
+    """Return an undamaged PNG file with its image alone, unpacked; b"" for all others."""
+    # OpenCV allocates the length that a chunk states, up to 2 GB, before it reads the chunk. It
+    # does not heed the checksum of the unpacked image, and its library prints messages about
+    # damage and about chunks besides the image.
+    chunks = _whole_chunks(data)
+    palette, packed = chunks.get(b"PLTE", b""), chunks.get(b"IDAT", b"")
+    if not packed:
+        return b""
+    width, height, bits, colour, *ways, interlaced = struct.unpack(">IIBBBBB", data[16:29])
+    if bits not in _BITS.get(colour, ()) or any(ways) or interlaced > 1 or len(palette) % 3:
+        return b""
+    pixel_bits = bits * {_RGB: 3, 4: 2, 6: 4}.get(colour, 1)
+    passes = [
+        (-(-(height - y) // down), 1 + (-(-(width - x) // right) * pixel_bits + 7) // 8)
+        for x, y, right, down in (_ADAM7 if interlaced else ((0, 0, 1, 1),))
+        if width > x and height > y
+    ]
+    size, start = sum(rows * row for rows, row in passes), 0
+    unpack = isal_zlib.decompressobj()
+    try:
+        image = unpack.decompress(packed, size + 1)
+    except isal_zlib.error:
+        return b""
+    if len(image) != size or not unpack.eof or unpack.unused_data:
+        return b""
+    for rows, row in passes:
+        if max(image[start : start + rows * row : row]) > _LAST_FILTER:
+            return b""
+        start += rows * row
+    blocks = [image[n : n + _STORED_BYTES] for n in range(0, size, _STORED_BYTES)]
+    stored = [
+        part
+        for n, block in enumerate(blocks, 1)
+        for part in (struct.pack("<BHH", n == len(blocks), len(block), ~len(block) & 0xFFFF), block)
+    ]
+    stream = b"".join([b"\x78\x01", *stored, packed[-4:]])
+    colours = [_chunk(b"PLTE", palette)] if colour == _PALETTE else []
+    parts = [_chunk(b"IHDR", data[16:29]), *colours, _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
+    return b"".join([_SIGNATURE, *parts])
+
+
+def _whole_chunks(data: bytes) -> dict[bytes, bytes]:
+    """Return the chunks of a PNG file, those of one name joined; {} if one is damaged or missing.
+
+    It is also {} for an animation.
+    """
+    at, view, found = len(_SIGNATURE), memoryview(data), dict[bytes, list[memoryview]]()
     while at + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
         end = at + 8 + length
         if kind in _ANIMATION or isal_zlib.crc32(view[at + 4 : end]).to_bytes(4) != view[end:][:4]:
-            return False
+            return {}
         if kind == b"IEND":
-            return True
+            return {name: b"".join(parts) for name, parts in found.items()}
+        found.setdefault(kind, []).append(view[at + 8 : end])
         at = end + 4
-    return False
+    return {}
 
 
 def is_image(path: Path) -> bool:
