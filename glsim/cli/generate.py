@@ -107,6 +107,8 @@ def generate(
         raise ConfigError("give -o DIR, the folder of the data set (or --plan to print the plan)")
     if part is not None and ray is not None:
         raise ConfigError("--part and --ray exclude each other: give one of them")
+    if ray is not None and workers != "auto":
+        raise ConfigError("--workers and --ray exclude each other: a cluster uses all its cores")
     from glsim.data.chunks import parse_part
     from glsim.data.driver import generate as make_all
     from glsim.data.driver import generate_part

@@ -56,6 +56,10 @@ class DatasetError(GlsimError):
     """The error of a data set on disk that is invalid or cannot be written."""
 
 
+class AccessError(DatasetError, DeviceError):
+    """The error of a store that refuses this machine, for example one without credentials."""
+
+
 class NoDepthError(DatasetError, ConfigError):
     """The error of an argument that names no depth maps (CLI exit status 2)."""
 

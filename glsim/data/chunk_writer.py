@@ -74,7 +74,14 @@ class ChunkProgress(Interim):
     frames: int
 
 
-ChunkEvent = ChunkProgress | ChunkSummary
+@dataclass(frozen=True)
+class NodeWork:
+    """A message with the CPU seconds that another machine took for a chunk."""
+
+    cpu_s: float
+
+
+ChunkEvent = ChunkProgress | ChunkSummary | NodeWork
 
 
 def write_chunks(

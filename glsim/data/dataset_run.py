@@ -20,7 +20,7 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import parse_json
 from glsim.core.files.cloud import open_store
 from glsim.core.files.store import Store
-from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
+from glsim.data.chunk_writer import ChunkEvent, FrameMaker, NodeWork, RenderJob
 from glsim.data.chunks import ChunkPlan, Part, chunk_frames
 from glsim.data.disk_format import HEADER, SKIPPED
 from glsim.data.merge import bounded_lines, merge, merged_files_are_intact
@@ -134,6 +134,8 @@ def make_missing_chunks(
         for event in events:
             if isinstance(event, ChunkSummary):
                 counts.complete(event)
+            elif isinstance(event, NodeWork):
+                counts.nodes_cpu_s += event.cpu_s
             else:
                 counts.in_progress[event.chunk] = event.frames
                 counts.report()

@@ -44,7 +44,7 @@ class GenerateSummary:
         rendered, reused: frames of this run and of earlier runs, skipped frames included.
         bytes: size of all images.
         seconds: wall time.
-        cpu_seconds: CPU time of this process and its workers.
+        cpu_seconds: CPU time of this process, its workers and the nodes of its cluster.
         notes: assumptions about the input, in lines for the user.
     """
 
@@ -91,6 +91,7 @@ class RunCounts:
     reused: int = 0
     bytes: int = 0
     in_progress: dict[int, int] = field(default_factory=dict)  # chunk number -> frames done
+    nodes_cpu_s: float = 0.0
     reported_s: float = 0.0
     started_s: float = field(default_factory=time.monotonic)
     cpu_started_s: float = field(default_factory=lambda: _cpu_seconds())
@@ -125,8 +126,8 @@ class RunCounts:
 
     @property
     def cpu_seconds(self) -> float:
-        """CPU time since the start, seconds."""
-        return _cpu_seconds() - self.cpu_started_s
+        """CPU time since the start, seconds, of this machine and of the nodes of a cluster."""
+        return _cpu_seconds() - self.cpu_started_s + self.nodes_cpu_s
 
 
 def _cpu_seconds() -> float:

@@ -7,18 +7,24 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import socket
+import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import islice
 from typing import Any, TypeVar
 
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, DeviceError, GlsimError, ShaderError
+from glsim.data.code_version import code_version
 from glsim.data.worker_processes import SINGLE_THREADED, WorkerFailure
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")
+
+#: Errors of a node, not of a frame: its files, its driver, or what a store allows it.
+_UNFIT = (ConfigError, DeviceError, ShaderError)
 
 #: Number of started tasks per core: while one runs, the next already waits on the node.
 TASKS_PER_CORE = 2
@@ -29,6 +35,10 @@ _RETRIES = 10
 _CORES_EVERY_S = 2.0
 #: Seconds within which the head of a cluster accepts a connection.
 _ANSWER_S = 10.0
+#: First bytes of a connection of HTTP/2 (RFC 9113), which Ray uses: a preface and empty settings;
+#: and the kind of the server's first answer, in its fourth byte.
+_HTTP2_BEGIN = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
+_HTTP2_SETTINGS = b"\x04"
 #: Seconds after which a silent head counts as lost; after 60 s Ray would end this process without
 #: an error.
 _SILENT_S = 30.0
@@ -49,6 +59,7 @@ def ray_cluster(address: str) -> Iterator[Any]:
         yield ray
         return
     _check_answers(address)
+    on_sigterm = signal.getsignal(signal.SIGTERM)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a "local" cluster reports to its vendor
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
@@ -60,6 +71,8 @@ def ray_cluster(address: str) -> Iterator[Any]:
     except (ValueError, RuntimeError) as error:  # another version of Ray or Python
         text = " ".join(str(error).split())
         raise ConfigError(f"Ray at {address}: {text[:300]}") from None
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, on_sigterm)  # Ray's own handler prints a stack trace
     try:
         yield ray
     finally:
@@ -67,12 +80,16 @@ def ray_cluster(address: str) -> Iterator[Any]:
 
 
 def _check_answers(address: str) -> None:
-    """Raise ConfigError if HOST:PORT does not answer, because Ray would try for minutes."""
+    """Raise ConfigError if no server of HTTP/2 answers at HOST:PORT; Ray would try for minutes."""
     host, separator, port = address.removeprefix("ray://").rpartition(":")
     if not separator or not (port.isascii() and port.isdigit()):
         return
     try:
-        socket.create_connection((host.strip("[]"), int(port)), _ANSWER_S).close()
+        with socket.create_connection((host.strip("[]"), int(port)), _ANSWER_S / 2) as server:
+            server.settimeout(_ANSWER_S / 2)
+            server.sendall(_HTTP2_BEGIN)
+            if server.recv(4)[3:] != _HTTP2_SETTINGS and not os.environ.get("RAY_USE_TLS"):
+                raise OSError("it is no port of Ray")
     except (OSError, OverflowError) as error:
         why = getattr(error, "strerror", None) or error
         raise ConfigError(
@@ -120,56 +137,136 @@ def _connection_errors(ray: Any) -> Iterator[None]:
         raise _lost("the connection to the Ray cluster is lost", error) from error
 
 
-def cluster_cores(ray: Any) -> int:
-    """Return the number of cores of all nodes. Raises ClusterLostError if unreachable."""
+def cluster_cores(ray: Any, unfit: Collection[str] = ()) -> int:
+    """Return the number of cores of all nodes, without those whose identifiers are ``unfit``.
+
+    Raises ClusterLostError if the cluster is unreachable.
+    """
     _refuse_silent_head(ray)
     with _connection_errors(ray):
-        return int(ray.cluster_resources().get("CPU", 0))
+        nodes = [n for n in ray.nodes() if n["Alive"] and n["NodeID"] not in unfit]
+    return int(sum(node["Resources"].get("CPU", 0) for node in nodes))
+
+
+def _caller() -> Callable[..., Any]:
+    """Return the function of all tasks, which is sent as code: a node may have another glsim."""
+
+    def call(expected: str, pickled: bytes, shared: list[Any]) -> tuple[str, str, str | None, Any]:
+        """Return the node, its host, which other glsim it has (or None), and the result."""
+        import pickle
+        import socket
+
+        import ray
+
+        node, host = ray.get_runtime_context().get_node_id(), socket.gethostname()
+        try:
+            from glsim.data.code_version import code_version
+
+            found = f"glsim {code_version()}"
+        except ImportError as error:
+            found = f"no glsim of this kind ({error})"
+        if found != expected:
+            advice = "install the same on every node"
+            return node, host, f"{host} has {found}, the driver {expected}: {advice}", None
+        function, arguments = pickle.loads(pickled)
+        return node, host, None, function(shared, *arguments)
+
+    return call
 
 
 def run_tasks(
     ray: Any,
     function: Callable[..., object],
+    shared: object,
     calls: Iterable[tuple[_T, tuple[Any, ...]]],
     environment: Mapping[str, str] | None = None,
 ) -> Generator[tuple[_T, Any], None, None]:
     """Call a function on the cluster; yield (name, result) of each call in any order.
 
-    Raises the error of a call, which returns a ``WorkerFailure``, and DatasetError for a call whose
-    processes die repeatedly.
+    A node whose glsim is another, or which reports in a ``WorkerFailure`` that it cannot work, is
+    left out with a warning. Raises the other errors in WorkerFailures, the error of the last node
+    if none is left, and DatasetError for a call whose processes die repeatedly.
 
     Args:
         ray: the module, connected to the cluster.
-        function: a function of a module that every node has.
+        function: called with a list that holds the reference of ``shared``, and with the arguments.
+        shared: sent to the cluster once.
         calls: name and arguments of each call, taken when there is a core for it.
         environment: variables for the processes of the nodes.
     """
     variables = {"env_vars": SINGLE_THREADED | dict(environment or {})}
-    task = ray.remote(function).options(num_cpus=1, max_retries=_RETRIES, runtime_env=variables)
-    source = iter(calls)
-    running: dict[Any, _T] = {}
-    cores, looked_s = 0, float("-inf")
+    options = {"num_cpus": 1, "max_retries": _RETRIES, "runtime_env": variables}
+    remote = ray.remote(_caller())
+    task = remote.options(**options)
+    given, version = [ray.put(shared)], f"glsim {code_version()}"
+    source, again = iter(calls), deque[tuple[_T, tuple[Any, ...]]]()
+    running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
+    nodes = _Nodes(ray)
     try:
         while True:
-            if time.monotonic() - looked_s > _CORES_EVERY_S:
-                before, cores, looked_s = cores, cluster_cores(ray), time.monotonic()
-                if before != cores:
-                    log.info("the cluster has %d cores", cores)
-            free = max(1, TASKS_PER_CORE * cores) - len(running)
-            for name, arguments in islice(source, max(free, 0)):
-                running[start_task(ray, task, *arguments)] = name
+            nodes.count()
+            while len(running) < max(1, TASKS_PER_CORE * nodes.cores):
+                call = again.popleft() if again else next(source, None)
+                if call is None:
+                    break
+                pickled = ray.cloudpickle.dumps((function, call[1]))
+                running[start_task(ray, task, version, pickled, given)] = call
             if not running:
                 return
             with _connection_errors(ray):
                 done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
             for reference in done:
-                name = running.pop(reference)
-                yield name, task_result(ray, reference, name)
+                call = running.pop(reference)
+                node, host, other, result = task_result(ray, reference, call[0])
+                if other is None and not isinstance(result, WorkerFailure):
+                    yield call[0], result
+                    continue
+                error = ConfigError(other) if other else result.error
+                nodes.leave_out(node, host, error)
+                task = remote.options(**options, scheduling_strategy=nodes.others())
+                again.append(call)
     except ClusterLostError:
         running.clear()  # cancelling tasks now sometimes makes Ray abort the process
         raise
     finally:
         cancel_tasks(ray, running)
+
+
+class _Nodes:
+    """The nodes of a cluster that can do the work, and the number of their cores."""
+
+    def __init__(self, ray: Any) -> None:
+        self._ray = ray
+        self.cores, self._counted_s = -1, float("-inf")
+        self._unfit: set[str] = set()
+
+    def count(self) -> None:
+        """Count the cores again after some seconds, and warn if there are none."""
+        if time.monotonic() - self._counted_s < _CORES_EVERY_S:
+            return
+        before, self.cores = self.cores, cluster_cores(self._ray, self._unfit)
+        self._counted_s = time.monotonic()
+        if before != self.cores and self.cores:
+            log.info("the cluster has %d cores", self.cores)
+        elif before != self.cores:
+            log.warning("the Ray cluster has no cores: waiting for one (ray start --address HEAD)")
+
+    def leave_out(self, node: str, host: str, error: GlsimError) -> None:
+        """Leave a node out; raise the error if it is not the node's, or if no node is left."""
+        if not isinstance(error, _UNFIT):
+            raise error
+        if node not in self._unfit:
+            self._unfit.add(node)
+            self.cores = cluster_cores(self._ray, self._unfit)
+            if not self.cores:
+                raise error
+            log.warning("node %s (%s) is left out: %s", host, node[:8], error)
+
+    def others(self) -> Any:
+        """Return Ray's strategy for the nodes that are not left out, by their labels."""
+        from ray.util.scheduling_strategies import NodeLabelSchedulingStrategy, NotIn
+
+        return NodeLabelSchedulingStrategy({"ray.io/node-id": NotIn(*self._unfit)})
 
 
 def start_task(ray: Any, task: Any, *arguments: object) -> Any:
@@ -188,11 +285,10 @@ def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
 def task_result(ray: Any, reference: Any, name: object) -> Any:
     """Wait for the result of the Ray task of a call and return it.
 
-    Raises the error in a ``WorkerFailure``, DatasetError if the processes die repeatedly, or
-    ClusterLostError if the cluster is gone.
+    Raises DatasetError if the processes die repeatedly, or ClusterLostError if the cluster is gone.
     """
     try:
-        result = _wait_for(ray, reference)
+        return _wait_for(ray, reference)
     except ray.exceptions.RayTaskError as error:
         text = " ".join(str(error.cause).split())
         raise ConfigError(
@@ -207,9 +303,6 @@ def task_result(ray: Any, reference: Any, name: object) -> Any:
             f"processes of the cluster die while they do task {name} (out of memory?): "
             f"{text[:200]}: what is complete is kept; run the same command again to continue"
         ) from error
-    if isinstance(result, WorkerFailure):
-        raise result.error
-    return result
 
 
 def _wait_for(ray: Any, reference: Any) -> Any:

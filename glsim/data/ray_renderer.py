@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import socket
+import time
 import uuid
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
@@ -16,12 +17,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import temporary_folder
 from glsim.core.files.cloud import open_store
-from glsim.data.chunk_writer import ChunkEvent, RenderJob, write_chunks
+from glsim.data.chunk_writer import ChunkEvent, NodeWork, RenderJob, write_chunks
 from glsim.data.chunks import Chunk, ChunkPlan
-from glsim.data.code_version import code_version
 from glsim.data.dataset_run import ChunkRenderer
 from glsim.data.disk_format import STATE
 from glsim.data.frame_maker import SameMachineSimulator
@@ -37,16 +36,16 @@ class ClusterJob:
 
     job: RenderJob
     token: str
-    glsim_version: str
     folder: str
 
 
 @dataclass(frozen=True)
 class MadeChunk:
-    """A chunk rendered by a node: its record, and its files as name -> bytes."""
+    """A chunk rendered by a node: its record, its files as name -> bytes, and CPU seconds."""
 
     record: bytes
     files: dict[str, bytes]
+    cpu_s: float
 
 
 def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkRenderer:
@@ -57,18 +56,17 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
     ) -> Generator[ChunkEvent, None, None]:
         if not numbers:
             return
-        shared = ClusterJob(job, uuid.uuid4().hex, code_version(), str(Path.cwd()))
+        shared = ClusterJob(job, uuid.uuid4().hex, str(Path.cwd()))
         with ray_cluster(address) as ray:
-            # Ray does not resolve references in a list, so a process that has the job gets no copy.
-            reference = [ray.put(shared)]
-            calls = ((number, (shared.token, reference, plan[number])) for number in numbers)
-            for _, made in run_tasks(ray, render_on_node, calls, environment):
+            calls = ((number, (shared.token, plan[number])) for number in numbers)
+            for _, made in run_tasks(ray, render_on_node, shared, calls, environment):
                 store = job.state.store
                 record = parse_chunk_record(made.record)
                 for name, data in made.files.items():
                     store.put(name, data, sync=False)
                 store.flush()
                 job.state.save_chunk(record)
+                yield NodeWork(made.cpu_s)
                 yield record.summary
 
     return render
@@ -77,9 +75,10 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
 # -------------------------------------------------------------------- on the nodes
 
 _shared: ClusterJob | None = None  # job of this process, with its sources and simulator
+_counted_s = 0.0  # CPU seconds of this process that are in the chunks before
 
 
-def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk | WorkerFailure:
+def render_on_node(reference: list[Any], token: str, chunk: Chunk) -> MadeChunk | WorkerFailure:
     """Render a chunk in a Ray task; return errors as WorkerFailure, since Ray wraps raised ones."""
     global _shared
     try:
@@ -95,12 +94,7 @@ def render_on_node(token: str, reference: list[Any], chunk: Chunk) -> MadeChunk 
 
 
 def _prepared(shared: ClusterJob) -> RenderJob:
-    """Return the RenderJob, set up for this node's process. Raises ConfigError."""
-    if code_version() != shared.glsim_version:
-        raise ConfigError(
-            f"{socket.gethostname()} has glsim {code_version()}, the driver "
-            f"{shared.glsim_version}: install the same version on every node"
-        )
+    """Return the RenderJob, set up for this node's process."""
     with suppress(OSError):
         os.chdir(shared.folder)
     if isinstance(shared.job.make_frames, SameMachineSimulator):
@@ -117,4 +111,6 @@ def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
         (record,) = (e for e in write_chunks(job, store, [chunk]) if isinstance(e, ChunkRecord))
     paths = [path for path in folder.rglob("*") if path.is_file()]
     files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
-    return MadeChunk(record.to_bytes(), files)
+    global _counted_s
+    before, _counted_s = _counted_s, time.process_time()
+    return MadeChunk(record.to_bytes(), files, _counted_s - before)

@@ -22,11 +22,11 @@ import sys, time
 from glsim.data import ray_cluster
 from glsim.core.errors import DatasetError
 ray_cluster._SILENT_S = 2.0
-def nap(seconds):
+def nap(_, seconds):
     time.sleep(seconds)
 try:
     with ray_cluster.ray_cluster(sys.argv[1]) as ray:
-        for _ in ray_cluster.run_tasks(ray, nap, ((n, (0.2,)) for n in range(10_000))):
+        for _ in ray_cluster.run_tasks(ray, nap, None, ((n, (0.2,)) for n in range(10_000))):
             print("one", flush=True)
 except DatasetError as error:
     print(f"error: {error}", flush=True)
@@ -51,7 +51,7 @@ def stand_in(address: str, call: Callable[[], Any], through_client: bool = False
     return SimpleNamespace(
         get=function,
         cancel=function,
-        cluster_resources=function,
+        nodes=function,
         get_runtime_context=lambda: SimpleNamespace(gcs_address=address),
         util=SimpleNamespace(
             client=SimpleNamespace(ray=SimpleNamespace(is_connected=lambda: through_client))

@@ -89,6 +89,34 @@ def test_a_killed_node_costs_work_and_no_bytes(tmp_path: Path, nodes: Nodes) -> 
     assert verify(tmp_path / "ray", deep=True) == []
 
 
+#: What the interpreters of a node run first: it has no glsim, or that of another commit.
+NONE = "import sys; sys.modules['glsim'] = None"
+OTHER = "import sys, types; sys.modules['glsim.data.code_version'] = types.SimpleNamespace"
+OTHER += "(code_version=lambda: '0.1.0+other')"
+
+
+@pytest.mark.long
+def test_nodes_that_cannot_work_are_left_out_by_name(
+    tmp_path: Path, nodes: Nodes, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    added = []
+    for name, code in {"none": NONE, "other": OTHER, "refused": ""}.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "sitecustomize.py").write_text(code)
+        with monkeypatch.context() as patch:
+            patch.setenv("PYTHONPATH", str(tmp_path / name))
+            patch.setenv("UNFIT", "1") if name == "refused" else None
+            added.append(nodes.add())
+    make(tmp_path / "local", tasks=TASKS)
+    assert make_on_ray(tmp_path / "ray", nodes, refuse="UNFIT", delay_s=0.02).rendered == 160
+    assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+    left_out = [r.getMessage() for r in caplog.records if "is left out" in r.getMessage()]
+    reasons = ("has no glsim of this kind (No module", "glsim 0.1.0+other, the driver", "denied")
+    assert [sum(reason in line for line in left_out) for reason in reasons] == [1, 1, 1], left_out
+    for node in added:
+        nodes.kill(node)
+
+
 @pytest.mark.long
 def test_a_process_that_dies_once_is_replaced(tmp_path: Path, nodes: Nodes) -> None:
     once = str(tmp_path / "once")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from glsim.core.camera import Intrinsics
-from glsim.core.errors import MeshError
+from glsim.core.errors import AccessError, MeshError
 from glsim.core.files import atomic
 from glsim.core.files.atomic import checksum, file_checksum
 from glsim.core.rect import Rect
@@ -93,8 +93,14 @@ def fake_frames(
     skip_every: int = 0,
     delay_s: float = 0.0,
     ahead: int = 3,
+    refuse: str = "",
 ) -> Iterator[Frame | Skipped]:
-    """Yield frames whose pixels depend only on the seed, taking ``ahead`` tasks at once."""
+    """Yield frames whose pixels depend only on the seed, taking ``ahead`` tasks at once.
+
+    A process whose environment has the variable ``refuse`` makes none.
+    """
+    if refuse in os.environ:
+        raise AccessError("s3://faces: access denied")
     tasks = iter(tasks)
     while batch := list(islice(tasks, ahead)):
         for task in batch:

@@ -28,7 +28,7 @@ from typing import IO, Any, TypeVar
 from isal import isal_zlib
 from typing_extensions import override
 
-from glsim.core.errors import ConfigError, DatasetError, GlsimError
+from glsim.core.errors import AccessError, ConfigError, DatasetError, GlsimError
 from glsim.core.files.atomic import (
     AtomicFile,
     checksum,
@@ -360,9 +360,8 @@ class CloudStore(Store):
                         if lasting
                         else "what is complete is kept: run the same command again"
                     )
-                    raise DatasetError(
-                        f"{self.where(name)}: {_one_line(error)}: {advice}"
-                    ) from error
+                    kind = AccessError if lasting else DatasetError
+                    raise kind(f"{self.where(name)}: {_one_line(error)}: {advice}") from error
                 if now_s - CloudStore._warned_s > GIVE_UP_S:  # many requests fail together
                     CloudStore._warned_s = now_s
                     again = f"trying again for {GIVE_UP_S:.0f} s"
