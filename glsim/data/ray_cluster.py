@@ -249,7 +249,7 @@ class _Nodes:
         if before != self.cores and self.cores:
             log.info("the cluster has %d cores", self.cores)
         elif before != self.cores:
-            log.warning("the Ray cluster has no cores: waiting for one (ray start --address HEAD)")
+            log.warning("the Ray cluster has no cores: waiting for a node")
 
     def leave_out(self, node: str, host: str, error: GlsimError) -> None:
         """Leave a node out; raise the error if it is not the node's, or if no node is left."""
