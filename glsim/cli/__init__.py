@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from glsim.cli.common import epilog, run_command_line, with_messages
+from glsim.cli.common import PlainCommand, epilog, run_command_line, with_messages
 
 #: Command -> its heading in the help, its module and function (or group), and its description.
 _COMMANDS = {
@@ -72,7 +72,9 @@ def load_command(name: str) -> Any:
     command = getattr(imported, attribute)
     if not isinstance(command, typer.Typer):
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(name, epilog=epilog(imported.EXAMPLES))(with_messages(command))
+        single.command(name, cls=PlainCommand, epilog=epilog(imported.EXAMPLES))(
+            with_messages(command)
+        )
         command = single
     return typer.main.get_command(command)
 

@@ -16,12 +16,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
 import typer
 from rich.console import Console
+from typer.core import TyperCommand
 
 from glsim.core.errors import ConfigError, GlsimError, one_line
 
@@ -115,6 +117,34 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
     return wrapped
 
 
+class PlainCommand(TyperCommand):
+    """A command whose help names an argument FRAMES and its type <path>."""
+
+    def get_help(self, ctx: Any) -> str:
+        """Return the help of Typer without {frames} and <list[Path]>."""
+        usage, _, rest = super().get_help(ctx).partition("\n")
+        usage = re.sub(r"\{(\w+)\}", lambda name: name[1].upper(), usage)
+        return f"{usage}\n" + re.sub(r"<list\[(\w+)\]>", _short_type, rest)
+
+
+def _short_type(found: re.Match[str]) -> str:
+    return f"<{found[1].lower()}>".ljust(len(found[0]))
+
+
+def completes(names: str) -> Callable[[str], list[str]]:
+    """Return a completion from a function that lists names, such as "a.module:function"."""
+
+    def complete(incomplete: str) -> list[str]:
+        module, _, function = names.partition(":")
+        return [n for n in getattr(import_module(module), function)() if n.startswith(incomplete)]
+
+    return complete
+
+
+SENSORS, STAGES = "glsim.sensors.sensor:sensor_names", "glsim.noise.registry:stage_names"
+PRESETS, RECIPES = "glsim.settings.presets:preset_names", "glsim.train.recipe:recipe_names"
+
+
 def epilog(examples: str) -> str:
     """Format the end of a command's help: examples, and options of all commands."""
     shared = "All commands take -q (errors only), -v (decisions), --debug (tracebacks)."
@@ -124,7 +154,10 @@ def epilog(examples: str) -> str:
 SensorOption = Annotated[
     str | None,
     typer.Option(
-        "--sensor", "-s", help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2."
+        "--sensor",
+        "-s",
+        autocompletion=completes(SENSORS),
+        help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2.",
     ),
 ]
 SetOption = Annotated[
@@ -144,7 +177,11 @@ ConfigOption = Annotated[
 ]
 PresetOption = Annotated[
     str | None,
-    typer.Option("--preset", help="Start from shipped settings (glsim presets). Default: none."),
+    typer.Option(
+        "--preset",
+        autocompletion=completes(PRESETS),
+        help="Start from shipped settings (glsim presets). Default: none.",
+    ),
 ]
 WorkersOption = Annotated[
     str, typer.Option(help="Number of worker processes; auto starts one per core.")
@@ -216,9 +253,13 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
 
 
 def _former_option(error: typer.TyperException, arguments: list[str]) -> str | None:
-    """Return the advice for an unknown option that is now a setting; None for other errors."""
-    command = getattr(getattr(error, "ctx", None), "info_name", "")
+    """Return the advice for an unknown option that is now a setting, or the start of another."""
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "info_name", "")
     option = getattr(error, "option_name", "")
+    known = [name for param in context.command.params for name in param.opts] if context else []
+    if longer := [name for name in known if len(option) > 2 and name.startswith(option)]:
+        return f"No such option: {option}, did you mean {' or '.join(longer)}?"
     if option not in FORMER_OPTIONS or command not in ("generate", "render"):
         return None
     words = [*" ".join(arguments).partition(option)[2].replace("=", " ", 1).split(), "VALUE"]

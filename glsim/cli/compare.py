@@ -103,6 +103,8 @@ def compare(
     if out is not None:
         write_atomic(table.encode(), out)
         written.append(out)
+        for line in comparison.summary():
+            print_message(line.replace("*", ""))
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
     print_written(written)

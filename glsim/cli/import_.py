@@ -8,7 +8,12 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from glsim.cli.common import BackendOption, WorkersOption, epilog, with_messages
+from glsim.cli.common import BackendOption, PlainCommand, WorkersOption, epilog, with_messages
+
+EXAMPLES = """
+glsim import recordings -o real
+glsim import biwi hpdb -o real --every 10
+"""
 
 BIWI_EXAMPLES = """
 glsim import biwi hpdb -o real
@@ -35,6 +40,8 @@ class _KindFinder(TyperGroup):
 app = typer.Typer(
     cls=_KindFinder,
     help="Convert real depth maps to a data set: glsim import DIR -o OUT finds the kind.",
+    epilog=epilog(EXAMPLES),
+    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -45,7 +52,12 @@ def _import_group() -> None:
     """Convert real depth maps to a data set."""
 
 
-@app.command("biwi", epilog=epilog(BIWI_EXAMPLES))
+@app.command(
+    "biwi",
+    cls=PlainCommand,
+    short_help="Frames of Biwi's head poses.",
+    epilog=epilog(BIWI_EXAMPLES),
+)
 @with_messages
 def biwi(
     root: Path,
@@ -86,7 +98,12 @@ def biwi(
     print_summary(summary, out)
 
 
-@app.command("kinect2", epilog=epilog(KINECT2_EXAMPLES))
+@app.command(
+    "kinect2",
+    cls=PlainCommand,
+    short_help="Recordings of any depth camera.",
+    epilog=epilog(KINECT2_EXAMPLES),
+)
 @with_messages
 def kinect2(
     root: Annotated[Path, typer.Argument(metavar="DIR")],

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import (
+    PlainCommand,
     WorkersOption,
     epilog,
     make_console,
@@ -31,6 +32,8 @@ from glsim.core.errors import ConfigError
 
 app = typer.Typer(
     help="Reproduce the paper: its data, networks, tables and figures.",
+    epilog=epilog("glsim paper reproduce -o reproduced\nglsim paper tables data -o table1"),
+    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -149,7 +152,12 @@ def values(folder: FolderArgument) -> None:
     print_written(write_values(folder))
 
 
-app.command("reproduce", epilog=epilog(REPRODUCE_EXAMPLES))(with_messages(reproduce))
-app.command("tables", epilog=epilog(TABLES_EXAMPLES))(with_messages(tables))
-app.command("figures", epilog=epilog(PAGES_EXAMPLES))(with_messages(figures))
-app.command("values", epilog=epilog(PAGES_EXAMPLES))(with_messages(values))
+for _name, _command, _short, _examples in (
+    ("reproduce", reproduce, "Data, networks, tables and figures.", REPRODUCE_EXAMPLES),
+    ("tables", tables, "Tables 1 to 3, printed and ours.", TABLES_EXAMPLES),
+    ("figures", figures, "Figures 1 to 6 of a reproduction.", PAGES_EXAMPLES),
+    ("values", values, "Each printed value beside ours.", PAGES_EXAMPLES),
+):
+    app.command(_name, cls=PlainCommand, short_help=_short, epilog=epilog(_examples))(
+        with_messages(_command)
+    )

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from glsim.cli.common import print_table
+from glsim.cli.common import PRESETS, completes, print_table
 from glsim.settings.presets import preset_file, preset_names, preset_title
 
 EXAMPLES = """
@@ -18,7 +18,9 @@ glsim generate -o data --preset randomised --subjects 20
 """
 
 
-def presets(name: Annotated[str | None, typer.Argument()] = None) -> None:
+def presets(
+    name: Annotated[str | None, typer.Argument(autocompletion=completes(PRESETS))] = None,
+) -> None:
     """List the settings for glsim generate --preset with a line each, or print the file of one.
 
     Args:

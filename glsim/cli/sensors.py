@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from glsim.cli.common import JsonOption, print_json, print_table
+from glsim.cli.common import SENSORS, JsonOption, completes, make_console, print_json, print_table
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.units import MM_PER_M
@@ -26,8 +26,12 @@ glsim render face.obj --sensor my_sensor.toml
 """
 
 
+#: Columns of a terminal below which the table would break its lines: a line per sensor instead.
+_WIDE = 140
+
+
 def sensors(
-    name: Annotated[str | None, typer.Argument()] = None,
+    name: Annotated[str | None, typer.Argument(autocompletion=completes(SENSORS))] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -52,6 +56,12 @@ def sensors(
     usable = each_usable(sensor_names(), load_sensor)
     if as_json:
         print_json([_described(sensor) for _, sensor in usable])
+        return
+    shown = make_console()
+    if shown.is_terminal and shown.width < _WIDE:
+        for name, sensor in usable:
+            line = f"{name:<28} {sensor.title}"
+            typer.echo(line if len(line) < shown.width else f"{line[: shown.width - 2]}…")
         return
     told = "told from real frames, AUC"
     table = Table("sensor", "image", "focal px", "baseline", "description", told, box=None)

@@ -9,7 +9,16 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import ConfigOption, PresetOption, SeedOption, SetOption, console, overrides
+from glsim.cli.common import (
+    SENSORS,
+    ConfigOption,
+    PresetOption,
+    SeedOption,
+    SetOption,
+    completes,
+    console,
+    overrides,
+)
 
 EXAMPLES = """
 glsim tune
@@ -19,7 +28,7 @@ glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
 
 
 def tune(
-    sensor: Annotated[str | None, typer.Argument()] = None,
+    sensor: Annotated[str | None, typer.Argument(autocompletion=completes(SENSORS))] = None,
     face: Annotated[Path | None, typer.Option("--face")] = None,
     source: str | None = None,
     root: Path | None = None,

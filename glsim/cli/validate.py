@@ -10,10 +10,12 @@ from rich.table import Table
 from rich.text import Text
 
 from glsim.cli.common import (
+    SENSORS,
     STDOUT,
     BackendOption,
     JsonFileOption,
     check_outputs,
+    completes,
     options,
     print_message,
     print_table,
@@ -34,7 +36,7 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 
 
 def validate(
-    sensor: str,
+    sensor: Annotated[str, typer.Argument(autocompletion=completes(SENSORS))],
     json_file: JsonFileOption = None,
     markdown_file: Annotated[Path | None, typer.Option("--markdown", metavar="FILE.md")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,

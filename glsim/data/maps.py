@@ -233,7 +233,7 @@ class _FileList:
             names = [text] if path.is_file() else glob.iglob(str(text), recursive=True)  # noqa: PTH207
             named = [(file, Path(file.name)) for file in map(Path, names) if file.is_file()]
             if not named:
-                raise NoDepthError(f"{text}: no such file or folder, and no file has such a name")
+                raise NoDepthError(f"{text}: no such file or folder")
         self._named += named
 
     def find_cameras(self, given: Sequence[Path], crops: bool) -> None:

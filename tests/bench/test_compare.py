@@ -68,6 +68,9 @@ def test_without_scikit_learn_the_measures_are_there(monkeypatch: pytest.MonkeyP
     result = compare_sets(_set(100, 1.0, 3, 2), _set(200, 2.0, 3, 2), said.append)
     assert result.rows
     assert "AUC" not in result.as_markdown()
+    assert result.summary() == [
+        "No patches are classified: the sets are compared by the measures alone."
+    ]
     assert any("pip install 'glsim[eval]'" in line for line in said)
 
 

@@ -64,3 +64,26 @@ def test_settings_of_examples_exist(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for words in HELP:
         if words[0] == "generate" and "--root" not in words and "people" not in words:
             assert main([*words, *few]) == 0
+
+
+@pytest.mark.parametrize(
+    ("command", "parameter", "start", "name"),
+    [("generate", "sensor", "kinect-v1-", "kinect-v1-nguyen"), ("tune", "sensor", "id", "ideal"),
+     ("train", "recipe", "paper-d7", "paper-d7-small"), ("stages", "name", "tof_ta", "tof_taps"),
+     ("generate", "preset", "of", "office"), ("presets", "name", "of", "office")],
+)  # fmt: skip
+def test_tab_completes_names(command: str, parameter: str, start: str, name: str) -> None:
+    found = COMMANDS[command]
+    (asked,) = [each for each in found.params if each.name == parameter]
+    values = [item.value for item in asked.shell_complete(found.make_context("x", []), start)]
+    assert name in values
+    assert all(value.startswith(start) for value in values)
+
+
+def test_the_start_of_an_option_and_cut_texts(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["generate", "--frames", "3"]) == 2
+    assert "did you mean --frames-per-subject?" in capsys.readouterr().err
+    for name in ("fit", "paper", "import", "denoise"):
+        main([name, "--help"])
+        _, _, text = capsys.readouterr().out.partition("\n")
+        assert not re.search(r"list\[|\{|\w\.\.\.$", text, re.MULTILINE)
