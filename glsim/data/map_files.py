@@ -20,16 +20,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError
-from glsim.core.files.exr import decode_exr, depth_channel, depth_name, encode_exr, require_exr
+from glsim.core.files.exr import (
+    decode_exr,
+    depth_channel,
+    depth_name,
+    encode_exr,
+    exr_pixels,
+    require_exr,
+)
 from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import (
-    MAX_IMAGE_BYTES,
     MAX_MAP_PX,
     encode_png,
     is_image,
     read_image,
 )
-from glsim.core.files.regular import MOST_HELD, open_regular, read_data
+from glsim.core.files.regular import MOST_HELD, open_regular, read_pixels
 from glsim.core.units import UINT16_MAX, from_steps, to_steps
 from glsim.data.recordings.biwi import read_depth_bin
 
@@ -76,6 +82,8 @@ _DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
 _JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
 #: Pixels of exactly 1 with this share of all pixels are a background. Chosen, not measured.
 _BACKGROUND = 0.02
+#: Largest header of a PGM or PFM file, bytes. Chosen.
+_HEADER_BYTES: Final = 1 << 16
 #: Suffixes of files that may hold several maps.
 STACKS: Final = (".npy", ".npz")
 
@@ -186,15 +194,19 @@ def _read_netpbm(path: Path) -> NDArray[Any]:
     """Read a grey PGM or PFM file by OpenCV. Raises DatasetError."""
     import cv2
 
-    data = read_data(path, 2 * MAX_IMAGE_BYTES)
-    head = re.match(rb"P[25f]\s+(?:#[^\n]*\n\s*)*(\d{1,5})\s+(\d{1,5})\s", data)
-    if head is None or int(head[1]) * int(head[2]) > MAX_MAP_PX:
+    data = read_pixels(path, _netpbm_pixels)
+    if not 0 < _netpbm_pixels(data) <= MAX_MAP_PX:
         raise DatasetError(f"{path}: is no grey PGM or PFM file of at most {MAX_MAP_PX} pixels")
     with suppress(cv2.error):
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if image is not None:
             return np.asarray(image)
     raise DatasetError(f"{path}: is cut short or damaged")
+
+
+def _netpbm_pixels(data: Any) -> int:
+    head = re.match(rb"P[25f]\s+(?:#[^\n]*\n\s*)*(\d{1,5})\s+(\d{1,5})\s", data[:_HEADER_BYTES])
+    return 0 if head is None else int(head[1]) * int(head[2])
 
 
 def _squeezed(values: NDArray[Any]) -> NDArray[Any]:
@@ -331,7 +343,7 @@ def depth_in_mm(
 def along_ray(path: Path, channel: str | None = None) -> str:
     """Return the OpenEXR channel with distances along rays; "" if the file has depths."""
     with suppress(ValueError):
-        channels = decode_exr(read_data(path, 4 * MAX_IMAGE_BYTES), MAX_MAP_PX)
+        channels = decode_exr(read_pixels(path, exr_pixels), MAX_MAP_PX)
         name = depth_name(channels, channel) if channels else ""
         return name if re.search(r"\.t$|dist|range", name) else ""
     return ""
@@ -374,7 +386,7 @@ def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:
 def _read_dump(path: Path) -> NDArray[Any]:
     if path.with_name(BIWI_CALIBRATION).is_file():
         return read_depth_bin(path)
-    data, (height, width) = read_data(path, MAX_IMAGE_BYTES), DUMP_SHAPE
+    data, (height, width) = read_pixels(path, lambda _: 0), DUMP_SHAPE
     if len(data) != 4 * height * width:
         raise DatasetError(
             f"{path}: has {len(data)} bytes; a dump of libfreenect2's Frame has 512 x 424 float32 "
@@ -386,7 +398,7 @@ def _read_dump(path: Path) -> NDArray[Any]:
 
 def _read_exr(path: Path, channel: str | None) -> NDArray[Any]:
     require_exr(f"{path}: reading it")
-    data = read_data(path, 4 * MAX_IMAGE_BYTES)
+    data = read_pixels(path, exr_pixels)
     try:
         channels = decode_exr(data, MAX_MAP_PX)
         if channels is None:

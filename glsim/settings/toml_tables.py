@@ -21,7 +21,7 @@ from glsim.core.files.regular import read_regular
 from glsim.core.units import M_PER_MM, MM_PER_M
 
 #: Largest TOML file, bytes; shipped files have about 4,000.
-_MAX_BYTES = 1 << 20
+_MAX_BYTES = 1 << 18
 
 _BACKSLASH = (
     "a backslash in double quotes starts a special character; write a path in single quotes: "

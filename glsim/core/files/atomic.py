@@ -41,6 +41,8 @@ _ADVICE = {
     errno.ENAMETOOLONG: "choose a shorter name",
 }
 _BLOCK_BYTES = 1 << 20
+#: Largest number of objects, lists and their entries in JSON, which take up to 64 bytes each.
+_MOST_ENTRIES = 1 << 20
 
 #: Names of temporary files beside their target, and of folders: PREFIX + random digits + SUFFIX.
 _PREFIX, _SUFFIX = ".glsim-", ".tmp"
@@ -69,6 +71,8 @@ def to_json(value: object, where: str) -> str:
 
 def parse_json(data: bytes, where: object) -> dict[str, Any]:
     """Parse a JSON object. Raises DatasetError, with ``where`` in front, for other bytes."""
+    if sum(map(data.count, (b"{", b"[", b","))) > _MOST_ENTRIES:
+        raise DatasetError(f"{where}: is damaged: more than {_MOST_ENTRIES} entries")
     try:
         value = json.loads(data)
     except (ValueError, RecursionError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
@@ -25,6 +26,8 @@ _OTHER: Final = re.compile(
 )
 #: Patterns of depth channels in lower case, the surest first. Mitsuba: dd.T; Blender: *.Z and *.V.
 _DEPTH: Final = (r"(.*\.)?depth(\..*)?|z", r".*depth.*", r".*\.[zt]", r"(.*\.)?v")
+#: Largest headers of all parts, bytes. Chosen.
+_HEADERS_BYTES: Final = 1 << 18
 #: Held while stdout and stderr, which all threads share, are redirected.
 _OUTPUT: Final = Lock()
 #: Channels z and v are no depth if these channels exist: a vector x, y, z or a colour h, s, v, u.
@@ -92,6 +95,13 @@ def decode_exr(data: bytes, max_px: int) -> dict[str, NDArray[Any]] | None:
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
         raise ValueError("is cut short, or no OpenEXR file") from error
     return channels
+
+
+def exr_pixels(data: Any) -> int:
+    """Return the number of pixels in all parts of an OpenEXR file, by its headers."""
+    windows = re.findall(rb"dataWindow\0box2i\0.{4}(.{16})", data[:_HEADERS_BYTES], re.DOTALL)
+    sizes = (struct.unpack("<4i", window) for window in windows)
+    return sum(max(x - left + 1, 0) * max(y - top + 1, 0) for left, top, x, y in sizes)
 
 
 def _displayed(pixels: NDArray[Any], header: dict[str, Any], max_px: int) -> NDArray[Any]:

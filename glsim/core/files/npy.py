@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,9 @@ def map_npy(file: Path) -> NDArray[Any]:
     """
     open_regular(file).close()  # a pipe would wait for a writer for ever
     try:
-        mapped: NDArray[Any] = np.load(file, mmap_mode="r", allow_pickle=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about headers of Python 2
+            mapped: NDArray[Any] = np.load(file, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # NumPy evaluates the header as Python, which can raise any error
         why = " ".join(str(error).split())[:200]
         raise OSError(errno.EINVAL, f"is no whole .npy file: {why}") from None

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
-from glsim.core.files.regular import open_regular, read_data
+from glsim.core.files.regular import open_regular, read_pixels
 
 #: Largest width and height of an image, pixels: the largest camera that a sensor file may describe.
 #: An image of this size takes 134 MB in 16 bits.
@@ -245,6 +245,11 @@ def _whole_chunks(data: bytes) -> dict[bytes, bytes]:
     return {}
 
 
+def _pixels(data: Any) -> int:
+    width, height = image_size(data) or (0, 0)
+    return min(width * height, MAX_MAP_PX)
+
+
 def is_image(path: Path) -> bool:
     """Return whether a file begins as a PNG or TIFF file does, whatever its suffix."""
     try:
@@ -260,7 +265,7 @@ def read_image(path: Path, *, inside: Path | None = None) -> NDArray[Any]:
     Grey PNG files that state fewer significant bits (sBIT) are shifted down to them. Raises
     DatasetError, also for a link that leads out of the folder ``inside``.
     """
-    data = read_data(path, 2 * MAX_IMAGE_BYTES, inside=inside)
+    data = read_pixels(path, _pixels, inside=inside)
     image = decode_png(data, MAX_MAP_PX)
     if image is None:
         raise DatasetError(f"{path}: {size_problem(data, MAX_MAP_PX) or 'is no readable image'}")

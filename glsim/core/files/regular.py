@@ -9,8 +9,11 @@ from __future__ import annotations
 import csv
 import errno
 import io
+import mmap
 import os
 import stat
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,6 +23,8 @@ _BLOCK_BYTES = 1 << 22
 #: Largest text, header or unpacked part that a reader holds, bytes. Recorders of bags make parts of
 #: 1 to 4 MB; MakeHuman's weights, the largest known JSON, have 2 MB. The value was chosen.
 MOST_HELD = 1 << 26
+#: Largest image file, bytes a pixel (a renderer's 60 channels of 32 bits), and besides. Chosen.
+_PIXEL_BYTES, _OTHER_BYTES = 256, 1 << 23
 
 
 def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = None) -> IO[bytes]:
@@ -71,6 +76,21 @@ def read_data(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
         return read_regular(path, limit, inside=inside)
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
+
+
+def read_pixels(
+    path: Path, pixels: Callable[[mmap.mmap], int], *, inside: Path | None = None
+) -> bytes:
+    """Read an image file; ``pixels`` finds their number in the header, before the rest is read.
+
+    Raises DatasetError, also for far more bytes than the pixels take.
+    """
+    count = 0
+    with suppress(OSError), open_regular(path, inside=inside) as file:
+        if os.fstat(file.fileno()).st_size:
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                count = pixels(content)
+    return read_data(path, _OTHER_BYTES + _PIXEL_BYTES * count, inside=inside)
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:

@@ -56,19 +56,19 @@ class _Path(type(Path())):  # type: ignore[misc]
     def check(self) -> int:
         """Return the size of a regular file; of a bag's folder, links may not lead out of it."""
         folder = self.parent if (self.parent / ROS2_FILE).is_file() else None
-        with open_regular(self, inside=folder):
+        with open_regular(Path(self), inside=folder):
             return int(self.stat().st_size)
 
     def open(self, mode: str = "r", *others: Any, **named: Any) -> Any:
         if "w" in mode:  # a file that the library unpacks
             return super().open(mode, *others, **named)
         size = self.check()
-        file = _PartsFile(super().open("rb"), size + _AGAIN_BYTES)
+        file = _PartsFile(open_regular(Path(self)), size + _AGAIN_BYTES)
         self.opened.append(file)
         return file
 
     def read_text(self, *_: Any, **__: Any) -> str:
-        text = read_regular(self, _METADATA_BYTES, inside=self.parent).decode()
+        text = read_regular(Path(self), _METADATA_BYTES, inside=self.parent).decode()
         if re.search(r"(?m)(?:^|[\s\[,:{-])[*&]\w", text):
             raise ValueError("its metadata.yaml repeats parts by anchors")
         return text
