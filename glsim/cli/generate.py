@@ -179,7 +179,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
     """Print the number of images by source and split, their size, and the estimated time."""
     from rich.table import Table
 
-    from glsim.data.chunks import chunk_frames
+    from glsim.data.chunks import CHUNK_FRAMES
     from glsim.sensors.sensor import sensor_code, sensor_of
     from glsim.settings.schema import SPLIT_NAMES
     from glsim.simulation.pipeline import open_sources
@@ -210,7 +210,8 @@ def _print_plan(settings: Settings, workers: int) -> None:
         how = "no time is estimated: none of a dozen frames could be drawn"
     else:
         seconds = len(plan) * cost.frame_s + sum(1 for _ in plan.people()) * cost.person_s
-        chunk = chunk_frames(settings)
+        output = settings.output
+        chunk = output.frames_per_shard or CHUNK_FRAMES[output.format]
         busiest = min(len(plan), -(-len(plan) // (chunk * workers)) * chunk)  # frames of a worker
         seconds = seconds * max(busiest / len(plan), 1 / workers) + cost.start_s
         how = (

@@ -18,7 +18,6 @@ import numpy as np
 
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import occluder_of
-from glsim.data.code_version import code_version
 from glsim.data.worker_processes import run_tasks
 from glsim.gl.context import borrowed_context, describe
 from glsim.gl.draw import shader_arithmetic
@@ -26,20 +25,14 @@ from glsim.gl.draw import shader_arithmetic
 
 @dataclass(frozen=True)
 class Machine:
-    """The host, OpenGL renderer, arithmetic ``fingerprint`` and code version of a process."""
+    """The host, OpenGL renderer and arithmetic ``fingerprint`` of a process."""
 
     host: str
     renderer: str
     arithmetic: str
-    code: str
 
     def refuse_other(self, first: Machine) -> None:
-        """Raise ConfigError if renderer, arithmetic or code differ from the first machine's."""
-        if self.code != first.code:
-            raise ConfigError(
-                f"{self.host} has glsim {self.code}, the process that started it {first.code}: "
-                "install the same code everywhere, then run the same command again"
-            )
+        """Raise ConfigError if renderer or arithmetic differ from the first machine's."""
         if (self.renderer, self.arithmetic) != (first.renderer, first.arithmetic):
             raise ConfigError(
                 f"{self.host}: a worker computes differently from the process that started it "
@@ -56,8 +49,7 @@ def fingerprint(context: Any) -> str:
 
 def this_machine(context: Any) -> Machine:
     """Return the Machine of this process."""
-    renderer = describe(context)["renderer"]
-    return Machine(socket.gethostname(), renderer, fingerprint(context), code_version())
+    return Machine(socket.gethostname(), describe(context)["renderer"], fingerprint(context))
 
 
 def machine_of_workers(environment: Mapping[str, str], backend: str | None) -> Machine:

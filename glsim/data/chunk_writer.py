@@ -7,14 +7,15 @@ import tarfile
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import IO, Protocol, cast
 
-from glsim.core.errors import DepthRangeError, GlsimError, MeshError
+from glsim.core.errors import ConfigError, DepthRangeError, GlsimError, MeshError
 from glsim.core.files.atomic import AtomicFile, checksum, to_json
 from glsim.core.files.png import encode_png
 from glsim.core.files.store import Store
 from glsim.data.chunks import Chunk
+from glsim.data.code_version import code_version
 from glsim.data.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
 from glsim.data.run_identity import InputHashes
 from glsim.data.state_folder import RunState
@@ -45,15 +46,19 @@ class RenderJob:
         state: state folder that records chunks.
         make_frames: the simulator.
         inputs: hashes of the driver's input files; other machines compare theirs with them.
+        code: version of the driver's code.
     """
 
     settings: Settings
     state: RunState
     make_frames: FrameMaker
     inputs: InputHashes | None = None
+    code: str = field(default_factory=code_version)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
         """Render, write and record chunks; yield progress. Raises errors of ``write_chunks``."""
+        if code_version() != self.code:
+            raise ConfigError(f"glsim was changed during the run, {self.code}: run it again")
         for event in write_chunks(self, self.state.store, chunks):
             if isinstance(event, ChunkRecord):
                 self.state.save_chunk(event)
@@ -68,20 +73,14 @@ class RenderJob:
 
 @dataclass(frozen=True)
 class ChunkProgress(Interim):
-    """A message with the number of finished frames of a chunk."""
+    """A message with the number of a chunk's finished frames, and a node's CPU seconds for them."""
 
     chunk: int
     frames: int
+    cpu_s: float = 0.0
 
 
-@dataclass(frozen=True)
-class NodeWork:
-    """A message with the CPU seconds that another machine took for a chunk."""
-
-    cpu_s: float
-
-
-ChunkEvent = ChunkProgress | ChunkSummary | NodeWork
+ChunkEvent = ChunkProgress | ChunkSummary
 
 
 def write_chunks(

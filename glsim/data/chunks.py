@@ -12,18 +12,13 @@ import numpy as np
 
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.record_schema import is_file_name
-from glsim.settings.schema import SPLIT_NAMES, Settings
+from glsim.settings.schema import SPLIT_NAMES
 from glsim.simulation.plan.tasks import Plan, Task, people_of
 
 #: Frames per chunk, by output format. Chunks are small, so that workers end together and a dead
 #: worker loses little. A shard (5 to 100 MB) is one chunk. The numbers are part of the format: with
 #: others, shards differ and a partly written data set is rendered again.
 CHUNK_FRAMES = {"png": 32, "webdataset": 512}
-
-
-def chunk_frames(settings: Settings) -> int:
-    """Return the number of frames per chunk: of a shard, or of the format."""
-    return settings.output.frames_per_shard or CHUNK_FRAMES[settings.output.format]
 
 
 @dataclass(frozen=True)

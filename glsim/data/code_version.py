@@ -28,21 +28,16 @@ def code_version() -> str:
     for room in DECIDING:
         spec = find_spec(f"glsim.{room}")
         assert spec is not None
-        files = [Path(str(spec.origin))]
-        for folder in map(Path, spec.submodule_search_locations or ()):
-            files = sorted(path for path in folder.rglob("*") if _decides(room, path, folder))
-        for path in files:
+        folders = map(Path, spec.submodule_search_locations or ())
+        files = [path for folder in folders for path in folder.rglob("*") if _decides(room, path)]
+        for path in sorted(files) or [Path(str(spec.origin))]:
             data = path.read_bytes()
             digest.update(f"{room} {path.name} {len(data)} ".encode() + data)
     return f"{version('glsim')}+{digest.hexdigest()}"
 
 
-def _decides(room: str, path: Path, folder: Path) -> bool:
-    """Whether a file of a package decides bytes; the identity holds the values of settings."""
-    inside = path.relative_to(folder).parts
-    values = room == "sensors" or "presets" in inside
-    return (
-        path.suffix in _SUFFIXES
-        and not (room == "core" and inside[0] == "files")
-        and not (values and path.suffix == ".toml")
-    )
+def _decides(room: str, path: Path) -> bool:
+    """Whether a file of a room decides bytes; the identity holds sensors and presets by value."""
+    if path.suffix == ".toml" and (room == "sensors" or path.parent.name == "presets"):
+        return False
+    return path.suffix in _SUFFIXES and (room != "core" or path.parent.name == "core")

@@ -20,8 +20,8 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import parse_json
 from glsim.core.files.cloud import open_store
 from glsim.core.files.store import Store
-from glsim.data.chunk_writer import ChunkEvent, FrameMaker, NodeWork, RenderJob
-from glsim.data.chunks import ChunkPlan, Part, chunk_frames
+from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
+from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan, Part
 from glsim.data.disk_format import HEADER, SKIPPED
 from glsim.data.merge import bounded_lines, merge, merged_files_are_intact
 from glsim.data.progress import GenerateSummary, PartSummary, Progress, RunCounts
@@ -73,7 +73,8 @@ class DatasetRun:
                 f"{self.store}: object storage takes shards: set "
                 "output.format=webdataset, or give a folder"
             )
-        plan = ChunkPlan(self.tasks, chunk_frames(self.settings))
+        output = self.settings.output
+        plan = ChunkPlan(self.tasks, output.frames_per_shard or CHUNK_FRAMES[output.format])
         object.__setattr__(self, "plan", plan)
 
     @cached_property
@@ -134,9 +135,8 @@ def make_missing_chunks(
         for event in events:
             if isinstance(event, ChunkSummary):
                 counts.complete(event)
-            elif isinstance(event, NodeWork):
-                counts.nodes_cpu_s += event.cpu_s
             else:
+                counts.nodes_cpu_s += event.cpu_s
                 counts.in_progress[event.chunk] = event.frames
                 counts.report()
     if run.inputs is not None and run.found is not None and missing:

@@ -19,7 +19,7 @@ from typing import Any
 
 from glsim.core.files.atomic import temporary_folder
 from glsim.core.files.cloud import open_store
-from glsim.data.chunk_writer import ChunkEvent, NodeWork, RenderJob, write_chunks
+from glsim.data.chunk_writer import ChunkEvent, ChunkProgress, RenderJob, write_chunks
 from glsim.data.chunks import Chunk, ChunkPlan
 from glsim.data.dataset_run import ChunkRenderer
 from glsim.data.disk_format import STATE
@@ -66,7 +66,7 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
                     store.put(name, data, sync=False)
                 store.flush()
                 job.state.save_chunk(record)
-                yield NodeWork(made.cpu_s)
+                yield ChunkProgress(record.summary.chunk, record.summary.total, made.cpu_s)
                 yield record.summary
 
     return render

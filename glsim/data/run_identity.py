@@ -107,11 +107,8 @@ def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str,
     for name in new | old:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
         if name == "glsim_version" and new[name].partition("+")[0] == old.get(name):
-            log.warning(
-                "%s was begun by a glsim %s that recorded no hash of its code: its frames are of "
-                "one kind only if that code was this machine's",
-                *(out, old[name]),
-            )
+            known = "its version holds no hash of the code: continue with the same code only"
+            log.warning("%s: %s", out, known)
         elif compared and old.get(name) != new.get(name):
             raise ConfigError(_difference(out, name, old.get(name), new.get(name)))
 

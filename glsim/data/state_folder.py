@@ -152,13 +152,11 @@ class RunState:
     def missing_parts(self) -> str:
         """Name the parts that lack chunks, as in "parts 3, 7 of 64"; "" without parts."""
         noted = self.store.read(_PARTS, _MAX_BYTES) or b""
-        match = re.fullmatch(rb"(\d{1,6}) parts, (\d{1,7}) chunks\n", noted)
-        if match is None or not (parts := int(match[1])):
-            return ""
-        missing = sorted({n % parts for n in {*range(int(match[2]))} - self.recorded_chunks()})
-        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
-        names = f"part{'s'[: len(missing) - 1]} {', '.join(map(str, missing[:_NAMED]))}"
-        return f"{names}{more} of {parts}" if missing else ""
+        match = re.fullmatch(rb"([1-9]\d{0,5}) parts, (\d{1,7}) chunks\n", noted)
+        parts, chunks = (int(match[1]), int(match[2])) if match else (1, 0)
+        missing = sorted({n % parts for n in {*range(chunks)} - self.recorded_chunks()})
+        names = ", ".join([*map(str, missing[:_NAMED]), *["..."][: len(missing) > _NAMED]])
+        return f"part{'s'[: len(missing) - 1]} {names} of {parts}" if missing else ""
 
     def save_chunk(self, record: ChunkRecord) -> None:
         """Write a chunk's record; the chunk's images must be written and flushed before."""

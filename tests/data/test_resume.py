@@ -234,7 +234,7 @@ def test_another_data_set_is_refused(
     plan = tmp_path / ".glsim" / "plan.json"  # of a version that recorded no hash
     plan.write_text(plan.read_text().replace(code_version(), glsim.__version__))
     make(tmp_path)
-    assert "recorded no hash of its code" in caplog.text
+    assert "holds no hash of the code" in caplog.text
     assert contents(tmp_path) == before
     (tmp_path / ".glsim" / "plan.json").unlink()  # the header has the same identity
     with pytest.raises(ConfigError, match="planned_frames = 160, not 140"):

@@ -232,9 +232,12 @@ class CloudStore(Store):
     @override
     def map(self, function: Callable[[_A], _B], items: Iterable[_A]) -> Iterator[_B]:
         items = iter(items)
-        with _connections() as pool:
+        pool = ThreadPoolExecutor(CONNECTIONS)
+        try:
             while batch := list(islice(items, 4 * CONNECTIONS)):
                 yield from pool.map(function, batch)
+        finally:
+            pool.shutdown(cancel_futures=True)  # after an error, wait for no further requests
 
     @override
     @contextmanager
@@ -290,8 +293,7 @@ class CloudStore(Store):
         def remove(fs: Any, path: str) -> None:
             fs.rm_file(path, **_limit(fs))
 
-        with _connections() as pool:
-            list(pool.map(lambda name: self._try(name, remove), names))
+        list(self.map(lambda name: self._try(name, remove), names))
 
     @override
     def lock(
@@ -399,16 +401,6 @@ class _OrderedReads:
         data = bytes(file.read(size))
         self._file = file
         return data
-
-
-@contextmanager
-def _connections() -> Iterator[ThreadPoolExecutor]:
-    """Open a pool of threads; an error in the block drops the calls that wait for a thread."""
-    pool = ThreadPoolExecutor(CONNECTIONS)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _limit(fs: Any, size: int = 0) -> dict[str, Any]:
