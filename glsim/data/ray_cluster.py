@@ -162,14 +162,12 @@ def _caller() -> Callable[..., Any]:
         try:
             from glsim.data.code_version import code_version
 
-            found = f"glsim {code_version()}"
+            if (found := f"glsim {code_version()}") == expected:
+                function, arguments = pickle.loads(pickled)
+                return node, host, None, function(shared, *arguments)
         except ImportError as error:
-            found = f"no glsim of this kind ({error})"
-        if found != expected:
-            advice = "install the same on every node"
-            return node, host, f"{host} has {found}, the driver {expected}: {advice}", None
-        function, arguments = pickle.loads(pickled)
-        return node, host, None, function(shared, *arguments)
+            found = f"no glsim that works ({error})"
+        return node, host, f"{host} has {found}, the driver {expected}: install the same", None
 
     return call
 
@@ -222,8 +220,10 @@ def run_tasks(
                     yield call[0], result
                     continue
                 error = ConfigError(other) if other else result.error
-                nodes.leave_out(node, host, error)
-                task = remote.options(**options, scheduling_strategy=nodes.others())
+                if not isinstance(error, _UNFIT):
+                    raise error
+                others = nodes.leave_out(node, host, error)
+                task = remote.options(**options, scheduling_strategy=others)
                 again.append(call)
     except ClusterLostError:
         running.clear()  # cancelling tasks now sometimes makes Ray abort the process
@@ -246,26 +246,22 @@ class _Nodes:
             return
         before, self.cores = self.cores, cluster_cores(self._ray, self._unfit)
         self._counted_s = time.monotonic()
-        if before != self.cores and self.cores:
-            log.info("the cluster has %d cores", self.cores)
-        elif before != self.cores:
-            log.warning("the Ray cluster has no cores: waiting for a node")
+        if self.cores != before:
+            text = "" if self.cores else ": waiting for a node"
+            level = logging.INFO if self.cores else logging.WARNING
+            log.log(level, "the Ray cluster has %d cores%s", self.cores, text)
 
-    def leave_out(self, node: str, host: str, error: GlsimError) -> None:
-        """Leave a node out; raise the error if it is not the node's, or if no node is left."""
-        if not isinstance(error, _UNFIT):
-            raise error
+    def leave_out(self, node: str, host: str, error: GlsimError) -> Any:
+        """Return Ray's strategy for the other nodes; raise the error if no node is left."""
+        from ray.util.scheduling_strategies import NodeLabelSchedulingStrategy, NotIn
+
         if node not in self._unfit:
             self._unfit.add(node)
             self.cores = cluster_cores(self._ray, self._unfit)
             if not self.cores:
                 raise error
             log.warning("node %s (%s) is left out: %s", host, node[:8], error)
-
-    def others(self) -> Any:
-        """Return Ray's strategy for the nodes that are not left out, by their labels."""
-        from ray.util.scheduling_strategies import NodeLabelSchedulingStrategy, NotIn
-
+        # Each node has its identifier as a label.
         return NodeLabelSchedulingStrategy({"ray.io/node-id": NotIn(*self._unfit)})
 
 

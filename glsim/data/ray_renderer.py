@@ -89,6 +89,8 @@ def render_on_node(reference: list[Any], token: str, chunk: Chunk) -> MadeChunk 
             _shared = replace(shared, job=_prepared(shared))
         with temporary_folder() as folder:
             return _render(_shared.job, chunk, folder)
+    except ImportError:
+        raise  # the node is left out
     except Exception as error:
         return failure_of(error, f"on {socket.gethostname()}")
 
