@@ -283,25 +283,6 @@ def task_result(ray: Any, reference: Any, name: object) -> Any:
 
     Raises DatasetError if the processes die repeatedly, or ClusterLostError if the cluster is gone.
     """
-    try:
-        return _wait_for(ray, reference)
-    except ray.exceptions.RayTaskError as error:
-        text = " ".join(str(error.cause).split())
-        raise ConfigError(
-            f"a node of the cluster cannot run glsim: {type(error.cause).__name__}: {text[:300]}: "
-            "install the same glsim and its extras on every node"
-        ) from error
-    except ray.exceptions.RuntimeEnvSetupError as error:
-        raise ConfigError(f"a node of the cluster cannot start workers: {error}") from error
-    except ray.exceptions.RayError as error:
-        text = " ".join(str(error).split())
-        raise DatasetError(
-            f"processes of the cluster die while they do task {name} (out of memory?): "
-            f"{text[:200]}: what is complete is kept; run the same command again to continue"
-        ) from error
-
-
-def _wait_for(ray: Any, reference: Any) -> Any:
     while True:
         try:
             return ray.get(reference, timeout=_CORES_EVERY_S)
@@ -309,3 +290,16 @@ def _wait_for(ray: Any, reference: Any) -> Any:
             _refuse_silent_head(ray)
         except OSError as error:
             raise _lost("the connection to the Ray cluster is lost", error) from error
+        except ray.exceptions.RayTaskError as error:
+            text = " ".join(f"{type(error.cause).__name__}: {error.cause}".split())
+            raise ConfigError(
+                f"a node of the cluster cannot run glsim: {text[:300]}: install the same on all"
+            ) from error
+        except ray.exceptions.RuntimeEnvSetupError as error:
+            raise ConfigError(f"a node of the cluster cannot start workers: {error}") from error
+        except ray.exceptions.RayError as error:
+            text = " ".join(str(error).split())
+            raise DatasetError(
+                f"processes of the cluster die while they do task {name} (out of memory?): "
+                f"{text[:200]}: what is complete is kept; run the same command again to continue"
+            ) from error

@@ -10,10 +10,9 @@ from __future__ import annotations
 import os
 import socket
 import time
-import uuid
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +27,6 @@ from glsim.data.input_hashes import refuse_other_inputs
 from glsim.data.ray_cluster import ray_cluster, run_tasks
 from glsim.data.records import ChunkRecord, parse_chunk_record
 from glsim.data.worker_processes import WorkerFailure, failure_of
-
-
-@dataclass(frozen=True)
-class ClusterJob:
-    """The data that all Ray tasks of a run share; ``folder``: the driver's working folder."""
-
-    job: RenderJob
-    token: str
-    folder: str
 
 
 @dataclass(frozen=True)
@@ -56,9 +46,9 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
     ) -> Generator[ChunkEvent, None, None]:
         if not numbers:
             return
-        shared = ClusterJob(job, uuid.uuid4().hex, str(Path.cwd()))
         with ray_cluster(address) as ray:
-            calls = ((number, (shared.token, plan[number])) for number in numbers)
+            calls = ((number, (plan[number],)) for number in numbers)
+            shared = job, str(Path.cwd())
             for _, made in run_tasks(ray, render_on_node, shared, calls, environment):
                 store = job.state.store
                 record = parse_chunk_record(made.record)
@@ -74,34 +64,30 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
 
 # -------------------------------------------------------------------- on the nodes
 
-_shared: ClusterJob | None = None  # job of this process, with its sources and simulator
+#: The reference and the job of this process, which keeps its sources and simulator.
+_kept: tuple[Any, RenderJob] | None = None
 _counted_s = 0.0  # CPU seconds of this process that are in the chunks before
 
 
-def render_on_node(reference: list[Any], token: str, chunk: Chunk) -> MadeChunk | WorkerFailure:
+def render_on_node(reference: list[Any], chunk: Chunk) -> MadeChunk | WorkerFailure:
     """Render a chunk in a Ray task; return errors as WorkerFailure, since Ray wraps raised ones."""
-    global _shared
+    global _kept
     try:
-        if _shared is None or _shared.token != token:
+        if _kept is None or _kept[0] != reference[0]:
             import ray
 
-            shared: ClusterJob = ray.get(reference[0])
-            _shared = replace(shared, job=_prepared(shared))
+            job, home = ray.get(reference[0])
+            with suppress(OSError):
+                os.chdir(home)
+            if isinstance(job.make_frames, SameMachineSimulator):
+                job.make_frames.keep = True
+            _kept = reference[0], job
         with temporary_folder() as folder:
-            return _render(_shared.job, chunk, folder)
+            return _render(_kept[1], chunk, folder)
     except ImportError:
         raise  # the node is left out
     except Exception as error:
         return failure_of(error, f"on {socket.gethostname()}")
-
-
-def _prepared(shared: ClusterJob) -> RenderJob:
-    """Return the RenderJob, set up for this node's process."""
-    with suppress(OSError):
-        os.chdir(shared.folder)
-    if isinstance(shared.job.make_frames, SameMachineSimulator):
-        shared.job.make_frames.keep = True
-    return shared.job
 
 
 def _render(job: RenderJob, chunk: Chunk, folder: Path) -> MadeChunk:
