@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any
 
@@ -127,6 +128,7 @@ def open_header(store: Store) -> tuple[dict[str, Any], str | None, Manifest]:
     expected = None if recorded is None else checksum_of(recorded)
     present, key = checksum(data), text_hash(data.decode())
     store.local(HEADER, present, key)
+    store.after = dict(pairwise(name for name in header["files"] if name.endswith(".tar")))
     manifest = Manifest(store.local(MANIFEST, expected, key))
     return header, header_problem(store, present), manifest
 

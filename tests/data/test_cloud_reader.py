@@ -86,7 +86,7 @@ def test_a_frame_takes_one_request_and_the_manifest_is_copied_once(store: S3Serv
 def test_a_throttled_store_is_asked_again(store: S3Server, local: Path) -> None:
     store.faults = Faults(throttled=0.3)
     same(open_dataset(URL), open_dataset(local))
-    assert store.faults.counts["throttled"] > 3
+    assert store.faults.counts["throttled"] >= 3
 
 
 def test_a_process_that_was_forked_reads_on_its_own(store: S3Server) -> None:

@@ -17,7 +17,7 @@ import secrets
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import count, islice
@@ -75,7 +75,7 @@ _NO_ACCESS = ("NoCredentialsError", "DefaultCredentialsError", "PartialCredentia
 _BLOCK_BYTES = 1 << 24
 #: Number of reads, each at most the second number of bytes from the one before, after which blocks
 #: of the third number are read. Chosen: a larger first block is waited for longer.
-_READS, _NEAR_BYTES, _AHEAD_BYTES = 3, 1 << 20, 1 << 22
+_READS, _NEAR_BYTES, _AHEAD_BYTES = 3, 1 << 20, 1 << 21
 #: Number of parallel requests: one request takes tens of milliseconds.
 CONNECTIONS = 16
 #: Largest object that S3 takes in one request (its documentation: 5 GB).
@@ -186,7 +186,7 @@ class CloudStore(Store):
         reads = self._connect()[2]
         with reads.lock:
             if reads.are_in_order(name, start, size):
-                data = self._try(name, partial(reads.read, start, size))
+                data = self._try(name, partial(reads.read, start, size, self.after.get(name)))
                 if data is not None:
                     return data
         part = {"start": start, "end": start + size}
@@ -373,15 +373,15 @@ class CloudStore(Store):
 
 
 class _OrderedReads:
-    """Reads near each other, from an open file that reads blocks and the next one in advance.
+    """Reads near each other, from blocks of open files; the next block and file come in advance.
 
     A request over a network takes longer than the decoding of a frame. ``lock`` guards the methods.
     """
 
     def __init__(self) -> None:
-        self.lock = Lock()
+        self.lock, self._thread = Lock(), ThreadPoolExecutor(1)
         self._name, self._end, self._count = "", 0, 0
-        self._file: Any = None
+        self._files: dict[str, Future[Any]] = {}  # by path
 
     def are_in_order(self, name: str, start: int, size: int) -> bool:
         """Note a read; whether it and some before are near each other, or it begins an object."""
@@ -391,16 +391,25 @@ class _OrderedReads:
         self._name, self._end = name, start + size
         return self._count >= _READS
 
-    def read(self, start: int, size: int, fs: Any, path: str) -> bytes:
-        """Read a part of an object, from the blocks that are in memory."""
-        file, self._file = self._file, None  # kept if nothing fails
-        if file is None or file.path != path:
-            options = {"cache_type": "background", "cache_options": {"maxblocks": 3}}
-            file = fs.open(path, "rb", block_size=_AHEAD_BYTES, **options)
+    def read(self, start: int, size: int, after: str | None, fs: Any, path: str) -> bytes:
+        """Read a part of an object, and open the object ``after`` it."""
+        paths = [path] if after is None else [path, path.removesuffix(self._name) + after]
+        files, submit = self._files, self._thread.submit
+        self._files = {p: files.get(p) or submit(_open_in_blocks, fs, p) for p in paths}
+        opened = self._files.pop(path)  # a file that fails is opened again
+        file = opened.result()
         file.seek(start)
         data = bytes(file.read(size))
-        self._file = file
+        self._files[path] = opened
         return data
+
+
+def _open_in_blocks(fs: Any, path: str) -> Any:
+    """Open an object and read its first block."""
+    options = {"cache_type": "background", "cache_options": {"maxblocks": 3}}
+    file = fs.open(path, "rb", block_size=_AHEAD_BYTES, **options)
+    file.read(1)
+    return file
 
 
 def _limit(fs: Any, size: int = 0) -> dict[str, Any]:

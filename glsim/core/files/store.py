@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, TypeVar
 
 from glsim.core.errors import DatasetError, GlsimError
@@ -31,6 +32,8 @@ class Store:
     """
 
     is_remote = False
+    #: Name of a file -> the name that is read after it, if files are read in order.
+    after: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, root: Path, temporary: Path | None = None) -> None:
         """Remember the folder, and a folder for temporary files on the same file system."""
