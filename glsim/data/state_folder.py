@@ -37,7 +37,7 @@ class RunState:
                         part-<number>-of-<parts>.lock
         plan.json       settings, versions, renderer, fingerprint of the plan
         parts           numbers of parts and chunks, until they are merged
-        chunks/         one record per complete chunk
+        chunks/         one compressed record per complete chunk
         complete.json   the header's checksum, once all records are merged into the manifest
         temporary/      incomplete files
 

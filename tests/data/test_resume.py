@@ -8,6 +8,7 @@ import random
 import signal
 import subprocess
 import sys
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,6 +48,11 @@ def test_a_complete_data_set_is_verified_and_left_alone(tmp_path: Path, undistur
     assert (summary.rendered, summary.reused) == (0, 160)
     assert before == {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.png")}
     assert contents(tmp_path) == undisturbed["png"]
+    for record in (tmp_path / ".glsim/chunks").iterdir():  # as glsim 0.3 wrote them
+        record.write_bytes(zlib.decompress(record.read_bytes()))
+    (tmp_path / "manifest.jsonl").unlink()
+    assert make(tmp_path, **SKIP).reused == 160
+    assert verify(tmp_path, deep=True) == []
 
 
 @pytest.mark.parametrize(("format", "index"), [("png", 139), ("webdataset", 0)])
