@@ -40,10 +40,10 @@ app = typer.Typer(
 
 REPRODUCE_EXAMPLES = """
 glsim paper reproduce -o reproduced               small, for a CPU: an hour of one core
-glsim paper reproduce -o tiny --size tiny         every step once, as a check: two minutes
+glsim paper reproduce -o tiny --size tiny         every step once, as a check: three minutes
 glsim paper reproduce -o paper --size full        the paper's size, for a GPU
 glsim paper reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
-glsim paper reproduce -o reproduced --plan        print the steps, run nothing
+glsim paper reproduce -o reproduced --plan        print time, size and steps
 glsim paper reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
 Repeat the same command to resume an interrupted one.
 """

@@ -121,9 +121,10 @@ class Dataset:
 
     @property
     def sensor_title(self) -> str:
-        """Description of the sensor in one line, or else its name."""
-        sensor = self.header.get("sensor", {})
-        return str(sensor.get("title", sensor.get("name", "unknown sensor")))
+        """Description of the sensor in one line, or else its name; changed by settings or not."""
+        sensor, settings = self.header.get("sensor", {}), self.header.get("settings", {})
+        changed = ", changed" if settings.get("stage") or settings.get("rig") else ""
+        return f"{sensor.get('title', sensor.get('name', 'unknown sensor'))}{changed}"
 
     @property
     def is_remote(self) -> bool:

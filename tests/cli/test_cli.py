@@ -125,7 +125,11 @@ def test_a_sensor_is_printed_and_copied(tmp_path: Path, capsys: pytest.CaptureFi
     assert capsys.readouterr().out == shipped
     mine = tmp_path / "mine.toml"
     assert run("sensors", "kinect-v1", "-o", str(mine)) == 0
-    assert mine.read_text() == shipped
+    assert (
+        mine.read_text().replace("copy of kinect-v1: ", "").replace("# sheet", "sheet") == shipped
+    )
+    assert "copy of kinect-v1: Kinect V1" in load_sensor(str(mine)).title
+    assert not load_sensor(str(mine)).sheet
     assert load_sensor(str(mine)).stages == load_sensor("kinect-v1").stages
     capsys.readouterr()
     for words, message in (

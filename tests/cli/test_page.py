@@ -237,6 +237,15 @@ def test_a_saved_sensor_gives_the_bytes_that_the_page_shows(page: Any, server: S
     assert int((rendered > 0).sum()) == sum(1 for value in noisy if value), "nothing outside"
 
 
+def test_a_typed_value_above_the_bound_is_said_at_once(page: Any) -> None:
+    select(page, "range_gate")
+    number = shown(page)
+    page.fill('[aria-label="range_gate.far_mm value"]', "99999999")
+    page.wait_for_selector("text=/at most [0-9]+ mm/")
+    after(page, number)
+    undo(page)
+
+
 def test_saving_asks_before_it_replaces_and_makes_no_folder(page: Any, server: Server) -> None:
     letter = server.folder / "letter.toml"
     letter.write_text("precious")

@@ -49,7 +49,7 @@ def build_page(tab: TuneTab) -> Elements:
             editor = CodeEditor(tab)
     if tab.restored:
         said = "these are your last settings: undo (Ctrl+Z) leads to those of the command"
-        ui.notify(said, type="warning", timeout=12_000, close_button="ok")
+        ui.notify(said, type="warning", position="top", timeout=12_000, close_button="ok")
     ui.timer(1.0, tab.watch)
 
     def refresh() -> None:

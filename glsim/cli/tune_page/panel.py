@@ -172,6 +172,9 @@ class ControlRow:
         if self._slide is not None:
             self._slide.set_value(self.control.position(value))
         self._move(value)
+        if not self.control.low <= float(event.value) <= self.control.high:
+            bound = "at most" if float(event.value) > self.control.high else "at least"
+            self._was.set_text(f"{bound} {value:g} {self.control.unit}".strip())
 
     def _middle(self) -> float:
         """Return the value as one number, which is the start value for a control that is off."""

@@ -137,7 +137,7 @@ class TopBar:
             agreed.clear()
             warning.text, button.text = "", "Save"
 
-        with ui.dialog() as dialog, ui.card().style("min-width: min(420px, 90vw)"):
+        with ui.dialog() as dialog, ui.card().style("min-width: min(720px, 90vw)"):
             ui.label("Save sensor: the file with your values, comments kept")
             file = Path.cwd() / f"{Path(now.sensor).stem}-tuned.toml"
             name = ui.input("file", value=str(file), on_change=changed)
