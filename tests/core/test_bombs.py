@@ -119,15 +119,8 @@ def test_files_inside_a_folder(tmp_path: Path) -> None:
             open_regular(root / name, inside=root)
 
 
-def test_a_chunk_that_claims_two_gigabytes_takes_none(tmp_path: Path) -> None:
-    """OpenCV took what the length of a PNG's chunk says, before it read the chunk."""
+def test_an_animation_and_a_png_without_end_are_refused() -> None:
     whole = encode_png(np.arange(3072, dtype=np.uint16).reshape(48, 64))
-    assert decode_png(whole) is not None
-    at = whole.index(b"IDAT") - 4
-    before = peak_mb()
-    for length in (0x7DFFFFFF, 0xFFFFFFFF):
-        assert decode_png(whole[:at] + struct.pack(">I", length) + whole[at + 4 :]) is None
-    assert peak_mb() - before < 300
-    assert decode_png(whole[:-12]) is None  # without its end
     animation = chunk(b"acTL", struct.pack(">II", 100, 0))
-    assert decode_png(whole[:33] + animation + whole[33:]) is None
+    for data in (whole[:-12], whole[:33] + animation + whole[33:]):
+        assert decode_png(data) is None
