@@ -11,6 +11,7 @@ from glsim.cli.common import print_message, print_written
 from glsim.core.errors import ConfigError, DatasetError
 
 EXAMPLES = """
+glsim preview --3d                          a head of glsim to turn, without a data set
 glsim preview data
 glsim preview data -o pictures --frames 12 --split test
 glsim preview data -o pictures --3d         surface.html: a frame to turn
@@ -21,7 +22,7 @@ _MEASURED_FRAMES = 200
 
 
 def preview(
-    dataset: Path,
+    dataset: Annotated[Path | None, typer.Argument()] = None,
     out: Annotated[Path, typer.Option("-o", "--out")] = Path(),
     frames: Annotated[int, typer.Option(min=1, max=40)] = 6,
     split: str | None = None,
@@ -33,7 +34,7 @@ def preview(
     Without clean maps, as of a recording, it draws the noisy maps and the infrared.
 
     Args:
-        dataset: A data set, or a recording as of glsim inspect.
+        dataset: A data set, or a recording as of glsim inspect. Default: an embedded head.
         out: Folder for the two files.
         frames: Number of frames on the contact sheet.
         split: train, val or test. Default: all.
@@ -47,7 +48,16 @@ def preview(
     from glsim.data.reader import open_dataset
     from glsim.measures.depth_errors import noise_table, recording_table
 
-    if is_dataset(dataset):
+    if dataset is None:
+        from glsim.core.depth_frame import Frames
+        from glsim.settings.schema import load_settings
+        from glsim.simulation.pipeline import frames as simulated
+
+        one = {"subjects": 1, "frames_per_subject": frames}
+        head = load_settings(overrides={"output": {"crop": 256}}, source=one)
+        drawn = [frame.measured() for frame in simulated(head)]
+        pairs, sensor = Frames.of(drawn, "an embedded head"), f"an embedded head, {head.sensor}"
+    elif is_dataset(dataset):
         opened = open_dataset(dataset)
         opened.require("noisy")
         pairs = opened.frames() if split is None else opened.split(split)

@@ -83,3 +83,13 @@ def test_people_of_the_demo_are_dressed(tmp_path: Path) -> None:
     hairy = [n for n in notes if n.get("appearance.hair", "shaven") not in ("shaven", "bald")]
     assert len(notes) == 12
     assert len([n for n in hairy if n.get("appearance.cloth")]) >= 8
+
+
+def test_a_head_is_shown_without_a_data_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["preview", "--3d", "--frames", "1", "-q"]) == 0
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written == {"contact_sheet.png", "summary.md", "surface.html"}
+    assert "an embedded head, kinect-v2" in Path("summary.md").read_text()
