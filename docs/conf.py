@@ -61,7 +61,7 @@ html_theme_options = {
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
 copyright = "the authors of glsim, MIT licence"
-html_sidebars = {"index": [], "start": []}
+html_sidebars = {"index": [], "tutorials/start": []}
 
 #: First cell of the notebooks: a hosted notebook is a fresh Debian or Ubuntu without glsim.
 #: GLSIM_PIP names another source, such as a wheel file, as long as there is no release.
@@ -79,6 +79,7 @@ if importlib.util.find_spec("glsim") is None:
 sphinx_gallery_conf = {
     "first_notebook_cell": NOTEBOOK_SETUP,
     "examples_dirs": ["tutorials", "gallery"],
+    "thumbnail_size": (600, 400),
     "gallery_dirs": ["generated/tutorials", "generated/gallery"],
     "filename_pattern": r"/\d+_",  # all are run
     "ignore_pattern": r"__init__\.py",

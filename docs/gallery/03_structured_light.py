@@ -21,6 +21,7 @@ for axis, name in zip(axes, SENSORS, strict=True):
             "sensor": name,
             "source": {"subjects": 1, "frames_per_subject": 1},
             "pose": {"distance_mm": 900 if name.startswith("kinect") else 500, "yaw_deg": 15},
+            "scene": {"wall_mm": 1300},  # without one, the filter fills all of the image
             "output": {"crop": 240},
         }
     )

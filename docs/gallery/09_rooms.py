@@ -17,6 +17,8 @@ settings = load_settings(
         "sensor": "kinect-v2",
         "seed": 4,
         "source": {"subjects": 3, "frames_per_subject": 1},
+        # An embedded head ends at the chest: the image ends above.
+        "pose": {"distance_mm": 650, "y_mm": 150},
         "appearance": {"wear": "always", "glasses": 0.7},
         "scene": {"room": "office", "behind_mm": {"uniform": [900, 2400]}},
     }
@@ -24,7 +26,7 @@ settings = load_settings(
 figure, axes = plt.subplots(2, 3, figsize=(10, 5.8), layout="constrained")
 for (above, below), frame in zip(axes.T, frames(settings), strict=True):
     noisy_mm = np.where(frame.noisy > 0, frame.noisy, np.nan)
-    image = above.imshow(noisy_mm, cmap="viridis_r", vmin=700, vmax=4000)
+    image = above.imshow(noisy_mm, cmap="viridis_r", vmin=500, vmax=4000)
     below.imshow(np.sqrt(frame.infrared), cmap="gray")
 for axis in axes.flat:
     axis.set_axis_off()
