@@ -4,7 +4,7 @@ Each trial begins ``glsim generate``, ``eval`` or ``train`` in a process group o
 it with a signal at a random time, up to three times: the whole group, the parent alone, or one
 worker (the parent, where there is none). Then the same command runs to its end. A data set must
 hold the same bytes as an undisturbed one, an evaluation the same scores, a training the same
-weights.
+weights. At last parts start during a merge, and a part of another commit must be refused.
 """
 
 from __future__ import annotations
@@ -21,9 +21,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
+
+import glsim
 
 _GLSIM = [sys.executable, "-m", "glsim"]
 _SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
@@ -33,22 +36,21 @@ _LIMIT_S = 1800.0
 
 def commands(data: Path) -> dict[str, list[str]]:
     """Return the commands to disturb, without their ``-o``; ``data`` gets what they read."""
-    small = ["--sensor", "ideal", "--set", "output.crop=48", "--subjects", "6"]
-    small += ["--frames-per-subject", "40"]
-    people = ["--set", "output.crop=128", "--subjects", "6", "--frames-per-subject", "4"]
+    few = ["--subjects", "6", "--frames-per-subject"]
+    small = [*few, "40", "--sensor", "ideal", "--set", "output.crop=48"]
+    people = [*few, "4", "--set", "output.crop=128"]
     generate = [*_GLSIM, "generate", "-q"]
     _finish([*generate, *small, "--set", "split=0,0,1", "-o", str(data / "scored")])
     _finish([*generate, *people, "--set", "split=0.67,0.33,0", "-o", str(data / "training")])
-    few = ["training.validate_every=2", "training.validate_unit=steps", "training.batch=2"]
-    steps = ["--steps", "6", *(word for value in few for word in ("--set", value))]
-    formats = ("png", "webdataset")
-    generate += [*small, "--workers", "2"]
+    train = [*_GLSIM, "train", "mask-aware-small", "-q", "--data", str(data / "training")]
+    train += ["--steps", "6", "--set", "training.validate_unit=steps", "--resume"]
+    train += ["--set", "training.validate_every=2", "--set", "training.batch=2"]
+    generate += [*small, "--workers", "2", "--set"]
     return {
-        **{f"generate {f}": [*generate, "--set", f"output.format={f}"] for f in formats},
+        **{f"generate {f}": [*generate, f"output.format={f}"] for f in ("png", "webdataset")},
         "eval": [*_GLSIM, "eval", str(data / "scored"), "-d", "median", "-d", "bilateral", "-q"],
-        "train": [*_GLSIM, "train", "mask-aware-small", "--data", str(data / "training"), *steps,
-                  "--resume", "-q"],
-    }  # fmt: skip
+        "train": train,
+    }
 
 
 def main() -> int:
@@ -57,12 +59,10 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=20, help="number of trials")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    rng = random.Random(options.seed)
-    failures = 0
+    rng, failures = random.Random(options.seed), 0
     with tempfile.TemporaryDirectory(prefix="glsim-kills-") as name:
-        folder = Path(name)
+        folder, expected = Path(name), {}
         cases = commands(folder)
-        expected = {}
         for case, command in cases.items():
             started = time.monotonic()
             _finish([*command, "-o", str(folder / case)])
@@ -78,15 +78,17 @@ def main() -> int:
             failures += bool(problem)
             print(f"{case}: {hits} {kind.name} to {victim}: {problem or 'same'}", flush=True)
             shutil.rmtree(out)
+        for case, problem in _parts(cases["generate png"], folder, expected["generate png"][0]):
+            failures += bool(problem)
+            print(f"{case}: {problem or 'as it must be'}", flush=True)
     print(f"{options.count} trials, {failures} failures")
     return 1 if failures else 0
 
 
 def _hit(command: list[str], after_s: float, victim: str, kind: signal.Signals) -> bool:
     """Start a command and send a signal after a time; returns whether it still ran."""
-    process = subprocess.Popen(
-        command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(command, start_new_session=True, stdout=quiet, stderr=quiet)
     with suppress(subprocess.TimeoutExpired):
         process.wait(after_s)
         return False
@@ -103,6 +105,21 @@ def _hit(command: list[str], after_s: float, victim: str, kind: signal.Signals) 
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     return True
+
+
+def _parts(generate: list[str], folder: Path, expected: str) -> Iterator[tuple[str, str]]:
+    """Make a data set in 12 parts at once, and one by two commits; yield their problems."""
+    part = [*generate, "--workers", "1", "-o", str(folder / "parts"), "--part"]
+    runs = [subprocess.Popen([*part, f"{number}/12"]) for number in range(12)]
+    same = {run.wait() for run in runs} == {0} and content_of(folder / "parts") == expected
+    yield "parts at once", "" if same else "a failure, or other bytes"
+    copy = Path(shutil.copytree(glsim.__path__[0], folder / "other" / "glsim"))
+    (copy / "noise" / "__init__.py").write_text("# another commit")
+    part[-2] = str(folder / "commits")
+    _finish([*part, "0/2"])
+    os.environ["PYTHONPATH"] = str(folder / "other")
+    accepted = subprocess.call([*part, "1/2"], cwd=folder) != 2
+    yield "a part of another commit", "was accepted" if accepted else ""
 
 
 def _finish(command: list[str]) -> None:
@@ -131,8 +148,8 @@ def content_of(out: Path) -> str:
         weights = checkpoint.load(out / "best.pt")["model"]
         parts = [(name, weights[name].numpy().tobytes()) for name in sorted(weights)]
     elif (out / "rows.csv").exists():
-        with (out / "rows.csv").open() as file:  # no two runs share their times
-            rows = [{k: v for k, v in r.items() if k != "time_ms"} for r in csv.DictReader(file)]
+        read = csv.DictReader((out / "rows.csv").read_text().splitlines())
+        rows = [{k: v for k, v in r.items() if k != "time_ms"} for r in read]  # times differ
         parts = [("rows.csv", json.dumps(rows).encode())]
     else:
         files = sorted(p for p in out.rglob("*") if p.is_file() and p.name != "lock")

@@ -31,8 +31,8 @@ _BLOCK_BYTES = 1 << 24
 #: Smallest mean length of a manifest's lines, bytes; the common keys of a record take 200. With
 #: shorter lines, the index of the lines would be larger than the file.
 _LEAST_LINE_BYTES = 64
-#: Bytes read at a time for a record, since the next records are often asked for next; chosen.
-_NEAR_BYTES = 1 << 16
+#: Number of lines read at a time, since the next records are often asked for next; chosen.
+_NEAR = 32
 #: Last words of messages about damage: how to repair it.
 REPAIR = "run glsim generate again with the same settings to repair it"
 
@@ -56,7 +56,7 @@ class Manifest:
                 if _LEAST_LINE_BYTES * sum(map(len, ends)) > size:
                     raise DatasetError(f"{self.path}: is damaged: holds empty lines: {REPAIR}")
         self._ends = np.concatenate(ends) if ends else np.zeros(0, np.int64)
-        self._near = 0, b""  # first byte and bytes of the lines that were read last
+        self._near = -1, list[bytes]()  # the lines that were read last, and the first one's number
         self.checksum = {"size": size, "crc32": crc32}
 
     def __len__(self) -> int:
@@ -64,14 +64,11 @@ class Manifest:
 
     def record(self, number: int) -> dict[str, Any]:
         """Return the checked record of line ``number``, from 0. Raises DatasetError if bad."""
-        start, end = int(self._ends[number - 1]) if number else 0, int(self._ends[number])
-        first, block = self._near
-        if not first <= start <= end <= first + len(block):
-            with wrap_read_errors(self.path), self._open() as lines:
-                lines.seek(start)
-                block = lines.read(min(max(end - start, _NEAR_BYTES), MAX_LINE_BYTES + 1))
-            first, self._near = start, (start, block)
-        return self.parse(block[start - first : end - first], number)
+        first, (begun, lines) = number - number % _NEAR, self._near
+        if begun != first:
+            lines = list(self.lines(first, min(_NEAR, len(self) - first)))
+            self._near = first, lines
+        return self.parse(lines[number - first], number)
 
     def lines(self, first: int, count: int) -> Iterator[bytes]:
         """Yield ``count`` lines from ``first`` on, cut after MAX_LINE_BYTES + 1 bytes."""

@@ -138,13 +138,9 @@ def _connection_errors(ray: Any) -> Iterator[None]:
 
 
 def cluster_cores(ray: Any, unfit: Collection[str] = ()) -> int:
-    """Return the number of cores of all nodes, without those whose identifiers are ``unfit``.
-
-    Raises ClusterLostError if the cluster is unreachable.
-    """
+    """Return the number of cores of all nodes, without those whose identifiers are ``unfit``."""
     _refuse_silent_head(ray)
-    with _connection_errors(ray):
-        nodes = [n for n in ray.nodes() if n["Alive"] and n["NodeID"] not in unfit]
+    nodes = [n for n in ray.nodes() if n["Alive"] and n["NodeID"] not in unfit]
     return int(sum(node["Resources"].get("CPU", 0) for node in nodes))
 
 
@@ -194,42 +190,43 @@ def run_tasks(
     """
     variables = {"env_vars": SINGLE_THREADED | dict(environment or {})}
     options = {"num_cpus": 1, "max_retries": _RETRIES, "runtime_env": variables}
-    remote = ray.remote(_caller())
-    task = remote.options(**options)
-    given, version = [ray.put(shared)], f"glsim {code_version()}"
     source, again = iter(calls), deque[tuple[_T, tuple[Any, ...]]]()
     running: dict[Any, tuple[_T, tuple[Any, ...]]] = {}
     nodes = _Nodes(ray)
     try:
-        while True:
-            nodes.count()
-            while len(running) < max(1, TASKS_PER_CORE * nodes.cores):
-                call = again.popleft() if again else next(source, None)
-                if call is None:
-                    break
-                pickled = ray.cloudpickle.dumps((function, call[1]))
-                running[start_task(ray, task, version, pickled, given)] = call
-            if not running:
-                return
-            with _connection_errors(ray):
+        with _connection_errors(ray):
+            remote, given = ray.remote(_caller()), [ray.put(shared)]
+            task, version = remote.options(**options), f"glsim {code_version()}"
+            while True:
+                nodes.count()
+                while len(running) < max(1, TASKS_PER_CORE * nodes.cores):
+                    call = again.popleft() if again else next(source, None)
+                    if call is None:
+                        break
+                    pickled = ray.cloudpickle.dumps((function, call[1]))
+                    running[task.remote(version, pickled, given)] = call
+                if not running:
+                    return
                 done, _ = ray.wait(list(running), num_returns=1, timeout=_CORES_EVERY_S)
-            for reference in done:
-                call = running.pop(reference)
-                node, host, other, result = task_result(ray, reference, call[0])
-                if other is None and not isinstance(result, WorkerFailure):
-                    yield call[0], result
-                    continue
-                error = ConfigError(other) if other else result.error
-                if not isinstance(error, _UNFIT):
-                    raise error
-                others = nodes.leave_out(node, host, error)
-                task = remote.options(**options, scheduling_strategy=others)
-                again.append(call)
+                for reference in done:
+                    call = running.pop(reference)
+                    node, host, other, result = task_result(ray, reference, call[0])
+                    if other is None and not isinstance(result, WorkerFailure):
+                        yield call[0], result
+                        continue
+                    error = ConfigError(other) if other else result.error
+                    if not isinstance(error, _UNFIT):
+                        raise error
+                    others = nodes.leave_out(node, host, error)
+                    task = remote.options(**options, scheduling_strategy=others)
+                    again.append(call)
     except ClusterLostError:
         running.clear()  # cancelling tasks now sometimes makes Ray abort the process
         raise
     finally:
-        cancel_tasks(ray, running)
+        with suppress(OSError, ray.exceptions.RayError):
+            for reference in running:
+                ray.cancel(reference, force=True)
 
 
 class _Nodes:
@@ -265,31 +262,13 @@ class _Nodes:
         return NodeLabelSchedulingStrategy({"ray.io/node-id": NotIn(*self._unfit)})
 
 
-def start_task(ray: Any, task: Any, *arguments: object) -> Any:
-    """Start a Ray task; return the reference of its result. Raises ClusterLostError."""
-    with _connection_errors(ray):
-        return task.remote(*arguments)
-
-
-def cancel_tasks(ray: Any, references: Iterable[Any]) -> None:
-    """Cancel Ray tasks whose results are no longer needed; do nothing without a cluster."""
-    with suppress(OSError, ray.exceptions.RayError):
-        for reference in references:
-            ray.cancel(reference, force=True)
-
-
 def task_result(ray: Any, reference: Any, name: object) -> Any:
-    """Wait for the result of the Ray task of a call and return it.
-
-    Raises DatasetError if the processes die repeatedly, or ClusterLostError if the cluster is gone.
-    """
+    """Return the result of the Ray task of a call. Raises DatasetError if its processes die."""
     while True:
         try:
             return ray.get(reference, timeout=_CORES_EVERY_S)
         except ray.exceptions.GetTimeoutError:  # without the timeout: for ever, if the head is gone
             _refuse_silent_head(ray)
-        except OSError as error:
-            raise _lost("the connection to the Ray cluster is lost", error) from error
         except ray.exceptions.RayTaskError as error:
             text = " ".join(f"{type(error.cause).__name__}: {error.cause}".split())
             raise ConfigError(

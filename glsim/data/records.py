@@ -134,11 +134,11 @@ def parse_chunk_record(data: bytes) -> ChunkRecord:
     """Decode the bytes of ``ChunkRecord.to_bytes``. Raises DatasetError if damaged."""
     try:
         if data[:1] == _ZLIB:  # not the record of glsim 0.3 or before
-            data = isal_zlib.decompressobj().decompress(data, _MAX_BYTES + 1)
+            data = zlib.decompressobj().decompress(data, _MAX_BYTES + 1)
         if len(data) > _MAX_BYTES:
             raise DatasetError(f"a chunk record is damaged: it has more than {_MAX_BYTES} bytes")
         first, *lines = io.StringIO(data.decode(), newline="\n").readlines()
-    except (ValueError, isal_zlib.error):
+    except (ValueError, zlib.error):
         raise DatasetError("a chunk record is damaged") from None
     summary = ChunkSummary(**parse_summary(first[9:], "a chunk record"))
     record = ChunkRecord(summary, lines[: summary.frames], lines[summary.frames :])
