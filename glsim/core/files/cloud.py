@@ -397,7 +397,7 @@ class _OrderedReads:
         files, submit = self._files, self._thread.submit
         self._files = {p: files.get(p) or submit(_open_in_blocks, fs, p) for p in paths}
         opened = self._files.pop(path)  # a file that fails is opened again
-        file = opened.result()
+        file = opened.result(_ANSWER_S + _AHEAD_BYTES / _SLOWEST_BYTES_S)
         file.seek(start)
         data = bytes(file.read(size))
         self._files[path] = opened
