@@ -20,8 +20,6 @@ from glsim.simulation.plan.tasks import Task
 Record = dict[str, Any]
 #: Largest chunk record, bytes: 512 frames whose lines are twenty times longer than usual.
 _MAX_BYTES = 1 << 26
-#: First byte of a zlib stream (RFC 1950); that of a text is a digit of its CRC32.
-_ZLIB = b"\x78"
 
 
 def _task_fields(task: Task, source: str) -> Record:
@@ -133,7 +131,7 @@ class ChunkRecord:
 def parse_chunk_record(data: bytes) -> ChunkRecord:
     """Decode the bytes of ``ChunkRecord.to_bytes``. Raises DatasetError if damaged."""
     try:
-        if data[:1] == _ZLIB:  # not the record of glsim 0.3 or before
+        if data[:1] == b"\x78":  # zlib (RFC 1950); glsim 0.3 wrote text, which begins with a CRC32
             data = zlib.decompressobj().decompress(data, _MAX_BYTES + 1)
         if len(data) > _MAX_BYTES:
             raise DatasetError(f"a chunk record is damaged: it has more than {_MAX_BYTES} bytes")

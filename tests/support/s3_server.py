@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -24,13 +25,15 @@ class Faults:
 
     throttled: any request is answered 503 SlowDown. failed_puts: a PUT is answered 500 and not
     done. lost_answers: a PUT is done, and then answered 500. hidden: names (parts of keys) that no
-    list shows, though the objects are there, as in a store whose lists lag.
+    list shows, though the objects are there, as in a store whose lists lag. silent_s: seconds
+    before each answer.
     """
 
     throttled: float = 0.0
     failed_puts: float = 0.0
     lost_answers: float = 0.0
     hidden: tuple[str, ...] = ()
+    silent_s: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -57,6 +60,7 @@ class S3Server:
     def __call__(self, environ: dict[str, Any], start: Callable[..., Any]) -> Iterable[bytes]:
         faults, method = self.faults, environ["REQUEST_METHOD"]
         self.requests.append((method, environ["PATH_INFO"]))
+        time.sleep(faults.silent_s)
         put = method == "PUT" and environ["PATH_INFO"].count("/") > 1
         if faults.strikes("throttled", faults.throttled):
             return _answer(environ, start, "503 Slow Down", _SLOW_DOWN)
