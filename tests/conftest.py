@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import hypothesis
 import numpy as np
@@ -53,3 +54,10 @@ def context(_session_context: Context) -> Context:
 def face() -> Mesh:
     """The analytic face, the same object for all tests."""
     return face_mesh()
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder in which the test works, as a user in a shell."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

@@ -66,11 +66,8 @@ def test_the_reference_is_that_of_the_code() -> None:
         assert file.read_text(encoding="utf-8") == text.rstrip("\n") + "\n", file
 
 
-def test_the_first_example_of_the_readme_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_obj(tmp_path / "face.obj", face_mesh())
-    monkeypatch.chdir(tmp_path)
+def test_the_first_example_of_the_readme_runs(here: Path) -> None:
+    write_obj(here / "face.obj", face_mesh())
     variables: dict[str, Any] = {}
     exec(compile(blocks(PAGES[0], "python")[0], "README.md", "exec"), variables)
     assert variables["frame"].noisy.any()

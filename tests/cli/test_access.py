@@ -124,10 +124,9 @@ def test_the_browser_is_given_a_private_file_and_no_token(
 
 
 def test_the_last_settings_are_kept_in_a_private_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GLSIM_CACHE", str(here / "cache"))
     assert kept_tuning(START, "render a.obj") is None
     secret = cookie_secret()
     changed = START.with_value("axial.angle_mm", 2)
@@ -136,7 +135,7 @@ def test_the_last_settings_are_kept_in_a_private_file(
     assert kept_tuning(START, "render b.obj") is None
     assert kept_tuning(Tuning("ideal"), "render a.obj") is None
     assert cookie_secret() == secret
-    file = tmp_path / "cache" / "tune.json"
+    file = here / "cache" / "tune.json"
     assert file.stat().st_mode & 0o777 == 0o600
     for damaged in ("{", "[]", '{"tunings": {}}', '{"tunings": 3, "secret": 3}'):
         file.write_text(damaged)
@@ -144,8 +143,8 @@ def test_the_last_settings_are_kept_in_a_private_file(
         assert len(cookie_secret()) == 32
         keep_tuning(START, "render a.obj", changed)
         assert kept_tuning(START, "render a.obj") == changed
-    (tmp_path / "no folder").write_text("")
-    monkeypatch.setenv("GLSIM_CACHE", str(tmp_path / "no folder"))
+    (here / "no folder").write_text("")
+    monkeypatch.setenv("GLSIM_CACHE", str(here / "no folder"))
     keep_tuning(START, "", changed)
     assert len(cookie_secret()) == 32
 

@@ -17,12 +17,6 @@ from tests.support.scenes import face_mesh, write_obj
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def face_file(here: Path) -> Path:
     write_obj(here / "face.obj", face_mesh())
     return here / "face.obj"

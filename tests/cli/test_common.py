@@ -98,15 +98,12 @@ def test_output_to_a_full_device_is_one_line() -> None:
 
 
 @pytest.mark.parametrize("name", ["a[/b]c", ":smile:"])
-def test_paths_are_no_markup(
-    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_paths_are_no_markup(here: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """``-o 'a[/b]c'`` raised MarkupError after all the work."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.png").write_bytes(encode_png(np.full((16, 16), 900, np.uint16)))
+    (here / "map.png").write_bytes(encode_png(np.full((16, 16), 900, np.uint16)))
     assert main(["denoise", "map.png", "-o", f"{name}/map.png", "-d", "median"]) == 0
     assert f"{name}/map.png" in capsys.readouterr().err
-    assert (tmp_path / name / "map.png").is_file()
+    assert (here / name / "map.png").is_file()
 
 
 def test_urls_are_named_as_they_were_given(capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,13 +21,12 @@ from tests.support.eval_scenes import dome, noisy, write_pairs
 
 
 @pytest.fixture
-def maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "maps" / "a"
+def maps(here: Path) -> Path:
+    folder = here / "maps" / "a"
     folder.mkdir(parents=True)
     for number in range(3):
         write(folder / f"m{number}_noisy.png", noisy(dome(), number))
-    return tmp_path / "maps"
+    return here / "maps"
 
 
 def write(path: Path, depth: np.ndarray) -> None:  # type: ignore[type-arg]
@@ -68,47 +67,45 @@ def test_denoise_knows_sequences_and_units(maps: Path, tmp_path: Path) -> None:
 
 
 def test_denoise_takes_the_step_of_the_data_set(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     fine = (dome(whole=False) * 10).astype(np.uint16)
     for name, unit in (("d", 0.1), ("e", 1.0)):
-        make(tmp_path / name, make_settings(depth_unit_mm=unit), make_tasks(4, 1))
-        write(tmp_path / name / "test" / "s001" / f"{name}.png", fine)
+        make(here / name, make_settings(depth_unit_mm=unit), make_tasks(4, 1))
+        write(here / name / "test" / "s001" / f"{name}.png", fine)
     command = ["denoise", "d/test/s001/d.png", "-d", "quadric", "-q", "-o"]
     assert main([*command, "known.png"]) == 0
-    write(tmp_path / "alone.png", fine)
+    write(here / "alone.png", fine)
     alone = ["denoise", "alone.png", "-d", "quadric", "-q", "-o", "told.png"]
     assert main([*alone, "--depth-unit-mm", "0.1"]) == 0
-    np.testing.assert_array_equal(read(tmp_path / "known.png"), read(tmp_path / "told.png"))
+    np.testing.assert_array_equal(read(here / "known.png"), read(here / "told.png"))
     assert main([*command, "x.png", "--depth-unit-mm", "1"]) == 2
     assert "steps of 0.1 mm" in capsys.readouterr().err
     pair = ["d/test/s001/d.png", "e/test/s001/e.png"]
     assert main(["denoise", *pair, "-d", "quadric", "-q", "-o", "x"]) == 2
     assert "different steps" in capsys.readouterr().err
-    (tmp_path / "d" / "dataset.json").write_text("somebody's")
+    (here / "d" / "dataset.json").write_text("somebody's")
     assert main([*command, "y.png", "--depth-unit-mm", "0.1"]) == 0
 
 
 def test_denoise_believes_only_the_data_set_of_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """NaN in a dataset.json of any folder above wrote an empty map with exit status 0."""
-    monkeypatch.chdir(tmp_path)
-    make(tmp_path, make_settings(depth_unit_mm=0.1), make_tasks(4, 1))
-    mine = tmp_path / "mine" / "deep" / "map.png"
+    make(here, make_settings(depth_unit_mm=0.1), make_tasks(4, 1))
+    mine = here / "mine" / "deep" / "map.png"
     mine.parent.mkdir(parents=True)
     write(mine, dome(whole=False).astype(np.uint16))
     assert main(["denoise", str(mine), "-d", "noisy", "-q", "-o", "out.png"]) == 0
-    np.testing.assert_array_equal(read(tmp_path / "out.png"), 10 * read(mine))  # of 0.1 mm
-    header = (tmp_path / "dataset.json").read_text()
-    own = next((tmp_path / "test" / "s001").glob("*noisy.png"))
+    np.testing.assert_array_equal(read(here / "out.png"), 10 * read(mine))  # of 0.1 mm
+    header = (here / "dataset.json").read_text()
+    own = next((here / "test" / "s001").glob("*noisy.png"))
     for unit in ("NaN", "0", "-1", "1e300"):
         changed = header.replace('"depth_unit_mm": 0.1', f'"depth_unit_mm": {unit}')
-        (tmp_path / "dataset.json").write_text(changed)
+        (here / "dataset.json").write_text(changed)
         assert main(["denoise", str(own), "-d", "noisy", "-q", "-o", "other.png"]) == 1
         assert "dataset.json: is damaged: depth_unit_mm" in capsys.readouterr().err
-    assert not (tmp_path / "other.png").exists()
+    assert not (here / "other.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -136,12 +133,11 @@ def test_wrong_usage(
 
 
 def test_checkpoints_need_the_training_part(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "glsim.denoise.inference", None)
-    (tmp_path / "best.pt").write_bytes(b"")
-    write(tmp_path / "a.png", dome())
+    (here / "best.pt").write_bytes(b"")
+    write(here / "a.png", dome())
     assert main(["denoise", "a.png", "-o", "b.png", "-d", "best.pt"]) == 1
     assert "glsim[train]" in capsys.readouterr().err
 
@@ -214,11 +210,10 @@ def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_scores_without_matplotlib_are_tables_and_say_so_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They failed after the scoring, with status 1."""
-    monkeypatch.chdir(tmp_path)
-    write_pairs(tmp_path / "pairs", 4)
+    write_pairs(here / "pairs", 4)
     found = importlib.util.find_spec
     monkeypatch.setattr(
         "glsim.cli.eval.find_spec", lambda name: None if name == "matplotlib" else found(name)
@@ -228,31 +223,28 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("no figures and no report.html, tables alone: they need Matplotlib:")
     assert "pip install 'glsim[eval]'" in lines[0]
-    assert (tmp_path / "s" / "table.md").is_file()
-    assert not (tmp_path / "s" / "report.html").exists()
+    assert (here / "s" / "table.md").is_file()
+    assert not (here / "s" / "report.html").exists()
     assert main([*command, "--no-figures"]) == 0
     assert "no figures" not in capsys.readouterr().err
 
 
 @pytest.mark.long
-def test_tables_have_the_input_first_and_one_row_per_network(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_pairs(tmp_path / "pairs", 2)
-    (tmp_path / "soft_net.py").write_text("def net(noisy, valid): return noisy, valid * 0.8\n")
+def test_tables_have_the_input_first_and_one_row_per_network(here: Path) -> None:
+    write_pairs(here / "pairs", 2)
+    (here / "soft_net.py").write_text("def net(noisy, valid): return noisy, valid * 0.8\n")
     command = ["eval", "pairs", "-d", "net@soft_net:net", "--workers", "1"]
 
     def methods() -> tuple[list[str], list[str]]:
         assert main([*command, "-o", "s", "--no-figures", "-q"]) == 0
-        first_table = (tmp_path / "s" / "table.md").read_text().split("### ")[1]
-        with (tmp_path / "s" / "table.csv").open(newline="") as file:
+        first_table = (here / "s" / "table.md").read_text().split("### ")[1]
+        with (here / "s" / "table.csv").open(newline="") as file:
             in_csv = list(dict.fromkeys(row["method"] for row in csv.DictReader(file)))
         return re.findall(r"(?m)^\| `([^`]+)`", first_table), in_csv
 
     every = [f"net [{composite}]" for composite in COMPOSITES]
     assert methods() == (["noisy", "net [measured]"], ["noisy", *every])
     assert main([*command, "-o", "f", "-q"]) == 0
-    report = (tmp_path / "f" / "report.html").read_text()
+    report = (here / "f" / "report.html").read_text()
     assert "net [measured]" in report
     assert "net [hard]" not in report

@@ -57,8 +57,7 @@ def test_examples_name_existing_commands_and_options(words: list[str]) -> None:
         parse([*words, "--no-such-option"])
 
 
-def test_settings_of_examples_exist(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_settings_of_examples_exist(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("glsim.cli.generate._measured_cost", lambda *_: None)  # draws frames
     few = ["--plan", "--subjects", "2", "--frames-per-subject", "2"]
     for words in HELP:

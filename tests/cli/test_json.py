@@ -84,11 +84,8 @@ def test_face_sets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.long
-def test_a_fit_and_a_validation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_static_pair(tmp_path / "recording", scene(), 1.6)
+def test_a_fit_and_a_validation(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_static_pair(here / "recording", scene(), 1.6)
     found = printed(capsys, "fit", "recording", "-o", "mine.toml")
     assert found["sensor"] == "mine.toml"
     assert {"distance_m", "radius_px", "sigma_mm", "pixels"} == set(found["sigma_mm"][0])
@@ -96,10 +93,7 @@ def test_a_fit_and_a_validation(
     assert isinstance(json.loads(capsys.readouterr().out), dict)
 
 
-def test_scores_of_real_frames(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_static_pair(tmp_path / "recording", scene(), 1.6)
+def test_scores_of_real_frames(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_static_pair(here / "recording", scene(), 1.6)
     found = printed(capsys, "eval-real", "recording", "-d", "median", "--no-figures", "-q")
-    assert found == json.loads((tmp_path / "scores" / "scores.json").read_text())
+    assert found == json.loads((here / "scores" / "scores.json").read_text())

@@ -56,10 +56,9 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "tiny.toml").write_text(TINY)
-    return tmp_path
+def here(here: Path) -> Path:
+    (here / "tiny.toml").write_text(TINY)
+    return here
 
 
 def fails(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:

@@ -120,17 +120,16 @@ def test_a_plan_writes_nothing_and_counts_everything(
     ],
 )
 def test_a_recording_names_its_camera_and_denoiser(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    size: tuple[int, int], lattice: bool, sensor: str | None, denoiser: str,
+    here: Path, capsys: pytest.CaptureFixture[str],
+    size: tuple[int, int], lattice: bool, sensor: str | None, denoiser: str
 ) -> None:  # fmt: skip
     depth = np.linspace(600, 3000, size[0] * size[1]).reshape(size)
     if lattice:  # 1/32 px of disparity
         depth = np.rint(626813 / np.rint(626813 / depth))
-    monkeypatch.chdir(tmp_path)
     Path("frames").mkdir()
     Path("frames/a.png").write_bytes(encode_png(depth.astype(np.uint16)))
     assert main(["inspect", "frames"]) == 0
     printed = capsys.readouterr().out
     assert (f"like {sensor}" if sensor else "not recognised") in printed
     assert f"glsim denoise frames -o denoised -d {denoiser}\n" in printed
-    assert [path.name for path in tmp_path.iterdir()] == ["frames"], "a picture only with -o"
+    assert [path.name for path in here.iterdir()] == ["frames"], "a picture only with -o"

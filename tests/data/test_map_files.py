@@ -98,9 +98,8 @@ def test_openexr_that_is_not_installed_is_named(
 
 
 def test_denoise_and_corrupt_take_all_formats(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     write(Path("noisy.png"), UNITS)
     write(Path("noisy.npy"), METRES)
     for name in ("noisy.png", "noisy.npy"):

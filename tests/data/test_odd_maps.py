@@ -68,10 +68,9 @@ def test_no_channel_is_guessed(channels: dict[str, NDArray[Any]]) -> None:
 
 
 def test_parts_and_halfs_of_openexr_are_read_and_the_channel_may_be_chosen(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     openexr = pytest.importorskip("OpenEXR")
-    monkeypatch.chdir(tmp_path)
     kind = {"type": openexr.scanlineimage}
     layers = {"rgba": PICTURE, "Depth": {"V": METRES.astype(np.float16)}}
     parts = [openexr.Part({**kind, "name": name}, images) for name, images in layers.items()]
@@ -236,9 +235,8 @@ def test_names_sort_by_their_numbers_and_hidden_files_are_none(tmp_path: Path) -
 
 
 def test_a_batch_goes_on_behind_what_is_no_map(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("in").mkdir()
     cv2.imwrite("in/a.tif", np.dstack([UNITS, UNITS + 1, UNITS]))
     np.save("in/b.npy", np.stack([UNITS] * 5))
@@ -253,10 +251,7 @@ def test_a_batch_goes_on_behind_what_is_no_map(
             assert near(np.load(f"{command[0]}/{name}.npy") * 1000)
 
 
-def test_the_same_map_has_the_same_noise_in_any_format_and_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_same_map_has_the_same_noise_in_any_format_and_place(here: Path) -> None:
     slanted = np.linspace(700, 1100, 1280).reshape(32, 40).astype(np.uint16)
     Path("in").mkdir()
     cv2.imwrite("in/a.tiff", slanted)
@@ -305,10 +300,7 @@ def test_a_recording_with_a_mesh_beside_it_is_a_recording(
     assert f"1 meshes beside it: glsim inspect {tmp_path / 'scan.obj'}" in printed
 
 
-def test_crops_of_several_sizes_are_denoised(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_crops_of_several_sizes_are_denoised(here: Path) -> None:
     Path("in").mkdir()
     for number, size in enumerate([(40, 30), (30, 40), (64, 48)]):
         Path(f"in/{number}.png").write_bytes(encode_png(np.full(size, 900, np.uint16)))
@@ -407,9 +399,8 @@ def test_cameras_of_bop_and_open3d_are_read_and_others_named(tmp_path: Path) -> 
 
 
 def test_corrupt_takes_the_camera_that_is_stated(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("in").mkdir()
     Path("in/a.png").write_bytes(encode_png(UNITS))
     command = ["corrupt", "in", "-s", "kinect-v2", "--backend", "numpy", "-q", "-o"]

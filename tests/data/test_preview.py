@@ -22,9 +22,8 @@ from tests.support.imports import ROOT
 
 @pytest.mark.parametrize("layers", ["clean,noisy", "clean,noisy,reason"])
 def test_a_lost_pixel_of_a_set_without_reasons_is_unknown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layers: str
+    here: Path, monkeypatch: pytest.MonkeyPatch, layers: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     command = ["generate", "-o", "data", "--subjects", "1", "--frames-per-subject", "2", "-q"]
     command += ["--set", f"output.layers={layers}", "--set", "output.crop=96", "--workers", "1"]
     command += ["--set", "split=1,0,0"]
@@ -85,11 +84,8 @@ def test_people_of_the_demo_are_dressed(tmp_path: Path) -> None:
     assert len([n for n in hairy if n.get("appearance.cloth")]) >= 8
 
 
-def test_a_head_is_shown_without_a_data_set(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_head_is_shown_without_a_data_set(here: Path) -> None:
     assert main(["preview", "--3d", "--frames", "1", "-q"]) == 0
-    written = {path.name for path in tmp_path.iterdir()}
+    written = {path.name for path in here.iterdir()}
     assert written == {"contact_sheet.png", "summary.md", "surface.html"}
     assert "an embedded head, kinect-v2" in Path("summary.md").read_text()

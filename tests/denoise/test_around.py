@@ -92,10 +92,7 @@ def test_the_head_is_denoised_and_the_rest_stays(spec: str) -> None:
     np.testing.assert_allclose(result[inner], whole[inner], atol=0.15)
 
 
-def test_the_command_and_what_it_refuses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_command_and_what_it_refuses(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     depth = head(1400.0)
     Path("a.png").write_bytes(encode_png(depth.astype(np.uint16)))
     command = ["denoise", "a.png", "-o", "b.png", "-d", "masked_gaussian", "--out-unit-mm", "1"]

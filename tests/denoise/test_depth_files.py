@@ -49,10 +49,7 @@ def test_the_header_of_another_program_is_none(tmp_path: Path) -> None:
     assert open_maps([file]).step_mm == 1.0
 
 
-def test_the_step_of_the_output(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_step_of_the_output(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(Path("plain.png"), 1.0)
     expected = {
         ("plain.png", "b.png"): 0.1,
@@ -70,9 +67,8 @@ def test_the_step_of_the_output(
 
 
 def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     write(Path("far.png"), 1.0, stated=True, depth_mm=DEPTH_MM + 6000)
     assert denoise("far.png", "-o", "a.png") == 0
     assert stated_unit_mm(Path("a.png")) == 1.0
@@ -83,9 +79,8 @@ def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
 
 @pytest.mark.parametrize("denoiser", ["masked_gaussian", "temporal_median"])
 def test_each_file_is_decoded_once_but_for_those_that_vote(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, denoiser: str
+    here: Path, monkeypatch: pytest.MonkeyPatch, denoiser: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("in").mkdir()
     for number in range(20):
         write(Path(f"in/{number}.png"), 1.0)
@@ -100,11 +95,8 @@ def test_each_file_is_decoded_once_but_for_those_that_vote(
     assert len(decoded) == 20 + 16
 
 
-def test_a_deep_map_that_does_not_vote_keeps_its_depth(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_deep_map_that_does_not_vote_keeps_its_depth(here: Path) -> None:
     """16 of the 40 maps decide on steps of 0.1 mm; the second has a wall at 7 m."""
-    monkeypatch.chdir(tmp_path)
     Path("in").mkdir()
     for number in range(40):
         write(Path(f"in/{number}.png"), 1.0, depth_mm=DEPTH_MM + 6000 * (number == 1))
@@ -127,10 +119,7 @@ def test_maps_of_a_data_set_are_written_in_steps_of_a_tenth(tmp_path: Path) -> N
     assert {stated_unit_mm(path) for path in written} == {0.1}
 
 
-def test_formats_of_floats_are_metres(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_formats_of_floats_are_metres(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("in").mkdir()
     write(Path("in/x.png"), 1.0)
     assert denoise("in", "-o", "o", "--format", "npy") == 0
@@ -146,10 +135,7 @@ def test_formats_of_floats_are_metres(
         assert words in capsys.readouterr().err
 
 
-def test_maps_of_the_same_name_keep_their_folders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_maps_of_the_same_name_keep_their_folders(here: Path) -> None:
     for name in ("day/a/x.png", "day/b/x.png", "day/b/c/y.png"):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(name, np.full((4, 4), 900, np.uint16))

@@ -167,11 +167,8 @@ def test_temporal_filters() -> None:
         np.testing.assert_array_equal(depth_mm, face.estimate(seen[None]).depth_mm)
 
 
-def test_soft_validity_gives_four_composites(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_denoiser.py").write_text(
+def test_soft_validity_gives_four_composites(here: Path) -> None:
+    (here / "my_denoiser.py").write_text(
         "import numpy as np\n"
         "def soft(noisy, valid, level=0.75):\n"
         "    noisy += 10\n"
@@ -223,15 +220,12 @@ def test_what_cannot_be_loaded(spec: str, words: str) -> None:
         load_denoiser(spec)
 
 
-def test_a_function_of_a_file_or_a_module_here(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "here_code.py").write_text(
+def test_a_function_of_a_file_or_a_module_here(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / "here_code.py").write_text(
         "def moved(noisy_mm, valid, by_mm=0):\n    return noisy_mm + by_mm, valid\n"
     )
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    for code in ("here_code", "here_code.py", str(tmp_path / "here_code.py")):
+    for code in ("here_code", "here_code.py", str(here / "here_code.py")):
         denoiser = load_denoiser(f"{code}:moved:by_mm=3")
         assert denoiser(np.full((4, 4), 900, np.uint16)).depth_mm.max() == 903
 

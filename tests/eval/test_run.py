@@ -127,23 +127,20 @@ def test_bad_frames_are_named_counted_and_left_out(
     assert not (out / "bad.csv").exists()
 
 
-def test_a_denoiser_that_fails_costs_its_own_rows(
-    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "moody.py").write_text(
+def test_a_denoiser_that_fails_costs_its_own_rows(pairs: Path, here: Path) -> None:
+    (here / "moody.py").write_text(
         "import numpy as np\n"
         "def moody(noisy, valid):\n"
         "    if noisy[20, 8] > 0: raise ValueError('not today')\n"
         "    return noisy * np.nan if noisy[20, 9] > 0 else noisy, valid\n"
     )
-    found = run(pairs, tmp_path / "o", "noisy", "moody:moody")
+    found = run(pairs, here / "o", "noisy", "moody:moody")
     assert 0 < found.bad < 12
     assert any("ValueError: not today" in text for text in found.first_bad)
-    methods = [row["method"] for row in rows(tmp_path / "o")]
+    methods = [row["method"] for row in rows(here / "o")]
     assert methods.count("noisy") == 12
     assert methods.count("moody:moody") == 12 - found.bad
-    (tmp_path / "idle.py").write_text("def idle(noisy, valid):\n    raise RuntimeError\n")
+    (here / "idle.py").write_text("def idle(noisy, valid):\n    raise RuntimeError\n")
     example = example_frame(ScoringJob(pairs, "test", ("noisy", "idle:idle")))
     assert example is not None
     assert example[2].endswith("; idle:idle fails")
@@ -223,18 +220,17 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
 
 
 def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
-    pairs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pairs: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It removes the flipped pixels, of which all-pixel MSE consists, and bends the surface."""
     code = "import numpy as np\ndef bend(noisy_mm, valid):\n    "
-    (tmp_path / "ruin.py").write_text(code + "return np.where(valid, noisy_mm + 30, 0), valid\n")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
+    (here / "ruin.py").write_text(code + "return np.where(valid, noisy_mm + 30, 0), valid\n")
+    monkeypatch.syspath_prepend(str(here))
     command = ["eval", str(pairs), "-d", "ruin:bend", "-d", "masked_gaussian", "-o", "out"]
     assert main([*command, "--no-figures"]) == 0
     (last,) = [line for line in capsys.readouterr().err.splitlines() if "worse" in line]
     assert re.fullmatch(r"ruin:bend is worse inside than its input: 30\.\d against \S+ mm", last)
-    text = (tmp_path / "out" / "table.md").read_text()
+    text = (here / "out" / "table.md").read_text()
     assert text.index("### Surface") < text.index("### The paper's metrics")
     assert "| `ruin:bend` (worse inside than its input) |" in text
     assert "| `masked_gaussian` |" in text

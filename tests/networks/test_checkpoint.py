@@ -74,8 +74,7 @@ class Evil:
         return os.system, ("touch evil",)
 
 
-def test_files_that_are_no_checkpoints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_files_that_are_no_checkpoints(here: Path) -> None:
     nan = {"model": {"w": torch.full((3,), torch.nan)}}
     ours = {"format": "glsim-checkpoint", "version": 1}
     cases: dict[str, tuple[bytes | dict[str, Any], str]] = {
@@ -88,7 +87,7 @@ def test_files_that_are_no_checkpoints(tmp_path: Path, monkeypatch: pytest.Monke
         "nan.pt": (CONTENT | ours | nan, "holds NaN or infinity"),
     }
     for name, (content, problem) in cases.items():
-        path = tmp_path / name
+        path = here / name
         if isinstance(content, bytes):
             path.write_bytes(content)
         else:
@@ -97,8 +96,8 @@ def test_files_that_are_no_checkpoints(tmp_path: Path, monkeypatch: pytest.Monke
             checkpoint.load(path)
         with pytest.raises(DenoiserError, match=problem):
             load_network(path)
-    assert not (tmp_path / "evil").exists()
-    for place, problem in ((tmp_path / "none.pt", "no such"), (tmp_path, "cannot be read")):
+    assert not (here / "evil").exists()
+    for place, problem in ((here / "none.pt", "no such"), (here, "cannot be read")):
         with pytest.raises(TrainError, match=problem):
             checkpoint.load(place)
 
@@ -151,9 +150,8 @@ def test_a_recipe_that_does_not_fit(tmp_path: Path, backbone: object, problem: s
 
 
 def test_safetensors_hold_the_same_network(
-    best: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    best: Path, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     assert main(["export", str(best), "-o", "out/net.safetensors", "-q"]) == 0
     found, expected = checkpoint.load(Path("out/net.safetensors")), checkpoint.load(best)
     assert {k: v for k, v in found.items() if k != "model"} == {

@@ -156,9 +156,8 @@ def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
 
 
 def test_the_command_finds_infrared_and_earlier_frames(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     write_checkpoint(Path("all.pt"), inputs="all")
     stack, infrared = sequence()
     for folder in ("maps", "light"):

@@ -230,11 +230,10 @@ def computed(view, layers, p):
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(CODE)
-    Path(sensor_file(tmp_path, 'use = "mine.py:farther"')).rename("mine.toml")
-    return tmp_path
+def here(here: Path) -> Path:
+    (here / "mine.py").write_text(CODE)
+    Path(sensor_file(here, 'use = "mine.py:farther"')).rename("mine.toml")
+    return here
 
 
 def test_code_is_named_when_it_runs(here: Path, caplog: pytest.LogCaptureFixture) -> None:

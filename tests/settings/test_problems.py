@@ -81,15 +81,10 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
     ids=lambda value: " ".join(value) if isinstance(value, list) and value[0][0] == "-" else "",
 )
 def test_a_wrong_setting_is_named_with_its_place(
-    words: list[str],
-    parts: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    words: list[str], parts: list[str], here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
-        (tmp_path / name).write_text(text)
+        (here / name).write_text(text)
     assert main(["generate", "--plan", *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     at = 0

@@ -44,9 +44,8 @@ def test_the_shipped_network_needs_no_pytorch(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_the_command_writes_a_file_that_denoise_reads(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     write_checkpoint(Path("best.pt"), "paper", "dncnn")
     assert main(["export", "best.pt", "-o", "out/net.onnx"]) == 0
     assert "OpenCV gives PyTorch's depth within" in capsys.readouterr().err.replace("\n", " ")
