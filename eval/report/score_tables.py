@@ -85,14 +85,15 @@ def winners(summary: ScoreSummary) -> list[str]:
         gap = paired_difference(summary.values(first, name), summary.values(second, name))
         unit = METRICS[name].unit
         size, low, high = (format_number(-x, unit) for x in (gap.mean, gap.high, gap.low))
-        interval = "" if math.isnan(gap.low) else f" (95 % interval {low} to {high})"
+        interval = f" (95 % interval {low} to {high})"
+        if gap.subjects < FEW_SUBJECTS:
+            interval = " (too few people for an interval)"
         people = f"{gap.lower} of {gap.subjects} people"
         if gap.high < 0:
-            line = f"`{first}` is best {what}: {size} {unit} better than `{second}`"
-            lines.append(f"{line}{interval}, in {people}.")
+            line = f"is best {what}: {size} {unit} better than `{second}`{interval}, in {people}"
         else:
-            line = f"`{first}` and `{second}` are best {what} and are not told apart"
-            lines.append(f"{line}: {size} {unit}{interval}, better in {people}.")
+            line = f"and `{second}` are not told apart {what}: {size} {unit}{interval}, {people}"
+        lines.append(f"`{first}` {line}.")
     return lines
 
 

@@ -123,26 +123,21 @@ class PlainCommand(TyperCommand):
     def get_help(self, ctx: Any) -> str:
         """Return the help of Typer without {frames} and <list[Path]>."""
         usage, _, rest = super().get_help(ctx).partition("\n")
-        usage = re.sub(r"\{(\w+)\}", lambda name: name[1].upper(), usage)
-        return f"{usage}\n" + re.sub(r"<list\[(\w+)\]>", _short_type, rest)
+        rest = re.sub(r"<list\[(\w+)\]>", lambda m: f"<{m[1].lower()}>      ", rest)
+        return re.sub(r"\{(\w+)\}", lambda m: m[1].upper(), usage) + "\n" + rest
 
 
-def _short_type(found: re.Match[str]) -> str:
-    return f"<{found[1].lower()}>".ljust(len(found[0]))
+def _names(module: str, function: str) -> Callable[[str], list[str]]:
+    """Return a completion from a function that lists names."""
+    return lambda incomplete: [
+        name for name in getattr(import_module(module), function)() if name.startswith(incomplete)
+    ]
 
 
-def completes(names: str) -> Callable[[str], list[str]]:
-    """Return a completion from a function that lists names, such as "a.module:function"."""
-
-    def complete(incomplete: str) -> list[str]:
-        module, _, function = names.partition(":")
-        return [n for n in getattr(import_module(module), function)() if n.startswith(incomplete)]
-
-    return complete
-
-
-SENSORS, STAGES = "glsim.sensors.sensor:sensor_names", "glsim.noise.registry:stage_names"
-PRESETS, RECIPES = "glsim.settings.presets:preset_names", "glsim.train.recipe:recipe_names"
+SENSORS = _names("glsim.sensors.sensor", "sensor_names")
+STAGES = _names("glsim.noise.registry", "stage_names")
+PRESETS = _names("glsim.settings.presets", "preset_names")
+RECIPES = _names("glsim.train.recipe", "recipe_names")
 
 
 def epilog(examples: str) -> str:
@@ -156,7 +151,7 @@ SensorOption = Annotated[
     typer.Option(
         "--sensor",
         "-s",
-        autocompletion=completes(SENSORS),
+        autocompletion=SENSORS,
         help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2.",
     ),
 ]
@@ -179,7 +174,7 @@ PresetOption = Annotated[
     str | None,
     typer.Option(
         "--preset",
-        autocompletion=completes(PRESETS),
+        autocompletion=PRESETS,
         help="Start from shipped settings (glsim presets). Default: none.",
     ),
 ]

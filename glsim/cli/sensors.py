@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from glsim.cli.common import SENSORS, JsonOption, completes, make_console, print_json, print_table
+from glsim.cli.common import (
+    SENSORS,
+    JsonOption,
+    make_console,
+    print_json,
+    print_table,
+    print_written,
+)
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.units import MM_PER_M
@@ -32,7 +39,7 @@ _WIDE = 140
 
 
 def sensors(
-    name: Annotated[str | None, typer.Argument(autocompletion=completes(SENSORS))] = None,
+    name: Annotated[str | None, typer.Argument(autocompletion=SENSORS)] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o")] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -107,3 +114,4 @@ def _copy(source: Path, out: Path | None) -> None:
     text = re.sub(r'^title = "', f'title = "copy of {source.stem}: ', text, flags=re.MULTILINE)
     text = re.sub(r'^(sheet = ".+)', r"# \1", text, flags=re.MULTILINE)
     write_atomic(text.encode(), out)
+    print_written([out])

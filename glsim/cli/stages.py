@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from glsim.cli.common import STAGES, JsonOption, completes, make_console, print_json, print_table
+from glsim.cli.common import STAGES, JsonOption, make_console, print_json, print_table
 
 if TYPE_CHECKING:
     from glsim.noise.stage import StageSpec
@@ -21,7 +21,7 @@ glsim stages tof_light --json
 
 
 def stages(
-    name: Annotated[str | None, typer.Argument(autocompletion=completes(STAGES))] = None,
+    name: Annotated[str | None, typer.Argument(autocompletion=STAGES)] = None,
     as_json: JsonOption = False,
 ) -> None:
     """List the noise stages, or the parameters of one stage, as declared in its source file.

@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from glsim.cli.common import (
-    RECIPES,
-    SeedOption,
-    completes,
-    console,
-    options,
-    overrides,
-    print_message,
-)
+from glsim.cli.common import RECIPES, SeedOption, console, options, overrides, print_message
 from glsim.core.errors import ConfigError, training_needs_torch
 
 if TYPE_CHECKING:
@@ -48,9 +40,7 @@ _METRICS = (
 
 
 def train(
-    recipe: Annotated[
-        str | None, typer.Argument(metavar="RECIPE", autocompletion=completes(RECIPES))
-    ] = None,
+    recipe: Annotated[str | None, typer.Argument(metavar="RECIPE", autocompletion=RECIPES)] = None,
     data: Annotated[list[Path] | None, typer.Option("--data", metavar="DIR")] = None,
     simulate: Annotated[bool, typer.Option("--simulate")] = False,
     minutes: float | None = None,

@@ -15,7 +15,6 @@ from glsim.cli.common import (
     PresetOption,
     SeedOption,
     SetOption,
-    completes,
     console,
     overrides,
 )
@@ -28,7 +27,7 @@ glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
 
 
 def tune(
-    sensor: Annotated[str | None, typer.Argument(autocompletion=completes(SENSORS))] = None,
+    sensor: Annotated[str | None, typer.Argument(autocompletion=SENSORS)] = None,
     face: Annotated[Path | None, typer.Option("--face")] = None,
     source: str | None = None,
     root: Path | None = None,

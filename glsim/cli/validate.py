@@ -15,7 +15,6 @@ from glsim.cli.common import (
     BackendOption,
     JsonFileOption,
     check_outputs,
-    completes,
     options,
     print_message,
     print_table,
@@ -36,7 +35,7 @@ _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "
 
 
 def validate(
-    sensor: Annotated[str, typer.Argument(autocompletion=completes(SENSORS))],
+    sensor: Annotated[str, typer.Argument(autocompletion=SENSORS)],
     json_file: JsonFileOption = None,
     markdown_file: Annotated[Path | None, typer.Option("--markdown", metavar="FILE.md")] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
