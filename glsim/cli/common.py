@@ -164,6 +164,14 @@ SetOption = Annotated[
         "scene.wall_mm=1500. Repeatable.",
     ),
 ]
+RotationOption = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        metavar="X Y Z",
+        help="Turns of the mesh about x (left), y (up) and z (forward) after the axes, degrees. "
+        "Default: found if the axes are.",
+    ),
+]
 SeedOption = Annotated[
     int | None, typer.Option(help="Random seed; the same seed gives the same bytes. Default: 0.")
 ]

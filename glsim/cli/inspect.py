@@ -11,6 +11,7 @@ import typer
 from glsim.cli.common import (
     BackendOption,
     JsonOption,
+    RotationOption,
     make_console,
     print_json,
     print_written,
@@ -39,6 +40,7 @@ def inspect(
     shown: Annotated[int, typer.Option(min=0, max=60)] = 12,
     unit: str = "auto",
     axes: str = "auto",
+    rotation_deg: RotationOption = None,
     depth_unit_mm: float | None = None,
     topic: str | None = None,
     backend: BackendOption = None,
@@ -73,7 +75,7 @@ def inspect(
         else:
             _print_camera(content)
         return
-    kind, source = inspection.open_faces(path, unit, axes)
+    kind, source = inspection.open_faces(path, unit, axes, rotation_deg)
     report = inspection.inspect(path, kind, source, frames)
     if as_json:
         print_json(_described(report))

@@ -11,6 +11,7 @@ from glsim.cli.common import (
     BackendOption,
     ConfigOption,
     PresetOption,
+    RotationOption,
     SeedOption,
     SensorOption,
     SetOption,
@@ -37,6 +38,7 @@ def render(
     depth_unit_mm: float | None = None,
     unit: str = "auto",
     axes: str = "auto",
+    rotation_deg: RotationOption = None,
     preset: PresetOption = None,
     config: ConfigOption = None,
     backend: BackendOption = None,
@@ -67,7 +69,7 @@ def render(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm
     )
     settings = load_settings(config, assignments or [], {**given, "strict": True}, preset=preset)
-    loaded = load_mesh(face, unit=unit, axes=axes)
+    loaded = load_mesh(face, unit=unit, axes=axes, rotation_deg=rotation_deg)
     print_message(f"{face}: {loaded.alignment}")
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
     single = parse_source({"subjects": 1, "frames_per_subject": 1})

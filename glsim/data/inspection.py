@@ -18,13 +18,14 @@ from glsim.core.files.listing import entries
 from glsim.data.disk_format import HEADER
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSource
-from glsim.faces.meshes.alignment import describe_notes
+from glsim.faces.meshes.alignment import Turns, describe_notes
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
 from glsim.faces.scans.file_tree import check_root
 from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import generates, source_kinds, source_table
+from glsim.settings.toml_tables import parse_table
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.plan.tasks import Task
@@ -79,18 +80,16 @@ def recognise(path: Path) -> str:
     )
 
 
-def open_faces(path: Path, unit: str = "auto", axes: str = "auto") -> tuple[str, FaceSource]:
+def open_faces(
+    path: Path, unit: str = "auto", axes: str = "auto", rotation_deg: Turns | None = None
+) -> tuple[str, FaceSource]:
     """Open a folder or a mesh file as (kind, source). Raises ConfigError or MeshError."""
     if path.is_file():
-        loaded = load_mesh(path, unit=unit, axes=axes)
+        loaded = load_mesh(path, unit=unit, axes=axes, rotation_deg=rotation_deg)
         return "mesh", OneMesh(loaded.mesh, path.stem, loaded.notes)
     kind = recognise(path)
-    table = source_table(kind)
-    values = {"kind": kind, "root": path, "unit": unit, "axes": axes}
-    known = {"kind", "root"} | table.model_fields.keys()
-    return kind, open_source(
-        table.model_validate({n: v for n, v in values.items() if n in known}), 0
-    )
+    values = {"kind": kind, "root": path, "unit": unit, "axes": axes, "rotation_deg": rotation_deg}
+    return kind, open_source(parse_table(source_table(kind), values, str(path)), 0)
 
 
 def inspect(

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -25,10 +25,10 @@ from typing import Final
 import numpy as np
 from pydantic import Field
 
-from glsim.core.errors import MeshError
+from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.core.files.listing import entries, files_below, natural
 from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
-from glsim.faces.meshes.alignment import Alignment, Turns
+from glsim.faces.meshes.alignment import Alignment, Turns, check_axes, check_unit
 from glsim.faces.meshes.load import (
     FileMesh,
     check_head_size,
@@ -40,9 +40,18 @@ from glsim.faces.meshes.load import (
 from glsim.faces.meshes.obj import EXTENSIONS
 from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 from glsim.faces.scans.file_tree import last_number, unique_name
+from glsim.settings.toml_tables import TomlTable
 
 MAIN_SEQUENCE: Final = "main"
 FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects FaceKey.time_s only
+
+
+class Placement(TomlTable):
+    """Unit and pose of one mesh or of all meshes of a folder; what is not set: the source's."""
+
+    unit: str | None = Field(None, description="as source.unit")
+    axes: str | None = Field(None, description="as source.axes")
+    rotation_deg: Turns | None = Field(None, description="as source.rotation_deg")
 
 
 class FolderSettings(MeshFileSettings):
@@ -53,10 +62,14 @@ class FolderSettings(MeshFileSettings):
         description="turns about x (left), y (up) and z (forward) after axes, degrees, in this "
         "order; default: found if axes is auto",
     )
+    overrides: dict[str, Placement] = Field(
+        {},
+        description="unit, axes, rotation_deg of single meshes or folders, by path below root",
+    )
 
     def open(self, seed: int) -> FaceSource:
         """Open the tree. Raises ConfigError without meshes."""
-        return Folder(self.folder, self.unit, self.axes, self.rotation_deg)
+        return Folder(self.folder, self.unit, self.axes, self.rotation_deg, self.overrides)
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
@@ -73,6 +86,8 @@ class Folder(FileFaces):
     Args:
         unit, axes, rotation_deg: see ``load_mesh``. For "auto", they are found on the first valid
             mesh of a subject and used for all its meshes, so that a sequence does not jump.
+        overrides: path of a mesh or folder below ``root`` -> its unit and pose; the longest path
+            counts.
 
     Raises:
         ConfigError: an invalid setting, a missing root or a root without meshes.
@@ -87,10 +102,24 @@ class Folder(FileFaces):
         unit: str = "auto",
         axes: str = "auto",
         rotation_deg: Turns | None = None,
+        overrides: Mapping[str, Placement] | None = None,
     ) -> None:
         super().__init__(root, unit, axes)
         self._turns = rotation_deg
         self._bad: dict[str, MeshError] = {}
+        self._overrides = {path.strip("/"): placed for path, placed in (overrides or {}).items()}
+        for placed in self._overrides.values():
+            check_unit(placed.unit or unit)
+            check_axes(placed.axes or axes)
+
+    def subjects(self, count: int | None) -> list[str]:
+        """Return the first ``count`` subjects (None: all). Raises ConfigError."""
+        paths = [key.path for keys in self.people.values() for key in keys]
+        for path in self._overrides:
+            if not any(_is_below(mesh, path) for mesh in paths):
+                known = did_you_mean(path, paths)
+                raise ConfigError(f"source.overrides: no mesh {path!r} in {self.root} ({known})")
+        return super().subjects(count)
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return the keys of a subject's first ``count`` frames. Raises ConfigError."""
@@ -136,18 +165,28 @@ class Folder(FileFaces):
 
     def _alignment_of(self, key: FaceKey) -> Alignment:
         """Combine the subject's alignment with the origin of the sequence. Raises MeshError."""
-        keys = self.frames(key.subject, None)
-        subject = self._first_alignment(key.subject, "", keys, self._unit, self._axes, self._turns)
+        override = self._override(key)
+        placed = self._overrides.get(override, Placement())
+        turns = self._turns if placed.axes is None else None
+        given = (
+            placed.unit or self._unit,
+            placed.axes or self._axes,
+            turns if placed.rotation_deg is None else placed.rotation_deg,
+        )
+        keys = [k for k in self.frames(key.subject, None) if self._override(k) == override]
+        subject = self._first_alignment((key.subject, override), keys, *given)
         keys = [other for other in keys if other.sequence == key.sequence]
-        unit = str(subject.mm_per_unit)
-        placed = unit, subject.axes, subject.rotation_deg
-        sequence = self._first_alignment(key.subject, key.sequence, keys, *placed)
+        found = str(subject.mm_per_unit), subject.axes, subject.rotation_deg
+        sequence = self._first_alignment((key.subject, override, key.sequence), keys, *found)
         return replace(subject, origin_mm=sequence.origin_mm)
+
+    def _override(self, key: FaceKey) -> str:
+        """Return the longest path of an override that holds this mesh, "" without."""
+        return max((p for p in self._overrides if _is_below(key.path, p)), key=len, default="")
 
     def _first_alignment(
         self,
-        subject: str,
-        sequence: str,
+        name: tuple[str, ...],
         keys: list[FaceKey],
         unit: str,
         axes: str,
@@ -164,9 +203,9 @@ class Folder(FileFaces):
                         return self._align(path, self._read(key), unit, axes, turns)
                 except MeshError as error:
                     errors.append(error)
-            raise errors[0] if errors else MeshError(f"{self.root}: {subject} has no mesh")
+            raise errors[0] if errors else MeshError(f"{self.root}: {name[0]} has no mesh")
 
-        return self.read_once((subject, sequence), first)
+        return self.read_once(name, first)
 
     @cached_property
     def people(self) -> dict[str, list[FaceKey]]:
@@ -201,3 +240,8 @@ class Folder(FileFaces):
                 name = path.relative_to(self.root).as_posix()
                 keys.append(FaceKey(subject, sequence, number, time_s, name))
         return keys
+
+
+def _is_below(path: str, folder: str) -> bool:
+    """Return whether the path is this folder or file, or lies below it."""
+    return path == folder or path.startswith(f"{folder}/")

@@ -15,10 +15,12 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.data.driver import generate
 from glsim.data.reader import open_dataset
+from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
 from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.folder import Folder
 from glsim.settings.schema import load_settings
+from glsim.settings.source_settings import parse_source
 from tests.support.face_models import analytic_face
 from tests.support.face_sets import all_keys, good_faces
 from tests.support.imports import ROOT
@@ -124,6 +126,21 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(tmp_
     np.testing.assert_allclose(blink.vertices_mm, first.vertices_mm, atol=1.0)
     assert faces["a/blink/0.ply"].notes["unit"] == "cm"
     assert faces["b.stl"].notes["axes"] == "-x+y-z"
+
+
+def test_overrides_place_single_meshes_and_folders(tmp_path: Path) -> None:
+    for name, axes, scale in (("a/0.ply", "+x+y+z", 1.0), ("a/1.ply", "+x-y-z", 1.0),
+                              ("b/x/0.ply", "-x+y-z", 1 / 25.4)):  # fmt: skip
+        _write(tmp_path / name, axes=axes, scale=scale)
+    overrides = {"a/1.ply": {"axes": "+x+y+z", "rotation_deg": [180, 0, 0]}, "b": {"unit": "inch"}}
+    table = {"kind": "folder", "root": tmp_path, "unit": "mm", "overrides": overrides}
+    source = open_source(parse_source(table), 0)
+    first, second, third = (face.mesh.vertices_mm for face in good_faces(source, all_keys(source)))
+    np.testing.assert_allclose(second, first, atol=1e-3)
+    np.testing.assert_allclose(third, first, atol=1e-3)
+    wrong = open_source(parse_source(table | {"overrides": {"a/2.ply": {"unit": "cm"}}}), 0)
+    with pytest.raises(ConfigError, match=r"overrides: no mesh 'a/2.ply' in .*did you mean 'a/"):
+        wrong.subjects(None)
 
 
 @pytest.mark.long
