@@ -1,9 +1,10 @@
 """Find the unit and the pose of the head in a mesh, and align the mesh with the canonical frame.
 
-The head decides both: the mean face is fitted (``face_fit``) from the best matches of the nose
-template: first at the unit that makes the bounding box a head, in 24 orientations by quarter turns;
-then in all units; then in all orientations. The size of the face names the unit, for metric units
-differ far more than faces do. A face of another size is refused with the unit to give.
+The head decides both; walls and floors are left out first. The mean face is fitted (``face_fit``)
+from the best matches of the nose template: in the metric units that make the mesh a head or a body,
+then at any size; each in 24 orientations by quarter turns, then in all. The size of the face names
+the unit, for metric units differ far more than faces do. A face of another size is refused with
+the unit to give.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array
+from glsim.core.array_types import Array, Whole
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM, FaceFit, even_rotations, search_face
 from glsim.faces.meshes.nose_template import NoseMatch, find_tip, match_nose, sample_surface
@@ -36,23 +37,32 @@ OTHER_UNITS: Final = {"inch": 25.4, "foot": 304.8, "20": 20.0}
 MIN_HEAD_MM: Final = 80.0  # a cropped patch with eyes, nose and mouth
 MAX_HEAD_MM: Final = 700.0  # a head with neck and shoulders
 MAX_SCENE_MM: Final = 2600.0  # a body, or a head before a backdrop
+#: Sizes of the mesh that are tried where no metric unit fits; the nose template has three scales
+#: and covers the steps between them, a factor of 1.41.
+SIZES_MM: Final = (200.0, 280.0, 400.0, 560.0, 800.0, 1130.0, 1600.0, 2260.0)
 
 #: Largest distance of a head from its file's origin, over its size: steps of float32 are then 2 mm
 #: on a head of 200 mm.
 _MAX_AWAY: Final = 1e5
 
 MIN_MATCH: Final = 0.6  # faces reach 0.8 to 0.97, shapes without a nose less than 0.4
-GOOD_FIT: Final = 0.42  # of ``FaceFit.score``: faces reach 0.5 to 0.95, other shapes and poses 0.37
-PLAIN_FIT: Final = 0.28  # is enough for upright heads in metric units: wrong ones reach 0.22
-TILTED_FIT: Final = 0.5  # among all rotations, where other shapes fit better too
-SURE_FIT: Final = 0.6  # ends the search
+GOOD_FIT: Final = 0.83  # of ``FaceFit.score``: 59 of 61 faces reach more, 80 other shapes 0.83
+PLAIN_FIT: Final = 0.76  # is enough for upright heads in metric units
+SURE_FIT: Final = 0.88  # ends the search in a metric unit
+PERFECT_FIT: Final = 0.95  # ends the search over sizes: faces upside down at 1.5 times reach 0.93
 FACE_RATIO: Final = 1.3  # of a face to the mean face: 0.83 to 1.18 in heads of three sources
+METRIC_RATIO: Final = 1.45  # is doubted from FACE_RATIO on; 20 mm a unit differ from cm by 2
 GIVEN_RATIO: Final = 2.5  # a given unit is obeyed below; inches differ from centimetres by 2.54
 UPRIGHT_DEG: Final = 12.0  # heads of ICT-FaceKit seem tilted by up to 10 degrees, once by 13
 PLAIN_DEG: Final = 20.0  # a weak fit gives the pose worse: quarter turns are taken instead
-FINE_ROTATIONS: Final = 200  # 30 degrees apart
+FINE_ROTATIONS: Final = 400  # 24 degrees apart
 DENSE_SAMPLES: Final = 450_000  # a body has 1.8 m2: 4 in a cell of the mean face
-FINE_SAMPLES: Final = 5  # every fifth
+FINE_SAMPLES: Final = 3  # every third: 2 in a cell of the nose template on a bust
+
+_WALL_DRAWS: Final = 400  # triangles; their planes are tried
+_WALL_SHARE: Final = 0.2  # of the area; 0.13 of a mask of 800 triangles lie in one plane
+_WALL_THICKNESS: Final = 0.005  # of the largest side
+_WALL_COSINE: Final = math.cos(math.radians(8))
 
 _SAME_NOSE_MM: Final = 30.0
 _OTHER_WAY_DEG: Final = 40.0  # a fit that differs by more from given axes contradicts them
@@ -162,6 +172,8 @@ def estimate_alignment(
     check_unit(unit)
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)
     extent = float((upper - lower).max())
+    solid = _without_walls(vertices, faces, extent)
+    size = float(np.ptp(vertices[solid.ravel()], axis=0).max())
     away = float(max(np.abs(lower).max(), np.abs(upper).max()) / extent)
     if away > _MAX_AWAY:
         raise MeshError(
@@ -169,13 +181,13 @@ def estimate_alignment(
         )
     doubts: list[str] = []
     better = ""
-    samples = sample_surface(vertices, faces)
-    dense = partial(sample_surface, vertices, faces, DENSE_SAMPLES)
+    samples = sample_surface(vertices, solid)
+    dense = partial(sample_surface, vertices, solid, DENSE_SAMPLES)
     given = None if axes == "auto" else rotation(axes, rotation_deg or NO_TURNS)
-    fit = _find_face(samples, dense, _lengths(extent, unit), given)
+    fit = _find_face(samples, dense, _lengths(size, unit), given)
     if fit is None and unit != "auto":  # it may have another unit
         with suppress(MeshError):
-            fit = _find_face(samples, dense, _lengths(extent, "auto"), given)
+            fit = _find_face(samples, dense, _lengths(size, "auto"), given)
     if fit is None and given is None:
         raise MeshError(
             f"no face is found{'' if unit == 'auto' else f' with unit={unit}; try unit=auto, or'}: "
@@ -196,7 +208,7 @@ def estimate_alignment(
             )
     nose = match_nose((turn * mm_per_unit) @ samples)
     points_mm = vertices @ (turn * mm_per_unit).T
-    flip = _is_clockwise(points_mm, faces)
+    flip = _is_clockwise(points_mm, solid)
     origin = (0.0, 0.0, 0.0)
     if recentre:
         near = _nose_near(nose, turn, mm_per_unit, fit)
@@ -212,6 +224,36 @@ def estimate_alignment(
         name, mm_per_unit, chosen, origin, flip, nose.score, detected, tuple(doubts), better,
         degrees, extent * mm_per_unit,
     )  # fmt: skip
+
+
+def _without_walls(vertices: Array, faces: Whole, extent: float) -> Whole:
+    """Return the triangles without walls, floors and table tops, among which a head is small."""
+    rng = np.random.default_rng(0)
+    while True:
+        first, second, third = (vertices[faces[:, corner]] for corner in range(3))
+        normals, middles = np.cross(second - first, third - first), (first + second + third) / 3
+        area = np.linalg.norm(normals, axis=1)
+        if not area.sum() > 0:
+            return faces
+        normals /= np.maximum(area, np.finfo(float).tiny)[:, None]
+        drawn = rng.choice(len(faces), _WALL_DRAWS, p=area / area.sum())
+        offsets = (middles[drawn] * normals[drawn]).sum(axis=1)
+
+        drawn_on = _on_planes(normals[drawn], middles[drawn], normals[drawn], offsets, extent)
+        shares = drawn_on.mean(axis=0)
+        best = slice(shares.argmax(), shares.argmax() + 1)
+        on = _on_planes(normals, middles, normals[drawn[best]], offsets[best], extent)[:, 0]
+        if shares.max() < _WALL_SHARE or on.all():
+            return faces
+        faces = faces[~on]
+
+
+def _on_planes(
+    normals: Array, middles: Array, plane_normals: Array, offsets: Array, extent: float
+) -> NDArray[np.bool_]:
+    """Return (N, P): whether each of N triangles lies in each of P planes."""
+    near = np.abs(middles @ plane_normals.T - offsets) < _WALL_THICKNESS * extent
+    return near & (np.abs(normals @ plane_normals.T) > _WALL_COSINE)
 
 
 def _upright(fit: FaceFit) -> tuple[Array, str, Turns]:
@@ -236,63 +278,59 @@ def _nose_near(
     return near
 
 
-def _lengths(extent: float, unit: str) -> list[float]:
-    """Return the lengths of a unit to try, mm: first the one that makes the bounding box a head."""
+def _lengths(size: float, unit: str) -> list[list[float]]:
+    """Return the lengths of a unit to try, mm: metric ones, then steps of the mesh's size."""
     if unit != "auto":
         length = UNITS_MM[unit] if unit in UNITS_MM else float(unit)
-        if MIN_HEAD_MM <= extent * length <= MAX_SCENE_MM:
-            return [length]
+        if MIN_HEAD_MM <= size * length <= MAX_SCENE_MM:
+            return [[length]]
         raise MeshError(
-            f"with unit={unit} it is {extent * length:.4g} mm across, and should be "
+            f"with unit={unit} it is {size * length:.4g} mm across, and should be "
             f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; try unit='auto' or another unit"
         )
-    lengths = [UNITS_MM[name] for name in DETECTED_UNITS]
-    lengths.sort(key=lambda mm: not MIN_HEAD_MM <= extent * mm <= MAX_HEAD_MM)
-    lengths = [
-        mm for mm in (*lengths, *OTHER_UNITS.values()) if MIN_HEAD_MM <= extent * mm <= MAX_SCENE_MM
-    ]
-    if lengths:
-        return lengths
-    raise MeshError(
-        f"the mesh is {extent:.4g} units across: read as {', '.join(UNITS_MM)} that is no head or "
-        f"body of {MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; give a unit's length in millimetres, "
-        f"such as unit='{float(f'{250 / extent:.2g}'):g}' for a head of 250 mm"
-    )
+    metric = [UNITS_MM[name] for name in DETECTED_UNITS]
+    metric.sort(key=lambda mm: not MIN_HEAD_MM <= size * mm <= MAX_HEAD_MM)
+    metric = [mm for mm in metric if MIN_HEAD_MM <= size * mm <= MAX_SCENE_MM]
+    return [metric, [size_mm / size for size_mm in SIZES_MM]]
 
 
 def _find_face(
-    samples: Array, dense: Callable[[], Array], lengths: list[float], given: Array | None
+    samples: Array, dense: Callable[[], Array], lengths: list[list[float]], given: Array | None
 ) -> FaceFit | None:
     """Return the fit of the face, in the ``given`` rotation if it is one there; None: no face.
 
     ``dense`` makes more samples: the face of a body is a small part.
     """
     if given is not None:
-        fit = search_face(samples, lengths, [given], 3, SURE_FIT)
+        fit = search_face(samples, lengths[0], [given], 3, SURE_FIT)
         if fit and fit.score >= GOOD_FIT and _angle_deg(fit.rotation, given) < _OTHER_WAY_DEG:
             return fit
-    quarters = list(_ROTATIONS.values())
-    fit = search_face(samples, lengths[:1], quarters, 3, SURE_FIT)
-    if fit is not None and fit.score >= GOOD_FIT and _is_plain(fit, lengths[0]):
-        return fit
-    if fit is None or fit.score < GOOD_FIT:
-        fit = search_face(dense(), lengths, quarters, 40, SURE_FIT)
-        if fit is not None and fit.score >= PLAIN_FIT and _is_plain(fit, lengths[0]):
+    quarters, size = list(_ROTATIONS.values()), float(np.ptp(samples, axis=1).max())
+    best = None
+    for sure, group in zip((SURE_FIT, PERFECT_FIT), lengths, strict=False):
+        heads = [mm for mm in group if size * mm <= MAX_HEAD_MM]
+        bodies = [mm for mm in group if size * mm > MAX_HEAD_MM]
+        fit = search_face(samples, heads, quarters, 40, sure)
+        if bodies and _score(fit) < GOOD_FIT:
+            near = search_face(samples, bodies, quarters, 24, sure, dense())
+            fit = max(fit, near, key=_score)
+        if given is None and _score(fit) < GOOD_FIT:
+            some, turns = samples[:, ::FINE_SAMPLES], even_rotations(FINE_ROTATIONS)
+            fit = max(fit, search_face(some, heads, turns, 24, sure, samples), key=_score)
+        known = fit and any(_ratio(fit.mm_per_unit, mm) < METRIC_RATIO for mm in lengths[0])
+        if fit and known and fit.score >= (PLAIN_FIT if _is_upright(fit) else GOOD_FIT):
             return fit
-    if given is None and (fit is None or fit.score < GOOD_FIT):
-        extent = float(np.ptp(samples, axis=1).max())
-        heads = [mm for mm in lengths if extent * mm <= MAX_HEAD_MM]
-        turns = even_rotations(FINE_ROTATIONS)
-        fit = search_face(samples[:, ::FINE_SAMPLES], heads, turns, 40, SURE_FIT)
-        return fit if fit is not None and fit.score >= TILTED_FIT else None
-    return fit if fit is not None and fit.score >= GOOD_FIT else None
+        best = max(best, fit, key=_score)
+    return best if _score(best) >= GOOD_FIT else None
 
 
-def _is_plain(fit: FaceFit, length: float) -> bool:
-    """Return whether the face has a head's size in a metric unit, and stands in quarter turns."""
-    metric = length in (UNITS_MM[name] for name in DETECTED_UNITS)
-    upright = _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation))) <= PLAIN_DEG
-    return metric and upright and _ratio(fit.mm_per_unit, length) < FACE_RATIO
+def _score(fit: FaceFit | None) -> float:
+    return -1.0 if fit is None else fit.score
+
+
+def _is_upright(fit: FaceFit) -> bool:
+    """Return whether the head stands in quarter turns."""
+    return _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation))) <= PLAIN_DEG
 
 
 def _ratio(first: float, second: float) -> float:
@@ -310,11 +348,20 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
             )
         return (unit if unit in UNITS_MM else f"{length:g} mm"), length
     if fit is None:
-        length = _lengths(extent, unit)[0]
+        metric = _lengths(extent, unit)[0]
+        if not metric:
+            raise MeshError(
+                f"it is {extent:.4g} units across and has no face: as {', '.join(UNITS_MM)} it "
+                "is no head or body; give the unit's length in millimetres, such as unit='110'"
+            )
+        length = metric[0]
         return next((n for n, mm in UNITS_MM.items() if mm == length), f"{length:g} mm"), length
     normalised = min(abs(extent - 1), abs(extent - 2)) < _NORMALISED
     metric = min(DETECTED_UNITS, key=lambda name: _ratio(UNITS_MM[name], fit.mm_per_unit))
-    if not normalised and _ratio(UNITS_MM[metric], fit.mm_per_unit) < FACE_RATIO:
+    if not normalised and (ratio := _ratio(UNITS_MM[metric], fit.mm_per_unit)) < METRIC_RATIO:
+        if ratio > FACE_RATIO:
+            size = UNITS_MM[metric] / fit.mm_per_unit
+            doubts.append(f"with unit {metric} the face is {size:.2g} times as large as a mean one")
         return metric, UNITS_MM[metric]
     if not normalised and _ratio(UNITS_MM["foot"], fit.mm_per_unit) < FACE_RATIO:
         doubts.append("the unit foot is found by the size of the face alone")
@@ -324,7 +371,7 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
         for name in ("inch", "20")
         if _ratio(OTHER_UNITS[name], fit.mm_per_unit) < FACE_RATIO
     ]
-    near += [f"'{fit.mm_per_unit:.3g}'"]
+    near += [f"'{float(f'{fit.mm_per_unit:.3g}'):g}'"]
     raise MeshError(
         f"it is of unknown scale, {extent:.4g} units across"
         f"{' (normalised)' if normalised else ''}: unit={near[-1]} gives its face the mean size; "

@@ -2,8 +2,10 @@
 
 The nose template gives where to begin. Then Gauss-Newton steps of a rotation, a shift and a scale
 bring the surface's heights onto those of the mean face, point to plane (Chen and Medioni 1992);
-hair has no weight. Other round shapes fit a face to a few millimetres too: the score is
-a correlation after the best paraboloid is removed from both, times the share of near cells.
+hair has no weight. Other round shapes, and faces upside down, fit to a few millimetres too: the
+score is the match of the nose template where the fit puts the tip, times the covered share. On 40
+people of MakeHuman, 20 of ICT-FaceKit and 80 other shapes the likeness to the mean face told
+faces less well, even after 60 modes of identity were fitted to them.
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ import cv2
 import numpy as np
 
 from glsim.core.array_types import Array, Whole
-from glsim.faces.meshes.nose_template import TIP_MM, NoseMatch, match_noses, sample_surface
+from glsim.faces.meshes.nose_template import (
+    TIP_MM,
+    NoseMatch,
+    match_nose,
+    match_noses,
+    sample_surface,
+)
 
 ORIGIN_BEHIND_NOSE_MM: Final = 45.0
 """Distance of the canonical origin, between the cheek bones, behind the nose tip, mm."""
@@ -36,17 +44,19 @@ _DAMPING: Final = 1e-3
 _BACK_MM: Final = -60.0  # of the embedded heads: the face lies before it
 _LAYER_MM: Final = 6.0  # depth of a cell's foremost layer
 _STEPS: Final = 30
+_FIRST_STEPS, _LEAST_NEAR = 9, 0.25  # fits to faces reach a weight of 0.4, others mostly end here
 _WIDEST_MM, _NARROWEST_MM, _NARROWER = 30.0, 9.0, 0.8  # residuals beyond have no weight
 _LEAST_MATCH: Final = 0.5  # a face that is turned by 15 degrees matches a nose better
-_CLIP_MM: Final = 15.0
-_CLOSE_MM: Final = 5.0
-_POINTS: Final = 20_000
+_REACH_MM: Final = 60.0  # a cell farther from the mean face has no surface
+_NOSE_PLACE_MM: Final = 20.0  # 90 % of the noses of right fits lie 18 mm from the mean tip or less
+_WINDOW_MM: Final = 110.0  # both sides of a face, for the comparison of left and right
+_POINTS: Final = 10_000
 
 
 class FaceFit(NamedTuple):
     """A similarity from a file to the canonical frame: ``mm_per_unit * rotation @ p + shift_mm``.
 
-    ``score``: likeness to the mean face, -1 to 1.
+    ``score``: match of the nose in its place, times the share of the face with surface, 0 to 1.
     """
 
     score: float
@@ -57,11 +67,10 @@ class FaceFit(NamedTuple):
 
 @dataclass(frozen=True)
 class _MeanFace:
-    """K cells of the mean face: (3, K) points and normals, (K, 6) paraboloids; number by place."""
+    """K cells of the mean face: (3, K) points and normals; number by place."""
 
     points: Array
     normals: Array
-    smooth: Array
     number: Whole
 
 
@@ -86,9 +95,8 @@ def _mean_face() -> _MeanFace:
     face = (x / _HALF_WIDTH_MM) ** 2 + ((y - _MIDDLE_MM) / _HALF_HEIGHT_MM) ** 2 < 1
     face &= y > _LOWEST_MM
     x, y, z = x[face], y[face], height.reshape(face.shape)[face]
-    smooth = np.stack([np.ones_like(x), x, y, x**2, y**2, x * y], axis=1)
     number = np.where(face, np.cumsum(face).reshape(face.shape) - 1, -1)
-    return _MeanFace(np.stack([x, y, z]), normals[:, face], smooth, number)
+    return _MeanFace(np.stack([x, y, z]), normals[:, face], number)
 
 
 def _foremost(
@@ -125,20 +133,20 @@ def fit_face(
     tip = np.array([*nose.near_mm, nose.top_mm])
     shift, scale = np.array([0.0, 0.0, ORIGIN_BEHIND_NOSE_MM]) - tip, mm_per_unit
     points = scale * (rotation @ samples) + shift[:, None]
-    samples = samples[:, (np.abs(points) < 160).all(axis=0)]
+    every = samples[:, (np.abs(points) < 1.5 * _WINDOW_MM).all(axis=0)]
+    samples = samples[:, (np.abs(points) < _WINDOW_MM).all(axis=0)]
     samples = samples[:, :: len(samples[0]) // _POINTS + 1]
-    step, done = 0, False
-    while True:
+    for step in range(_STEPS):
         points = scale * (rotation @ samples) + shift[:, None]
-        gate = 40.0 if done else max(_WIDEST_MM * _NARROWER**step, _NARROWEST_MM)
+        gate = max(_WIDEST_MM * _NARROWER**step, _NARROWEST_MM)
         cells, means = _foremost(points, face.number, face.points[2], 1.5 * gate)
         if len(cells) < 0.3 * face.points.shape[1]:
             return None
         normals, away = face.normals[:, cells], means - face.points[:, cells]
         residual = (normals * away).sum(axis=0)
-        if done:
-            break
         weight = np.clip(1 - (residual / gate) ** 2, 0, 1) ** 2
+        if step == _FIRST_STEPS and weight.sum() < _LEAST_NEAR * face.points.shape[1]:
+            return None
         turns = np.cross(means.T, normals.T)
         moves = np.column_stack([turns, normals.T, (normals * means).sum(axis=0)])
         normal_matrix = (moves * weight[:, None]).T @ moves + _DAMPING * len(cells) * np.eye(7)
@@ -147,36 +155,43 @@ def fit_face(
         growth = 1 + float(np.clip(change[6], -0.1, 0.1))
         rotation, scale = turn @ rotation, scale * growth
         shift = growth * (turn @ shift) + np.clip(change[3:6], -15, 15)
-        step += 1
-        still = gate == _NARROWEST_MM and np.abs(change * [99, 99, 99, 1, 1, 1, 99]).max() < 0.3
-        done = still or step == _STEPS
-    basis = np.linalg.qr(face.smooth[cells])[0]
-    heights = np.stack([face.points[2, cells], face.points[2, cells] + residual / normals[2]])
-    bumps = np.clip(heights - heights @ basis @ basis.T, -_CLIP_MM, _CLIP_MM)
-    alike = bumps[0] @ bumps[1] / (np.linalg.norm(bumps[0]) * np.linalg.norm(bumps[1]) + 1e-9)
-    close = (np.abs(residual) < _CLOSE_MM).sum() / face.points.shape[1]
-    return FaceFit(float(alike * close), scale, rotation, shift)
+        if gate == _NARROWEST_MM and np.abs(change * [99, 99, 99, 1, 1, 1, 99]).max() < 0.3:
+            break
+    points = scale * (rotation @ every) + shift[:, None]
+    cells, _ = _foremost(points, face.number, face.points[2], _REACH_MM)
+    points = points[:, (np.abs(points) < _WINDOW_MM).all(axis=0)]
+    found = match_nose(points) if points.shape[1] else NoseMatch(-1.0, (0.0, 0.0))
+    score = max(found.score, 0.0) * len(cells) / face.points.shape[1]
+    if np.hypot(*found.near_mm) > _NOSE_PLACE_MM:
+        score = 0.0
+    return FaceFit(score, scale, rotation, shift)
 
 
 def search_face(
-    samples: Array, scales: Sequence[float], rotations: Iterable[Array], tries: int, good: float
+    samples: Array,
+    scales: Sequence[float],
+    rotations: Iterable[Array],
+    tries: int,
+    good: float,
+    dense: Array | None = None,
 ) -> FaceFit | None:
     """Return the best fit of ``tries`` noses, the best of all scales and rotations; None without.
 
-    The first fit whose score is at least ``good`` ends the search.
+    The first fit whose score is at least ``good`` ends the search. Noses are found in ``samples``,
+    and fitted to the ``dense`` ones, which default to them.
     """
     begins = [
         (nose, scale, rotation)
         for rotation in rotations
         for turned in [rotation @ samples]
         for scale in scales
-        for nose in match_noses(turned * scale, 2)
+        for nose in match_noses(turned * scale, 2, _LEAST_MATCH)
         if nose.score > _LEAST_MATCH
     ]
     begins.sort(key=lambda begin: -begin[0].score)
     best = None
     for nose, scale, rotation in begins[:tries]:
-        fit = fit_face(samples, rotation, scale, nose)
+        fit = fit_face(samples if dense is None else dense, rotation, scale, nose)
         if fit is not None and (best is None or fit.score > best.score):
             best = fit
             if fit.score >= good:

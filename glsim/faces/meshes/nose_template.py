@@ -96,10 +96,13 @@ def match_nose(points_mm: NDArray[np.floating]) -> NoseMatch:
     return match_noses(points_mm, 1)[0]
 
 
-def match_noses(points_mm: NDArray[np.floating], count: int) -> list[NoseMatch]:
+def match_noses(
+    points_mm: NDArray[np.floating], count: int, least: float = -1.0
+) -> list[NoseMatch]:
     """Slide the template over the height map of points (3, N) seen from +z; best matches first.
 
-    They are at least APART_CELLS apart. Without any there is one of correlation -1.
+    They are at least APART_CELLS apart, and better than ``least``. Without any there is one of
+    correlation -1.
     """
     lower = points_mm[:2].min(axis=1)
     column, row = ((points_mm[:2] - lower[:, None]) / CELL_MM).astype(np.int64)
@@ -127,8 +130,11 @@ def match_noses(points_mm: NDArray[np.floating], count: int) -> list[NoseMatch]:
     gain = product / _TEMPLATE_NORMS**2
     fits = (gain > GAIN[0]) & (gain < GAIN[1])
     score = np.where(fits, correlation, correlation * 0.5).max(axis=1)
-    score -= ASYMMETRY_COST * _asymmetry(top, y, x)
     score -= FAR_COST * np.clip(top.max() - top[y, x] - FAR_MM, 0.0, FARTHEST_MM)
+    high = score > least  # asymmetry, which takes most of the time, only lowers the score
+    y, x, score = y[high], x[high], score[high]
+    score -= ASYMMETRY_COST * _asymmetry(top, y, x)
+    score[score <= least] = -np.inf
     matches: list[NoseMatch] = []
     while len(matches) < count and np.isfinite(score).any():
         best = int(np.argmax(score))
@@ -136,7 +142,7 @@ def match_noses(points_mm: NDArray[np.floating], count: int) -> list[NoseMatch]:
         near = float(x_mm), float(y_mm)
         matches.append(NoseMatch(float(score[best]), near, float(top[y[best], x[best]])))
         score[np.hypot(x - x[best], y - y[best]) < APART_CELLS] = -np.inf
-    return matches
+    return matches or [NoseMatch(-1.0, (0.0, 0.0))]
 
 
 def _asymmetry(

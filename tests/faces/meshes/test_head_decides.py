@@ -73,6 +73,22 @@ def test_a_head_before_a_backdrop_keeps_its_size() -> None:
         assert abs(alignment.origin_mm[1] - align(vertices, faces).origin_mm[1]) < 1
 
 
+def test_a_tilted_head_in_the_corner_of_a_room_of_many_triangles_is_found() -> None:
+    vertices, faces = head(1, -150.0)
+    across, up = np.meshgrid(np.linspace(-900, 900, 25), np.linspace(0, 1800, 25))
+    cells = np.arange(24 * 25).reshape(24, 25)[:, :-1].ravel()[:, None]
+    squares = np.concatenate([np.add(cells, [0, 1, 25]), np.add(cells, [1, 26, 25])])
+    bottom, back = vertices[:, 1].min(), vertices[:, 2].min() - 150
+    wall = np.stack([across, bottom + up, np.full_like(up, back)], axis=-1).reshape(-1, 3)
+    floor = np.stack([across, np.full_like(up, bottom), back + up], axis=-1).reshape(-1, 3)
+    turn = tilt(2, 40)
+    scene = np.concatenate([vertices, wall, floor]) @ turn.T / 1000
+    triangles = [faces, squares + len(vertices), squares + len(vertices) + len(wall)]
+    alignment = align(scene, np.concatenate(triangles))
+    assert (alignment.unit, alignment.doubts) == ("m", ())
+    assert off_upright_deg(alignment, turn) < 6
+
+
 @needs_anny
 def test_people_are_read_back() -> None:
     from glsim.faces.sources.people import People
@@ -86,7 +102,7 @@ def test_people_are_read_back() -> None:
         assert np.abs(alignment.origin_mm[:2]).max() < 25
 
 
-@pytest.mark.parametrize("size", [1.0, 2.0, 9.7, 12.9])
+@pytest.mark.parametrize("size", [1.0, 9.7])
 def test_sizes_of_no_unit_are_refused_and_the_hints_work(size: float) -> None:
     vertices, faces = head(0, -150.0)
     used = vertices[np.unique(faces)]

@@ -175,7 +175,6 @@ BAD_TEXT = {
     "range.obj": (_obj("v 0 0 0\nv 1 0 0\nv 0 1 0", "f 1 2 4"), "uses vertex 4, but there are 3"),
     "nan.obj": (_obj("v 0 0 nan\nv 1 0 0\nv 0 1 0"), "1 of 1 triangles have a vertex at NaN"),
     "flat.obj": (_obj("v 0 0 0\nv 1 0 0\nv 2 0 0"), "all 1 triangles are degenerate"),
-    "small.obj": (_obj("v 0 0 0\nv 2e-4 0 0\nv 0 1e-4 0"), "0.0002 units across"),
     "noseless.obj": (_obj("v 0 0 0\nv 200 0 0\nv 0 150 0"), "no face is found"),
     "empty.ply": ("ply\n", "damaged, cut short or not PLY"),
     "points.gltf": ("{}", "no triangles in it"),
