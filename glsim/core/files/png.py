@@ -15,6 +15,7 @@ PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 from __future__ import annotations
 
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +41,11 @@ _ANIMATION = (b"acTL", b"fcTL", b"fdAT")
 _GREY, _RGB = 0, 2
 _UP_FILTER, _LAST_FILTER = 2, 4
 _PALETTE = 3
-#: Largest block of a zlib stream that is not compressed, bytes.
-_STORED_BYTES = 65_535
-#: Colour type -> numbers of bits of a sample.
-_BITS = {_GREY: (1, 2, 4, 8, 16), _RGB: (8, 16), _PALETTE: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
-#: First column and row of the pixels of each pass of an interlaced image, and their distances.
-_ADAM7 = (
-    (0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2),
-    (0, 1, 1, 2),
-)  # fmt: skip
+#: Colour type -> number of samples of a pixel, and possible numbers of bits of a sample.
+_SAMPLES = {
+    _GREY: (1, (1, 2, 4, 8, 16)), _RGB: (3, (8, 16)), _PALETTE: (1, (1, 2, 4, 8)),
+    4: (2, (8, 16)), 6: (4, (8, 16)),
+}  # fmt: skip
 #: Keyword of the text chunk with the step of a depth map, mm.
 UNIT_KEYWORD = b"glsim depth_unit_mm"
 #: Number of bytes to read of a file's beginning: the signature, IHDR and that chunk need fewer.
@@ -148,9 +145,11 @@ def _tiff_tags(data: bytes) -> dict[int, tuple[int, int]]:
 
 
 def size_problem(data: bytes, max_px: int = MAX_SIDE_PX**2) -> str | None:
-    """Return why an image file is refused: too large, or several images; None if it is accepted."""
+    """Return why an image file is refused: its size or form; None if it is accepted."""
     if _tiff_tags(data).get(0, (0, 0))[0]:
         return "holds several images: give each a file of its own, or all as one .npy stack"
+    if data[:8] == _SIGNATURE and data[28:29] == b"\1":
+        return "is an interlaced PNG file: save it without"
     size = image_size(data)
     if size is None or (max(size) <= MAX_SIDE_PX and size[0] * size[1] <= max_px):
         return None
@@ -194,34 +193,20 @@ def _checked_png(data: bytes) -> bytes:
     palette, packed = chunks.get(b"PLTE", b""), chunks.get(b"IDAT", b"")
     if not packed:
         return b""
-    width, height, bits, colour, *ways, interlaced = struct.unpack(">IIBBBBB", data[16:29])
-    if bits not in _BITS.get(colour, ()) or any(ways) or interlaced > 1 or len(palette) % 3:
+    width, height, bits, colour, *ways = struct.unpack(">IIBBBBB", data[16:29])
+    samples, possible = _SAMPLES.get(colour, (1, ()))
+    if bits not in possible or any(ways) or len(palette) % 3 or not width * height:
         return b""
-    pixel_bits = bits * {_RGB: 3, 4: 2, 6: 4}.get(colour, 1)
-    passes = [
-        (-(-(height - y) // down), 1 + (-(-(width - x) // right) * pixel_bits + 7) // 8)
-        for x, y, right, down in (_ADAM7 if interlaced else ((0, 0, 1, 1),))
-        if width > x and height > y
-    ]
-    size, start = sum(rows * row for rows, row in passes), 0
+    row = 1 + (width * samples * bits + 7) // 8
     unpack = isal_zlib.decompressobj()
     try:
-        image = unpack.decompress(packed, size + 1)
+        image = unpack.decompress(packed, row * height + 1)
     except Exception:  # isal's stubs do not know its error as one
         return b""
-    if len(image) != size or not unpack.eof or unpack.unused_data:
+    whole = len(image) == row * height and unpack.eof and not unpack.unused_data
+    if not whole or max(image[::row]) > _LAST_FILTER:
         return b""
-    for rows, row in passes:
-        if max(image[start : start + rows * row : row]) > _LAST_FILTER:
-            return b""
-        start += rows * row
-    blocks = [image[n : n + _STORED_BYTES] for n in range(0, size, _STORED_BYTES)]
-    stored = [
-        part
-        for n, block in enumerate(blocks, 1)
-        for part in (struct.pack("<BHH", n == len(blocks), len(block), ~len(block) & 0xFFFF), block)
-    ]
-    stream = b"".join([b"\x78\x01", *stored, packed[-4:]])
+    stream = zlib.compress(image, 0)  # stored, so that OpenCV need not unpack it again
     colours = [_chunk(b"PLTE", palette)] if colour == _PALETTE else []
     parts = [_chunk(b"IHDR", data[16:29]), *colours, _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
     return b"".join([_SIGNATURE, *parts])

@@ -11,7 +11,7 @@ import re
 import warnings
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -64,6 +64,21 @@ class PolygonFile:
     material_names: tuple[str, ...] = ()
     libraries: tuple[str, ...] = ()
 
+    def checked(self, path: Path, first: int = 0) -> PolygonFile:
+        """Return the polygons without points and lines.
+
+        Raises MeshError, which names the file, for too many triangles, and for a corner outside
+        the vertices, of which the file gives the first the number ``first``.
+        """
+        check_corners(path, self.corners, len(self.vertices), first)
+        area = self.counts > 2
+        check_count(path, int((self.counts[area] - 2).sum()))
+        if area.all():
+            return self
+        materials = None if self.materials is None else self.materials[area]
+        corners, counts = self.corners[np.repeat(area, self.counts)], self.counts[area]
+        return replace(self, corners=corners, counts=counts, materials=materials)
+
     def fans(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Split polygons into fans: (T, 3) vertex indices and (T,) index of the source polygon."""
         fans = self.counts - 2
@@ -81,17 +96,16 @@ class PolygonFile:
         Raises MeshError, which names the file ``path``, for hollow polygons of too many corners.
         """
         triangles, polygon = self.fans()
-        starts, fan = np.cumsum(self.counts) - self.counts, np.cumsum(self.counts - 2)
-        fan -= self.counts - 2
         if self.counts.max(initial=3) == 3:
             return triangles, polygon
+        fan = np.cumsum(self.counts - 2) - (self.counts - 2)
         with np.errstate(all="ignore"):  # NaN and absurd sizes are refused afterwards
-            normal = self._normals(triangles)
-            whole = np.add.reduceat(normal, fan)
+            normals = self._normals(triangles)
+            whole = np.add.reduceat(normals, fan)
             least = -1e-9 * (whole**2).sum(axis=1)
-            for part in slices(len(normal)):
-                normal[part] *= whole[polygon[part]]
-            hollow = np.unique(polygon[normal.sum(axis=1) < least[polygon]])
+            for part in slices(len(normals)):
+                normals[part] *= whole[polygon[part]]
+            hollow = np.unique(polygon[normals.sum(axis=1) < least[polygon]])
         if not len(hollow):
             return triangles, polygon
         sizes = self.counts[hollow]
@@ -100,20 +114,19 @@ class PolygonFile:
                 f"{path}: {len(hollow)} hollow polygons of up to {sizes.max()} corners take too "
                 "long to split; export it as triangles"
             )
-        ears = self._ears(starts[hollow], sizes, whole[hollow])
-        areas = np.zeros_like(whole[hollow])
-        np.add.at(areas, np.repeat(np.arange(len(hollow)), [len(new) for new in ears]),
-                  self._normals(np.concatenate(ears)))  # fmt: skip
-        missing = np.abs(areas - whole[hollow]).max(axis=1)
-        for bent in np.flatnonzero(missing > 1e-6 * np.abs(whole[hollow]).max(axis=1)):
-            start = fan[hollow[bent]]  # it lost an ear
-            ears[bent] = triangles[start : start + sizes[bent] - 2]
         convex = ~np.isin(polygon, hollow)
-        source = np.repeat(hollow, [len(new) for new in ears])
-        return (
-            np.concatenate([triangles[convex], *ears]),
-            np.concatenate([polygon[convex], source]),
-        )
+        parts, sources = [triangles[convex]], [polygon[convex]]
+        ends = np.cumsum(self.counts)
+        for number, size in zip(hollow, sizes, strict=True):
+            normal, end = whole[number], ends[number]
+            ears = self._ears(self.corners[end - size : end], normal)
+            if len(ears) < size - 2:
+                missing = np.abs(self._normals(ears).sum(axis=0) - normal).max()
+                if missing > 1e-6 * np.abs(normal).max():  # a bent polygon lost an ear
+                    ears = triangles[fan[number] : fan[number] + size - 2]
+            parts.append(ears)
+            sources.append(np.full(len(ears), number))
+        return np.concatenate(parts), np.concatenate(sources)
 
     def _normals(self, triangles: NDArray[np.int64]) -> NDArray[np.float64]:
         normals = np.empty(triangles.shape)
@@ -122,20 +135,16 @@ class PolygonFile:
             normals[part] = np.cross(b - a, c - a)
         return normals
 
-    def _ears(
-        self, starts: NDArray[np.int64], sizes: NDArray[np.int64], whole: NDArray[np.float64]
-    ) -> list[NDArray[np.int64]]:
-        """Split polygons seen along the largest axis of their normals, ``whole``, (P, 3)."""
+    def _ears(self, corners: NDArray[np.int64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Split a polygon as it looks along the largest axis of its normal."""
         from mapbox_earcut import triangulate_float64  # few files have such polygons
 
-        axes, ears = np.abs(whole).argmax(axis=1), []
-        for start, size, axis, normal in zip(starts, sizes, axes, whole, strict=True):
-            corners = self.corners[start : start + size]
-            x, y = ((axis + 1) % 3, (axis + 2) % 3)[:: 1 if normal[axis] > 0 else -1]
-            plane = self.vertices[corners[:, None], [x, y]]
-            ends = np.array([size], np.uint32)
-            ears.append(corners[triangulate_float64(plane, ends)].reshape(-1, 3))
-        return ears
+        axis = int(np.abs(normal).argmax())
+        x, y = ((axis + 1) % 3, (axis + 2) % 3)[:: 1 if normal[axis] > 0 else -1]
+        plane = self.vertices[corners[:, None], [x, y]]
+        return corners[triangulate_float64(plane, np.array([len(corners)], np.uint32))].reshape(
+            -1, 3
+        )
 
 
 def slices(count: int) -> Iterator[slice]:
@@ -189,10 +198,8 @@ def read_obj(path: Path) -> PolygonFile:
         if line.startswith(b"f "):
             if len(faces[-1]) > _PART_BYTES:
                 faces.append(bytearray())
+            faces[-1] += line[2:]
             counts.append(len(line.split()) - 1)
-            last = line.split()[-1:] if counts[-1] in (1, 2) else []  # a triangle without area
-            faces[-1] += line[2:] + b" ".join(last * (3 - counts[-1])) + b"\n"
-            counts[-1] = max(counts[-1], 3 * len(last))
             materials.append(material)
             vertices_before.append(vertex_lines)
         elif line.startswith(b"v "):
@@ -203,21 +210,23 @@ def read_obj(path: Path) -> PolygonFile:
         elif line.startswith(b"mtllib"):
             libraries[_text(line[6:])] = None
     vertices, colours = _vertices(path, bytes(rows))
-    sizes, indices = np.array(counts, np.int64), np.array(materials, np.int64)
-    check_count(path, int(sizes.sum()) - 2 * len(sizes))
+    sizes = np.array(counts, np.int64)
+    check_count(path, int(sizes.sum()) - 2 * len(sizes))  # before their numbers take memory
     if sum(map(len, libraries)) > _MAX_NAMES:
         raise MeshError(f"{path}: its mtllib lines name too many files; remove them")
     numbers = np.concatenate(
         [parse_numbers(re.sub(rb"/[^ \n]*", b"", part), np.int64) for part in faces]
     )
-    if len(sizes) and sizes.min() < 3:
+    if not sizes.all():
         raise MeshError(f"{path}: a face line has no corners; the file is cut short")
     if len(numbers) != sizes.sum():
         raise MeshError(f"{path}: a face line holds something else than vertex numbers")
-    relative = np.repeat(np.array(vertices_before, dtype=np.int64), sizes)
-    numbers = np.where(numbers < 0, numbers + relative, numbers - 1)
-    check_corners(path, numbers, len(vertices), first=1)
-    return PolygonFile(vertices, colours, numbers, sizes, indices, tuple(names), tuple(libraries))
+    relative = np.repeat(np.array(vertices_before, np.int64), sizes)
+    corners = np.where(numbers < 0, numbers + relative, numbers - 1)
+    return PolygonFile(
+        vertices, colours, corners, sizes, np.array(materials, np.int64), tuple(names),
+        tuple(libraries),
+    ).checked(path, first=1)  # fmt: skip
 
 
 def read_material_colours(path: Path) -> dict[str, tuple[float, float, float]]:
@@ -245,11 +254,8 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
     """Read a file; a byte order mark is skipped, UTF-16 becomes UTF-8. Raises MeshError."""
     try:
         data = read_regular(path, max_bytes)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise MeshError(f"{path}: cannot be read ({reason})") from None
-    if not data:
-        raise MeshError(f"{path}: the file is empty")
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     return _plain_text(data)
 
 
@@ -270,8 +276,7 @@ def check_start(path: Path, pattern: bytes, kind: str) -> bytes:
     except OSError as error:
         raise MeshError(f"{path}: cannot be read ({error.strerror or error})") from None
     if found is None:
-        empty = path.stat().st_size == 0
-        reason = "the file is empty" if empty else f"damaged, cut short or not {kind}"
+        reason = f"damaged, cut short or not {kind}" if path.stat().st_size else "the file is empty"
         raise MeshError(f"{path}: {reason}; export it again")
     return found[0]
 
@@ -316,7 +321,7 @@ def _vertices(path: Path, rows: bytes) -> tuple[NDArray[np.float64], NDArray[np.
         return table[:, :3].copy(), None
     colours = table[:, 3:6]
     if table.shape[1] == 7:
-        colours = np.where(np.isnan(table[:, 6:7]), colours, table[:, 4:7])
+        colours = np.where(np.isnan(table[:, 6:]), colours, table[:, 4:7])
     return table[:, :3].copy(), None if np.isnan(colours).any(axis=1).all() else colours
 
 
@@ -326,28 +331,17 @@ def parse_rows(path: Path, rows: bytes, sizes: Sequence[int]) -> NDArray[np.floa
     Args:
         path: file that the error names.
         rows: the lines.
-        sizes: allowed numbers of values in a line. If lines differ, K is the largest of these, and
-            NaN stands after the end of a line.
+        sizes: allowed numbers of values in a line. K is that of the longest line; NaN stands after
+            the end of a shorter line.
     """
-    lines = rows.count(b"\n") + (not rows.endswith(b"\n"))
-    try:
-        table = np.loadtxt(io.BytesIO(rows), dtype=np.float64, ndmin=2, comments=None)
-        lengths = {table.shape[1] if len(table) == lines else 0}
-    except ValueError:  # lines of several lengths, or broken lines
-        numbers, lengths = array("d"), set[int]()
-        for line in io.BytesIO(rows):
-            words = line.split()
-            lengths.add(len(words))
-            try:
-                numbers.extend(map(float, words[: sizes[-1]]))
-            except ValueError as error:
-                raise MeshError(f"{path}: a vertex line is broken ({error!s:.80})") from None
-            numbers.extend([np.nan] * (sizes[-1] - len(words)))
-        table = np.array(numbers).reshape(-1, sizes[-1])
-    if not lengths.issubset(sizes):
+    lengths = np.fromiter((len(line.split()) for line in io.BytesIO(rows)), np.int64)
+    numbers = parse_numbers(rows, np.float64)
+    if len(numbers) != lengths.sum() or not set(np.unique(lengths)).issubset(sizes):
         raise MeshError(
             f"{path}: a vertex line is broken: it has not 3 (x y z) or 6 (with colour) numbers"
         )
+    table = np.full((len(lengths), lengths.max()), np.nan)
+    table[np.arange(table.shape[1]) < lengths[:, None]] = numbers
     return table
 
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 import io
 import re
 from array import array
-from collections.abc import Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from struct import Struct, calcsize, unpack_from
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ from numpy.typing import NDArray
 from glsim.core.errors import MeshError
 from glsim.faces.meshes.obj import (
     PolygonFile,
-    check_corners,
     check_count,
     check_start,
     parse_numbers,
@@ -43,9 +41,21 @@ _Property = tuple[str, list[str]]
 
 #: Name, number of rows and properties of an element.
 _Element = tuple[str, int, list[_Property]]
-#: The rows of an element: a structured array if all rows have lists of the same lengths, else the
-#: values of the list of vertices, concatenated, and its length in each row.
-_Rows = NDArray[Any] | tuple[NDArray[np.int64], NDArray[np.int64]]
+
+
+class _Rows(NamedTuple):
+    """The rows of an element.
+
+    Args:
+        table: a structured array; None if rows have lists of different lengths.
+        corners: the lists of vertex indices of all rows, concatenated.
+        counts: number of vertex indices of each row.
+    """
+
+    table: NDArray[Any] | None
+    corners: NDArray[np.int64]
+    counts: NDArray[np.int64]
+
 
 #: Largest body, bytes for each row that the header promises, and besides: a row of 64 numbers, as
 #: of a Gaussian splat, has 1.6 kB as text.
@@ -79,19 +89,21 @@ def read_ply(path: Path) -> PolygonFile:
             parsed, _ = _elements(path, body, 0, elements)
     else:
         parsed, _ = _elements(path, data, len(head), elements)
-    points, colours = parsed.get("vertex"), None
-    if isinstance(points, tuple):
+    nothing = _Rows(np.empty(0, [(axis, "f8") for axis in "xyz"]), *[np.empty(0, np.int64)] * 2)
+    points = parsed.get("vertex", nothing).table
+    if points is None:
         raise MeshError(f"{path}: its vertices have lists of several lengths; export it without")
-    vertices = np.empty((0, 3)) if points is None else _columns(points, ["x", "y", "z"])
-    if points is not None and {"red", "green", "blue"} <= set(points.dtype.names or ()):
-        colours = _columns(points, ["red", "green", "blue"])
-    corners, counts = np.empty(0, np.int64), np.empty(0, np.int64)
-    if "face" in parsed:
-        corners, counts = _lists(parsed["face"])
-    elif "tristrips" in parsed:
-        corners = _strips(_lists(parsed["tristrips"])[0]).ravel()
+    coloured = {"red", "green", "blue"} <= set(points.dtype.names or ())
+    _, corners, counts = parsed.get("face", nothing)
+    if "face" not in parsed and "tristrips" in parsed:
+        corners = _strips(parsed["tristrips"].corners).ravel()
         counts = np.full(len(corners) // 3, 3)
-    return _polygon_file(path, vertices, colours, corners, counts)
+    return PolygonFile(
+        _columns(points, ["x", "y", "z"]),
+        _columns(points, ["red", "green", "blue"]) if coloured else None,
+        corners,
+        counts,
+    ).checked(path)
 
 
 def _declared_numbers(path: Path, body: bytes, before: int, elements: list[_Element]) -> bytes:
@@ -167,25 +179,9 @@ def read_off(path: Path) -> PolygonFile:
     counts = np.array(lengths, np.int64)
     if len(counts) < faces or len(corners) != counts.sum():
         raise MeshError(f"{path}: cut short: it has {len(counts)} faces of the {faces} it promises")
-    return _polygon_file(
-        path, table[:, :3].copy(), colours if head[1] else None, np.array(corners, np.int64), counts
-    )
-
-
-def _polygon_file(
-    path: Path,
-    vertices: NDArray[np.float64],
-    colours: NDArray[np.float64] | None,
-    corners: NDArray[np.int64],
-    counts: NDArray[np.int64],
-) -> PolygonFile:
-    """Check the corners, and drop polygons that are points and lines."""
-    check_corners(path, corners, len(vertices))
-    area = counts > 2
-    check_count(path, int((counts[area] - 2).sum()))
-    if not area.all():
-        corners, counts = corners[np.repeat(area, counts)], counts[area]
-    return PolygonFile(vertices, colours, corners, counts)
+    colours = colours if head[1] else None
+    vertices = table[:, :3].copy()
+    return PolygonFile(vertices, colours, np.array(corners, np.int64), counts).checked(path)
 
 
 def _elements(
@@ -203,68 +199,59 @@ def _read_rows(
     path: Path, body: bytes, place: int, count: int, properties: list[_Property]
 ) -> tuple[_Rows, int]:
     """Return the rows of an element of a PLY, and its end."""
+    lists = [name for name, types in properties if len(types) == 2]
+    known = [name for name in lists if name in ("vertex_indices", "vertex_index")]
+    chosen = (known or lists or [""])[0]
     kind, lengths = _row_type(body, place, properties)
     if place + count * kind.itemsize <= len(body):
         table = np.frombuffer(body, kind, count, place)
-        if all((table[name] == length).all() for name, length in lengths):
-            return table, place + table.nbytes
-    if not lengths:
+        if all((table[f"{name} length"] == length).all() for name, length in lengths.items()):
+            corners = table[chosen].astype(np.int64).ravel() if lists else np.empty(0, np.int64)
+            counts = np.full(count, lengths.get(chosen, 0))
+            return _Rows(table, corners, counts), place + table.nbytes
+    if not lists:
         raise ValueError("the file ends early")
-    wanted = _list_of_vertices([name for name, types in properties if len(types) == 2])
-    starts, sizes = array("q"), array("q")
+    values, sizes = bytearray(), array("q")
     steps = [
-        (name == wanted, Struct(types[0]).unpack_from, calcsize(types[0]), calcsize(types[-1]))
+        (
+            name,
+            len(types) == 2,
+            Struct(types[0]).unpack_from,
+            calcsize(types[0]),
+            calcsize(types[-1]),
+        )
         for name, types in properties
     ]
-    listed = [len(types) == 2 for _, types in properties]
     for _ in range(count):
-        for (chosen, unpack, first, each), many in zip(steps, listed, strict=True):
-            length = int(unpack(body, place)[0]) if many else 0
-            place += first
-            if chosen:
-                starts.append(place)
-                sizes.append(length)
-            place += each * length
+        for name, listed, unpack, first, each in steps:
+            length = int(unpack(body, place)[0]) if listed else 0
+            start, place = place + first, place + first + each * length
             if length < 0 or place > len(body):
                 raise ValueError("a list has no length, or the file ends early")
+            if name == chosen:
+                values += body[start:place]
+                sizes.append(length)
     counts = np.array(sizes, np.int64)
-    check_count(path, int(np.maximum(counts - 2, 0).sum()))
-    values = np.dtype(dict(properties)[wanted][1])
-    shifts = np.array(starts, np.int64) - values.itemsize * (np.cumsum(counts) - counts)
-    places = np.repeat(shifts, counts) + values.itemsize * np.arange(counts.sum())
-    every_byte = np.ndarray((len(body) - values.itemsize + 1,), values, body, 0, (1,))
-    return (every_byte[places].astype(np.int64), counts), place
+    check_count(path, int(np.maximum(counts - 2, 0).sum()))  # before their numbers take memory
+    corners = np.frombuffer(values, dict(properties)[chosen][1]).astype(np.int64)
+    return _Rows(None, corners, counts), place
 
 
 def _row_type(
     body: bytes, place: int, properties: list[_Property]
-) -> tuple[np.dtype[Any], list[tuple[str, int]]]:
+) -> tuple[np.dtype[Any], dict[str, int]]:
     """Return NumPy's type of the row at byte ``place``, and the lengths of its lists."""
     fields: list[tuple[Any, ...]] = []
-    lengths: list[tuple[str, int]] = []
-    for name, types in properties:
-        if len(types) == 2:
-            lengths.append((f"{name} length", int(unpack_from(types[0], body, place)[0])))
-            fields.append((lengths[-1][0], types[0]))
-            place += calcsize(types[0]) + calcsize(types[1]) * lengths[-1][1]
-            fields.append((name, types[1], (lengths[-1][1],)))
+    lengths: dict[str, int] = {}
+    for name, (first, *values) in properties:
+        if values:
+            lengths[name] = int(unpack_from(first, body, place)[0])
+            fields += [(f"{name} length", first), (name, values[0], (lengths[name],))]
+            place += calcsize(values[0]) * lengths[name]
         else:
-            place += calcsize(types[0])
-            fields.append((name, types[0]))
+            fields.append((name, first))
+        place += calcsize(first)
     return np.dtype(fields), lengths
-
-
-def _list_of_vertices(lists: Sequence[str]) -> str:
-    return next((name for name in lists if name in ("vertex_indices", "vertex_index")), lists[0])
-
-
-def _lists(rows: _Rows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the vertex indices of all rows, concatenated, and their number in each row."""
-    if isinstance(rows, tuple):
-        return rows
-    names = rows.dtype.names or ()
-    table = rows[_list_of_vertices([name for name in names if f"{name} length" in names])]
-    return table.astype(np.int64).ravel(), np.full(len(table), table.shape[1])
 
 
 def _strips(corners: NDArray[np.int64]) -> NDArray[np.int64]:
