@@ -77,10 +77,10 @@ def paired_difference(one: SubjectSums, other: SubjectSums) -> PairedDifference:
     sums = np.stack([one.sums, other.sums], axis=1)[both]
     counts = np.stack([one.counts, other.counts], axis=1)[both]
     lower = int(np.count_nonzero(np.diff(sums / counts) > 0))
-    nan = float("nan")
-    mean = -float(np.diff(sums.sum(axis=0) / counts.sum(axis=0))[0]) if len(sums) else nan
     if len(sums) < 2:
-        return PairedDifference(mean, nan, nan, lower, len(sums))
+        gap = one.mean - other.mean
+        return PairedDifference(gap, float("nan"), float("nan"), lower, len(sums))
+    mean = -float(np.diff(sums.sum(axis=0) / counts.sum(axis=0))[0])
     times = resampled(len(sums))
     low, high = np.quantile(-np.diff((times @ sums) / (times @ counts)), [0.025, 0.975])
     return PairedDifference(mean, float(low), float(high), lower, len(sums))
