@@ -156,7 +156,7 @@ def _tiles(depth_mm: NDArray[np.float32], side: int) -> Array:
     low, high = cut.min(axis=(1, 2)), cut.max(axis=(1, 2))
     with np.errstate(invalid="ignore"):
         inverse = MM_PER_M / cut[high - low < _MOST_RANGE * low].astype(np.float64)
-    return inverse / inverse.mean(axis=(1, 2), keepdims=True) - 1.0
+    return np.asarray(inverse / inverse.mean(axis=(1, 2), keepdims=True) - 1.0)
 
 
 def _driver(frame: DepthFrame) -> Array:

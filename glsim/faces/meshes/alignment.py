@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Array, Whole
+from glsim.core.array_types import Array
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM, FaceFit, even_rotations, search_face
 from glsim.faces.meshes.nose_template import NoseMatch, find_tip, match_nose, sample_surface
@@ -226,7 +226,9 @@ def estimate_alignment(
     )  # fmt: skip
 
 
-def _without_walls(vertices: Array, faces: Whole, extent: float) -> Whole:
+def _without_walls(
+    vertices: NDArray[np.floating], faces: NDArray[np.integer], extent: float
+) -> NDArray[np.integer]:
     """Return the triangles without walls, floors and table tops, among which a head is small."""
     rng = np.random.default_rng(0)
     while True:
@@ -348,13 +350,13 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
             )
         return (unit if unit in UNITS_MM else f"{length:g} mm"), length
     if fit is None:
-        metric = _lengths(extent, unit)[0]
-        if not metric:
+        lengths = _lengths(extent, unit)[0]
+        if not lengths:
             raise MeshError(
                 f"it is {extent:.4g} units across and has no face: as {', '.join(UNITS_MM)} it "
                 "is no head or body; give the unit's length in millimetres, such as unit='110'"
             )
-        length = metric[0]
+        length = lengths[0]
         return next((n for n, mm in UNITS_MM.items() if mm == length), f"{length:g} mm"), length
     normalised = min(abs(extent - 1), abs(extent - 2)) < _NORMALISED
     metric = min(DETECTED_UNITS, key=lambda name: _ratio(UNITS_MM[name], fit.mm_per_unit))
