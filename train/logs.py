@@ -74,7 +74,6 @@ def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -
     """Write a picture with a row per frame: noisy, denoised and clean surface, and error map.
 
     Args:
-        path: the PNG file.
         frames: (noisy_mm, denoised_mm, clean_mm) of each frame, (1, H, W), 0 = no depth. The error
             is denoised minus clean; blue is nearer.
     """

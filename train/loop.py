@@ -51,11 +51,9 @@ class StepStatus(NamedTuple):
 
     Attributes:
         epoch: whole epochs done.
-        steps: steps done.
         total_steps: steps of the whole training; None without a limit.
         fraction_done: fraction of the whole training; 0 if only patience limits it.
         seconds: training time over all resumes.
-        loss: loss of this step.
         validation: metrics, if a validation followed this step.
     """
 
@@ -84,8 +82,6 @@ def fit(
     one: it continues with the number of threads of its beginning.
 
     Args:
-        recipe: network, loss, optimiser and limits.
-        source: the training and validation pairs.
         folder: the folder of the run: checkpoints, logs, sample pictures.
         resume: continue from the last checkpoint in ``folder``, if there is one.
         on_step: called after each step.
@@ -397,7 +393,6 @@ def validation_figures(
     Args:
         model: the network, in evaluation mode.
         batches: (noisy_mm, clean_mm), (B, C, H, W) and (B, 1, H, W).
-        loss: the training loss.
 
     Returns:
         loss: mean of the training loss.

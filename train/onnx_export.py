@@ -41,7 +41,6 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
 
     Args:
         checkpoint: best.pt or last.pt of a training.
-        out: the file to write.
 
     Returns:
         Output name -> largest difference between OpenCV and PyTorch on two test frames.

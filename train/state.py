@@ -38,7 +38,6 @@ class TrainingProgress:
         steps: steps done in total.
         seconds: training and validation time over all resumes.
         best: best value of the monitored metric.
-        best_step: step of the best value.
         stale: validations since the best validation.
         loss_sum: sum of the losses since the last validation.
         loss_count: number of steps since the last validation.

@@ -51,7 +51,6 @@ def systematic_mm2(
     the pixels), or if no pixel is interior in both.
 
     Args:
-        prediction: map of a frame.
         earlier_mm: (H, W) prediction of the previous frame, by the same method.
         earlier_clean_mm: (H, W) clean map of the previous frame.
     """

@@ -58,7 +58,6 @@ def score(
 
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
-        truth: the clean frame and the input.
         earlier_mm: prediction and clean map of the previous frame, see ``systematic_mm2``.
 
     Raises:

@@ -38,8 +38,6 @@ class Metric:
     Args:
         name: ends with the unit, such as "mse_mm2".
         unit: "1" for shares.
-        better: the direction of better values.
-        group: one of GROUPS.
         help: the definition in one line.
         value: computes the metric of a frame, NaN if undefined. None: ``score`` or its caller does.
         in_table: whether the metric is a column of table.md; table.csv has all metrics.

@@ -29,7 +29,6 @@ class Truth:
     Args:
         clean_mm, noisy_mm: (H, W) millimetres, 0 = no depth.
         rays: (H, W, 2), x/z and y/z of each pixel.
-        regions: the face regions, if known.
         offset_mm: depth that was subtracted from both maps, NaN = unknown. It is added again to
             compute normals; they are undefined without it.
     """
@@ -61,7 +60,6 @@ class ScoredMap:
 
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
-        truth: the clean frame and the input.
 
     Raises:
         DenoiserError: the prediction has another shape, or depth that is negative or NaN.

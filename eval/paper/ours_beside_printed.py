@@ -158,14 +158,7 @@ def printed_values() -> list[tuple[int, PrintedRow, str, float]]:
 
 
 def verdict(row: str, metric: str, printed: float, cases: Sequence[Case]) -> Verdict:
-    """Judge a printed value by the rules of VERDICTS.
-
-    Args:
-        row: title of the row in the paper.
-        metric: name of our metric.
-        printed: the printed value.
-        cases: our scores.
-    """
+    """Judge a printed value by the rules of VERDICTS."""
     scored = [case for case in cases if row in case.seeds]
     for case in scored:
         values = case.values(row, metric)

@@ -99,7 +99,6 @@ def paper_table(
 
     Args:
         which: number of the table: 1, 2 or 3.
-        evaluation: the scores.
         table: label of a method -> its scores.
         trained: the networks that were scored.
         refused: a reason for each network that was left out.

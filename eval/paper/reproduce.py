@@ -125,7 +125,6 @@ def reproduce(
     """Run all steps of a plan (generate, train, score); steps that are complete are skipped.
 
     Args:
-        plan: the steps.
         runner: the folder, and the display of progress.
         roots: kind of face source -> folder, for each face set of the paper that the user has.
 

@@ -45,10 +45,7 @@ class Runner:
     """Runner of the steps of a reproduction, with results in one folder.
 
     Attributes:
-        out: folder of the reproduction.
-        workers: number of worker processes.
         announce: called with a line before each step.
-        displays: progress of the steps.
         dry: whether steps are announced but not run.
     """
 
@@ -66,7 +63,6 @@ class Runner:
 
         Args:
             name: name of the step, unique in the reproduction.
-            run: does the work.
             inputs: JSON values that the output depends on.
             output: file or folder of the complete step; None: run every time.
 

@@ -34,7 +34,6 @@ def score_tables(
 
     Args:
         job: frames, and the denoisers beside the paper's filters.
-        out: folder of the results.
         tables: numbers of the paper's tables to write as paper_table_N.md.
         runs: folder with a folder per run of ``glsim train``.
         figures, workers, progress: see ``score_denoisers``.

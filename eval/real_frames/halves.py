@@ -38,8 +38,6 @@ class SplitRecording:
     """A recording with its static scenes and its units, which are scenes or image tiles.
 
     Attributes:
-        source: path and settings of the recording.
-        frames: the frames in order.
         partner: frame -> another frame of the same static scene.
         scene: frame -> number of the static scene.
     """

@@ -79,7 +79,6 @@ def score_recording(
     """Score denoisers and the raw frames on a recording.
 
     Args:
-        recording: the recording to score on.
         denoisers: specifications for ``load_denoiser``.
         scoring_half: score only on static pairs that ``tune_on_pairs`` does not use.
         workers: number of processes. Default: one per core.
@@ -140,14 +139,7 @@ def run_frames(
     workers: int | None,
     progress: Callable[[ScoringProgress], None] | None,
 ) -> list[ScoredFrame]:
-    """Score frames in worker processes; return the scores in order.
-
-    Args:
-        job: the recording and the denoisers.
-        numbers: numbers of the frames.
-        workers: number of processes. None: one per core.
-        progress: called after each block of frames.
-    """
+    """Score frames in worker processes; return the scores in order."""
     frames = []
     processes = min(workers or available_workers(), len(numbers))
     for frame in run_tasks(job, numbers, processes):

@@ -59,7 +59,6 @@ class RealMeasures:
         shift_by_100mm: (lower edge of the bin, shift), both mm, for bins of 100 mm.
         plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
         plane_change: change of plane_rmse_mm, computed as pair_change.
-        edges: values of the measures EDGES.
     """
 
     pair_rmse_mm: list[float]
@@ -93,12 +92,9 @@ class RealScores:
     """The result of ``score_recording``.
 
     Attributes:
-        title: name of the recording.
         methods: name -> measures, the raw frames first.
         versions: label -> version of the denoiser's file.
-        checksums: frame -> checksum.
         static_frames: number of frames with a static partner.
-        scenes: number of static scenes.
         boards: number of frames with a board.
         by_scene: whether units are scenes; otherwise tiles.
         own_ring_losses: shares of both rings that are lost in another raw frame of the view.
@@ -136,8 +132,6 @@ def add_up(
     """Add up the sums of the scored frames and compute all measures.
 
     Args:
-        recording: the recording.
-        scored: the scored frames of the recording.
         versions: label -> version of the denoiser's file.
         tuning_half: True: static pairs of the tuning half; False: of the scoring half; None: all.
     """

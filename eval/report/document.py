@@ -96,8 +96,6 @@ def html_page(
     All text is escaped; **bold** and `code` become HTML. Last intervals of cells are small.
 
     Args:
-        title: title of the page.
-        documents: the page's body.
         pictures: shown after the documents.
         notes: shown after the pictures.
     """

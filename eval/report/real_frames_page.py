@@ -139,9 +139,6 @@ def write_real_frames(
     Returns the paths. Raises DatasetError if writing fails.
 
     Args:
-        scores: scores of the recording.
-        out: folder of the written files.
-        pictures: pictures of the report.
         remarks: paragraphs that are added to the notes.
     """
     page = real_frames_document(scores, remarks)

@@ -44,10 +44,7 @@ def write_results(
     Tables and figures show the default composite of a network; table.csv has all composites.
 
     Args:
-        evaluation: the scores.
         table: method -> metric -> mean.
-        job: the scored job.
-        out: folder of the results.
         pages: file name without .md -> page, which report.html shows first.
         drawn: denoisers of the job that figures show; None: neither figures nor report.html.
 

@@ -30,11 +30,9 @@ def score_denoisers(
 
     Args:
         job: frames and denoisers (default: the paper's filters); the noisy input is always scored.
-        out: folder of the results.
         trained: networks of ``glsim train``, scored beside the denoisers.
         pages: function that makes further pages from the scores: file name without .md -> page.
         figures: draw report.html.
-        workers: number of processes.
         progress: called after each block of frames.
 
     Returns:

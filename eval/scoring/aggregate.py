@@ -23,7 +23,6 @@ class MetricMean:
     """The mean of a metric over the set, for one method, with its interval.
 
     Attributes:
-        metric: the averaged metric.
         mean: mean over frames.
         low, high: ends of the 95 % interval over subjects.
         frames: number of frames where the metric is defined.

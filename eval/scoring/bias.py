@@ -77,9 +77,6 @@ def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list
     """Add distance bins to sums, in place.
 
     Args:
-        total: the sums.
-        method: name of the denoiser.
-        subject: name of the person.
         bins: bin -> [sum of errors, number of pixels] to add.
     """
     known = total.setdefault(method, {}).setdefault(subject, {})

@@ -55,7 +55,6 @@ class Evaluation:
         baselines: scores of trivial predictions.
         bad: number of frames, or pairs of frame and method, that could not be scored.
         first_bad: the first bad frames with reasons.
-        protocol: origin of depths.
     """
 
     summary: ScoreSummary
@@ -80,8 +79,6 @@ def evaluate(
     set, DatasetError if no frame can be scored.
 
     Args:
-        job: frames and denoisers.
-        out: folder of the results.
         workers: number of processes. Default: one per core.
         baselines: also score trivial predictions.
         progress: called after each block.

@@ -45,7 +45,6 @@ def tune_filters(
     Args:
         job: frames; its denoisers are ignored.
         names: filters; those without a grid are left out.
-        out: folder of the trials.
         workers: number of processes. Default: one per core.
         progress: called after each block of frames.
     """

@@ -59,7 +59,6 @@ class PairedDifference:
     """The mean of one method minus that of another, over the same subjects.
 
     Attributes:
-        mean: the difference.
         low, high: ends of its 95 % interval; both methods have the same subjects in each draw.
         lower, subjects: number of subjects where the one method has the lower mean, and of all.
     """

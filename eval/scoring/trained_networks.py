@@ -22,13 +22,9 @@ class TrainedRun(BaseModel):
 
     Attributes:
         checkpoint: the best checkpoint.
-        title: title of the network.
         row: row in the paper's tables; None for another network.
         size: full, small or own.
         description: differences from the published training.
-        seed: seed of the recipe.
-        seconds: training time.
-        steps: steps of the optimiser.
         state: finished, or interrupted.
     """
 
@@ -118,9 +114,6 @@ class SeedGroup(NamedTuple):
     """The trainings of a network at one size with different seeds, which form a row of a table.
 
     Attributes:
-        title: title of the recipe.
-        row: row in the paper's tables, or None.
-        size: full, small or own.
         members: the runs, in the order of their seeds.
     """
 

@@ -42,9 +42,6 @@ class RenderJob:
     """The job of all workers of a run: render, write and record chunks.
 
     Attributes:
-        settings: settings of the data set.
-        state: state folder that records chunks.
-        make_frames: the simulator.
         inputs: hashes of the driver's input files; other machines compare theirs with them.
         code: version of the driver's code.
     """

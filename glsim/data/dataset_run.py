@@ -123,11 +123,8 @@ def make_missing_chunks(
     """Render the missing and damaged chunks. Raises the errors of ``write_dataset``.
 
     Args:
-        run: the data set.
         state: the locked state folder.
         part: make the chunks of this part. None: all.
-        render: makes the chunks.
-        counts: counters of the frames.
     """
     missing = _find_missing_chunks(run, state, run.numbers(part), counts)
     job = RenderJob(run.settings, state, run.make_frames, run.found)
@@ -250,7 +247,6 @@ def write_dataset(
     after ending the workers. After any of these, the same call continues the run.
 
     Args:
-        settings, tasks: settings and frames of the data set.
         out: folder, or URL of object storage.
         make_frames: see FrameMaker.
         sensor, renderer: descriptions for the header, equal in a resumed run.

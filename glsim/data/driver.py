@@ -49,9 +49,7 @@ def generate(
     Raises the errors of ``write_dataset`` and ``glsim.simulation.pipeline.simulate``.
 
     Args:
-        settings: the data set.
         out: a folder, or a URL such as s3://bucket/faces for the format webdataset.
-        workers: number of processes.
         backend: "egl" or "osmesa".
         portable: compute alike on all x86-64 processors since Haswell, see
             ``portable_environment``.

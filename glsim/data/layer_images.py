@@ -38,9 +38,6 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
     """Decode a PNG file to (H, W) or (H, W, 3) pixels of the layer's type, with checks.
 
     Raises DatasetError for damage, another pixel type, channels, or more than ``max_px`` pixels.
-
-    Args:
-        where: name of the file in error messages.
     """
     image = decode_png(data, max_px)
     if image is None:

@@ -111,7 +111,6 @@ def read_stored(
         number: number of the map in a stack; None if the file has one map.
         inside: folder; a link that leads out of it is refused.
         channel: name of the depth channel of an OpenEXR file.
-        infrared: whether the image is infrared, not depth.
 
     Raises:
         DatasetError: no such file, no depth map, too many pixels.

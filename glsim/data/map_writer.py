@@ -50,7 +50,6 @@ class MapWriter:
         """Choose the output file and the step of each map.
 
         Args:
-            recording: the recording whose maps are changed.
             inputs: paths from which the recording was opened.
             out: folder of the outputs, or name of the only output.
             form: format of all outputs, one of ``FORMATS``. Default: from the suffix of each name.

@@ -63,7 +63,6 @@ class _Loader:
     """Reads the frames of files.
 
     Attributes:
-        reader: reader of the files.
         kind: name of the depth layer.
         mirror: whether to flip left and right.
         cameras: folder -> stated camera of its maps.
@@ -193,7 +192,6 @@ class _FileList:
     """The files of depth maps of several inputs, in natural order, with their stated cameras.
 
     Attributes:
-        files: file of each map.
         left_out: file-name pattern of images that are not read -> number of images.
         outputs: relative path of each changed map when it is written; set by ``reader``.
         cameras: folder -> stated camera and unit.

@@ -46,7 +46,6 @@ class Recording:
         frames: the frames, each read at its first use.
         reader: reader of the files; None for a data set.
         stated: the stated camera; its lens distortion is not removed from the frames.
-        stated_by: the file that states the camera, or None.
         notes: lines for the user about choices and missing statements.
         left_out: file-name pattern of images that are not read -> number of images.
         outputs: relative path of each changed map when it is written.

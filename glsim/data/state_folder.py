@@ -57,8 +57,6 @@ class RunState:
 
         Args:
             identity: header entries that decide the bytes.
-            part: lock this part alone.
-            wait: wait until other runs end.
 
         Raises:
             DatasetError: another run holds the lock, the store holds other files, or writing fails.

@@ -36,7 +36,6 @@ def stored_frame(
     The offset of the files is added, so that its depths are measured depths.
 
     Args:
-        store: of the data set.
         record: of the frame in the manifest, see ``glsim.data.records.frame_record``.
         step_mm: millimetres per step of stored depth.
         lens: lens distortion that is present in the images.
@@ -66,8 +65,6 @@ class StoredImages:
     """A reader of one frame's images, which fetches remote images by one request.
 
     Args:
-        store: of the data set.
-        record: of the frame in the manifest.
         step_mm: millimetres per step of stored depth.
     """
 

@@ -204,7 +204,6 @@ def run_tasks(
     A worker that dies is replaced, once per task.
 
     Args:
-        job: the work of each worker.
         tasks: taken one by one, at the request of workers.
         processes: number of workers; a single worker runs here, in the order of the tasks. So do
             all on Windows, where a process inherits no socket.

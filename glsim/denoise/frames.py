@@ -83,7 +83,6 @@ def prepared_frames(
 
     Args:
         recording: noisy maps without clean ones.
-        device: device whose errors are subtracted.
         protocol: "depth": measured depths. "paper": the nearest point of each map is at 1 mm.
 
     Returns:
@@ -124,9 +123,7 @@ class DenoisedMaps:
         """Prepare the maps.
 
         Args:
-            recording: noisy maps.
             denoiser: the denoiser; errors of its device are subtracted first.
-            protocol: depth protocol of the denoiser.
 
         Raises:
             ConfigError: the denoiser needs infrared, and a map has none.
@@ -191,7 +188,6 @@ class Stacks:
         Unreadable neighbours are left out.
 
         Args:
-            number: number of the frame.
             before, after: largest numbers of neighbours. Default: as many as the reader keeps.
 
         Raises:

@@ -21,7 +21,6 @@ def build(kind: type, text: dict[str, str], where: str) -> Any:
     """Make a dataclass whose fields are ``parameter`` from texts of the command line.
 
     Args:
-        kind: the dataclass.
         text: parameter name -> value as text.
         where: the denoiser as it was given, for messages.
 

@@ -201,7 +201,6 @@ def slider_of(
 
     Args:
         text: the part of the note after the semicolon; None without a semicolon.
-        low, high: the valid range.
         where: the parameter, for messages.
 
     Returns:

@@ -49,7 +49,6 @@ def draw_meshes(
     """Draw the front faces of meshes into the current framebuffer, with a depth test.
 
     Args:
-        context, program: the GL context, and the program that draws the meshes.
         arrays: one for each mesh; ``extra`` tells whether its back faces are drawn too.
         views: for each mesh a (4, 4) matrix, canonical millimetres to camera-frame metres.
         origin_m: the point of view, camera frame, metres.

@@ -22,7 +22,6 @@ def link(
     driver reports another type or default of a parameter than the declaration.
 
     Args:
-        fragment: the fragment shader.
         vertex: the vertex shader; default: a triangle that covers the viewport.
     """
     vertex = vertex or load_source(SHADER_ROOT / "render" / "fullscreen.vert")

@@ -82,7 +82,6 @@ class Side:
     """Gaps on one side of silhouettes with a shift S within HEAD_SHIFTS.
 
     Attributes:
-        edges: number of edges.
         width_px, width_mean_px: median and mean width of the gaps.
         invalid_px: median number of pixels without depth.
         band_invalid: share of the next BAND_PX pixels outside the foreground without depth.

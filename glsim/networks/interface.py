@@ -47,7 +47,6 @@ class DepthFunction(ABC):
         Args:
             noisy_mm: (T, H, W) float32 millimetres, 0 = no return.
             valid: (T, H, W) bool mask of returns.
-            now: index of the frame.
             infrared: (H, W) float32 counts of the frame.
 
         Returns:

@@ -42,7 +42,6 @@ class View:
 
     Args:
         layers: the layers clean and normal of the view.
-        silhouette: the pixels with a surface.
         eye_m: position of the camera or imager in the camera frame, metres.
         lit: the layer of light, LIT or LIT_BY_EACH.
     """
@@ -92,8 +91,6 @@ class ShadowMap:
         Raises MeshError if an emitter is inside the scene.
 
         Args:
-            seen: the views.
-            window: the part of the frame to draw.
             arrays: the meshes that cast shadows, for ``program``. Without meshes, or without an
                 emitter, all pixels are 1.
             views: for each mesh a (4, 4) matrix, canonical mm to camera m.

@@ -40,8 +40,6 @@ class Silhouette:
         """Limit the passes in the block, drawn into ``targets``, to the silhouette.
 
         Args:
-            targets: the targets of the passes.
-            window: the part of the frame that is drawn.
             blank: layer -> value outside the silhouette, 0 for other layers; None: no change.
             flags: further GL capabilities to enable (moderngl.BLEND).
         """

@@ -43,7 +43,6 @@ class SubFrames:
         The caller gives the targets back to their pool.
 
         Args:
-            parts: the bands of rows.
             draw: a function from the number of a band to its rendered sub-frame.
             window: window of all sub-frames.
             height: height of the whole image, pixels.
@@ -71,8 +70,6 @@ class SubFrames:
         """Add the light of one capture, in its tap and frequency, to the light of a frame.
 
         Args:
-            pool: owner of the targets.
-            part: the capture.
             light: the layers LIGHT_LAYERS of the capture's sub-frame.
             sums: targets of the same layers; they are 0 before the first capture.
         """

@@ -108,8 +108,6 @@ def parse_table(
     """Build a ``model`` from nested dicts. Raises ConfigError with the first problem, in one line.
 
     Args:
-        model: the pydantic class.
-        tree: the nested dicts.
         where: the file or other place of the settings, for messages.
         places: path of a setting -> a more exact place, such as an option.
     """

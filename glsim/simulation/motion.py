@@ -78,7 +78,6 @@ class MovingFrames:
             scenes: the scenes of the parts of the exposure.
             reach_px: distance around the crop at which stages read pixels.
             frame_of: makes the FrameContext of a rendered frame.
-            values: the stages' parameter values.
         """
         renderer = self._renderer
         window = union([renderer.window(s.meshes, s.crop, reach_px) for s in (still, *scenes)])

@@ -92,8 +92,6 @@ def simulate(
     A face that cannot be rendered gives a Skipped.
 
     Args:
-        settings: the settings of the frames.
-        tasks: the frames to simulate.
         sources: open face sources, any FaceSource (default: those of ``settings.source``).
         backend: "egl" or "osmesa".
         context: the GL context; by default this thread's.

@@ -61,10 +61,7 @@ def checked_split(
     frames differ in size or do not fit ``crop``. Raises ConfigError for a crop below 1.
 
     Args:
-        dataset: the data set of the split.
-        name: name of the split.
         crop: side of random crops, px; None: whole frames.
-        cut: how larger frames are cropped.
         layers: layers that the training reads.
     """
     if crop is not None and crop < 1:

@@ -130,8 +130,6 @@ class StoredPairs(PairDataset):
 
         Args:
             crop: side of the square frames, px. Default: whole frames, all of one size.
-            cut: cropping of larger frames.
-            inputs: inputs of the network besides depth.
             seed: seed of ``augmentation`` and random crops.
             target: the layer that a network learns; "expected" contains the sensor's systematic
                 error.
@@ -336,7 +334,6 @@ def sample_slope(
         shape: (H, W), px.
         largest_mm_per_px: largest slope; small slopes are more frequent.
         nearest_mm: smallest depth of the frame; the slope leaves at least half of it.
-        rng: generator of random numbers.
     """
     if rng.random() < _LEVEL:
         return np.zeros(shape, np.float32)

@@ -62,7 +62,6 @@ class BatchStream:
     Attributes:
         sources: the open sources of ``settings``.
         people: names of the split's people, for each source.
-        inputs: inputs of the network besides depth.
         vary: change the inputs, see ``vary_inputs``.
     """
 

@@ -108,7 +108,6 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
     Args:
         neighbours_mm: (B, N, H, W), 0 = no return.
         fill_mm: (B, 1, H, W) mean over time, without holes.
-        mean: the result of `mean_over_time`.
 
     Returns:
         (B, 2 N + 2, H, W): N motion-compensated differences, asinh(mm / 10); N similarities, 1 for

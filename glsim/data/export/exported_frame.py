@@ -23,7 +23,6 @@ class Export:
 
     Args:
         name: name in ``--to``.
-        help: description in one line.
         encode: returns the files of one frame, each as (end of its name, bytes).
         library: package that the format imports; the extra glsim[formats] installs it.
     """
@@ -43,7 +42,6 @@ def export_frames(
     """Yield the frames of a data set in the order of its manifest, with the chosen depth layers.
 
     Args:
-        dataset: the data set.
         layers: depth layers to export; ConfigError for a missing layer. Default: all depth layers.
         split: frames of this split only.
         count: number of frames, from the first on.

@@ -64,8 +64,6 @@ def export_dataset(
     a card.
 
     Args:
-        dataset: the data set.
-        out: the folder.
         formats: names of formats, see ``glsim export``.
         layers: depth layers: clean, noisy, expected. Default: all.
         split: frames of this split only.

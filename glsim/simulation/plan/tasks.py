@@ -35,7 +35,6 @@ class Task:
         subject: name in the data set; the source's number precedes it if there are several.
         source: index in ``settings.source``.
         key: the frame's name in that source.
-        seeds: 64-bit seeds of the frame, its sequence and its subject.
         repeat: number of earlier uses of the mesh, if a subject from files has fewer meshes than
             frames. Each use is a sequence of its own, with its own pose, distance and noise.
     """
