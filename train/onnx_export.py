@@ -155,17 +155,13 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
     """Read the weights from an ONNX file of ``glsim export``, by their names in PyTorch.
 
     The file does not name its weights. A network of ``spec`` is therefore filled with random
-    numbers and exported: equal numbers show the position of each weight in the file.
+    numbers and exported: equal numbers show the position of each weight in the file. Returns name
+    -> weight, for the inputs of the file; without the unused buffers of `NOT_COPIED`. Raises
+    TrainError: a damaged file, another architecture, or weights with batch normalisation.
 
     Args:
         path: the ONNX file; it may have fewer inputs than ``spec``.
         spec: the [model] table of a recipe.
-
-    Returns:
-        Name -> weight, for the inputs of the file; without the unused buffers of `NOT_COPIED`.
-
-    Raises:
-        TrainError: a damaged file, another architecture, or weights with batch normalisation.
     """
     try:
         data, content = read_onnx(path)

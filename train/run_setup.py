@@ -114,15 +114,12 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
 def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[str, Any]]:
     """Read initial weights from a checkpoint, an ONNX file, or a shipped network by name.
 
+    Returns the weights, and name and CRC32 of the file, for run.json and checkpoints. Raises
+    TrainError for a missing or damaged file, and for an ONNX file of another network.
+
     Args:
         start: ``training.start`` of a recipe.
         model: table [model] of the recipe.
-
-    Returns:
-        The weights, and name and CRC32 of the file, for run.json and checkpoints.
-
-    Raises:
-        TrainError: for a missing or damaged file, and for an ONNX file of another network.
     """
     path = Path(start)
     if not path.exists() and start not in NETWORKS:
@@ -158,8 +155,7 @@ def last_checkpoint(
 ) -> dict[str, Any] | None:
     """Load the checkpoint to resume from; None if the folder has none yet.
 
-    Raises:
-        TrainError: if it is damaged, of another recipe (limits may differ) or of other data.
+    Raises TrainError if it is damaged, of another recipe (limits may differ) or of other data.
     """
     path = folder / checkpoint.LAST
     if not path.exists():

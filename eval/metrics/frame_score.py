@@ -56,12 +56,11 @@ def score(
 ) -> dict[str, float]:
     """Compute all metrics of a frame but the time: name -> value, regions last; NaN = undefined.
 
+    Raises DenoiserError for an invalid prediction, see ``ScoredMap``.
+
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
         earlier_mm: prediction and clean map of the previous frame, see ``systematic_mm2``.
-
-    Raises:
-        DenoiserError: for an invalid prediction, see ``ScoredMap``.
     """
     prediction = ScoredMap(prediction_mm, truth)
     scores = {m.name: m.value(prediction) for m in METRICS.values() if m.value is not None}

@@ -58,11 +58,10 @@ class Truth:
 class ScoredMap:
     """A predicted depth map with the clean frame that it is scored against.
 
+    Raises DenoiserError: the prediction has another shape, or depth that is negative or NaN.
+
     Args:
         prediction_mm: (H, W) millimetres, 0 = no depth.
-
-    Raises:
-        DenoiserError: the prediction has another shape, or depth that is negative or NaN.
     """
 
     def __init__(self, prediction_mm: NDArray[np.generic], truth: Truth) -> None:

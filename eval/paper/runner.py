@@ -61,13 +61,12 @@ class Runner:
     ) -> _T | None:
         """Run a step unless it is complete.
 
+        Returns the result of ``run``; None for a step that was complete.
+
         Args:
             name: name of the step, unique in the reproduction.
             inputs: JSON values that the output depends on.
             output: file or folder of the complete step; None: run every time.
-
-        Returns:
-            The result of ``run``; None for a step that was complete.
         """
         record = self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
         inputs = json.loads(json.dumps(inputs))

@@ -104,14 +104,13 @@ def tune_on_pairs(
 ) -> tuple[list[str], RealScores]:
     """Choose the filter settings with the best ``pair_change`` on the tuning half of the recording.
 
+    Returns the best setting of each filter, as on the command line, and the scores of all settings.
+
     Args:
         recording: a recording with static pairs; ConfigError without.
         names: filters of ``GRIDS``. Default: all.
         workers: number of processes. Default: one per core.
         progress: called after each frame.
-
-    Returns:
-        The best setting of each filter, as on the command line, and the scores of all settings.
     """
     numbers = sorted(recording.partner)
     if not numbers:

@@ -42,14 +42,12 @@ def write_results(
     """Write table.md, the CSV files, further pages and, with figures, report.html.
 
     Tables and figures show the default composite of a network; table.csv has all composites.
+    Returns the written files.
 
     Args:
         table: method -> metric -> mean.
         pages: file name without .md -> page, which report.html shows first.
         drawn: denoisers of the job that figures show; None: neither figures nor report.html.
-
-    Returns:
-        The written files.
     """
     heading = f"{job.dataset.name}, {job.split}, protocol {evaluation.protocol}"
     if job.truth != "clean":

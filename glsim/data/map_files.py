@@ -253,10 +253,8 @@ def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False
 def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
     """Return whether the floats of a set of maps are metres (not millimetres), by their median.
 
-    Integers are ignored, and so is a background: the farthest depth, if many pixels have it.
-
-    Raises:
-        DatasetError: the median fits neither metres nor millimetres.
+    Integers are ignored, and so is a background: the farthest depth, if many pixels have it. Raises
+    DatasetError: the median fits neither metres nor millimetres.
     """
     floats = [image.ravel() for image in images if image.dtype.kind == "f"]
     values = np.concatenate([np.zeros(1), *floats]).astype(np.float64)
@@ -357,15 +355,14 @@ def encode_map(
 ) -> bytes:
     """Encode a depth map as the bytes of a file.
 
+    Raises DepthRangeError: a depth is beyond 16 bits of the unit.
+
     Args:
         depth_m: (H, W) metres, 0 = no depth.
         form: one of FORMATS.
         unit_mm: step of integers, mm.
         option: command-line option that the message of ``DepthRangeError`` names.
         state_unit: whether PNG files state their step.
-
-    Raises:
-        DepthRangeError: a depth is beyond 16 bits of the unit.
     """
     if form in FLOAT_FORMATS:
         encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)

@@ -49,6 +49,9 @@ class MapWriter:
     ) -> None:
         """Choose the output file and the step of each map.
 
+        Raises ConfigError: two outputs have the same name, an output would replace an input, or a
+        step is given for floats.
+
         Args:
             inputs: paths from which the recording was opened.
             out: folder of the outputs, or name of the only output.
@@ -58,10 +61,6 @@ class MapWriter:
             finest_mm: step of PNG files, used if none of the sampled maps is too deep for it.
             states_step: whether PNG files state their step.
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
-
-        Raises:
-            ConfigError: two outputs have the same name, an output would replace an input, or a step
-                is given for floats.
         """
         self._option, self._states_step, self._out = option, states_step, out
         self.targets = _targets(recording, inputs, out, form)

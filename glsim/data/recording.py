@@ -142,13 +142,12 @@ class Recording:
     def read(self, most: int | None = None, focal_px: float | None = None) -> Frames:
         """Read the frames into memory.
 
+        Raises DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
+
         Args:
             most: largest number of frames; of a longer recording, evenly spread groups of four
                 consecutive frames are read. Default: all.
             focal_px: focal length that replaces the camera's, px.
-
-        Raises:
-            DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
         """
         numbers = _chosen(len(self.frames), most or len(self.frames))
         frames = [self.frames[number] for number in numbers]

@@ -201,7 +201,8 @@ def run_tasks(
 ) -> Iterator[_Result]:
     """Yield the results of worker processes as they arrive; closing the iterator stops the workers.
 
-    A worker that dies is replaced, once per task.
+    A worker that dies is replaced, once per task. Raises DatasetError: workers die at their start,
+    or twice at a task; and the errors of ``job.run``.
 
     Args:
         tasks: taken one by one, at the request of workers.
@@ -209,9 +210,6 @@ def run_tasks(
             all on Windows, where a process inherits no socket.
         environment: variables for the workers. With any, a single worker is a process, too: NumPy
             and OpenBLAS read variables at import.
-
-    Raises:
-        DatasetError: workers die at their start, or twice at a task. Also errors of ``job.run``.
     """
     if (processes == 1 and not environment) or not hasattr(os, "fork"):
         yield from job.run(iter(tasks))

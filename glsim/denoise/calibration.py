@@ -52,15 +52,12 @@ class DeviceCalibration:
     def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
         """Subtract the device's systematic errors from a depth map.
 
+        Returns (H, W) float32 mm; 0 stays 0. Raises ConfigError: the size or the crop does not fit
+        this device's image.
+
         Args:
             depth_mm: (H, W) mm, a whole image of the device or a crop; 0 = no depth.
             crop: intrinsics of a crop.
-
-        Returns:
-            (H, W) float32 mm; 0 stays 0.
-
-        Raises:
-            ConfigError: the size or the crop does not fit this device's image.
         """
         top, left = self._corner(depth_mm.shape, crop)
         height, width = depth_mm.shape

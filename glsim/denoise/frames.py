@@ -81,12 +81,11 @@ def prepared_frames(
 ) -> Frames:
     """Check, calibrate and move the maps of a recording for a denoiser.
 
+    Returns frames that raise DatasetError if their depths cannot be millimetres.
+
     Args:
         recording: noisy maps without clean ones.
         protocol: "depth": measured depths. "paper": the nearest point of each map is at 1 mm.
-
-    Returns:
-        Frames that raise DatasetError if their depths cannot be millimetres.
     """
     frames = recording.frames.changed(partial(_check, protocol))
     if device is not None:
@@ -122,11 +121,10 @@ class DenoisedMaps:
     def __init__(self, recording: Recording, denoiser: Denoiser, protocol: DepthProtocol) -> None:
         """Prepare the maps.
 
+        Raises ConfigError: the denoiser needs infrared, and a map has none.
+
         Args:
             denoiser: the denoiser; errors of its device are subtracted first.
-
-        Raises:
-            ConfigError: the denoiser needs infrared, and a map has none.
         """
         if denoiser.infrared and (dark := recording.first_without_infrared()):
             raise ConfigError(
@@ -185,13 +183,10 @@ class Stacks:
         """Return a frame with its neighbours in time, (T, H, W) noisy mm, and the frame's index.
 
         Neighbours have the same sequence and size, and are shifted to the offset of the frame.
-        Unreadable neighbours are left out.
+        Unreadable neighbours are left out. Raises DatasetError if the frame itself cannot be read.
 
         Args:
             before, after: largest numbers of neighbours. Default: as many as the reader keeps.
-
-        Raises:
-            DatasetError: if the frame itself cannot be read.
         """
         before = self._before if before is None else before
         after = self._after if after is None else after

@@ -50,11 +50,10 @@ def record_of(model: DepthModel, protocol: Any = "depth") -> NetworkRecord:
 def load_model(path: Path) -> tuple[DepthModel, NetworkRecord]:
     """Load the model and the record of a checkpoint of ``glsim train``, without running its code.
 
+    Raises DenoiserError for a file that is truncated, foreign, or does not fit the models of glsim.
+
     Args:
         path: best.pt, last.pt or a safetensors file.
-
-    Raises:
-        DenoiserError: for a file that is truncated, foreign, or does not fit the models of glsim.
     """
     try:
         content: dict[str, Any] = checkpoint.load(path)
@@ -74,11 +73,10 @@ def load_model(path: Path) -> tuple[DepthModel, NetworkRecord]:
 def load_network(path: Path, min_probability: float = 0.0) -> NetworkFunction:
     """Load the network of a checkpoint as a denoising function.
 
+    Raises DenoiserError as ``load_model``.
+
     Args:
         path: best.pt, last.pt or a safetensors file.
         min_probability: see ``NetworkFunction``; networks that code "no depth" as 0 ignore it.
-
-    Raises:
-        DenoiserError: as ``load_model``.
     """
     return NetworkFunction(TorchNetwork(*load_model(path)), str(path), min_probability)

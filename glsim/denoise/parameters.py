@@ -20,12 +20,11 @@ def parameter(default: float | None, low: float, high: float, help: str) -> Any:
 def build(kind: type, text: dict[str, str], where: str) -> Any:
     """Make a dataclass whose fields are ``parameter`` from texts of the command line.
 
+    Raises ConfigError for an unknown name, or a value that is no number in range.
+
     Args:
         text: parameter name -> value as text.
         where: the denoiser as it was given, for messages.
-
-    Raises:
-        ConfigError: for an unknown name, or a value that is no number in range.
     """
     fields = {field.name: field for field in dataclasses.fields(kind)}
     values: dict[str, float] = {}

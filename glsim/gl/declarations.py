@@ -199,12 +199,11 @@ def slider_of(
 ) -> tuple[tuple[float, float] | None, bool, float]:
     """Read the slider's range, scale and step from a parameter's note. Raises ShaderError.
 
+    Returns the fields ``slider``, ``log_scale`` and ``step`` of a Parameter.
+
     Args:
         text: the part of the note after the semicolon; None without a semicolon.
         where: the parameter, for messages.
-
-    Returns:
-        The fields ``slider``, ``log_scale`` and ``step`` of a Parameter.
     """
     if text is None:
         return None, False, 0.0

@@ -51,12 +51,11 @@ def read_shader(file: Path) -> str:
 def flatten(text: str, file: Path) -> list[Line]:
     """Replace each include by the lines of its file; a repeated include is dropped.
 
+    Raises ShaderError: the text is too long, or an include cannot be read.
+
     Args:
         text: GLSL, which need not be on disk.
         file: path for messages; includes are searched beside it.
-
-    Raises:
-        ShaderError: the text is too long, or an include cannot be read.
     """
     if len(text) > _MAX_BYTES:
         raise ShaderError(f"{file}: more than {_MAX_BYTES} characters")
