@@ -1,7 +1,5 @@
 """What every test may use: one OpenGL context for the session, and strict arithmetic."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Frames are the same in every way of making them, and a difference is found."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

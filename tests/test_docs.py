@@ -1,7 +1,5 @@
 """The pages of docs/ and the README: links, imports, the reference, the first example."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

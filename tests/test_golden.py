@@ -3,8 +3,6 @@
 ``pytest tests/test_golden.py --regenerate`` writes them again after an intended change.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

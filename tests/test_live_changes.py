@@ -1,7 +1,5 @@
 """Changing a simulator between frames: values, code of a stage and layers, as for a new one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Read are the strings, docstrings and comments of the code, shipped TOML files, shaders and docs.
 """
 
-from __future__ import annotations
-
 import ast
 import builtins
 import io

@@ -1,7 +1,5 @@
 """What an installation brings: every file of the package, one version, the public names."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """The plan of the house: which room of glsim may import from which, and no circles."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 

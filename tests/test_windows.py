@@ -1,7 +1,5 @@
 """What needs neither OpenGL nor Linux runs without both: owners of cameras sit at Windows."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The classifier, the report, and the command glsim compare."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

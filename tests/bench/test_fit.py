@@ -1,7 +1,5 @@
 """glsim fit: recordings with known noise give it back; recordings that cannot serve are refused."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """glsim fit for stereo: lattice, noise, static share and correlation come back as a sensor."""
 
-from __future__ import annotations
-
 import tomllib
 from itertools import pairwise
 from pathlib import Path

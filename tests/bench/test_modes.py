@@ -1,7 +1,5 @@
 """The mode of a recording follows from its depths, its size and its focal length."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

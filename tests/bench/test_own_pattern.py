@@ -1,7 +1,5 @@
 """A device is recorded, fitted, and simulated with its own fixed pattern."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Replays: surfaces found in a frame, and the same surfaces rendered through a sensor again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

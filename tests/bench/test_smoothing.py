@@ -1,7 +1,5 @@
 """Correlated noise of time-of-flight cameras comes back from the fitted sensor."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

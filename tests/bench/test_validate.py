@@ -1,7 +1,5 @@
 """The validation sheets: shipped sensors pass theirs, and wrong sensors fail them."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

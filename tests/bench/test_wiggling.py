@@ -1,7 +1,5 @@
 """Wiggling of walls at several distances: other harmonics come back; real frames say nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

@@ -1,7 +1,5 @@
 """The tuner's page opens with its token alone; its last settings are kept after the command."""
 
-from __future__ import annotations
-
 import queue
 import socket
 import webbrowser

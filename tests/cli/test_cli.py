@@ -1,7 +1,5 @@
 """The command line as a user meets it, in an empty folder, with wrong arguments too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

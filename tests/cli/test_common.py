@@ -1,7 +1,5 @@
 """How the command line ends (signals, a full disk, any error), and the shared options."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

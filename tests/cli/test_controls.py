@@ -1,7 +1,5 @@
 """Sliders from declarations."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

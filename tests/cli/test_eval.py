@@ -1,7 +1,5 @@
 """``glsim denoise`` and ``glsim eval`` as a user meets them."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """``glsim generate --plan`` and ``--part`` on the command line, as a job of an array too."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The help of every command works; examples of help and pages name what there is."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Commands that print a table print JSON, too."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

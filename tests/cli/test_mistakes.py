@@ -1,7 +1,5 @@
 """Mistakes of a newcomer: one line that says what is wrong, its exit status, and no traceback."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import shlex

@@ -1,7 +1,5 @@
 """``scripts.model_card`` makes a row of the model card's table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -3,8 +3,6 @@
 One server and one browser serve all tests; the sensor is small, so that a frame takes milliseconds.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Frames of a tuning, as the command line makes them; and what the driver says of a line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``glsim paper reproduce`` in miniature: from nothing to the tables, resumed where it stopped."""
 
-from __future__ import annotations
-
 import json
 import re
 from itertools import product

@@ -1,7 +1,5 @@
 """A saved sensor: the original file with other values, comments and order kept."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``glsim train`` as a user meets it: a data set in, a run out, interrupted and resumed."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """What the page remembers: values and undo; and what it writes as text."""
 
-from __future__ import annotations
-
 import shlex
 
 from glsim.cli.tune_page.tuning import (

@@ -1,7 +1,5 @@
 """``glsim verify``: a list of problems, the exit status, and the command that repairs."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Test that files appear whole, that temporary ones are nobody else's, and that none stay."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

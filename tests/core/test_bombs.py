@@ -1,7 +1,5 @@
 """Images that are small on the disk and huge in memory, and files that never end."""
 
-from __future__ import annotations
-
 import os
 import resource
 import struct

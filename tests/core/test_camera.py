@@ -1,7 +1,5 @@
 """Projection, rays, lens distortion: against OpenCV, and over the whole image of known devices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

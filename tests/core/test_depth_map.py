@@ -1,7 +1,5 @@
 """Surfaces of depth maps: the same masks and normals from NumPy and PyTorch, as OpenCV has them."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Moving depth to 1 mm and back, and the record of it in data sets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The text of every error is one line of bounded length."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

@@ -1,7 +1,5 @@
 """A tree of meshes is walked once, whatever its links are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

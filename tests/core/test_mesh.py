@@ -1,7 +1,5 @@
 """Normals of vertices, which heads, people, cloth and beards share, and fewer triangles."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arrays of .npy files: those that numpy writes are read, others refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A package of another laboratory adds one thing of each kind, used from the command line."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """Test the PNG encoder against OpenCV and Pillow."""
 
-from __future__ import annotations
-
 import io
 import zlib
 from concurrent.futures import ThreadPoolExecutor

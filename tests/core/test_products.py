@@ -1,7 +1,5 @@
 """Test products against NumPy's, and that their rounding depends on the numbers alone."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 from typing import Any

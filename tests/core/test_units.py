@@ -1,7 +1,5 @@
 """Tests of the units of depth, and that no other module converts by a number of its own."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What several tests of data sets compare with."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support.dataset_fakes import FORMATS, SKIP, contents, make, make_settings

@@ -1,7 +1,5 @@
 """Bags of the usual ROS nodes: which topic is depth, which camera_info is its own, and how read."""
 
-from __future__ import annotations
-
 import json
 import os
 import struct

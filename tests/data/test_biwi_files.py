@@ -1,7 +1,5 @@
 """Depth files and calibrations of Biwi: round trips, damaged files, the real set."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path

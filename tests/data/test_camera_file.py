@@ -1,7 +1,5 @@
 """camera.toml beside frames: what it says holds, and mistakes get one clear line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """A data set's folder for the Hugging Face Hub, its card, and the library that loads it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Writing to object storage: whatever the store does, its bytes are those of a local run."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path

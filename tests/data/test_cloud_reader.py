@@ -1,7 +1,5 @@
 """Reading a data set from object storage: what is on disk is what is read."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from collections.abc import Iterator

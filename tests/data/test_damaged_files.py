@@ -1,7 +1,5 @@
 """Damaged files and arrays of any kind: maps of finite depth in range, or one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

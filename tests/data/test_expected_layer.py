@@ -1,7 +1,5 @@
 """The layer expected in frames and data sets: written, read, verified, refused where it lacks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exported frames: their bytes read back by Open3D, NumPy and OpenCV."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

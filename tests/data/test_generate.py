@@ -1,7 +1,5 @@
 """Test a data set of the real simulator: worker processes, files, reader."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

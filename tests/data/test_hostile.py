@@ -1,7 +1,5 @@
 """Data sets whose records lie: nothing outside is read, nothing ends in a traceback."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

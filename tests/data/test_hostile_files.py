@@ -2,8 +2,6 @@
 
 # ruff: noqa: E501  (tables: one attack a line)
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Test ``glsim import biwi``: real depth with the posed template as the clean map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test that a resumed data set does not mix two versions of its inputs."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

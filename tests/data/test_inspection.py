@@ -1,7 +1,5 @@
 """Test inspecting face sets, and estimating a data set with --plan."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

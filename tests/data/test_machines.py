@@ -1,7 +1,5 @@
 """Test that mixed processors compute alike if asked, and that one that differs is refused."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -1,7 +1,5 @@
 """Depth maps as PNG, TIFF, NPY and OpenEXR: the same depth in, the same depth out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

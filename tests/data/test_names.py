@@ -1,7 +1,5 @@
 """Test that a folder of glsim's own is read as what it is."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Depth maps of other programs: which channel, which unit, what is no surface, what is no map."""
 
-from __future__ import annotations
-
 import json
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """Test data sets made in parts: any order, kills, two at once; the bytes are those of one run."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

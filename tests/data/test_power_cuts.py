@@ -1,7 +1,5 @@
 """Test that what a data set calls complete is on the disk, whenever the power fails."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

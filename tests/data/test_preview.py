@@ -1,7 +1,5 @@
 """Test that pictures of a data set say only what the data set knows."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """A cluster whose head is gone is one line, before Ray ends the process from C++."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess

@@ -1,7 +1,5 @@
 """Chunks on a cluster of Ray: whatever becomes of its nodes, the bytes are those of a local run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path

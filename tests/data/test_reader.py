@@ -1,7 +1,5 @@
 """Test the reader and the problems that verify reports."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import shutil

@@ -1,7 +1,5 @@
 """Test ``glsim import kinect2``: recordings as data sets without clean maps, and their readers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

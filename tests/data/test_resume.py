@@ -1,7 +1,5 @@
 """Test interrupted and damaged runs: the same call afterwards gives the same bytes."""
 
-from __future__ import annotations
-
 import logging
 import os
 import random

@@ -1,7 +1,5 @@
 """The decoder for the library webdataset: what was written is what is read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ROS bags and Matroska files: read as the same frames in a folder are, one frame at a time."""
 
-from __future__ import annotations
-
 import pickle
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Test the written data set: files, bytes, records, shards; with one process or several."""
 
-from __future__ import annotations
-
 import json
 import tarfile
 from pathlib import Path

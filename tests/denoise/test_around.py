@@ -1,7 +1,5 @@
 """Networks run only where there is depth, and with --around face near the nearest head alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

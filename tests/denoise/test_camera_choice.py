@@ -1,7 +1,5 @@
 """The network that ``glsim denoise`` takes without -d, and its warning about another one."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One denoiser for maps in memory: composites, streams that hold neighbours, devices, inputs."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

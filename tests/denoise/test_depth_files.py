@@ -1,7 +1,5 @@
 """The depth files of ``glsim denoise``: their steps, formats and the names of outputs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

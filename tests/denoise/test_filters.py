@@ -1,7 +1,5 @@
 """Denoisers: exact parameters, handling of holes, and all ways to name one."""
 
-from __future__ import annotations
-
 import functools
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``glsim denoise`` on maps that are moved to 1 mm, and networks that were trained on such."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

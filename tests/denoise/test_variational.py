@@ -1,7 +1,5 @@
 """Total generalised variation: adjoints, planes, steps, holes; BM3D where its package is there."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Bias over distance, and the choice of the truth: bins, intervals, tables, cached blocks."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every metric against another implementation, on random and adversarial inputs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

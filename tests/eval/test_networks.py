@@ -1,7 +1,5 @@
 """The paper's tables: found checkpoints, their rows and notes, and missing or refused ones."""
 
-from __future__ import annotations
-
 import csv
 import statistics
 import sys

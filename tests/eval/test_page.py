@@ -1,7 +1,5 @@
 """report.html: all text is escaped, and everything is within the one file."""
 
-from __future__ import annotations
-
 import base64
 import sys
 from html.parser import HTMLParser

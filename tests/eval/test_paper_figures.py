@@ -1,7 +1,5 @@
 """The paper's figures: panels, axes with units, shadows, missing networks, and whose heads."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The 39 printed values beside ours: one rule, the four cases, and a page that says it."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

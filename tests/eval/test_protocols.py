@@ -1,7 +1,5 @@
 """Scores under both protocols: measured depth, and the nearest point of each frame at 1 mm."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Scores without any truth: planted noise, shifts, losses and boards come back."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Scores per face region agree with plain NumPy, in rows, tables and the report."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

@@ -1,7 +1,5 @@
 """Scoring a set: bad input is named and counted, runs resume, tables agree."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

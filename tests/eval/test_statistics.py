@@ -1,7 +1,5 @@
 """Confidence intervals are drawn over subjects; numbers of tables have a fixed format."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The board: flat, facing the camera, at the distance that the pose states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

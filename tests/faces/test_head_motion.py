@@ -1,7 +1,5 @@
 """Motion of the head: smooth, band-limited, a pure function of the sequence's seed and the time."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shipped arrays of the embedded heads are what ``tools/heads`` sculpts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ICT-FaceKit source on a small synthetic model (test_ict_facekit_real: on the real one)."""
 
-from __future__ import annotations
-
 import pickle
 import shutil
 from collections.abc import Sequence

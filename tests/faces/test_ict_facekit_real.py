@@ -1,7 +1,5 @@
 """The real ICT-FaceKit model, if available, against published measures."""
 
-from __future__ import annotations
-
 import os
 import tarfile
 import tempfile

@@ -1,7 +1,5 @@
 """Landmarks, pose matrix and normals of rendered frames."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

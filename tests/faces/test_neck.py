@@ -1,7 +1,5 @@
 """The neck: the head takes the pose, the shoulders stay, and the skin between them has no folds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """FACS performances: pure functions, in range, neutral at both ends."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Procedural heads have measures within the human range for every seed, and perform."""
 
-from __future__ import annotations
-
 import pickle
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """Face regions: one table of names, a number per pixel as in the mesh, and back from disk."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Frames of generated sequences: whole performances, or parts of them at a camera's rate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

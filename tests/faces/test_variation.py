@@ -1,7 +1,5 @@
 """Varied heads: a smooth, reproducible change of the requested size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

@@ -1,7 +1,5 @@
 """Test that contexts are used again, and that memory does not grow with their number."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """GLSL files as text: declarations, includes, the line map, and the driver's view of them."""
 
-from __future__ import annotations
-
 import os
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Render targets: reused, zero outside their window, given back when a scope is left."""
 
-from __future__ import annotations
-
 import contextlib
 
 import numpy as np

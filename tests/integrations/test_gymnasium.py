@@ -3,8 +3,6 @@
 MuJoCo's EGL needs a newer PyOpenGL than pyrender pins; OSMesa works with both.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

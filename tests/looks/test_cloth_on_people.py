@@ -1,7 +1,5 @@
 """Cloth on whole people: it covers torso and legs, follows the posture, and leaves hands free."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Dressed faces: the same bytes in any order, glasses and hair where they belong, switches."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Shapes and furniture: closed, wound outwards, without slivers, of plausible size and albedo."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

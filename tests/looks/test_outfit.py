@@ -1,7 +1,5 @@
 """What subjects wear: shares, switches, and dependence on the subject's seed alone."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rooms: pure functions of their numbers, and nothing on the way from the camera to the person."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

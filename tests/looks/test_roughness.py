@@ -1,7 +1,5 @@
 """Hair is rough to a depth camera, as on real heads, and skin stays as it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

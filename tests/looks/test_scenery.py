@@ -1,7 +1,5 @@
 """Scenery in frames: kept arrays, any order, walls behind the face, other people, light."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

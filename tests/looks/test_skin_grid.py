@@ -1,7 +1,5 @@
 """The grid that carries cloth and beards, patterns of cloth, and the noise of relief."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The camera in a room: its place, its tilt, and the part of the room that it sees."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise of disparity: exact on planted noise, and the known figures on frames of real cameras."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

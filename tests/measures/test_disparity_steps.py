@@ -1,7 +1,5 @@
 """Gaps beside foregrounds, pixels between surfaces, and bands at the border, planted and real."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

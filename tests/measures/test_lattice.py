@@ -1,7 +1,5 @@
 """The lattice of depth values: planted constants are found, real cameras have the known ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Planted noise, patterns, light and shadows come back from the measures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

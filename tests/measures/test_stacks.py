@@ -1,7 +1,5 @@
 """The measures of the validation on data with known answers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Checkpoints and safetensors: there and back, atomic, and refused if damaged or foreign."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """The default composite keeps rims and shadows, drops flying pixels and fills small holes."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

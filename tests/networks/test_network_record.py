@@ -1,7 +1,5 @@
 """Checkpoint, safetensors and ONNX file of a network hold the same settings of its denoiser."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

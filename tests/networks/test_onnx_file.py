@@ -1,7 +1,5 @@
 """ONNX files: read by both runtimes, with the inputs and settings that they state, or refused."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Inference safeguards: noise is estimated, and only trusted pixels keep their depth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

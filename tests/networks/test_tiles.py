@@ -1,7 +1,5 @@
 """Large frames are denoised in tiles, with the result of the whole frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import cv2

@@ -1,7 +1,5 @@
 """Any depth camera: sizes of noise, its correlation, losses, silhouettes and systematic error."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

@@ -1,7 +1,5 @@
 """Stages on arrays: despeckle, fill_from_points, and code of the user's own."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Chains of stages: the user's own shaders, misfits that are refused, recorded draws, targets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Earlier frames of a stereo camera: other draws of its noise, for its filter over time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Random numbers and fields: twin against GLSL, statistics, continuity, change with time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """librealsense's filters: the rules on small arrays, against loops, and in a chain."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stereo from one view: noise, the device's share, shadows, rims and the lattice, by z-score."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Statistics and rules of the noise stages, by z-score: values, signal, edges, dots."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Properties of every stage: twin and shader agree, neutral settings, windows, reasons."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

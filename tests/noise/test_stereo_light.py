@@ -1,7 +1,5 @@
 """Infrared images of imagers: shader and twin agree; dots, noise and exposure are as declared."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

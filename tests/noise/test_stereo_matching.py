@@ -1,7 +1,5 @@
 """The matcher: disparities, their steps, holes and reasons on images of known disparity."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

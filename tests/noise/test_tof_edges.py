@@ -1,7 +1,5 @@
 """The time-of-flight sensor loses pixels at silhouettes and in shadows as real ones do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

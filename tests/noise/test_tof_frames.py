@@ -1,7 +1,5 @@
 """Time-of-flight sensors: twins agree, frames repeat, crops are exact; the layer expected."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

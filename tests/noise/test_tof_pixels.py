@@ -1,7 +1,5 @@
 """The time-of-flight pixel: taps, decoder, device's noise, filters, multipath."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

@@ -1,7 +1,5 @@
 """Imagers: what each sees, the light of each projector there, borders, and wrong rigs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

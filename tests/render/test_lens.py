@@ -1,7 +1,5 @@
 """Lenses, samples and silhouettes: edges land where OpenCV puts them, skipped pixels stay blank."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace

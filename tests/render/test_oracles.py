@@ -1,7 +1,5 @@
 """The clean depth, normals and shadows against another renderer: Open3D's ray caster."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

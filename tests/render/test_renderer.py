@@ -1,7 +1,5 @@
 """The camera's layers against geometry: planes, spheres, directions, reflectivity, bad meshes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from typing import Any

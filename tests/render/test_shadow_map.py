@@ -1,7 +1,5 @@
 """Shadows: widths by formula, sides, levels, no self-shadowing, the NumPy oracle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moderngl import Context

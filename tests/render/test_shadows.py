@@ -1,7 +1,5 @@
 """Shadows: soft ones of long emitters, no leaks into an umbra, fewer triangles that cast them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -1,7 +1,5 @@
 """The Azure Kinect against its one real frame: shadows, infrared and noise over infrared."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

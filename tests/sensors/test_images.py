@@ -1,7 +1,5 @@
 """Images of a sensor: the map of a fixed pattern, and the pattern of a projector."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A device's own wiggling: what the simulated sensor adds is what is subtracted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shipped sensors: they load, their reasons fit the depth, their noise is as published."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files that Windows saved begin with a byte order mark."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from glsim.core.files.regular import read_csv

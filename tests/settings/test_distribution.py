@@ -1,7 +1,5 @@
 """Distributions: validation, and draws as pure functions of keys and names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

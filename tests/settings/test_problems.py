@@ -1,7 +1,5 @@
 """Test that a wrong setting is named, with its place and the nearest right one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

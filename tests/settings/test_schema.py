@@ -1,7 +1,5 @@
 """Settings from presets, files, assignments and arguments: values, precedence, error messages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Colour images: what they show, where they lie, and how they are kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise on the user's own depth maps, by OpenGL and by NumPy."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Noise on float depth of other simulators: NumPy and PyTorch, batches, any camera, recipes."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """DepthNoise in data pipelines: NumPy and PyTorch, forked and spawned workers, epochs; splits."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Frames: encoding as integers, windows, masks, reasons."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test mixed sources, the paper's split, and the options of each kind of source."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

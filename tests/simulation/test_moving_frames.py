@@ -1,7 +1,5 @@
 """Motion within the exposure: frames at rest are unchanged, and moving ones follow the physics."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's face sets in their proportions, and embedded heads where a set is not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

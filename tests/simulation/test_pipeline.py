@@ -1,7 +1,5 @@
 """From settings to frames: the same bytes in any order and process, bad faces, poses, sequences."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Depth registered to the colour camera: where pixels land, what is lost, and what agrees."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Test draws per frame, drift within sequences, and patterns of devices."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The recipes of docs/howto/other_simulators.md, with stand-ins for the simulators."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Test the plan: splits, seeds, file names."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import tracemalloc

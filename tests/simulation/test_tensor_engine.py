@@ -1,7 +1,5 @@
 """Noise on batches of tensors: agreement with OpenGL, seeds, draws, gradients, errors."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

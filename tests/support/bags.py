@@ -1,7 +1,5 @@
 """Write small recordings in cameras' formats: ROS bag (RealSense), Matroska (Azure Kinect)."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct

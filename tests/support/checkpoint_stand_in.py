@@ -5,8 +5,6 @@ validity is a probability), sigma_mm (the uncertainty of every pixel, if any), b
 depth; a minimum probability above 0.75 has the same effect).
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A fast, deterministic fake of the simulator, which can fail at a chosen frame."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Depth maps for the tests of ``glsim.eval``: noisy surfaces and adversarial inputs."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Faces for tests: an analytic head, a FaceXModel folder in ICT-FaceKit's layout, a board."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Write small files in the formats of the face sets."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A source of simple whole people, made of boxes, who stand or sit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

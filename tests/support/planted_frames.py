@@ -1,7 +1,5 @@
 """Depth frames of arrays, and with known noise, patterns and shadows, for tests of measures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

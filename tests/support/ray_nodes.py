@@ -1,7 +1,5 @@
 """A local Ray cluster of several nodes, each with its own processes, which tests can kill."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal

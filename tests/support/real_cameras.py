@@ -1,7 +1,5 @@
 """Recordings of real depth cameras beside the repository, and simulated disparity noise."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Recordings with known noise, a chessboard and silhouettes, in the layout of iai_kinect2."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A base class of networks in tests, with the attributes of a ``Runner``."""
 
-from __future__ import annotations
-
 from glsim.networks.inputs import DEPTH_ALONE
 from glsim.networks.record import DEFAULT_RECORD
 

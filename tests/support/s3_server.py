@@ -1,7 +1,5 @@
 """A local S3 server (moto), which can fail at chosen HTTP requests."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Scenes of known geometry, and the layers that a renderer draws of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

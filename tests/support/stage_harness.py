@@ -1,7 +1,5 @@
 """Helpers of the tests of noise stages: run shader and twin, make scenes, compute z-scores."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Small data and recipes for tests of training: domes in memory, tiny networks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Run a part of a test as an ordinary user, also in a container of root."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Dressed heads for tests: a dresser of procedural faces, and pictures of clothes."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files of settings of any depth camera differ in their rigs and distances only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sources of batches: stored pairs by index, simulated pairs by position in their stream."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

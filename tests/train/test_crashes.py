@@ -1,7 +1,5 @@
 """Trainings that are killed, cut, or run twice at once."""
 
-from __future__ import annotations
-
 import csv
 import os
 import shutil

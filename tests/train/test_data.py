@@ -1,7 +1,5 @@
 """Stored pairs: values, dependence on (seed, epoch, index) alone, and bad data sets."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

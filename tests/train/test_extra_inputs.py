@@ -1,7 +1,5 @@
 """Infrared and neighbours in time: their stack, features, data, and the start from `face`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The training loop: resumed without a difference, stopped early, stopped by nan."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The mask-aware wrapper: initial output, features, and independence of holes and walls."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from torch import Tensor

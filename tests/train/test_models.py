@@ -1,7 +1,5 @@
 """Every network: shapes of any size, parameter counts, gradients, repeatability, half precision."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

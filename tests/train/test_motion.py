@@ -1,7 +1,5 @@
 """The mean over time of frames of a head that moves."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

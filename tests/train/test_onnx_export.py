@@ -1,7 +1,5 @@
 """Exported networks: small ONNX files with PyTorch's results, which can be trained further."""
 
-from __future__ import annotations
-
 import io
 import sys
 import warnings

@@ -1,7 +1,5 @@
 """Depths of training pairs count from 1 mm; data and checkpoints record that protocol."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Recipes: inheritance, errors, and the network and loss of each shipped one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Pairs rendered while training: one sequence for any number of workers, resumable, endless."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The start of a training: what is said at once, the precision, and what ``--minutes`` counts."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Iterator

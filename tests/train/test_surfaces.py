@@ -1,7 +1,5 @@
 """At a step in depth, the loss changes only the candidate surface that is right at a pixel."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,7 +1,5 @@
 """Unit, axes, winding and centre of a mesh are detected, checked and logged."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Each format's less usual forms are read as it defines them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

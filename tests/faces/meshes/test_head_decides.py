@@ -1,7 +1,5 @@
 """The head decides size and pose of a mesh, whatever its unit, tilt and surroundings."""
 
-from __future__ import annotations
-
 import math
 import re
 from functools import cache

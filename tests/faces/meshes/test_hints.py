@@ -1,7 +1,5 @@
 """Each hint is tried on the mesh that was refused; glsim reads the meshes that it exports."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

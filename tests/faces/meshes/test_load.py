@@ -1,7 +1,5 @@
 """Every format comes back as it was written, and every bad file gives one clear line."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging

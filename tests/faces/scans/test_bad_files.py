@@ -1,7 +1,5 @@
 """Test that whatever one file does, the other frames of a run are made."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Biwi: people, posed templates, poses, damaged files."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """D3DFACS: registrations and raw sequences, their action units, frames, peaks and patches."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Damaged files of face sets are read or skipped with a reason; meshes: see test_load."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

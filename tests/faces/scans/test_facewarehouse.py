@@ -1,7 +1,5 @@
 """FaceWarehouse: 47 shapes, poses, scale from the face, interpolation, damaged files."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A tree of meshes becomes subjects, sequences and frames; bad meshes become BadFace."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from pathlib import Path
