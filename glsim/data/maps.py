@@ -48,7 +48,7 @@ from glsim.data.recordings.folders import (
     whole_recording,
 )
 from glsim.data.recordings.names import DepthKind, infrared_files
-from glsim.data.recordings.streams import STREAMS, FrameStream
+from glsim.data.recordings.streams import STREAMS, FrameStream, parts_of
 
 #: Suffix of a packed file -> advice how to unpack it.
 _PACKED = {
@@ -390,6 +390,10 @@ def _stream_recording(
     stated = given.over(stream.stated)
     stream.step_mm = agreed_unit_mm(unit_mm, stated.unit_mm, path) or 1.0
     notes = stream.notes + (stream.camera_notes if given.intrinsics is None else ())
+    if path.is_dir() and (parts := parts_of(path)):
+        notes += (f"its {len(parts)} files are read as the parts of one recording",)
+    elif path in (parts := parts_of(path.parent)):
+        notes += (f"is one of {len(parts)} parts: give the folder {path.parent} to read all",)
     depth_mm, _ = stream.depth(0)  # a stream without depth is refused here
     check_size(stated, depth_mm.shape, file or path)
     check_least_size(depth_mm.shape, path)

@@ -16,8 +16,9 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
+from glsim.data.recordings.imports import RecordingSource
 from glsim.data.recordings.streams import nearest
-from tests.support.bags import SENSOR, azure_calibration, write_bag, write_mkv
+from tests.support.bags import SENSOR, azure_calibration, write_bag, write_mkv, write_topics
 
 RNG = np.random.default_rng(3)
 DEPTHS = [RNG.integers(400, 3000, (48, 64)).astype(np.uint16) for _ in range(6)]
@@ -218,6 +219,40 @@ def test_several_recordings_are_not_mixed(tmp_path: Path) -> None:
         open_maps(tmp_path)
     with pytest.raises(ConfigError, match="holds the infrared images itself"):
         open_maps(tmp_path / "a.bag", infrared=tmp_path)
+
+
+@pytest.mark.parametrize("names", [
+    ["x_2020-01-01-10-00-00_0.bag", "x_2020-01-01-10-05-00_1.bag", "x_2020-01-01-10-10-00_2.bag"],
+    ["p1_0.mcap", "p1_1.mcap", "p1_2.mcap"],
+])  # fmt: skip
+def test_the_parts_of_a_split_bag_are_one_recording(tmp_path: Path, names: list[str]) -> None:
+    folder, out = tmp_path / "p1", tmp_path / "out"
+    folder.mkdir()
+    for number, name in enumerate(names):
+        own = DEPTHS[2 * number : 2 * number + 2]
+        lights = LIGHTS[2 * number : 2 * number + 2]
+        images = {"/depth/image_raw": (own, "16UC1"), "/ir/image_raw": (lights, "mono8")}
+        info = {"/depth/camera_info": {"size": (64, 48)}}
+        write_topics(folder / name, images, info, start=2 * number)
+    recording = open_maps(folder)
+    assert len(recording.frames) == 6
+    assert "its 3 files are read as the parts of one recording" in recording.sentence()
+    for number in (5, 0, 1, 2, 3, 4, 1):
+        np.testing.assert_array_equal(recording.frames[number].noisy_mm, DEPTHS[number])
+        np.testing.assert_array_equal(recording.frames[number].infrared, LIGHTS[number])
+    for place in (folder, tmp_path):  # as a recording, and as the folder of one
+        assert main(["import", "kinect2", str(place), "-o", str(out), "-q"]) == 0
+        assert len(open_dataset(out)) == 6
+        shutil.rmtree(out)
+    hashes = RecordingSource(folder).contents(["p1"])
+    assert {*names} <= {*hashes}
+    (folder / names[2]).write_bytes(b"changed")
+    alone = open_maps(folder / names[1])
+    assert len(alone.frames) == 2
+    assert f"is one of 3 parts: give the folder {folder} to read all" in alone.sentence()
+    (folder / names[1]).unlink()
+    with pytest.raises(DatasetError, match="each holds a recording of its own"):
+        open_maps(folder)
 
 
 @pytest.mark.parametrize(("name", "library"), [("a.bag", "rosbags"), ("a.mkv", "av")])

@@ -136,6 +136,7 @@ def write_topics(
     frames: Mapping[str, str] | None = None,
     count: int = 1,
     others: Sequence[tuple[str, str, Mapping[str, Any]]] = (),
+    start: int = 0,
 ) -> None:
     """Write a bag of any topics: a ROS 1 bag, or one ROS 2 file ``*.mcap`` or ``*.db3``.
 
@@ -148,6 +149,7 @@ def write_topics(
         frames: topic -> frame_id; "camera" without.
         count: of images of each topic that has no list.
         others: topic, type and fields of messages without a header.
+        start: number of frames before the first.
     """
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
@@ -172,7 +174,7 @@ def write_topics(
                 kind = one.__msgtype__
                 connections[topic] = bag.add_connection(topic, kind, typestore=types)
             for number in numbers:
-                bag.write(connections[topic], 10**9 + number * 10**7, data)
+                bag.write(connections[topic], 10**9 + (start + number) * 10**7, data)
 
         def write(topic: str, kind: str, numbers: Sequence[int], **values: Any) -> None:
             head = {"stamp": stamp, "frame_id": (frames or {}).get(topic, "camera")}

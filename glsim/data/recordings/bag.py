@@ -1,11 +1,11 @@
 """ROS bags with depth: those of librealsense and its viewer, of ROS nodes, and of glsim export.
 
 A ROS 1 bag is a file ``*.bag``, a ROS 2 bag a folder with ``metadata.yaml`` or one file ``*.mcap``
-or ``*.db3``. librealsense names its topics ``/device_0/sensor_0/Depth_0/image/data`` and
-``.../Depth_0/info/camera_info``, its options ``/device_0/sensor_0/option/Depth_Units/value``
-(metres) and ``.../Stereo_Baseline/value`` (mm). In images of ROS nodes, 16UC1 is millimetres and
-32FC1 metres (REP 118); their camera_info is beside the images, above them, or has the same
-frame_id.
+or ``*.db3``; a split bag is a folder of such files. librealsense names its topics
+``/device_0/sensor_0/Depth_0/image/data`` and ``.../Depth_0/info/camera_info``, its options
+``/device_0/sensor_0/option/Depth_Units/value`` (metres) and ``.../Stereo_Baseline/value`` (mm). In
+images of ROS nodes, 16UC1 is millimetres and 32FC1 metres (REP 118); their camera_info is beside
+the images, above them, or has the same frame_id.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from functools import cache
+from heapq import merge
 from itertools import takewhile
+from operator import itemgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -32,7 +34,7 @@ from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular, read_
 from glsim.core.units import MM_PER_M
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.ros_images import TYPES, encoding_of, read_pixels
-from glsim.data.recordings.streams import ROS2_FILE, FrameStream
+from glsim.data.recordings.streams import ROS2_FILE, FrameStream, parts_of
 
 _INFO = "sensor_msgs/msg/CameraInfo"
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -177,6 +179,9 @@ class BagStream(FrameStream):
     _PROBLEM = "is no readable bag; one that was cut off: repair it by rosbag reindex, mcap recover"
 
     def __init__(self, path: Path, topic: str | None = None) -> None:
+        split = path.is_dir() and not (path / ROS2_FILE).is_file()
+        self._parts = parts_of(path) if split else [path]
+        self._is_ros1 = self._parts[0].suffix.lower() == ".bag"
         self._cursors: dict[str, tuple[int, Iterator[Any]]] = {}
         self._asked = topic
         super().__init__(path)
@@ -214,7 +219,7 @@ class BagStream(FrameStream):
         return chosen, light
 
     def _names(self, *kinds: str) -> set[str]:
-        return {c.topic for c in self._open().connections if c.msgtype in kinds}
+        return {c.topic for part in self._open() for c in part.connections if c.msgtype in kinds}
 
     def _shape(self, topic: str) -> tuple[int, ...]:
         """Return (height, width) of the first image of a topic."""
@@ -225,8 +230,7 @@ class BagStream(FrameStream):
         return super().__getstate__() | {"_cursors": {}}
 
     def __del__(self) -> None:
-        reader = self.__dict__.get("_file")
-        if reader is not None:
+        for reader in self.__dict__.get("_file") or ():
             with suppress(Exception):  # it may be closed, or half open
                 reader.close()
 
@@ -261,32 +265,34 @@ class BagStream(FrameStream):
         folders = ros2.DirectoryReader
         folders.STORAGE_PLUGINS = folders.STORAGE_PLUGINS | {"sqlite3": Database}
         if self._file is None:
-            path = _Path(self.path)
-            if not path.is_dir():
-                path.check()  # a pipe would wait for ever
-            reader = (ros1 if self._is_ros1 else ros2).Reader(path)
-            reader.open()
+            readers = []
+            for path in map(_Path, self._parts):
+                if not path.is_dir():
+                    path.check()  # a pipe would wait for ever
+                readers.append((ros1 if self._is_ros1 else ros2).Reader(path))
+                readers[-1].open()
             while _Path.opened:
                 _Path.opened.pop().left = sys.maxsize
-            self._file = reader
+            self._file = readers
         return self._file
-
-    @property
-    def _is_ros1(self) -> bool:
-        return self.path.suffix.lower() == ".bag"
 
     def _read(self, data: bytes, kind: str) -> Any:
         """Decode a message by ROS' own definition: a bag's own may have fields without end."""
         types = _types(self._is_ros1)
         return (types.deserialize_ros1 if self._is_ros1 else types.deserialize_cdr)(data, kind)
 
-    def _of(self, topic: str) -> list[Any]:
-        return [c for c in self._open().connections if c.topic == topic]
+    def _messages(self, topic: str, start: int | None = None) -> Iterator[Any]:
+        """Yield connection, time (from ``start``, ns) and data of a topic's messages, by time."""
+        parts = [
+            reader.messages(own, start=start)
+            for reader in self._open()
+            if (own := [c for c in reader.connections if c.topic == topic])
+        ]
+        return merge(*parts, key=itemgetter(1))
 
     def _first(self, topic: str) -> Any:
         """Return the first message of a topic, None without one."""
-        reader = self._open()
-        for connection, _, data in reader.messages(self._of(topic)) if self._of(topic) else ():
+        for connection, _, data in self._messages(topic):
             return self._read(data, connection.msgtype)
         return None
 
@@ -294,21 +300,21 @@ class BagStream(FrameStream):
         """Return the times of each topic's messages, ns; a ROS 1 bag lists them in its index."""
         found: dict[str, list[int]] = {topic: [] for topic in tracks}
         for topic, times in found.items():
-            for connection in self._of(topic):
-                if (indexes := getattr(connection.owner, "indexes", None)) is not None:
-                    times += [entry.time for entry in indexes[connection.id]]
-                else:
-                    times += [time for _, time, _ in self._open().messages([connection])]
+            if self._is_ros1:
+                for reader in self._open():
+                    own = [c.id for c in reader.connections if c.topic == topic]
+                    times += [entry.time for number in own for entry in reader.indexes[number]]
+            else:
+                times += [time for _, time, _ in self._messages(topic)]
         return {topic: np.array(sorted(times), np.int64) for topic, times in found.items()}
 
     def _image(self, topic: str, number: int) -> NDArray[np.generic]:
         """Read an image; reading continues at the topic's last image if possible."""
         times = self._times[topic]
-        reader = self._open()
         place, messages = self._cursors.get(topic, (-1, iter(())))
         if place != number:
             place = int(np.searchsorted(times, times[number]))  # first of equal times
-            messages = reader.messages(self._of(topic), start=int(times[number]))
+            messages = self._messages(topic, int(times[number]))
         while place < number:
             next(messages)
             place += 1
@@ -378,8 +384,7 @@ class BagStream(FrameStream):
 
     def _device_name(self, topic: str) -> str:
         """Return the camera's name from librealsense's device information."""
-        reader, connections = self._open(), self._of(topic)
-        for connection, _, data in reader.messages(connections) if connections else ():
+        for connection, _, data in self._messages(topic):
             fact = self._read(data, connection.msgtype)
             if getattr(fact, "key", "") == "Name":
                 return str(fact.value)

@@ -255,6 +255,8 @@ class RecordingSource(FaceSource):
             reader = self.reader(subject)
             for number in range(0, len(reader), self._every):
                 paths += [path for path in reader.files(number) if path is not None]
+            folders = [path for path in dict.fromkeys(paths) if path.is_dir()]  # of bags
+            paths += [file for folder in folders for file in sorted(folder.iterdir())]
             hashes |= {os.path.relpath(path, self.folder): content_hash(path) for path in paths}
         return hashes
 

@@ -5,6 +5,7 @@ Only one frame is in memory at a time, however long the recording is.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -13,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import DatasetError, GlsimError, require_package
-from glsim.data.map_files import depth_in_mm, floats_in_metres
+from glsim.core.files.listing import entries
+from glsim.data.map_files import DUMPS, READ_ONLY, SUFFIXES, depth_in_mm, floats_in_metres
 from glsim.data.recordings.camera_file import StatedCamera
 
 _T = TypeVar("_T")
@@ -24,13 +26,15 @@ STREAMS = {".bag": "bag", ".mcap": "bag", ".db3": "bag", ".mkv": "mkv"}
 _CUT = 3
 #: The file of a folder that makes it a ROS 2 bag.
 ROS2_FILE = "metadata.yaml"
+#: Name of a part of a split bag: name, the part's own date and time, number, suffix.
+_PART = re.compile(r"(.*?)(?:\d{4}(?:-\d\d){5})?_(\d{1,9})(\.bag|\.mcap|\.db3)", re.ASCII)
 
 
 class FrameStream:
     """A file with many depth frames, and the infrared images of the same times.
 
     Attributes:
-        path: path of the file.
+        path: path of the file, or of the folder of a bag.
         kind: "bag" or "mkv".
         step_mm: step of integers.
         stated: the stated camera.
@@ -132,8 +136,25 @@ class FrameStream:
 
 
 def is_stream(path: Path) -> bool:
-    """Whether a path is a file that holds a whole recording, or a folder that is a ROS 2 bag."""
-    return path.suffix.lower() in STREAMS or (path.is_dir() and (path / ROS2_FILE).is_file())
+    """Whether a path is a file that holds a whole recording, or a folder that is a bag."""
+    folder = path.is_dir() and ((path / ROS2_FILE).is_file() or bool(parts_of(path)))
+    return folder or path.suffix.lower() in STREAMS
+
+
+def parts_of(folder: Path) -> list[Path]:
+    """Return the files of a folder in the order of their numbers, if they are one split bag.
+
+    They are NAME_0.bag, NAME_1.bag and so on, without a gap and with no other recording or map
+    beside them (.mcap and .db3 likewise). Each name may have its own date, as rosbag record --split
+    writes them. [] for other folders.
+    """
+    names, _ = entries(folder, (*STREAMS,))
+    parts = sorted(filter(None, map(_PART.fullmatch, names)), key=lambda part: int(part[2]))
+    split = len(names) > 1 and [int(part[2]) for part in parts] == [*range(len(names))]
+    if not split or len({(part[1], part[3]) for part in parts}) > 1:
+        return []
+    maps, _ = entries(folder, (*SUFFIXES, *READ_ONLY, *DUMPS))
+    return [] if maps else [folder / part[0] for part in parts]
 
 
 def nearest(times: NDArray[np.int64], others: NDArray[np.int64]) -> list[int | None]:
