@@ -186,8 +186,8 @@ def _registered(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: flo
     usual = colour.intrinsics.fx * image.height / colour.intrinsics.height
     if focal and _apart(focal, usual) > _ALIKE:
         return []
-    wide = {width for width, *_ in sensor.modes} | {1280, 1920, colour.intrinsics.width}
-    if not focal and image.width not in wide:
+    size, wide = (image.width, image.height), {1280, 1920, colour.intrinsics.width}
+    if not focal and image.width not in wide and size not in {mode[:2] for mode in sensor.modes}:
         return []
     agreed = [
         (w, h, by_lattice or f)

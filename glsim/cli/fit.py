@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """
 glsim fit recording/
+glsim fit recording/ --frames 40:200 --base realsense-d455
 glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --albedo 0.8
 glsim fit recording.bag -o my_d435.toml             stereo: recognised by its depths
 """
@@ -37,12 +38,16 @@ def fit(
     albedo: Annotated[float, typer.Option(min=0.01, max=2)] = 1.0,
     depth_unit_mm: float | None = None,
     base: str | None = None,
+    part: Annotated[str, typer.Option("--frames", metavar="A:B")] = ":",
+    proof: Annotated[bool, typer.Option("--proof/--no-proof")] = True,
     topic: str | None = None,
     as_json: JsonOption = False,
-) -> None:
-    """Measure a camera's noise on a recording of a static scene and write a sensor file.
+) -> int:
+    """Measure a camera's noise on a recording by a camera at rest and write a sensor file.
 
-    Record at least 30 frames of walls and furniture at many distances; nothing may move. Without
+    Record 60 frames or more: the camera at rest, a still wall and furniture at the distances that
+    you use, at best one wall at a slant, and a head if faces are the aim. What moves, such as that
+    person, is masked; depths are measured where and while they rest. Without
     infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo; with
     infrared, it assumes that the brightest surfaces have it. Wiggling needs undistorted frames of
     plane walls that cover 0.65 m of distances or more: one at a slant, or several at several
@@ -50,9 +55,14 @@ def fit(
     NAME_fixed_pattern.npy, float32 mm, (rows, columns), NaN where it is unknown. The sensor file
     names the map, and frames of that sensor have this pattern.
 
-    Recordings of stereo and structured light are recognised by their depths (the lattice of f B /
-    n). For these, the fit finds focal length times baseline, the temporal and the static noise of
-    disparity, its correlation and holes, and writes a sensor that extends the nearest shipped one.
+    The base sensor is the nearest by its depths (the steps of disparity, focal length times
+    baseline), the size and unit of its frames and the correlation of its noise; rivals are printed.
+    If two are close, --base must name it. For cameras that match images the fit finds focal length
+    times baseline, the temporal and the static noise of disparity, and its correlation.
+
+    The fit uses the first half of the frames. The second half is compared with its replay through
+    base and fitted sensor; the table stands in the head of the written file. The exit status is 1
+    if the fitted sensor is not better than its base by two standard errors: take the base then.
 
     Args:
         frames: A recording as glsim import kinect2 reads it, a data set, or files.
@@ -60,44 +70,71 @@ def fit(
         focal_px: Focal length, pixels. Default: stated, or the base sensor's.
         albedo: Albedo of the scene relative to a white wall.
         depth_unit_mm: Step of the depth files, mm. Default: the stated step, or 1.
-        base: Base sensor: kinect-v2-fast, kinect-v2, or one that matches images. Default:
-            recognised by the recording's depths.
+        base: Base sensor: a Kinect V2, an Azure Kinect, or one that matches images. Default: by
+            evidence in the frames.
+        part: Frames to use, counted from 0, without B. Default: all.
+        proof: Fit one half and test on the other. Needs the extra eval and 8 frames.
         topic: Topic of the depth images in a bag. Default: native images named depth.
     """
-    import io
+    from dataclasses import replace
+    from importlib.util import find_spec
 
-    import numpy as np
-
-    from glsim.bench.fit.stereo_sensor import fit_stereo, stereo_base
+    from glsim.bench.fit.base_choice import TIME_OF_FLIGHT, choose_base
+    from glsim.bench.fit.fitted_sensor import map_of, write_fitted
+    from glsim.bench.fit.proof import LEAST_FRAMES, prove
+    from glsim.bench.fit.stereo_sensor import fit_stereo
     from glsim.bench.fit.time_of_flight import fit_time_of_flight
-    from glsim.core.files.atomic import write_atomic
     from glsim.data.maps import open_maps
 
     if out.suffix.lower() != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
-    check_outputs(out)
+    check_outputs(out, map_of(out))
     recording = open_maps(frames, unit_mm=depth_unit_mm, topic=topic)
-    map_file = out.with_name(f"{out.stem}_fixed_pattern.npy")
-    if (matching := stereo_base(recording, base)) is not None:
-        fitted = fit_stereo(recording, matching, focal_px)
+    first, last, _ = _part(part).indices(len(recording.frames))
+    choice = choose_base(recording, base, focal_px)
+    proof = proof and last - first >= LEAST_FRAMES and find_spec("sklearn") is not None
+    used = slice(first, (first + last) // 2 if proof else last)
+    if choice.name in TIME_OF_FLIGHT:
+        named = base is not None
+        fitted = fit_time_of_flight(recording, choice.name, albedo, focal_px, used, named)
     else:
-        fitted = fit_time_of_flight(recording, base, albedo, focal_px, map_file.name)
-    written = [out]
-    if fitted.map_mm is not None:
-        picture = io.BytesIO()
-        np.save(picture, fitted.map_mm)
-        write_atomic(picture.getvalue(), map_file)
-        written.append(map_file)
-    write_atomic(fitted.text.encode(), out)
+        fitted = fit_stereo(recording, choice.name, focal_px, used)
+    own, better, table = fitted.lines["base"], True, ["Not tested on frames of its own."]
+    if proof:
+        unseen = slice(used.stop, last)
+        result = prove(recording, unseen, fitted, own, print_message)
+        better = result.better
+        title = (
+            f"Frames {unseen.start} to {last - 1}, which the fit did not use, and their replays:"
+        )
+        table = [title, *result.lines]
+        if not better:
+            table.append(f"Not better than {own} by two standard errors: {own} is recommended.")
+    evidence = f"Base: {choice.text}"
+    head = [f"# {line}".rstrip() for line in (*table, evidence)]
+    lines = {**fitted.lines, "base": choice.text.replace(choice.name, own, 1)}
+    fitted = replace(fitted, text="\n".join(head) + "\n" + fitted.text, lines=lines)
+    written = write_fitted(fitted, out)
     if as_json:
         cells = {} if fitted.table is None else {"sigma_mm": _cells(fitted.table)}
-        print_json({"sensor": str(out), "results": fitted.lines, **cells})
+        facts = {"proof": table, "better_than_base": better if proof else None}
+        print_json({"sensor": str(out), "results": fitted.lines, **facts, **cells})
     elif not options.quiet:
         _print(fitted)
+        typer.echo("\n".join(table))
     print_written(written)
     sentence = recording.sentence(focal_px, "the base sensor")
     for note in filter(None, (*fitted.notes, sentence)):
         print_message(note)
+    return 0 if better else 1
+
+
+def _part(text: str) -> slice:
+    """Convert A:B to a slice of frame numbers. Raises ConfigError."""
+    first, colon, last = text.partition(":")
+    if not colon or not all(not end or end.isdecimal() for end in (first, last)):
+        raise ConfigError(f"--frames {text}: give the first frame and the one after the last, 0:60")
+    return slice(int(first or 0), int(last) if last else None)
 
 
 def _cells(table: tuple[Cell, ...]) -> list[dict[str, Any]]:

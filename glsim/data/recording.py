@@ -19,7 +19,7 @@ from glsim.data.recordings.camera_file import StatedCamera
 from glsim.data.recordings.files import SHOWN, VOTERS, MapFiles, Votes, spread
 from glsim.data.recordings.names import is_infrared, left_out_text
 from glsim.data.recordings.streams import FrameStream
-from glsim.measures.static import view_change
+from glsim.measures.static import longest_still, mask_moving, view_change
 
 #: Reader of a recording's frames.
 FrameReader = MapFiles | FrameStream
@@ -29,6 +29,10 @@ DEFAULT_FRAMES = 60
 #: Largest number of frames of a static scene that are measured. They take 1.2 GB with infrared at
 #: 848 x 480, and give a pixel's standard deviation with an error far below its spread over pixels.
 MOST_STATIC = 256
+#: Smallest share of depths at rest in a recording to measure. Chosen: a person before a room covers
+#: half of it; of a camera that moves less stays.
+#: And largest share of frames that still differ from the next when what moves is masked.
+_LEAST_STILL, _MOST_CHANGES = 0.2, 0.2
 #: Smallest side of a depth frame, px: slopes and 3 x 3 windows need neighbours.
 _LEAST_PX = 8
 #: A long recording is thinned in groups of this number of consecutive frames, so that static pairs
@@ -165,25 +169,49 @@ class Recording:
             frames = [frame.changed(intrinsics=camera) for frame in frames]
         return Frames.of(frames, self.path.name or where)
 
-    def read_static(self, most: int | None = MOST_STATIC) -> Frames:
-        """Read the frames of one static scene; ``most`` as in ``read``.
+    def read_static(self, most: int | None = MOST_STATIC, part: slice = slice(None)) -> Frames:
+        """Read the frames of a camera at rest, without the depth of what moves before it.
 
         If at least half of the frames have infrared, frames without it are left out.
 
-        Raises the errors of ``read``; DatasetError for a single frame, and for a changing scene.
+        Args:
+            most: as in ``read``.
+            part: the frames to use. Default: all.
+
+        Returns:
+            The frames; ``note`` says how many, and how much of them was at rest.
+
+        Raises the errors of ``read``; DatasetError for a single frame and if too little is at rest.
         """
-        if len(self.frames) < 2:
-            raise DatasetError(
-                f"{self.path}: has one frame only; noise is measured between frames: record at "
-                "least 30 frames of a scene in which nothing moves"
+        chosen = range(*part.indices(len(self.frames)))
+        if len(chosen) < 2:
+            some = (
+                "one frame only" if len(self.frames) == 1 else f"{len(chosen)} frames in --frames"
             )
-        frames = self.read(most)
-        for before, after in pairwise(frames):
-            if reason := view_change(before, after):
-                raise DatasetError(
-                    f"{self.path}: {before.name} and {after.name} show different scenes "
-                    f"({reason}): give a static recording, one camera and nothing that moves"
+            raise DatasetError(
+                f"{self.path}: has {some}; noise is measured between frames: record at least 30 "
+                "frames of a camera at rest"
+            )
+        picked = self.frames[part]
+        frames = replace(self, frames=picked).read(most)
+        still, share = mask_moving(frames)
+        changes = [reason for a, b in pairwise(still) if (reason := view_change(a, b, parts=False))]
+        if share < _LEAST_STILL or len(changes) > _MOST_CHANGES * (len(still) - 1):
+            first, last = longest_still(frames)
+            names = f"{frames[first].name} to {frames[last - 1].name}"
+            advice = "give a recording of a camera that does not move"
+            if last - first > 1:
+                run = len(frames) == len(picked)
+                advice = f"the longest rest is {names}" + (
+                    f": --frames {chosen[first]}:{chosen[last - 1] + 1}" if run else ""
                 )
+            raise DatasetError(
+                f"{self.path}: the frames show different scenes ("
+                + (changes[0] if changes else f"{100 * share:.0f} % of the depths are at rest")
+                + f"): {advice}"
+            )
+        note = f"{len(frames)} of {len(self.frames)} frames; {100 * share:.0f} % of the depths rest"
+        frames = Frames.of(still, frames.title, note)
         lit = [frame for frame in frames if frame.infrared is not None]
         if len(lit) == len(frames) or not lit:
             return frames
@@ -192,7 +220,7 @@ class Recording:
                 f"{self.path}: {len(lit)} of {len(frames)} frames have an infrared image: give it "
                 "for all or for none"
             )
-        return Frames.of(lit, frames.title)
+        return Frames.of(lit, frames.title, note)
 
 
 def check_least_size(shape: tuple[int, ...], where: object) -> None:

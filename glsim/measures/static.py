@@ -1,15 +1,22 @@
-"""Find frames that show one static view, between which only noise changes depth."""
+"""Find frames that show one static view, between which only noise changes depth.
+
+In a recording where something moves, such as a person before a still room, ``mask_moving`` finds
+the still periods of each pixel.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 
+import cv2
 import numpy as np
 
-from glsim.core.array_types import Array, Floats
+from glsim.core.array_types import Array, Floats, Mask
 from glsim.core.depth_frame import DepthFrame
 from glsim.measures.correlation import lagged_sums
-from glsim.measures.stacks import ratio
+from glsim.measures.stacks import moments, ratio
 
 #: Two frames show different views if one of two tests holds. First: their median absolute
 #: difference is above _MOST_MEDIAN_MM, and changes correlate by more than _MOST_ALIKE between
@@ -28,6 +35,13 @@ _BLOCK, _MOST_SPREADS, _MOST_MOVED = 4, 3.0, 0.005
 _LEAST_PIXELS, _LEAST_SHARED = 100, 0.5
 #: Images of more pixels are subsampled: every eighth pixel along both axes is compared.
 _THINNED_FROM, _EVERY_PX = 50_000, 8
+#: A pixel moved if it is farther from its median than this many deviations, on this share of 5 x 5
+#: pixels; pixels up to _AROUND_PX beside it are masked, too: half of a stereo camera's window and
+#: the shadow's rim. A pixel drifts if its variance over time is above _MOST_DRIFT times that of
+#: successive frames, in _LEAST_DRIFTING frames or more. All chosen, not measured.
+_MOST_SIGMAS, _MOVING_AREA, _AROUND_PX = 8.0, 0.4, 8
+_MOST_DRIFT, _LEAST_DRIFTING = 2.5, 6
+_NOISE_CLASSES_MM = np.geomspace(200.0, 8000.0, 25)
 #: From this number of frames on only neighbours in time are compared.
 _ALL_PAIRS_BELOW = 80
 
@@ -53,9 +67,81 @@ def view_numbers(frames: Sequence[DepthFrame]) -> list[int]:
     return views
 
 
-def view_change(first: DepthFrame, second: DepthFrame) -> str:
-    """Return the evidence that the view changed between two frames; "" for a static pair."""
-    return _change(*_thinned(first.measured_mm), _thinned(second.measured_mm)[0])
+def mask_moving(frames: Sequence[DepthFrame]) -> tuple[list[DepthFrame], float]:
+    """Remove the depth of what moves, and of its surroundings, from frames of one camera at rest.
+
+    A pixel is still while it keeps to its median depth over time, within noise. A pixel that drifts
+    more slowly than noise, as on a person who sits, is never still.
+
+    Returns:
+        The frames, and the share of depths that stay.
+    """
+    depth = np.stack([frame.measured_mm for frame in frames])
+    known = np.isfinite(depth)
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # pixels that never have depth
+        steps = np.nanmedian(np.abs(np.diff(depth, axis=0)), axis=0) / np.sqrt(2.0) * 1.4826
+        middle = np.nanmedian(depth, axis=0)
+    step_mm = max(frames[0].step_mm, 0.1)
+    sigma = cv2.medianBlur(np.nan_to_num(steps).astype(np.float32), 5)
+    usual = _usual_noise(middle, steps)
+    limit = _MOST_SIGMAS * np.clip(sigma, 0.5 * usual, 2.0 * usual) + step_mm
+    moving = known & (np.abs(depth - middle) > limit)
+    # Noise reaches the limit in single pixels; what moves has an area.
+    areas = np.stack([cv2.blur(image.astype(np.float32), (5, 5)) for image in moving])
+    moving = areas > _MOVING_AREA
+    moving |= _drifts(np.where(moving, np.nan, depth))
+    side = np.ones((2 * _AROUND_PX + 1,) * 2, np.uint8)
+    moving = np.stack([cv2.dilate(image.astype(np.uint8), side) > 0 for image in moving])
+    kept = [
+        frame.changed({"noisy_mm": np.where(mask, np.float32(0), frame.noisy_mm)})
+        if mask.any()
+        else frame
+        for frame, mask in zip(frames, moving, strict=True)
+    ]
+    return kept, float((known & ~moving).sum() / max(int(known.sum()), 1))
+
+
+def _usual_noise(depth_mm: Floats, steps_mm: Array) -> Array:
+    """Compute the median noise over time at each pixel's distance, (H, W) mm."""
+    classes = np.digitize(np.nan_to_num(depth_mm), _NOISE_CLASSES_MM)
+    usual = np.zeros(depth_mm.shape)
+    for number in np.unique(classes):
+        chosen = classes == number
+        own = steps_mm[chosen & np.isfinite(steps_mm)]
+        # A quarter of the pixels at any distance is at rest; the rest may be people.
+        usual[chosen] = 1.5 * np.quantile(own, 0.25) if own.size else 0.0
+    return usual
+
+
+def _drifts(depth_mm: Array) -> Mask:
+    """Mark pixels whose spread over time exceeds that of successive frames, (H, W)."""
+    if len(depth_mm) < _LEAST_DRIFTING:
+        return np.zeros(depth_mm.shape[1:], np.bool_)
+    _, _, variance = moments(list(depth_mm))
+    squares = np.diff(depth_mm, axis=0).astype(np.float64) ** 2
+    count = np.isfinite(squares).sum(axis=0)
+    successive = 0.5 * np.nansum(squares, axis=0) / np.maximum(count, 1)
+    spread, near = (
+        cv2.blur(np.where(count > 1, image, 0.0), (9, 9)) for image in (variance, successive)
+    )
+    return np.asarray(spread > _MOST_DRIFT * near)
+
+
+def longest_still(frames: Sequence[DepthFrame]) -> tuple[int, int]:
+    """Find the longest run of frames (first, after the last) whose views do not change."""
+    thin = [_thinned(frame.measured_mm) for frame in frames]
+    ends = [k + 1 for k in range(len(thin) - 1) if _change(*thin[k], thin[k + 1][0])]
+    bounds = [0, *ends, len(thin)]
+    return max(pairwise(bounds), key=lambda run: run[1] - run[0])
+
+
+def view_change(first: DepthFrame, second: DepthFrame, *, parts: bool = True) -> str:
+    """Return the evidence that the view changed between two frames; "" for a static pair.
+
+    ``parts``: whether a part of the view that moves is a change.
+    """
+    return _change(*_thinned(first.measured_mm), _thinned(second.measured_mm)[0], parts)
 
 
 def _thinned(depth_mm: Floats) -> tuple[Floats, int]:
@@ -64,7 +150,7 @@ def _thinned(depth_mm: Floats) -> tuple[Floats, int]:
     return depth_mm[::step, ::step], _APART_PX // step
 
 
-def _change(first: Floats, lag: int, second: Floats) -> str:
+def _change(first: Floats, lag: int, second: Floats, parts: bool = True) -> str:
     change = second.astype(np.float64) - first
     known = change[np.isfinite(change)]
     seen = min(int(np.isfinite(first).sum()), int(np.isfinite(second).sum()))
@@ -78,7 +164,7 @@ def _change(first: Floats, lag: int, second: Floats) -> str:
         moved = ratio(float(products.sum()), float(squares.sum())) > _MOST_ALIKE
     if moved:
         return f"half of the pixels change by more than {median_mm:.0f} mm"
-    share = _moved_share(change)
+    share = _moved_share(change) if parts else 0.0
     return f"{100 * share:.1f} % of the view moved" if share > _MOST_MOVED else ""
 
 

@@ -18,6 +18,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.maps import open_maps
+from glsim.measures.static import mask_moving
 from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import white_sigma_mm
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
@@ -67,7 +68,7 @@ def recording(_session_context: Context, tmp_path_factory: pytest.TempPathFactor
 
 def check_loop(files: list[str], out: Path, base: str) -> dict[str, dict[str, float]]:
     """The fitted file has the constants of the recording within a tenth; its stages by name."""
-    assert main(["fit", *files, "-o", str(out), "--base", base]) == 0
+    assert main(["fit", *files, "-o", str(out), "--base", base, "--no-proof"]) == 0
     stages = {s["use"]: s for s in tomllib.loads(out.read_text())["stage"]}
     fitted = {k: v for stage in stages.values() for k, v in stage.items()}
     assert fitted["gain"] == pytest.approx(GAIN, rel=0.1)
@@ -136,10 +137,41 @@ def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint1
 def test_recordings_that_cannot_serve(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="one frame only"):
         read(write_frames(tmp_path / "single", wall(1)))
-    moved = wall()
-    moved[2, :, 20:] = 1400
-    with pytest.raises(DatasetError, match="0001_depth and 0002_depth show different"):
-        read(write_frames(tmp_path / "m", moved))
+    rows, columns = np.mgrid[:96, :128]
+    room = 1500.0 + 3.0 * columns + rows
+    views = [np.roll(room, k * 40, axis=1) if k < 5 else room for k in range(12)]
+    noise = np.random.default_rng(0).normal(0, 2.0, (12, *room.shape))
+    folder = write_frames(tmp_path / "m", np.rint(views + noise).astype(np.uint16))
+    with pytest.raises(DatasetError, match=r"show different scenes .*--frames 5:12"):
+        read(folder)
+    assert "7 of 12 frames" in open_maps([folder]).read_static(part=slice(5, 12)).note
+
+
+@pytest.mark.parametrize("sigma_mm", [1.5, 8.0])
+@pytest.mark.parametrize("moves", ["walks", "sways", "breathes", "leaves"])
+def test_what_moves_before_a_still_wall_is_masked(moves: str, sigma_mm: float) -> None:
+    """A square of 40 px at 0.9 m before a wall at 2 m; noise alike over 3 px; the wall stays."""
+    rng, (y, x) = np.random.default_rng(0), np.mgrid[:120, :160]
+    depths, person = [], []
+    for k in range(24):
+        turn = np.sin(k / 3)
+        middle = {"walks": 20 + 5 * k, "sways": 80 + 12 * turn}.get(moves, 80)
+        near = 900 + (6 * sigma_mm * turn if moves == "breathes" else 0)
+        inside = (np.abs(x - middle) < 20) & (np.abs(y - 60) < 20) & (moves != "leaves" or k < 8)
+        noise = cv2.blur(rng.normal(size=x.shape), (3, 3)) * 3 * sigma_mm
+        depths.append(np.rint(np.where(inside, near, 2000 + 2 * x) + noise))
+        person.append(inside)
+    still, share = mask_moving(frames_of("room", depths))
+    left = np.stack([frame.noisy_mm > 0 for frame in still])
+    inside = np.stack(person)
+    moved = inside if moves == "breathes" else inside != (inside.mean(axis=0) > 0.5)
+    assert left[moved].mean() < 0.03
+    away = ~np.any([cv2.dilate(p.astype(np.uint8), np.ones((25, 25))) for p in person], axis=0)
+    assert left[:, away].mean() > 0.97
+    assert share > 0.5
+    # The noise of what stays is that of the wall.
+    seen = np.stack([f.measured_mm for f in still])[:, away]
+    assert np.nanmean(np.nanvar(seen, axis=0, ddof=1)) == pytest.approx(sigma_mm**2, rel=0.1)
 
 
 def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
@@ -155,9 +187,12 @@ def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        ([], 2, "the base sensor's 512x424: give --focal-px"),
+        ([], 2, "cannot tell which camera this is: name it by --base"),
+        (["--base", "kinect-v2"], 2, "the base sensor's 512x424: give --focal-px"),
         (["-o", "sensor.json"], 2, "give a name that ends in .toml"),
         (["--base", "kinect-v1"], 2, "no fit starts from 'kinect-v1'"),
+        (["--frames", "7"], 2, "--frames 7: give the first frame"),
+        (["--frames", "2:3", "--base", "kinect-v2"], 1, "has 1 frames in --frames"),
     ],
 )
 def test_command_refuses(

@@ -87,7 +87,7 @@ def test_a_fit_and_a_validation(here: Path, capsys: pytest.CaptureFixture[str]) 
     found = printed(capsys, "fit", "recording", "-o", "mine.toml")
     assert found["sensor"] == "mine.toml"
     assert {"distance_m", "radius_px", "sigma_mm", "pixels"} == set(found["sigma_mm"][0])
-    assert main(["validate", "led3d", "--frames", "8", "--json", "-"]) in (0, 1)
+    assert main(["validate", "kinect-v2-paper", "--frames", "8", "--json", "-"]) in (0, 1)
     assert isinstance(json.loads(capsys.readouterr().out), dict)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,12 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
+from glsim.core.files.atomic import write_atomic
 from glsim.measures.depth_noise import Cell
 from glsim.settings.toml_tables import toml_value
+
+#: Stands in the text of a sensor for the name of the map's file.
+PATTERN_MAP = "@fixed_pattern.npy"
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +27,7 @@ class FittedSensor:
 
     Attributes:
         text: the sensor file.
+        image: intrinsics of the recording.
         lines: name of a result -> its text.
         notes: remarks for the user.
         map_mm: (H, W) float32 fixed pattern of the device, NaN = unknown. None: not measured.
@@ -28,10 +35,29 @@ class FittedSensor:
     """
 
     text: str
+    image: Intrinsics
     lines: Mapping[str, str]
     notes: tuple[str, ...] = ()
     map_mm: NDArray[np.float32] | None = None
     table: tuple[Cell, ...] | None = None
+
+
+def write_fitted(fitted: FittedSensor, file: Path) -> list[Path]:
+    """Write a sensor file, and beside it the map of the fixed pattern; return the files."""
+    written = [file]
+    if fitted.map_mm is not None:
+        picture = io.BytesIO()
+        np.save(picture, fitted.map_mm)
+        written.append(map_of(file))
+        write_atomic(picture.getvalue(), map_of(file))
+    text = fitted.text.replace(PATTERN_MAP, map_of(file).name)
+    write_atomic(text.encode(), file)
+    return written
+
+
+def map_of(file: Path) -> Path:
+    """Return the file of the fixed pattern's map beside a sensor file."""
+    return file.with_name(f"{file.stem}_fixed_pattern.npy")
 
 
 def recording_camera(

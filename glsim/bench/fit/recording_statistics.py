@@ -69,8 +69,8 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     return np.where(enough, residual, np.nan).astype(np.float32)
 
 
-#: A pixel is measured if it has depth in at least this share of the frames.
-_LEAST_VALID = 0.9
+#: A pixel is measured if it has depth, and rests, in at least this share of the frames. Chosen.
+_LEAST_VALID = 0.5
 #: Lag of second differences, px. Two 3 x 3 filters do not reach that far, and the lag is even, so
 #: that an alternation of rows cancels.
 _LAG_PX = 4

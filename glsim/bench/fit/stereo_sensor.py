@@ -23,11 +23,11 @@ from moderngl import Context
 
 from glsim.bench import scenes
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
-from glsim.bench.fit.time_of_flight import BASES
+from glsim.bench.modes import find_lattice, possible_modes
 from glsim.core.array_types import Array
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
-from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.units import MM_PER_M
 from glsim.data.recording import Recording
 from glsim.gl.context import borrowed_context
@@ -39,9 +39,9 @@ from glsim.measures.disparity import (
     measure_disparity_noise,
     to_disparity,
 )
-from glsim.measures.lattice import Lattice, distinct_values, estimate_lattice
+from glsim.measures.lattice import Lattice
 from glsim.noise.rig_checks import MATCHER
-from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
+from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
 
 #: Number of frames to measure. Chosen: 23 differences determine a tile's temporal noise to 3 %.
@@ -74,15 +74,6 @@ class StereoStatistics:
     noise: DisparityNoise
     distances_mm: tuple[float, ...]
     slopes: tuple[float, ...]
-
-
-def find_lattice(frames: Frames) -> Lattice | None:
-    """Find the lattice of the frames' depths; None if the depths lie on no lattice."""
-    step = frames[0].step_mm
-    if step <= 0:
-        return None
-    lattice = estimate_lattice(distinct_values((f.measured_mm for f in frames), step))
-    return lattice if lattice is not None and lattice.accepted else None
 
 
 def measure_stereo(
@@ -128,12 +119,11 @@ def measure_stereo(
     )
 
 
-#: Base sensor if depths lie on a lattice: by the size of the frames, and for all other sizes.
-_VGA, _ANY_STEREO = {(640, 480): "realsense-d435-vga"}, "realsense-d435"
-#: Number of frames in which a lattice is searched. Chosen: more frames add no new depths.
-_LATTICE_FRAMES = 12
 #: Step of the search for the side of the averaged region, and its largest value, px.
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
+#: Another side than the base's must at least halve the misfit: the correlation of a short recording
+#: is known to .1, and a wrong side is told at once. Chosen.
+_CLEARLY = 0.5
 #: Lags at which correlations are compared, as a slice of LAGS_PX: 1 to 8 px.
 _LAGS = slice(0, 6)
 #: Search for the value of a parameter: first value, largest value, number of rounds, and smallest
@@ -148,38 +138,14 @@ _EXPOSURES = ("stereo_exposure", "pattern_exposure")
 _SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
 
 
-def stereo_base(recording: Recording, base: str | None) -> str | None:
-    """Return the sensor that a fit extends; None for a time-of-flight camera.
-
-    It is ``base`` if the user names it. Otherwise the sensor that the recording states, or the
-    lattice of its depths, decides. Raises ConfigError if the named sensor does not match images.
-    """
-    if base is not None:
-        if base in BASES:
-            return None
-        if not _matches_images(base):
-            known = [*BASES, *(n for n in sensor_names() if _matches_images(n))]
-            raise ConfigError(f"no fit starts from {base!r} ({did_you_mean(base, known)})")
-        return base
-    stated = recording.stated.sensor
-    if stated and _matches_images(stated):
-        return stated
-    frames = recording.read(_LATTICE_FRAMES)
-    height, width = frames[0].measured_mm.shape
-    return _VGA.get((width, height), _ANY_STEREO) if find_lattice(frames) is not None else None
-
-
-def _matches_images(name: str) -> bool:
-    """Return whether a sensor has an image-matching stage. Raises ConfigError if it is unknown."""
-    return load_sensor(name).matcher is not None
-
-
 def _matcher_value(sensor: Sensor, name: str) -> float:
     stage = next(s for s in sensor.stages if s.spec.name == MATCHER)
     return stage.settings[name].bounds()[0]
 
 
-def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> FittedSensor:
+def fit_stereo(
+    recording: Recording, base: str, focal_px: float | None, part: slice
+) -> FittedSensor:
     """Fit an image-matching sensor to a static recording.
 
     Args:
@@ -187,16 +153,20 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
         base: sensor that the written file extends.
         focal_px: focal length of the recording. None: as the recording states; else the base's, or
             from the base's baseline.
+        part: frames to use.
 
     Raises:
-        ConfigError: the focal length is not known.
+        ConfigError: the focal length is not known, or the frames are decimated or registered.
         DatasetError: the recording is not static, or shows no planes.
     """
     sensor = load_sensor(base)
     rig, steps = sensor.rig, _matcher_value(sensor, "subpixel_steps")
-    frames = recording.read_static(FRAMES)
+    frames = recording.read_static(FRAMES, part)
     product = MM_PER_M * rig.intrinsics.fx * rig.baseline_m
-    statistics = measure_stereo(frames, find_lattice(frames), steps, product)
+    lattice = find_lattice(frames)
+    if focal_px is not None or recording.camera is not None:
+        _check_grid(recording, sensor, focal_px, lattice)
+    statistics = measure_stereo(frames, lattice, steps, product)
     other_px = statistics.focal_baseline_px_mm / rig.baseline_m / MM_PER_M
     image = recording_camera(statistics.size, recording.camera, rig.intrinsics, focal_px, other_px)
     named = str(Path(base).resolve()) if base.endswith(".toml") else base
@@ -211,14 +181,31 @@ def fit_stereo(recording: Recording, base: str, focal_px: float | None) -> Fitte
             fit.notes.clear()
             fit.solve(speckle, "frame")
         fit.solve(_DEVICE, "static")
-        lines = {"base": named} | _result_lines(statistics, fit.noise(), image, fit.baseline_m)
+        lines = {"base": named, "at rest": frames.note} | _result_lines(
+            statistics, fit.noise(), image, fit.baseline_m
+        )
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {image.width}x{image.height}: "
         f"{recording.path}",
         *(f"{name}: {text}" for name, text in lines.items()),
         f"All other values are those of {sensor.name}.",
     ]
-    return FittedSensor(fit.text(fit.values, comments), lines, tuple(fit.notes))
+    return FittedSensor(fit.text(fit.values, comments), image, lines, tuple(fit.notes))
+
+
+def _check_grid(
+    recording: Recording, sensor: Sensor, focal_px: float | None, lattice: Lattice | None
+) -> None:
+    """Raise ConfigError if the stated focal length is that of decimated or registered frames."""
+    try:
+        mode = possible_modes(sensor, recording.read(1, focal_px), True, lattice)[0]
+    except ConfigError:
+        return  # another baseline: that is what a fit is for
+    if mode.image is not mode.depth:
+        raise ConfigError(
+            f"{recording.path}: the frames are {mode.name}: a fit needs the depth camera's own "
+            "frames, without alignment and decimation"
+        )
 
 
 class _Fit:
@@ -304,7 +291,7 @@ class _Fit:
             return float(np.nansum((lags - target) ** 2)) if np.isfinite(lags).any() else np.inf
 
         best = start = self.own_support
-        least = misfit(best)
+        least = _CLEARLY * misfit(best)
         for step in (_SUPPORT_STEP_PX, -_SUPPORT_STEP_PX):
             while 1 <= best + step <= _MOST_SUPPORT_PX and (next_ := misfit(best + step)) < least:
                 best, least = best + step, next_

@@ -10,7 +10,12 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from glsim.bench.fit.fit_wiggling import Wiggling, fit_wiggling
-from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
+from glsim.bench.fit.fitted_sensor import (
+    PATTERN_MAP,
+    FittedSensor,
+    recording_camera,
+    sensor_toml,
+)
 from glsim.bench.fit.noise_model import (
     InfraredLaw,
     LightProfile,
@@ -25,13 +30,9 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.data.recording import Recording
 from glsim.noise.registry import find_stage
-from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
+from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, read_sensor_tree
 from glsim.sensors.wiggling import Wave
 from glsim.settings.distribution import NumberSetting
-from glsim.settings.toml_tables import read_toml
-
-#: Base sensors of a time-of-flight fit, fastest simulation first.
-BASES = ("kinect-v2-fast", "kinect-v2")
 
 #: Stage -> parameters that are fitted.
 _LIGHT = (
@@ -59,32 +60,35 @@ _UNKNOWN = "not determined by this recording (add far or dark walls): the base s
 
 
 def fit_time_of_flight(
-    recording: Recording, base: str | None, albedo: float, focal_px: float | None, map_name: str
+    recording: Recording, base: str, albedo: float, focal_px: float | None, part: slice, named: bool
 ) -> FittedSensor:
     """Fit a time-of-flight sensor to a static recording.
 
     Args:
         recording: at least two frames of one view.
-        base: one of BASES. None: the first whose filter explains the correlation of the noise.
+        base: the sensor to extend.
         albedo: reflectivity of the scene; with infrared, reflectivity of its brightest surfaces.
         focal_px: focal length of the recording. None: as stated, or the base sensor's.
-        map_name: file name of the fixed pattern's map in the sensor file.
+        part: frames to use.
+        named: whether the user names the base. If not, kinect-v2 replaces kinect-v2-fast where its
+            filter does not explain the correlation of the noise.
 
     Raises:
         ConfigError: the focal length is not known.
         DatasetError: the recording is not static, or shows no smooth surfaces.
     """
-    name = base or BASES[0]
-    recorded = recording.read_static()
+    name = base
+    recorded = recording.read_static(part=part)
+    rest = recorded.note
     height, width = recorded[0].noisy_mm.shape
     own = load_sensor(name).rig.intrinsics
     image = recording_camera((width, height), recording.camera, own, focal_px)
     recorded = Frames.of([frame.changed(intrinsics=image) for frame in recorded], recorded.title)
     statistics = measure_recording(recorded)
     smoothing = find_smoothing(statistics.correlation)
-    if smoothing is not None and base is None:
+    if smoothing is not None and not named and name == "kinect-v2-fast":
         name = "kinect-v2"  # only the chain of kinect-v2 lets a fit exchange the filter
-    tree = read_toml(SENSOR_FOLDER / f"{name}.toml")
+    tree = read_sensor_tree(SENSOR_FOLDER / f"{name}.toml")
     emitter, taps = load_sensor(name).rig.emitter_m, TapNoise(**_parameters(tree, *_TAPS))
     profile = LightProfile(**_parameters(tree, "flat_to", "fall_off", "tail", "vignetting"))
     model = fit_noise_model(statistics, image, albedo, recorded[0].step_mm, profile, emitter, taps)
@@ -93,7 +97,7 @@ def fit_time_of_flight(
         law = fit_infrared(statistics, recorded, albedo, taps)
     wiggling = fit_wiggling(statistics, image, emitter)
     values = _fitted_values(statistics, model, law, taps, wiggling)
-    lines = _result_lines(statistics, model, law, wiggling)
+    lines = {"base": name, "at rest": rest} | _result_lines(statistics, model, law, wiggling)
     if smoothing is not None:
         wide = any(stage["use"] == NARROW for stage in tree["stage"])
         text = "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
@@ -112,13 +116,13 @@ def fit_time_of_flight(
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {width}x{height}: {recording.path}",
         *(f"{title}: {text}" for title, text in lines.items()),
-        f"Map of this device's own fixed pattern: {map_name} (float32 mm, NaN = unknown"
+        f"Map of this device's own fixed pattern: {PATTERN_MAP} (float32 mm, NaN = unknown"
         + (")." if usable else "); too noisy to add to frames."),
         f"All other values are those of {name}.",
     ]
     waves = wiggling.waves() if wiggling is not None else ()
-    text = fitted_toml(name, tree, values, image, comments, map_name if usable else "", waves)
-    return FittedSensor(text, lines, (), statistics.map_mm, statistics.table)
+    text = fitted_toml(name, tree, values, image, comments, PATTERN_MAP if usable else "", waves)
+    return FittedSensor(text, image, lines, (), statistics.map_mm, statistics.table)
 
 
 def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
