@@ -113,4 +113,5 @@ print(f"all pixels: recording {np.nanmedian(spread):.2f} mm, "
 
 # %%
 # For a real camera, record walls and furniture at many distances, 60 frames or more, with the
-# camera at rest. What the fit measures and what it cannot: :ref:`Fit one to your camera <fit-a-camera>`.
+# camera at rest. What the fit measures and what it cannot:
+# :ref:`Fit one to your camera <fit-a-camera>`.

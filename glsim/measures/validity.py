@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+import cv2
 import numpy as np
 
 from glsim.core.array_types import Reals
@@ -24,6 +25,21 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
         pixels += np.histogram(radius, RINGS_PX)[0]
     share = np.where(pixels > 0, missing / np.maximum(pixels, 1), np.nan)
     return tuple((*ring, float(s)) for ring, s in zip(pairwise(RINGS_PX), share, strict=True))
+
+
+def measure_isolated(frames: Sequence[DepthFrame]) -> tuple[float, float]:
+    """Compute the shares of all pixels that are single holes, and single depths.
+
+    Of the eight neighbours of a single hole at least seven have depth; of those of a single depth
+    at most one has.
+    """
+    ring = np.ones((3, 3), np.float32) - np.pad(np.ones((1, 1), np.float32), 1)
+    counts = np.zeros(3)
+    for frame in frames:
+        known = np.isfinite(frame.measured_mm)
+        near = cv2.filter2D(known.astype(np.float32), -1, ring, borderType=cv2.BORDER_CONSTANT)
+        counts += (~known & (near > 6.5)).sum(), (known & (near < 1.5)).sum(), known.size
+    return float(counts[0] / counts[2]), float(counts[1] / counts[2])
 
 
 def hole_share_beside_band(images: Sequence[Reals]) -> float:

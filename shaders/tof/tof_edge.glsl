@@ -10,6 +10,7 @@ uniform float nearest_mm = 50.0;    //@ [0, 5000] mm minimum distance to the nea
 uniform float farthest_mm = 30.0;   //@ [0, 5000] mm minimum distance to the farthest depth (edge_far_delta_threshold)
 uniform float larger_mm = 100.0;    //@ [0, 5000] mm minimum of the larger of both distances (edge_max_delta_threshold)
 uniform bool remove_mixed = true;   //@           1  whether pixels marked by the bilateral filter are removed
+uniform float least_marked = 1.0;   //@ [1, 5]    1  fewest marked pixels in 3x3 with which a marked pixel is removed; others are if at most that many are not marked
 
 uniform sampler2D u_decoded;
 uniform sampler2D u_depth;
@@ -26,10 +27,12 @@ void main() {
     reason = textureLod(u_reason, here, 0.0).r;
     vec2 own = textureLod(u_decoded, here, 0.0).rg;
     float sum = own.y, squares = own.y * own.y, low = depth, high = depth;
+    float marked = float(own.x <= 0.0);
     vec2 texel = 1.0 / vec2(textureSize(u_decoded, 0));
     for (int k = 0; k < 8; k++) { // without the centre
         ivec2 offset = ivec2((k + int(k > 3)) % 3, (k + int(k > 3)) / 3) - 1;
         vec2 other = textureLod(u_decoded, (gl_FragCoord.xy + vec2(offset)) * texel, 0.0).rg;
+        marked += float(other.x <= 0.0);
         sum += other.y;
         squares += other.y * other.y;
         low = min(low, other.x > 0.0 ? other.x : depth);
@@ -40,7 +43,7 @@ void main() {
     float near_mm = 1000.0 * (depth - low), far_mm = 1000.0 * (high - depth);
     bool between = contrast >= min_contrast && near_mm > nearest_mm && far_mm > farthest_mm
         && max(near_mm, far_mm) > larger_mm;
-    bool mixed = remove_mixed && own.x <= 0.0;
+    bool mixed = remove_mixed && marked >= (own.x <= 0.0 ? least_marked : 10.0 - least_marked);
     ivec2 last = ivec2(u_frame_size_px) - 1;
     bool inside = !any(equal(pixel, ivec2(0))) && !any(equal(pixel, last)); // as the decoder does
     if (depth > 0.0 && inside && (between || mixed)) {

@@ -31,7 +31,7 @@ from glsim.measures.pattern import FixedPattern, measure_pattern
 from glsim.measures.silhouettes import Silhouettes, measure_silhouettes
 from glsim.measures.stacks import ratio
 from glsim.measures.static import static_pairs, view_numbers
-from glsim.measures.validity import measure_invalid
+from glsim.measures.validity import measure_invalid, measure_isolated
 
 #: Lowest AUC that a replay can reach (regression / trees): simulated frames of a sensor, compared
 #: with their replay through the same sensor.
@@ -44,7 +44,11 @@ _FLOORS = {
 
 @dataclass(frozen=True)
 class Measurements:
-    """All measures of one set; ``size``: (width, height), px; ``light``: None without infrared."""
+    """All measures of one set.
+
+    ``size`` is (width, height), px; ``light`` is None without infrared; ``isolated`` are the shares
+    of single holes and of single depths.
+    """
 
     title: str
     frames: int
@@ -55,6 +59,7 @@ class Measurements:
     light: Light | None
     silhouettes: Silhouettes
     invalid: tuple[tuple[float, float, float], ...]
+    isolated: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -219,6 +224,8 @@ def _lines(m: Measurements) -> _Lines:
     lines |= _silhouette_lines(m.silhouettes)
     for inner, outer, share in m.invalid:
         add("pixels without depth", f"{inner:.0f} to {outer:.0f} px", "%", 100 * share)
+    for name, share in zip(("single holes", "single depths"), m.isolated, strict=True):
+        add("pixels unlike their eight neighbours", name, "%", 100 * share)
     return lines
 
 
@@ -309,6 +316,7 @@ def compare_sets(
                 light=measure_light(frames, pairs),
                 silhouettes=measure_silhouettes(frames),
                 invalid=measure_invalid(frames),
+                isolated=measure_isolated(frames),
             )
         )
     verdicts: dict[str, Verdict] = {}

@@ -22,6 +22,7 @@ _ROWS = (
     ("residual of surfaces", ("p10", "median", "p90")),
     ("correlation of the residual", tuple(f"{k} px along {xy}" for xy in "xy" for k in (1, 2, 3))),
     ("fixed pattern", ("rows", "columns")),
+    ("pixels unlike", ("single holes", "single depths")),
     ("silhouettes", ("width of the gap, median", "invalid share of 8 px outside")),
 )  # fmt: skip
 

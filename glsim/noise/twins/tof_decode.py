@@ -318,12 +318,14 @@ def tof_edge(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     """Removes pixels between two surfaces and pixels that the bilateral filter marked."""
     own, z = layers["decoded"], layers["depth"]
     xp, sums, low, high = of(z), own[..., 1], z, z
+    marked = xp.floats(own[..., 0] <= 0)
     depths, amplitudes = (around(view, own[..., k], 1) for k in (0, 1))
     squares = sums * sums
     for dx, dy in (to for to in square(1) if to != (0, 0)):
         amplitude, there = amplitudes(dx, dy), depths(dx, dy)
         sums = sums + amplitude
         squares = squares + amplitude * amplitude
+        marked = marked + xp.floats(there <= 0)
         there = xp.where(there > 0, there, z)
         low, high = xp.minimum(low, there), xp.maximum(high, there)
     spread = xp.sqrt(xp.maximum(9.0 * squares - sums * sums, 0.0)) / 9.0
@@ -331,7 +333,9 @@ def tof_edge(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     near, far = 1000.0 * (z - low), 1000.0 * (high - z)
     between = (contrast >= p["min_contrast"]) & (near > p["nearest_mm"])
     between = between & (far > p["farthest_mm"]) & (xp.maximum(near, far) > p["larger_mm"])
-    lost = ~_border(view) & (between | ((own[..., 0] <= 0) & (p["remove_mixed"] > 0)))
+    least = xp.where(own[..., 0] <= 0, p["least_marked"], 10.0 - p["least_marked"])
+    mixed = marked >= least
+    lost = ~_border(view) & (between | (mixed & (p["remove_mixed"] > 0)))
     return without(layers, lost, xp.where(between, float(Reason.EDGE), float(Reason.MIXED)))
 
 
