@@ -54,7 +54,9 @@ def test_frames_of_the_fitted_sensor_are_as_correlated(
     depths, lights = _frames(context, str(camera), 3)
     folder = write_frames(tmp_path / "recording", depths, lights)
     out = tmp_path / "fitted.toml"
-    assert main(["fit", str(folder), "-o", str(out), "-q", "--no-proof"]) == 0
+    assert (
+        main(["fit", str(folder), "-o", str(out), "-q", "--no-proof", "--base", "kinect-v2"]) == 0
+    )
     stages = {s["use"]: s for s in tomllib.loads(out.read_text())["stage"]}
     assert "tof_bilateral" not in stages
     again, _ = _frames(context, str(out), 4)

@@ -31,7 +31,7 @@ TIME_OF_FLIGHT = (
 _OF_SIZE = {("realsense-d435", (640, 480)): "realsense-d435-vga"}
 #: Weights of evidence, in units of one standard deviation: focal lengths of one kind differ by 3 %,
 #: correlation lengths by 40 %; another kind of steps, size or unit counts as given. Chosen.
-_FOCAL, _BASELINE, _ALIKE = 0.03, 0.02, 0.4
+_FOCAL, _BASELINE, _ALIKE, _MOST_ALIKE = 0.03, 0.02, 0.4, 2.5
 _NO_LATTICE, _OTHER_SIZE, _OTHER_UNIT, _MOST = 3.0, 3.0, 2.0, 5.0
 #: Two bases are told apart from this difference of their distances on; a base fits up to the
 #: second number. Chosen.
@@ -121,7 +121,8 @@ def _rival(
 ) -> Rival:
     """Compute the distance of one base, and name the evidence against it, strongest first."""
     image, unit, steps = frames.intrinsics, frames[0].step_mm or 1.0, steps_per_px(sensor)
-    terms = {f"noise alike over {half_px:.1f} px": _times(half_px, alike_px, _ALIKE)}
+    alike = min(_times(half_px, alike_px, _ALIKE), _MOST_ALIKE)
+    terms = {f"noise alike over {half_px:.1f} px": alike}
     if (lattice is None) != (steps == 0):
         terms["steps of disparity" if lattice else "no steps of disparity"] = _NO_LATTICE
     of_size = [f for w, h, f in sensor.modes if (w, h) == (image.width, image.height)]

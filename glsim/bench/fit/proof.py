@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from glsim.bench.compare.comparison import Comparison
+from glsim.bench.compare.comparison import Comparison, compare_sets
 from glsim.bench.compare.patches import KINDS
-from glsim.bench.compare.replay import compare_replay
+from glsim.bench.compare.replay import replay
 from glsim.bench.fit.fitted_sensor import FittedSensor, write_fitted
 from glsim.core.depth_frame import Frames
 from glsim.data.recording import Recording
@@ -61,7 +61,10 @@ def prove(
     with TemporaryDirectory() as folder:
         file = Path(folder) / "fitted.toml"
         write_fitted(fitted, file)
-        made = [compare_replay(frames, s, True, progress, seed=1)[0] for s in (base, str(file))]
+        made = []
+        for name in (base, str(file)):
+            progress(f"rendering {len(frames)} frames through {name}")
+            made.append(compare_sets(frames, replay(frames, name, seed=1)))
     lines = [f"{'':44} {'recording':>10} {'base':>14} {'fitted':>14}"]
     gains, errors = [], []
     for kind in KINDS:
