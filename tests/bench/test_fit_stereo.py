@@ -145,8 +145,7 @@ def test_a_changed_sensor_comes_back(context: Context, tmp_path: Path) -> None:
     shot = VirtualCamera(str(camera), context, seed=2).capture(scene, 12, None, scene="corner")
     recording = write_frames(tmp_path / "recording", encoded(shot))
     out = tmp_path / "fitted.toml"
-    assert main(["fit", str(recording), "-o", str(out)]) in (0, 1)
-    assert "# AUC of planes" in out.read_text()
+    assert main(["fit", str(recording), "-o", str(out), "--no-proof"]) == 0
     assert tomllib.loads(out.read_text())["extends"] == "realsense-d435-vga"
     rig = load_sensor(str(out)).rig
     assert 1000 * rig.baseline_m * rig.intrinsics.fx == pytest.approx(product, rel=1e-3)

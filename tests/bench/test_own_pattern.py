@@ -67,12 +67,15 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(context: Context, tmp_path:
     assert flattened(left).var() < 0.3 * flattened(once).var()
 
 
-def test_a_short_recording_does_not_give_its_noise_to_frames(
+@pytest.mark.long
+def test_a_short_recording_gives_no_pattern_and_the_sensor_that_made_it_is_recommended(
     context: Context, tmp_path: Path
 ) -> None:
     device = VirtualCamera("kinect-v2-fast", context, seed=3)
-    write_frames(tmp_path / "frames", encoded(device.capture(scenes.wall(900), 3, None)))
+    write_frames(tmp_path / "frames", encoded(device.capture(scenes.wall(900), 8, None)))
     fitted = tmp_path / "mine.toml"
-    assert main(["fit", str(tmp_path / "frames"), "-o", str(fitted), "--quiet", "--no-proof"]) == 0
+    assert main(["fit", str(tmp_path / "frames"), "-o", str(fitted), "--quiet"]) == 1
+    assert "# AUC of planes" in fitted.read_text()
+    assert "kinect-v2-fast is recommended" in fitted.read_text()
     assert "too noisy to add to frames" in fitted.read_text()
     assert glsim.load_sensor(str(fitted)).pattern_map is None

@@ -121,9 +121,6 @@ def measure_stereo(
 
 #: Step of the search for the side of the averaged region, and its largest value, px.
 _SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
-#: Another side than the base's must at least halve the misfit: the correlation of a short recording
-#: is known to .1, and a wrong side is told at once. Chosen.
-_CLEARLY = 0.5
 #: Lags at which correlations are compared, as a slice of LAGS_PX: 1 to 8 px.
 _LAGS = slice(0, 6)
 #: Search for the value of a parameter: first value, largest value, number of rounds, and smallest
@@ -291,7 +288,7 @@ class _Fit:
             return float(np.nansum((lags - target) ** 2)) if np.isfinite(lags).any() else np.inf
 
         best = start = self.own_support
-        least = _CLEARLY * misfit(best)
+        least = misfit(best)
         for step in (_SUPPORT_STEP_PX, -_SUPPORT_STEP_PX):
             while 1 <= best + step <= _MOST_SUPPORT_PX and (next_ := misfit(best + step)) < least:
                 best, least = best + step, next_
