@@ -16,18 +16,6 @@ from tests.support.people import needs_anny
 
 pytestmark = pytest.mark.long
 WHAT = ["head", "bust", pytest.param("person", marks=needs_anny)]
-#: What is not mended yet: the face of some busts and people is not found, or found upside down.
-OPEN = {
-    ("person", 1000, ()), ("person", 1000, ("unit",)), ("bust", 3.1, ()), ("person", 3.1, ()),
-    ("bust", 1e-4, ()), ("person", 1e-4, ()), ("person", 25.4, ()),
-}  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def _not_yet(request: pytest.FixtureRequest) -> None:
-    case = request.node.callspec.params
-    if (case["what"], case["mm"], tuple(case["given"])) in OPEN:
-        request.applymarker(pytest.mark.xfail(reason="a face is not found, or upside down"))
 
 
 @cache
