@@ -19,7 +19,7 @@ from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 #: Azure Kinects measured elsewhere). A Kinect V2 is fitted from its fast sensor unless the filter
 #: of its noise is another.
 _KINDS = {
-    "kinect-v2-fast": 1.7, "azure-kinect": 2.4, "azure-kinect-nfov-binned": 1.2,
+    "kinect-v2-fast": 1.7, "azure-kinect": 2.4, "azure-kinect-nfov-binned": 1.8,
     "kinect-v1-pattern": 1.9, "truedepth": 3.2, "realsense-d405": 6.5, "realsense-d415": 5.0,
     "realsense-d435": 6.0, "realsense-d455": 6.0,
 }  # fmt: skip

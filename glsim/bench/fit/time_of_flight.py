@@ -30,6 +30,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.data.recording import Recording
 from glsim.noise.registry import find_stage
+from glsim.sensors.kinect_v2 import FREQUENCIES_MHZ
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, read_sensor_tree
 from glsim.sensors.wiggling import Wave
 from glsim.settings.distribution import NumberSetting
@@ -85,7 +86,9 @@ def fit_time_of_flight(
     image = recording_camera((width, height), recording.camera, own, focal_px)
     recorded = Frames.of([frame.changed(intrinsics=image) for frame in recorded], recorded.title)
     statistics = measure_recording(recorded)
-    smoothing = find_smoothing(statistics.correlation)
+    kinect = load_sensor(name).rig.modulation_mhz == FREQUENCIES_MHZ
+    # Only the Kinect V2's filter can be exchanged, and only its frequencies have a wiggling.
+    smoothing = find_smoothing(statistics.correlation) if kinect else None
     if smoothing is not None and not named and name == "kinect-v2-fast":
         name = "kinect-v2"  # only the chain of kinect-v2 lets a fit exchange the filter
     tree = read_sensor_tree(SENSOR_FOLDER / f"{name}.toml")
@@ -95,7 +98,7 @@ def fit_time_of_flight(
     law = None
     if recorded[0].infrared is not None:
         law = fit_infrared(statistics, recorded, albedo, taps)
-    wiggling = fit_wiggling(statistics, image, emitter)
+    wiggling = fit_wiggling(statistics, image, emitter) if kinect else None
     values = _fitted_values(statistics, model, law, taps, wiggling)
     lines = {"base": name, "at rest": rest} | _result_lines(statistics, model, law, wiggling)
     if smoothing is not None:
