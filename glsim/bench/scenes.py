@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -150,8 +151,8 @@ def _slanted_bar(left_mm: float, right_mm: float, z_mm: float, albedo: float = 1
     return quad([(*end, z_mm) for end in ends], albedo)
 
 
-def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) -> list[Mesh]:
-    """Build procedural heads, of skin albedo.
+def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) -> list[list[Mesh]]:
+    """Build procedural heads, each a mesh of skin and the meshes of what the person wears.
 
     Args:
         count: number of people.
@@ -162,16 +163,14 @@ def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) 
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
     dresser = Dresser(source, AppearanceSettings(wear=wear))
-    meshes = []
+    heads = []
     for number, face in enumerate(source.load(keys)):
         assert isinstance(face, Face)
         worn = dresser.dress(face, ScopeSeeds(number, number, number))
-        meshes_worn = [worn.mesh, *(part.mesh for part in worn.parts)]
-        whole = merge_meshes(*meshes_worn) if len(meshes_worn) > 1 else worn.mesh
-        vertices = whole.vertices_mm * np.array([1, -1, -1], np.float32)
-        placed = vertices + np.array([0, 0, z_mm], np.float32)
-        meshes.append(Mesh(placed, whole.faces, whole.albedo))
-    return meshes
+        meshes = [replace(worn.mesh, occluder=None), *(part.mesh for part in worn.parts)]
+        signs, shift = np.array([1, -1, -1], np.float32), np.array([0, 0, z_mm], np.float32)
+        heads.append([replace(m, vertices_mm=m.vertices_mm * signs + shift) for m in meshes])
+    return heads
 
 
 def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:

@@ -42,6 +42,9 @@ class Mesh:
             ``occluder_of``; None for ``faces``.
         two_sided: whether the backs of triangles are drawn too. They are for meshes from files,
             which may be open or have triangles in random orders of vertices.
+        strands: (V, 5) float32 for a sheet of hair: coordinates of the strands, two across them
+            and one along them, in widths and lengths of a strand; share of the sheet that strands
+            cover; depth, mm, down to which they lie below it. None: a closed surface.
     """
 
     vertices_mm: Floats
@@ -49,6 +52,7 @@ class Mesh:
     albedo: Floats | None = None
     occluder: Triangles | None = None
     two_sided: bool = False
+    strands: Floats | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and sizes of the arrays. Raises MeshError if they cannot be rendered."""

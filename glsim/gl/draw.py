@@ -42,7 +42,6 @@ class FullscreenPass:
 def draw_meshes(
     context: moderngl.Context,
     arrays: Sequence[moderngl.VertexArray],
-    program: moderngl.Program,
     views: Sequence[NDArray[np.float32]],
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> None:
@@ -59,7 +58,7 @@ def draw_meshes(
     for array, view in zip(arrays, views, strict=True):
         moved = view.copy()
         moved[:3, 3] -= origin_m
-        set_matrix(program, "u_view", moved)
+        set_matrix(array.program, "u_view", moved)
         (context.disable if array.extra else context.enable)(moderngl.CULL_FACE)
         array.render()
     context.enable_only(moderngl.NOTHING)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 from glsim.core.errors import ShaderError
 from glsim.gl.includes import SHADER_ROOT
 from glsim.gl.shader_source import ShaderSource, load_source
+from glsim.gl.targets import set_matrix
 
 _GL_TYPES = {"float": 0x1406, "int": 0x1404, "bool": 0x8B56}
 
@@ -46,6 +49,25 @@ def link(
                 f"not {parameter.default}"
             )
     return program
+
+
+class MeshPrograms(NamedTuple):
+    """The programs that draw closed surfaces and sheets of strands (lib/strands.glsl)."""
+
+    surface: moderngl.Program
+    strands: moderngl.Program
+
+    def set_matrix(self, name: str, matrix: NDArray[np.float32]) -> None:
+        """Set a matrix uniform of both programs."""
+        for program in self:
+            set_matrix(program, name, matrix)
+
+
+def link_meshes(context: moderngl.Context, fragment: str, vertex: str) -> MeshPrograms:
+    """Link the programs that draw meshes, from paths below shaders/. Raises ShaderError."""
+    sources = load_source(SHADER_ROOT / fragment), load_source(SHADER_ROOT / vertex)
+    strands = (source.with_defines(STRANDS=1) for source in sources)
+    return MeshPrograms(link(context, *sources), link(context, *strands))
 
 
 def link_files(

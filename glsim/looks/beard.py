@@ -1,4 +1,4 @@
-"""Beards, moustaches, stubble and brows: shells over the skin of jaw and brows."""
+"""Beards, moustaches, stubble and brows: sheets of strands over the skin of jaw and brows."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from glsim.core.array_types import Mask, Reals
+from glsim.core.array_types import Floats, Mask, Reals
 from glsim.looks.anatomy import Anatomy
-from glsim.looks.binding import Shell
-from glsim.looks.noise import ridges, smooth_noise
-from glsim.looks.skin_grid import SkinGrid, make_grid
+from glsim.looks.binding import Hair, Shell
+from glsim.looks.noise import smooth_noise
+from glsim.looks.skin_grid import SkinGrid, make_grid, thinned
 from glsim.looks.styles import STYLE_TABLE
 
 #: Height from mouth to eyes of a mean adult, mm (Farkas 1994: 67 from stomion to sellion).
@@ -22,6 +22,10 @@ _CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
 _CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
 _LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
 _EDGE_MM: Final = 6.3
+#: Height of each sheet as a share of the length, and the share of it that strands cover. Chosen.
+_SHEETS: Final = ((1.0, 0.5), (0.45, 0.9))
+#: Distance inside the outline at which a beard is dense, mm; width of a strand, mm. Chosen.
+_SPARSE_MM, _STRAND_MM = 9.0, 0.7
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
     inside = _outline(anatomy, points)[0]
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(inside[anatomy.faces] > -6.0, axis=1)
     grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM)
+    grid = thinned(grid, grid.anchors.place(anatomy.vertices_mm[grid.base]), _EDGE_MM)
     on_grid = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     return BeardGrid(grid, on_grid, *_outline(anatomy, on_grid))
 
@@ -98,8 +103,11 @@ def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
 
 def make_beard(
     beard: BeardGrid, rest_mm: Reals, style: BeardStyle, length_mm: float, seed: int
-) -> Shell:
-    """Make a beard, ``length_mm`` along the normals, on a subject at rest, (V, 3) mm."""
+) -> list[Hair]:
+    """Make a beard, ``length_mm`` along the normals, on a subject at rest, (V, 3) mm.
+
+    Returns its sheets, the outermost first.
+    """
     inside = beard.inside.copy()
     if not style.cheeks:
         areas = ((style.chin, beard.chin), (style.lip, beard.lip))
@@ -107,20 +115,30 @@ def make_beard(
     elif not style.lip:
         inside = np.minimum(inside, -beard.lip)
     grid, blend = beard.grid.clipped(inside + 2.5 * smooth_noise(beard.points / 6.0, seed))
-    points = blend.of(beard.points)
-    rim = np.clip(blend.of(inside) / (4.0 + 0.8 * length_mm), 0.12, 1)
+    points, inside = blend.of(beard.points), blend.of(inside)
+    rim = np.clip(inside / (4.0 + 0.8 * length_mm), 0.12, 1)
     tufts = points * np.array([1.0, 0.35, 1.0])  # longer along y: hair grows down
-    relief = 0.6 * ridges(tufts / 8.0, seed + 1) + 0.4 * smooth_noise(tufts / 5.0, seed + 2)
-    amplitude = min(0.7 * length_mm, 4.5)
-    height = np.maximum(length_mm * rim + amplitude * relief * np.sqrt(rim), 0.3)
-    drop = None
+    relief = min(0.7 * length_mm, 4.5) * smooth_noise(tufts / 8.0, seed + 1)
+    height = np.maximum(length_mm * rim + relief * np.sqrt(rim), 0.3)
+    drop = np.zeros((len(points), 3), np.float32)
     if style.hang:
         share = np.clip(blend.of(beard.chin) / 18.0 + 0.2, 0, 1)
         ends = 1 + 0.35 * smooth_noise(points / 7.0, seed + 3)
-        drop = np.zeros((len(points), 3), np.float32)
         drop[:, 1] = -style.hang * share * ends * rim**2
         drop[:, 2] = 0.15 * style.hang * share * rim
-    return Shell(grid, rest_mm, height, drop)
+    dense = np.clip(inside / _SPARSE_MM, 0.1, 1)
+    sheets = []
+    for share, cover in _SHEETS:
+        strands = _strands(points[:, [0, 2, 1]], cover * dense, 0.5 * height, seed)
+        shell = Shell(grid, rest_mm, share * height, share * drop)
+        sheets.append(Hair(shell, shell.faces, None, strands))
+    return sheets
+
+
+def _strands(places: Reals, cover: Reals, sink: Reals, seed: int) -> Floats:
+    """Return strands, (N, 5) as in ``Mesh``, at places (N, 3) mm: two across them, one along."""
+    cells = places / (_STRAND_MM * np.array([1.0, 1.0, 6.0])) + seed % 997
+    return np.column_stack([cells, cover, sink]).astype(np.float32)
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
@@ -142,9 +160,12 @@ def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
     return grid, on_grid, grid.anchors.place(columns)[:, 0]
 
 
-def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> Shell:
-    """Make brows: a shell of hair, ``height_mm`` thick, on a subject at rest, (V, 3) mm."""
+def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> Hair:
+    """Make brows, ``height_mm`` thick, on a subject at rest, (V, 3) mm."""
     grid, points, weight = brows
-    cut_grid, blend = grid.clipped(weight + 0.25 * smooth_noise(points / 4.0, seed) - 0.3)
-    relief = 1 + 0.8 * smooth_noise(blend.of(points) * (1 / 4.0, 1 / 2.5, 1 / 4.0), seed + 1)
-    return Shell(cut_grid, rest_mm, height_mm * np.clip(blend.of(weight), 0.15, 1) * relief)
+    grid, blend = grid.clipped(weight - 0.1)
+    weight, points = blend.of(weight), blend.of(points)
+    height = height_mm * np.clip(weight, 0.15, 1)
+    strands = _strands(points[:, [1, 2, 0]], 0.9 * np.sqrt(weight), 0.6 * height, seed)
+    shell = Shell(grid, rest_mm, height)
+    return Hair(shell, shell.faces, None, strands)

@@ -142,6 +142,23 @@ class Shell:
         return placed
 
 
+class Hair(NamedTuple):
+    """Sheets of hair, bound to the skin.
+
+    Args:
+        binding: places the vertices.
+        faces, occluder: triangles, as in ``Mesh``.
+        strands: (N, 5), as in ``Mesh``.
+        light: share of the light that reaches the strands, (N,) or one number.
+    """
+
+    binding: Binding
+    faces: Triangles
+    occluder: Triangles | None
+    strands: Floats
+    light: Array | float = 1.0
+
+
 def _axes(a: Reals, b: Reals, c: Reals) -> tuple[Reals, Reals, Reals]:
     """Compute the axes of triangles, (3, N) unit vectors: along an edge, across it, normal."""
     # The axis of coordinates comes first, because NumPy is then several times faster.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, TypeVar, cast
@@ -20,7 +20,7 @@ from glsim.looks.beard import make_beard, make_beard_grid, make_brow_grid, make_
 from glsim.looks.binding import Binding, Motion, Points, Rigid, Shell, skull_motion, uncovered
 from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.glasses import make_glasses
-from glsim.looks.hair import make_hair, make_scalp
+from glsim.looks.hair import Hair, make_hair, make_scalp
 from glsim.looks.noise import Pattern, pattern_factors
 from glsim.looks.outfit import Outfit, sample_outfit
 from glsim.settings.distribution import ScopeSeeds
@@ -54,6 +54,8 @@ class _Worn:
     binding: Binding
     faces: Triangles
     albedo: Floats
+    strands: Floats | None = None
+    occluder: Triangles | None = None
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -63,7 +65,10 @@ class _Worn:
             before, moved, worn = self.last
             if np.array_equal(skin, before) and moved.equals(motion):
                 return worn
-        mesh = Mesh(self.binding.place(vertices_mm, motion), self.faces, self.albedo)
+        points = self.binding.place(vertices_mm, motion)
+        mesh = Mesh(
+            points, self.faces, self.albedo, self.occluder, self.strands is not None, self.strands
+        )
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -168,24 +173,20 @@ class Dresser:
 
         def wear(
             region: str, binding: Binding, faces: Triangles, albedo: float,
-            pattern: Pattern = "plain", light: float | Array = 1.0,
+            pattern: Pattern = "plain", light: float | Array = 1.0, strands: Floats | None = None,
+            occluder: Triangles | None = None,
         ) -> None:  # fmt: skip
             if len(faces):
                 points = binding.place(vertices, rest)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
-                values = np.clip(albedo * light * factors, 0.0, 1.0)
-                worn.append(_Worn(region, binding, faces, values.astype(np.float32)))
+                values = np.clip(albedo * light * factors, 0.0, 1.0).astype(np.float32)
+                worn.append(_Worn(region, binding, faces, values, strands, occluder))
 
-        if outfit.hair is not None:
-            hair = make_hair(anatomy, self._grid(make_scalp), vertices, outfit.hair, outfit.seed)
-            wear("hair", hair.binding, hair.faces, outfit.hair_albedo, light=hair.light)
-        if outfit.beard is not None:
-            grid = self._grid(make_beard_grid)
-            beard = make_beard(grid, vertices, outfit.beard, outfit.beard_mm, outfit.seed)
-            wear("beard", beard, beard.faces, outfit.hair_albedo)
-        if outfit.brow_mm:
-            brow = make_brows(self._grid(make_brow_grid), vertices, outfit.brow_mm, outfit.seed)
-            wear("brow", brow, brow.faces, outfit.hair_albedo)
+        for region, hair in self._hair(anatomy, vertices, outfit):
+            wear(
+                region, hair.binding, hair.faces, outfit.hair_albedo,
+                light=hair.light, strands=hair.strands, occluder=hair.occluder,
+            )  # fmt: skip
         if outfit.glasses is not None:
             points, faces, is_lens = make_glasses(
                 anatomy, vertices, outfit.glasses, outfit.lens, outfit.seed
@@ -206,15 +207,29 @@ class Dresser:
             occluder = None if occluder is None else occluder[free[occluder].any(axis=1)]
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
 
+    def _hair(
+        self, anatomy: Anatomy, skin_mm: Floats, outfit: Outfit
+    ) -> Iterator[tuple[str, Hair]]:
+        """Yield the sheets of hair, beard and brows of an outfit, with their regions."""
+        if outfit.hair is not None:
+            scalp = self._grid(make_scalp)
+            yield "hair", make_hair(anatomy, scalp, skin_mm, outfit.hair, outfit.seed)
+        if outfit.beard is not None:
+            grid = self._grid(make_beard_grid)
+            for sheet in make_beard(grid, skin_mm, outfit.beard, outfit.beard_mm, outfit.seed):
+                yield "beard", sheet
+        if outfit.brow_mm:
+            brows = self._grid(make_brow_grid)
+            yield "brow", make_brows(brows, skin_mm, outfit.brow_mm, outfit.seed)
+
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> Floats | None:
-        """Return the albedo of the skin, (V,); under hair the scalp has the hair's albedo."""
+        """Return the albedo of the skin, (V,), also where a source paints hair on the scalp."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
             plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
             albedo = plain if mesh.albedo is None else mesh.albedo.copy()
             skin = albedo[self._reference.is_in("skin", "face", "cheek")]
             if self._settings.hair:
                 bald = float(np.median(skin)) if len(skin) else 0.6
-                under = wardrobe.outfit.hair_albedo if wardrobe.outfit.hair is not None else bald
-                albedo[self._reference.is_in("scalp", "hair")] = under
+                albedo[self._reference.is_in("scalp", "hair")] = bald
             wardrobe.skin = (mesh.albedo, albedo)
         return wardrobe.skin[1]

@@ -1,44 +1,42 @@
-"""Hair: a rough cap over the scalp, and several hundred locks that lie on it or hang from it."""
+"""Hair: sheets of strands over the scalp, one above the other, and hair that hangs or is tied."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from glsim.core.array_types import Array, Floats, Reals, Triangles, Whole
+from glsim.core.array_types import Floats, Reals, Whole
 from glsim.core.products import product
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
-from glsim.looks.binding import Rooted
-from glsim.looks.locks import CROWN, Head, Obstacle, all_locks
-from glsim.looks.noise import openings, ridges, smooth_noise
-from glsim.looks.skin_grid import Anchors, make_grid
-from glsim.looks.styles import HairStyle
+from glsim.looks.binding import Hair, Rooted
+from glsim.looks.locks import LOST_MM, Head, Obstacle, Sheet, combed, hanging, strands_of, tied
+from glsim.looks.noise import smooth_noise
+from glsim.looks.skin_grid import Anchors, make_grid, thinned
+from glsim.looks.styles import CROWN, HairStyle
 
-#: Longest edge of the scalp's grid, mm. Most are 3 to 5 mm, 1.5 pixels of a Kinect V2 at 0.9 m.
-_EDGE_MM = 7.5
+#: Mean edge of the scalp's triangles, mm. Chosen: locks are 5 to 15 mm wide; strands are finer.
+_EDGE_MM = 9.0
 #: Largest distance outside the mean hairline at which hair grows, mm.
 _MARGIN_MM = 14.0
-#: Frequency of the relief along strands relative to across them. The value was chosen.
-_ALONG = 0.16
 #: Radius of a mean skull, mm; it converts angles to lengths.
 _SKULL_MM = 90.0
-#: Wavelengths of the relief across strands, mm: ridges, fine relief, clumps. Chosen: locks of hair
-#: are 5 to 15 mm wide.
-_RIDGE_MM, _FINE_MM, _CLUMP_MM = 15.0, 8.0, 45.0
-#: Mean distance that light travels into hair, mm. Derived: there are 2 hairs/mm2 of scalp (1.5 to
-#: 2.3: Birnbaum, Skin Appendage Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen). They
-#: fill 1.5 % of 20 mm. Light at right angles meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm.
-_WAY_MM = 3.6
-#: Number of these distances after which 1 / e of the light is left: hair scatters more light than
-#: it absorbs, blond hair most. Chosen between dark and light hair.
-_LOST = 3.0
-#: Distance between gaps in the hair across strands, mm; largest depth of a gap, as share of the
-#: hair's thickness. The values were chosen, not measured.
-_OPENING_MM, _DEEPEST = 9.0, 0.75
-#: Thickness of hair at its edge, mm, and distance from the edge to the full thickness, mm. Chosen.
-_RIM_THICKNESS_MM, _RIM_MM = 1.2, 24.0
+#: Depth of each sheet below the top of the hair: as a share of the thickness, and at most, mm; and
+#: the share of it that strands cover. A few strands stray; light meets a strand after some
+#: millimetres, however thick the hair is. Chosen so that hair is as rough as on real heads.
+_SHEETS: Final = ((-0.7, 11.0, 0.06), (0.0, 0.0, 0.32), (0.5, 10.0, 0.55), (0.92, 23.0, 2.5))
+#: Number of outer sheets, with few strands, that cast no shadow. Chosen.
+_SHADOWING = 1
+#: Distance inside the edge of the hair at which it is as dense as elsewhere, mm; thickness of the
+#: hair at its edge, mm, and distance from the edge to the full thickness, mm. Chosen.
+_SPARSE_MM, _RIM_THICKNESS_MM, _RIM_MM = 14.0, 1.2, 24.0
+#: Wavelengths of the relief across strands and of clumps, mm. Chosen: locks are 5 to 15 mm wide.
+_RELIEF_MM, _CLUMP_MM = 15.0, 45.0
+#: Frequency of locks along strands relative to across them. The value was chosen.
+_ALONG = 0.3
+#: Largest way by which the tips lie beside the roots, mm: further on, sheets would be torn.
+_LEAN_MM = 22.0
 
 
 class Scalp(NamedTuple):
@@ -57,23 +55,14 @@ class Scalp(NamedTuple):
     inside_mm: Floats
 
 
-class Hair(NamedTuple):
-    """The hair mesh of a subject, rooted on the scalp.
-
-    ``light`` is (N,), the share of the light that returns from between the strands.
-    """
-
-    binding: Rooted
-    faces: Triangles
-    light: Array
-
-
 def make_scalp(anatomy: Anatomy) -> Scalp:
     """Make the grid of the scalp on the reference head of a source."""
     near = anatomy.above_hairline_mm(anatomy.vertices_mm) > -_MARGIN_MM
     skin = anatomy.outside & ~anatomy.is_in("ear") & ~anatomy.body & near
     chosen = np.asarray(skin[anatomy.faces].all(axis=1))
     grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, _EDGE_MM)
+    every = grid.anchors.place(anatomy.vertices_mm[grid.base])
+    grid = thinned(grid, every, _EDGE_MM)
     anchors = Anchors(grid.base[grid.anchors.corners], grid.anchors.weights)
     points = anchors.place(anatomy.vertices_mm)
     out = points - anatomy.centre
@@ -87,36 +76,69 @@ def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle,
     base = scalp.anchors.place(skin_mm)
     inside = _inside_mm(anatomy, scalp, style, base)
     thickness = _thickness_mm(anatomy, scalp, style, base, inside, seed)
-    strands = _strand_coordinates(anatomy, style, base)
-    relief = 0.65 * ridges(strands / _RIDGE_MM, seed)
-    relief = relief + 0.35 * smooth_noise(strands / _FINE_MM, seed + 1)
-    rough = np.minimum(style.relief, 0.8 * thickness)
-    way = _WAY_MM * openings(strands / _OPENING_MM, seed + 7)
-    way = np.minimum(way, _DEEPEST * thickness).astype(np.float64)
-    height = np.maximum(thickness + rough * relief - way, 0.6)
     ragged = inside + 5.0 * smooth_noise(base / 9.0, seed + 2)
-    ragged = ragged + 2.5 * smooth_noise(strands / 5.0, seed + 3)
-    out = scalp.directions.copy()  # hair that points down stands out less
-    out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])
-    offsets = height[:, None] * (out / np.linalg.norm(out, axis=1, keepdims=True))
     rng, obstacle = keyed_rng(seed, 0x4A1), Obstacle(anatomy, skin_mm)
-    head = Head(anatomy, obstacle, style, rng, scalp.directions, base, thickness, ragged)
-    # Join cap and locks, without the vertices of the cap that no triangle uses.
-    cap = scalp.faces[(ragged > 0)[scalp.faces].all(axis=1)]
-    used, inverse = np.unique(cap, return_inverse=True)
-    roots, shifts = [used], [offsets[used]]
-    triangles, lights = [inverse.reshape(-1, 3)], [np.exp(-way / _WAY_MM / _LOST)[used]]
-    for locks in all_locks(head):
-        triangles.append(locks.faces + sum(map(len, roots)))
-        roots.append(locks.roots)
-        shifts.append(locks.points_mm - base[locks.roots])
-        lights.append(np.ones(len(locks.roots)))
-    used_roots, root_of = np.unique(np.concatenate(roots), return_inverse=True)
+    head = Head(anatomy, obstacle, style, rng, scalp.directions, base, thickness, ragged, seed)
+    sheets = [*_cap(head, scalp), *hanging(head), *tied(head)]
+    starts = np.cumsum([0] + [len(sheet.roots) for sheet in sheets])
+    used, root_of = np.unique(np.concatenate([s.roots for s in sheets]), return_inverse=True)
+    offsets = np.concatenate([s.points_mm - base[s.roots] for s in sheets])
+    faces = [sheet.faces + start for sheet, start in zip(sheets, starts, strict=False)]
     return Hair(
-        Rooted(scalp.anchors.taken(used_roots), root_of, np.concatenate(shifts)),
-        np.ascontiguousarray(np.concatenate(triangles), np.int32),
-        np.concatenate(lights),
+        Rooted(scalp.anchors.taken(used), root_of, offsets),
+        np.ascontiguousarray(np.concatenate(faces), np.int32),
+        np.ascontiguousarray(np.concatenate(faces[_SHADOWING:]), np.int32),
+        np.concatenate([sheet.strands for sheet in sheets]).astype(np.float32),
+        np.concatenate([sheet.light for sheet in sheets]),
     )
+
+
+def _cap(head: Head, scalp: Scalp) -> list[Sheet]:
+    """Make the sheets that lie on the head, the outermost first."""
+    style, thickness, base = head.style, head.thickness, head.base
+    faces = scalp.faces[(head.ragged > 0)[scalp.faces].all(axis=1)]
+    used, inverse = np.unique(faces, return_inverse=True)
+    faces, base = inverse.reshape(-1, 3), base[used]
+    thickness, ragged = thickness[used], head.ragged[used]
+    places = _strand_coordinates(head.anatomy, style, base)
+    locks = smooth_noise(places * (1, 1, _ALONG) / _RELIEF_MM, head.seed)
+    relief = np.minimum(1.5 * style.relief, 0.4 * thickness) * locks
+    dense = style.density * np.clip(ragged / _SPARSE_MM, 0.05, 1.0)
+    top = thickness + relief
+    deep = [np.clip(share * thickness, -most, most) for share, most, _ in _SHEETS]
+    out = head.directions[used].astype(np.float64)
+    out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])  # it stands out less
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    sheets = []
+    for here, below, (_, _, cover) in zip(deep, [*deep[1:], top], _SHEETS, strict=True):
+        height = np.maximum(top - here, 0.3)
+        points = _leaning(head, used, height / thickness) + height[:, None] * out
+        strands = strands_of(style, places, cover * dense, below - here, head.seed)
+        light = np.exp(-np.maximum(here, 0.0) / LOST_MM)
+        sheets.append(Sheet(used, points, faces, strands, light))
+    return sheets
+
+
+def _leaning(head: Head, used: Whole, share: Reals) -> Reals:
+    """Move points of the scalp as far as strands lean at a share of their length, (N,)."""
+    base, style, scale = head.base[used], head.style, head.anatomy.scale
+    x, y, z = ((base - head.anatomy.eye) / scale).T
+    brow = (z > -62) & (np.abs(x) < 52) & (y > 40)
+    way = np.minimum(np.full(len(base), 0.5 * sum(style.lock)) * scale * (1 - style.lift), _LEAN_MM)
+    along = combed(head, base)
+    if style.fringe:
+        along[brow] = (0.0, -0.2, 1.0)
+        way = np.where(brow, style.fringe * scale, way)
+    else:
+        way = np.where(brow, 0.3 * way, way)
+    best = base
+    for part in (0.25, 0.5, 0.75, 1.0):
+        there = head.obstacle.along(base, along * (way * share * part)[:, None])
+        local = (there - head.anatomy.eye) / scale
+        low = 16.0 if style.fringe else 50.0
+        face = (np.abs(local[:, 0]) < 58) & (local[:, 2] > -48) & (local[:, 1] < low)
+        best = np.where(face[:, None], best, there)
+    return best
 
 
 def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Reals:
@@ -128,15 +150,14 @@ def _strand_coordinates(anatomy: Anatomy, style: HairStyle, points: Reals) -> Re
     if style.comb == "crown":
         angle = np.arctan2(product(out, np.cross(CROWN, [1.0, 0.0, 0.0])), out[:, 0])
         polar = np.arccos(np.clip(product(out, CROWN) / length, -1, 1)) * _SKULL_MM
-        ring = np.maximum(np.sin(polar / _SKULL_MM), 0.25) * _SKULL_MM
-        columns = (ring * np.cos(angle), ring * np.sin(angle), _ALONG * polar)
+        columns = (_SKULL_MM * np.cos(angle), _SKULL_MM * np.sin(angle), polar)
     elif style.comb == "back":
         angle = np.arctan2(out[:, 0], out[:, 1] + 40.0)
-        columns = (angle * _SKULL_MM, _ALONG * out[:, 2], 0.0 * length)
+        columns = (angle * _SKULL_MM, 0.0 * length, out[:, 2])
     else:
         parting = style.parting * anatomy.scale
         angle = np.arctan2(out[:, 0] - parting, out[:, 1] + 40.0)
-        columns = (out[:, 2], _ALONG * angle * _SKULL_MM, 60.0 * np.sign(angle))
+        columns = (out[:, 2], 60.0 * np.sign(angle), angle * _SKULL_MM)
     return np.stack(columns, axis=1)
 
 

@@ -24,10 +24,6 @@ _PRINT_LEFT: Final = 0.3
 #: Odd 32-bit multipliers that spread lattice coordinates over all bits; primes were chosen.
 _PRIMES = tuple(np.uint32(p) for p in (0x8DA6B343, 0xD8163841, 0xCB1AB31F))
 
-#: Scale of a logistic distribution as wide as the noise: the noise's standard deviation, 0.40
-#: (measured), times sqrt(3) / pi; and the mean of softplus of the scaled noise (measured).
-_LOGISTIC, _SOFT_MEAN = 0.22, 1.02
-
 
 def smooth_noise(points: Reals, seed: int) -> Floats:
     """Compute smooth noise, (N,) float32 from -1 to 1, with about one bump per unit length.
@@ -57,22 +53,6 @@ def _mixed(bits: NDArray[np.uint32]) -> Floats:
     bits = (bits ^ (bits >> np.uint32(12))) * np.uint32(0x297A2D39)
     bits ^= bits >> np.uint32(15)
     return bits.astype(np.float32) * np.float32(2.0 / 0xFFFFFFFF) - np.float32(1.0)
-
-
-def openings(points: Reals, seed: int) -> Floats:
-    """Compute how deep light enters between fibres, (N,) float32: exponential with mean 1.
-
-    Each unit of depth absorbs the same share of the light (Beer and Lambert); the distribution is
-    therefore exponential. The noise is nearly logistic, and the softplus of a logistic number is
-    nearly exponential.
-    """
-    soft = np.logaddexp(0.0, smooth_noise(points, seed) / np.float32(_LOGISTIC))
-    return np.asarray(soft / np.float32(_SOFT_MEAN), np.float32)
-
-
-def ridges(points: Reals, seed: int) -> Floats:
-    """Compute heights with sharp crests, such as locks of hair, (N,) float32 from -1 to 1."""
-    return np.asarray(1 - 4 * np.abs(smooth_noise(points, seed)), np.float32).clip(-1, 1)
 
 
 def pattern_factors(pattern: Pattern, points: Reals, seed: int) -> Reals:

@@ -160,7 +160,7 @@ def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) ->
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
     """Vary volume, lengths, relief and parting of a hair style at random."""
-    volume, length = rng.uniform(0.8, 1.25), rng.uniform(0.8, 1.2)
+    volume, length = rng.uniform(0.85, 1.35), rng.uniform(0.8, 1.2)
     return replace(
         style,
         top=style.top * volume,
@@ -172,5 +172,7 @@ def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
         relief=style.relief * rng.uniform(0.8, 1.25),
         wave=style.wave * rng.uniform(0.7, 1.3),
         recede=style.recede * rng.uniform(0.7, 1.3),
+        strand=style.strand * rng.uniform(0.8, 1.3),
+        density=style.density * rng.uniform(0.8, 1.0),
         parting=style.parting * (1.0 if rng.random() < 0.5 else -1.0) + rng.normal(0, 4),
     )

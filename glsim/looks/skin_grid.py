@@ -7,7 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from glsim.core.array_types import Array, Floats, Mask, Reals, Triangles, Whole
-from glsim.core.mesh import vertex_normals
+from glsim.core.mesh import reduced, vertex_normals
+
+#: Area of an equilateral triangle of edge 1.
+_EQUILATERAL = 0.433
 
 
 class Anchors(NamedTuple):
@@ -127,6 +130,23 @@ def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> 
         share = np.concatenate([np.zeros(len(every)), np.full(len(edges), 0.5)])
         blend = Blend(first, second, share)
         anchors, places = _blended_anchors(anchors, blend), blend.of(places)
+
+
+def thinned(grid: SkinGrid, points: Reals, edge_mm: float) -> SkinGrid:
+    """Return a grid of some of a grid's points, whose triangles have a mean edge of ``edge_mm``.
+
+    Args:
+        points: (N, 3) mm, the grid's points on the reference head.
+        edge_mm: edge of equilateral triangles with the same area in total.
+    """
+    a, b, c = (points[grid.faces[:, k]].astype(np.float64) for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    share = float(area) / (_EQUILATERAL * edge_mm**2 * len(grid.faces))
+    if share >= 1:
+        return grid
+    _, left, nearest = reduced(points, grid.faces, share)
+    kept, faces = np.unique(nearest[left], return_inverse=True)
+    return grid._replace(anchors=grid.anchors.taken(kept), faces=faces.reshape(-1, 3))
 
 
 def _split(faces: Whole, middle: Whole) -> Whole:

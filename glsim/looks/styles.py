@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final, Literal
 
+import numpy as np
+
 Comb = Literal["crown", "back", "parting", "curls"]
 
 
@@ -18,13 +20,10 @@ class HairStyle:
         women, men: relative frequencies.
         comb: direction of the strands: from the crown, backwards, from a parting, or curled.
         top, side, back: thickness of the hair above the skull.
-        lock: shortest and longest length of lying locks.
-        locks: number of lying locks.
-        width: width of a lock.
-        lift: 0 for flat locks, 1 for locks that stand out.
-        fall: 0 for locks that keep their direction, 1 for locks that hang down.
-        wave: amplitude of waves in a lock.
-        relief: height of the ridges between strands.
+        lock: shortest and longest length of lying strands.
+        lift: 0 for strands that lie flat, 1 for strands that stand out.
+        wave: amplitude of waves of hanging hair.
+        relief: height of the ridges between locks.
         parting: distance of the parting from the middle; its sign gives the side.
         fringe: length of hair over the forehead.
         recede: width of the bare corners of the forehead.
@@ -33,6 +32,8 @@ class HairStyle:
         flare: distance by which hanging hair stands off, mm per mm of length.
         open_deg: angle from straight ahead at which hanging hair begins.
         extra: kind of tied hair.
+        strand: width of what clings together and is seen as one strand.
+        density: share of the strands that are left; less than 1 for thinning hair.
     """
 
     name: str
@@ -43,10 +44,7 @@ class HairStyle:
     side: float
     back: float
     lock: tuple[float, float]
-    locks: int
-    width: float = 10.0
     lift: float = 0.25
-    fall: float = 0.1
     wave: float = 1.0
     relief: float = 2.5
     parting: float = 0.0
@@ -57,8 +55,12 @@ class HairStyle:
     flare: float = 0.0
     open_deg: float = 72.0
     extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
+    strand: float = 1.0
+    density: float = 1.0
 
 
+#: Direction of the crown, up and back, from which short hair radiates.
+CROWN: Final = np.array([0.0, 0.86, -0.51])
 #: The content of styles.toml.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
 STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())

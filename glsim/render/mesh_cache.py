@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.gl.draw import index_buffer
+from glsim.gl.program import MeshPrograms
 
 #: Number of triangle lists kept on the GPU: of sources, clothes, furniture, and files of a folder.
 CACHED_TOPOLOGIES = 32
@@ -24,6 +25,7 @@ class GpuMesh:
         faces, occluder: triangle arrays of the mesh, kept alive because their ids are cache keys.
         positions: (V, 3) float32, canonical mm.
         albedos: (V,) float32.
+        sheet: the attributes of strands, as in ``Context.vertex_array``; empty without strands.
         surface, projector: vertex arrays for the camera and for the emitters.
         vertices_mm, albedo: the arrays of the last upload. The same object is not uploaded again,
             because arrays of a mesh are never changed in place.
@@ -35,6 +37,7 @@ class GpuMesh:
     albedos: moderngl.Buffer
     surface: moderngl.VertexArray
     projector: moderngl.VertexArray
+    sheet: list[tuple[moderngl.Buffer, str, str, str]]
     vertices_mm: object = field(default_factory=object)
     albedo: object = field(default_factory=object)
 
@@ -43,7 +46,7 @@ class MeshCache:
     """A cache of meshes on the GPU, which keeps the buffers of the last used triangle lists."""
 
     def __init__(
-        self, context: moderngl.Context, surface: moderngl.Program, projector: moderngl.Program
+        self, context: moderngl.Context, surface: MeshPrograms, projector: MeshPrograms
     ) -> None:
         """Store the programs that draw from the camera and from the emitters."""
         self._context, self._surface, self._projector = context, surface, projector
@@ -74,11 +77,20 @@ class MeshCache:
         albedos = make(reserve=4 * len(mesh.vertices_mm))
         indices, index_size = index_buffer(self._context, mesh.faces, len(mesh.vertices_mm))
         position = (positions, "3f", "in_position_mm")
+        sheet = []
+        if mesh.strands is not None:
+            sheet = [(make(np.ascontiguousarray(mesh.strands)), "4f 1f", "in_strand", "in_sink_mm")]
+        kind = bool(sheet)
         surface = self._context.vertex_array(
-            self._surface, [position, (albedos, "1f", "in_albedo")], indices, index_size
+            self._surface[kind],
+            [position, (albedos, "1f", "in_albedo"), *sheet],
+            indices,
+            index_size,
         )
         if mesh.occluder is not None:
             indices, index_size = index_buffer(self._context, mesh.occluder, len(mesh.vertices_mm))
-        projector = self._context.vertex_array(self._projector, [position], indices, index_size)
+        projector = self._context.vertex_array(
+            self._projector[kind], [position, *sheet], indices, index_size
+        )
         surface.extra = projector.extra = mesh.two_sided
-        return GpuMesh(mesh.faces, mesh.occluder, positions, albedos, surface, projector)
+        return GpuMesh(mesh.faces, mesh.occluder, positions, albedos, surface, projector, sheet)

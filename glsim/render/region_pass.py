@@ -13,8 +13,8 @@ from glsim.core.camera import SensorRig
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes, index_buffer
-from glsim.gl.program import link_files
-from glsim.gl.targets import Target, TargetPool, set_matrix
+from glsim.gl.program import link_files, link_meshes
+from glsim.gl.targets import Target, TargetPool
 from glsim.render.mesh_cache import CACHED_TOPOLOGIES, GpuMesh
 
 REGION = Layer("region", "float")
@@ -41,8 +41,8 @@ class RegionPass:
         self._context, self._rays = context, rays
         self._camera_pool, self._pool = pools
         self._pinhole = pinhole = rig.pinhole()
-        self._program = link_files(context, "render/regions.frag", "render/regions.vert")
-        set_matrix(self._program, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
+        self._programs = link_meshes(context, "render/regions.frag", "render/regions.vert")
+        self._programs.set_matrix("u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         self._depth = context.depth_renderbuffer((pinhole.width, pinhole.height))
         self._arrays: OrderedDict[tuple[int, int], tuple[object, moderngl.VertexArray]]
         self._arrays = OrderedDict()
@@ -73,7 +73,7 @@ class RegionPass:
         buffer.viewport, buffer.scissor = whole, area
         buffer.clear(viewport=area)
         arrays = list(map(self._array, meshes, labels))
-        draw_meshes(self._context, arrays, self._program, views)
+        draw_meshes(self._context, arrays, views)
         if self._lens_pass is None:
             return target
         distorted = self._pool.take(REGION, window)
@@ -90,7 +90,9 @@ class RegionPass:
             indices, size = index_buffer(self._context, majority_last(mesh.faces, numbers), count)
             position = (mesh.positions, "3f", "in_position_mm")
             label = (self._context.buffer(numbers), "1f", "in_region")
-            array = self._context.vertex_array(self._program, [position, label], indices, size)
+            program = self._programs[bool(mesh.sheet)]
+            content = [position, label, *mesh.sheet]
+            array = self._context.vertex_array(program, content, indices, size)
             array.extra = mesh.surface.extra
             self._arrays[key] = (mesh.positions, labels), array  # alive, so ids stay
             if len(self._arrays) > CACHED_TOPOLOGIES:

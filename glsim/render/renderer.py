@@ -43,9 +43,9 @@ from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
 from glsim.gl.includes import SHADER_ROOT
-from glsim.gl.program import link, link_files
+from glsim.gl.program import link, link_files, link_meshes
 from glsim.gl.shader_source import load_source
-from glsim.gl.targets import Target, TargetPool, set_matrix
+from glsim.gl.targets import Target, TargetPool
 from glsim.render.mesh_cache import GpuMesh, MeshCache
 from glsim.render.region_pass import REGION, RegionPass
 from glsim.render.shadow_map import LIT, LIT_BY_EACH, ShadowMap, View
@@ -108,8 +108,8 @@ class Renderer:
             self._centres = supersampled_pass(context, rig, "centres.frag")
             # The layers of the samples: depth and albedo.
             self._drawn = (Layer("fine_seen", "vec2", Fraction(rig.supersample)),)
-        self._surface = link_files(context, fragment, "render/surface.vert")
-        set_matrix(self._surface, "u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
+        self._surface = link_meshes(context, fragment, "render/surface.vert")
+        self._surface.set_matrix("u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         self._lens_pass: FullscreenPass | None = None
         if rig.supersample > 1 and rig.keeps_distortion:
             self._lens_pass = supersampled_pass(context, rig, "lens_samples.frag")
@@ -118,7 +118,7 @@ class Renderer:
         fine = pinhole.finer(rig.supersample)
         self._depth = context.depth_renderbuffer((fine.width, fine.height))
         self._shadow_map = ShadowMap(self._pool, rig, self._sight, self._rays)
-        self._meshes = MeshCache(context, self._surface, self._shadow_map.program)
+        self._meshes = MeshCache(context, self._surface, self._shadow_map.programs)
 
     @cached_property
     def _regions(self) -> RegionPass:
@@ -288,7 +288,7 @@ class Renderer:
         buffer.scissor = drawn
         buffer.clear(viewport=drawn)
         arrays = [mesh.surface for mesh in meshes]
-        draw_meshes(self._context, arrays, self._surface, views, eye_m)
+        draw_meshes(self._context, arrays, views, eye_m)
         layers = {target.layer.name: target for target in targets}
         if self._lens_pass is None:
             return layers

@@ -22,8 +22,8 @@ from glsim.core.camera import Emitter, Intrinsics, Point, SensorRig
 from glsim.core.rect import Rect
 from glsim.gl.declarations import Layer
 from glsim.gl.draw import FullscreenPass, draw_meshes
-from glsim.gl.program import link_files
-from glsim.gl.targets import Target, TargetPool, set_matrix
+from glsim.gl.program import link_files, link_meshes
+from glsim.gl.targets import Target, TargetPool
 from glsim.render.silhouette import Silhouette
 
 LIT = Layer("lit", "float")
@@ -59,8 +59,8 @@ class ShadowMap:
         """Store the rig, its field of view, and the target that holds ``rig.rays()``."""
         self._pool, self._rig, self._sight, self._rays = pool, rig, sight, rays
         self._context = context = pool.context
-        #: Program that draws meshes into the z-buffer.
-        self.program = link_files(context, "render/projector.frag", "render/projector.vert")
+        #: Programs that draw meshes into the z-buffer.
+        self.programs = link_meshes(context, "render/projector.frag", "render/projector.vert")
         self._pass = FullscreenPass(context, link_files(context, "render/lit.frag"))
         nearest = moderngl.NEAREST, moderngl.NEAREST
         self._unfiltered = context.sampler(filter=nearest, compare_func="")
@@ -91,7 +91,7 @@ class ShadowMap:
         Raises MeshError if an emitter is inside the scene.
 
         Args:
-            arrays: the meshes that cast shadows, for ``program``. Without meshes, or without an
+            arrays: the meshes that cast shadows, for ``programs``. Without meshes, or without an
                 emitter, all pixels are 1.
             views: for each mesh a (4, 4) matrix, canonical mm to camera m.
             corners_m: (N, 3) corners of the meshes' bounding boxes, camera frame.
@@ -131,11 +131,11 @@ class ShadowMap:
         height = min(_SIDE_TEXELS, int(np.ceil((box.bottom - box.top) * focal)) + 4)
         view = Intrinsics(width, height, focal, focal, -left * focal, -top * focal)
         near, far = box.near_m * 0.99, box.far_m * 1.01
-        set_matrix(self.program, "u_clip", view.clip_matrix(near, far))
+        self.programs.set_matrix("u_clip", view.clip_matrix(near, far))
         self._buffer.use()
         self._buffer.viewport = self._buffer.scissor = (0, 0, width, height)
         self._buffer.clear(viewport=(0, 0, width, height))
-        draw_meshes(self._context, arrays, self.program, views, emitter.position_m)
+        draw_meshes(self._context, arrays, views, emitter.position_m)
         scale = focal / _SIDE_TEXELS
         program = self._pass.program
         program["u_emitter_m"] = emitter.position_m

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import Frames
 from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
+from glsim.faces.face_source import Face, FaceKey, WornPart
 from glsim.faces.one_mesh import OneMesh
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.settings.schema import load_settings
@@ -65,6 +67,7 @@ class VirtualCamera:
         scene: str = "scene",
         seed: int | None = None,
         extra: Sequence[str] = (),
+        worn: Sequence[Mesh] = (),
     ) -> Frames:
         """Capture frames of a mesh, with clean depth, infrared and unrounded depth.
 
@@ -77,6 +80,7 @@ class VirtualCamera:
             scene: name that, with the seed, decides the noise.
             seed: seed of the device; default: the camera's.
             extra: layers of the stages to return as well.
+            worn: further meshes, such as hair, in the camera frame, mm.
         """
         x, y, z = at_mm
         if x == 0 and y == 0:
@@ -92,8 +96,12 @@ class VirtualCamera:
         }
         source_tables = {"subjects": 1, "frames_per_subject": frames or self.frames}
         settings = load_settings(None, self._assignments, overrides, source_tables)
-        canonical = (mesh.vertices_mm - np.array((x, y, z), np.float32)) * _TO_CANONICAL
-        source = _Scene(Mesh(canonical, mesh.faces, mesh.albedo, two_sided=mesh.two_sided), scene)
+        centre = np.array((x, y, z), np.float32)
+        canonical, *parts = (
+            replace(m, vertices_mm=(m.vertices_mm - centre) * _TO_CANONICAL) for m in (mesh, *worn)
+        )
+        source = _Scene(canonical, scene)
+        source.parts = tuple(WornPart(part, "worn") for part in parts)
         key = f"{overrides} {tuple(extra)}"
         simulator, kept = self._simulators.pop(key, (None, source))
         if simulator is None:
@@ -107,7 +115,12 @@ class VirtualCamera:
 
 
 class _Scene(OneMesh):
-    """A source with a replaceable mesh, whose scene name decides the noise."""
+    """A source with replaceable meshes, whose scene name decides the noise."""
+
+    parts: tuple[WornPart, ...] = ()
 
     def show(self, other: _Scene) -> None:
-        self._mesh, self._subject = other._mesh, other._subject
+        self._mesh, self._subject, self.parts = other._mesh, other._subject, other.parts
+
+    def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:
+        return (replace(face, parts=self.parts) for face in super().load(keys))

@@ -2,7 +2,7 @@
 // centres: the layers of a pixel from those of its samples: the sample at the pixel's centre, and
 // its largest difference from the others. The albedo is the mean of the samples on the surface at the
 // centre: a pixel sees an area, and the edge of a print is as wide as that.
-uniform sampler2D u_fine_seen; // depth, albedo
+uniform sampler2D u_fine_seen; // depth, albedo; a strand's albedo is negative
 uniform sampler2D u_rays;
 uniform vec2 u_focal_px;
 
@@ -43,7 +43,7 @@ void main() {
             vec2 sample_seen = textureLod(u_fine_seen, (middle + vec2(x, y)) * texel, 0.0).rg;
             float z = sample_seen.r;
             if (z > 0.0 && abs(z - clean) < EDGE_SHARE * clean) {
-                print += sample_seen.g;
+                print += abs(sample_seen.g);
                 same += 1.0;
             }
             low = min(low, z);
@@ -65,5 +65,6 @@ void main() {
     vec3 n = cross(along_y, along_x) * inversesqrt(
         max(dot(cross(along_y, along_x), cross(along_y, along_x)), 1e-30));
     albedo = clean > 0.0 ? print / same : 0.0;
+    n = seen.g < 0.0 ? -normalize(ray) : n;
     normal = clean > 0.0 ? vec4(dot(n, ray) > 0.0 ? -n : n, albedo) : vec4(0.0);
 }

@@ -1,6 +1,7 @@
 #version 330 core
 // surface: writes the clean layers. Depth is the interpolated camera-space z, not the depth buffer.
 #include "lib/facet.glsl"
+#include "lib/strands.glsl"
 
 in vec3 v_position_m;
 in float v_albedo;
@@ -11,6 +12,12 @@ out float albedo;
 
 void main() {
     clean = v_position_m.z;
-    normal = vec4(facet_normal(v_position_m), v_albedo);
     albedo = v_albedo;
+    normal = vec4(facet_normal(v_position_m), albedo);
+#ifdef STRANDS
+    vec2 strand = strand_seen(v_albedo);
+    clean = strand.x;
+    albedo = -strand.y;
+    normal = vec4(-normalize(v_position_m), albedo);
+#endif
 }

@@ -69,7 +69,7 @@ void main() {
         float lit = textureLod(u_lit, alike, 0.0).r;
         shape = nearest < 1e5 ? shape : vec4(0.0, 0.0, -1.0, 0.0);
         lit = nearest < 1e5 ? lit : 1.0;
-        shape.w = mixed ? seen.g : shape.w;
+        shape.w = mixed ? abs(seen.g) : shape.w; // strands have negative albedos
         vec2 aside = (within - 0.5) / u_focal_px;
         vec2 light = surface_light(seen.r, shape, ray + aside, lit);
         light.x *= share;

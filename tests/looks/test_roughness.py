@@ -1,13 +1,17 @@
 """Hair is rough to a depth camera, as on real heads, and skin stays as it was."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from moderngl import Context
 
+from glsim.bench.scenes import wall
 from glsim.measures.measured_frame import lit, surfaces
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
+from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import frames_of
 from tests.support.wardrobe import heads
 
@@ -50,3 +54,21 @@ def test_dressed_heads_are_nearly_as_rough_as_real_ones(context: Context) -> Non
     assert abs(np.percentile(head, 10) - np.percentile(bare["skin"], 10)) < 0.15  # skin in both
     assert np.percentile(dressed["hair"], 90) > 3.0
     assert np.median(dressed["hair"]) > 1.3 * np.median(dressed["skin"])
+
+
+def test_a_sample_sees_a_strand_or_what_is_behind_it(context: Context) -> None:
+    """A sheet of cover 0.5 hides half of a wall, and a supersampled pixel mixes both."""
+    sheet = wall(1000.0, 0.1)
+    places = sheet.vertices_mm / np.array([1.0, 1.0, 20.0])
+    count = len(places)
+    strands = np.column_stack([places, np.full(count, 0.5), np.full(count, 3.0)])
+    hair = replace(sheet, strands=strands.astype(np.float32), two_sided=True)
+    shares = []
+    for sensor in ("ideal", "kinect-v2"):
+        shot = VirtualCamera(sensor, context).capture(wall(1300.0, 0.1), 1, worn=[hair])
+        near = shot.truth_mm < 1150
+        shares.append(near.mean())
+        assert 1000 < shot.truth_mm[near].max() < 1012  # strands lie below the sheet
+    assert shares == pytest.approx([0.5, 0.5], abs=0.08)
+    found_mm = shot.whole_mm[0][np.isfinite(shot.whole_mm[0])]
+    assert ((found_mm > 1030) & (found_mm < 1270)).mean() > 0.5

@@ -107,7 +107,9 @@ def visible_part(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh | None:
         return None
     used, index = np.unique(mesh.faces[keep], return_inverse=True)
     albedo = None if mesh.albedo is None else mesh.albedo[used]
-    return Mesh(mesh.vertices_mm[used], index.reshape(-1, 3).astype(np.int32), albedo)
+    strands = None if mesh.strands is None else mesh.strands[used]
+    faces = index.reshape(-1, 3).astype(np.int32)
+    return Mesh(mesh.vertices_mm[used], faces, albedo, strands=strands)
 
 
 def _towards(triangles: Points, rig: SensorRig) -> Mask:

@@ -187,7 +187,7 @@ def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Ima
     each = np.arange(len(alike))
     facing = np.array([0.0, 0.0, -1.0, 0.0], np.float32)
     shape = np.where(some[:, None], normals[alike, each], facing)
-    shape[:, 3] = seen[:, 1]
+    shape[:, 3] = np.abs(seen[:, 1])  # strands have negative albedos
     return np.where(some, lits[alike, each], np.float32(1.0)), shape
 
 

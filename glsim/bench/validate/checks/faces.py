@@ -26,7 +26,7 @@ def isolated_faces(captures: Captures) -> dict[str, Measurement]:
     invalid = inside = kept = surface = grown = rim = 0
     angles, holes = [], []
     heads = scenes.faces(_PEOPLE, 900, captures.camera.seed, "never")
-    for number, mesh in enumerate(heads):
+    for number, (mesh,) in enumerate(heads):
         capture = captures.camera.capture(mesh, _FRAMES_EACH, 160, scene=f"face {number}")
         clean = np.isfinite(capture.truth_mm)
         valid = np.isfinite(capture.whole_mm)
@@ -64,9 +64,10 @@ def isolated_faces(captures: Captures) -> dict[str, Measurement]:
 def dressed_heads(captures: Captures) -> dict[str, Measurement]:
     """Measure check 35 on dressed heads before a wall: flying pixels at rims, rough surfaces."""
     shots: list[DepthFrame] = []
-    for number, head in enumerate(scenes.faces(_PEOPLE, 900, captures.camera.seed, "always")):
+    for number, person in enumerate(scenes.faces(_PEOPLE, 900, captures.camera.seed, "always")):
+        head, *worn = person
         mesh = scenes.merge_meshes(head, scenes.wall(_WALL_MM, SKIN_ALBEDO))
-        shots += captures.camera.capture(mesh, 1, 240, scene=f"dressed {number}")
+        shots += captures.camera.capture(mesh, 1, 240, scene=f"dressed {number}", worn=worn)
     rims = edge_patches(shots, measure_silhouettes(shots).shadow_side)[KINDS[2]]
     flying = rims.features[:, rims.names.index("flying pixels of the gap")]
     heads = [

@@ -1,0 +1,50 @@
+// strands: which samples of a surface meet a strand of hair, and at which depth.
+// Hair is drawn as layers of sheets. Cells of the sheet's own coordinates, one strand wide and some strands
+// long, hold a strand or a gap, so that the same strands are seen in all frames and by all cameras. A sample
+// in a gap sees the next layer, the scalp or the wall, and a pixel is the mixture of its samples.
+#ifdef STRANDS
+#include "lib/random.glsl"
+
+uniform mat4 u_clip;
+
+in vec4 v_strand;  // cell coordinates: two across the strands, one along them; share of cells with a strand
+in vec3 v_sheet_m; // the place on the sheet
+in float v_sink_m; // the strands of a sheet lie up to this far below it
+
+// Strands cling together: a tuft of this many strands has more of them or fewer. Chosen.
+const float TUFT = 5.0;
+// Depth below a sheet in which the light falls by a factor of e. There are 2 hairs/mm2 of scalp (1.5 to 2.3:
+// Birnbaum, Skin Appendage Disord. 4, 304, 2018), 0.07 mm thick and 40 mm long (chosen): they fill 1.5 % of
+// 20 mm, so that light meets one after pi * 0.07 mm / (4 * 0.015) = 3.6 mm. Hair scatters more light than it
+// absorbs: after three of these distances 1 / e is left (chosen between dark and light hair).
+const float LOST_M = 0.011;
+
+// A random word for a cell.
+uint cell_word(vec3 cell) {
+    uvec3 at = uvec3(ivec3(2.0 * cell)) * uvec3(0x8DA6B343u, 0xD8163841u, 0xCB1AB31Fu); // as in noise.py
+    uint bits = at.x ^ at.y ^ at.z;
+    bits = (bits ^ (bits >> 15u)) * 0x2C1B3C6Du;
+    bits = (bits ^ (bits >> 12u)) * 0x297A2D39u;
+    return bits ^ (bits >> 15u);
+}
+
+// Depth, m, and albedo of the strand at a sample of a sheet with an albedo; discards the sample in a gap.
+// The albedo is negative, which says that fibres scatter the light: they are as bright from all sides.
+vec2 strand_seen(float albedo) {
+    vec3 q = v_strand.xyz;
+    // Strands are not straight: they swing by half of their width. Chosen.
+    q.xy += 0.5 * sin(2.4 * q.z + 0.7 * q.yx);
+    uint own = cell_word(floor(q)), together = cell_word(floor(q / TUFT) + 0.5);
+    float dense = uniform01(together), lies = uniform01(together << 12u);
+    // A ray that grazes the sheet meets more strands: the gaps that are left fall as in Beer's law.
+    vec3 across = normalize(cross(dFdx(v_sheet_m), dFdy(v_sheet_m)));
+    float way = 1.0 / max(abs(dot(across, normalize(v_sheet_m))), 0.1);
+    float gaps = max(1.0 - v_strand.w * (0.2 + 1.6 * dense), 0.0);
+    if (uniform01(own) < pow(gaps, way)) discard;
+    float share = 0.6 * uniform01(own << 12u) + 1.8 * lies * lies;
+    float deep = v_sheet_m.z + v_sink_m * share;
+    vec4 clip = u_clip * vec4(0.0, 0.0, deep, 1.0);
+    gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
+    return vec2(deep, -albedo * exp(-v_sink_m * share / LOST_M));
+}
+#endif
