@@ -17,10 +17,10 @@ from glsim.faces.face_source import Face, FaceSource, WornPart
 from glsim.faces.generated import GeneratedFaces
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
-from glsim.looks.binding import Binding, Motion, Points, Rigid, Shell, skull_motion, uncovered
+from glsim.looks.binding import Binding, Hair, Motion, Points, Rigid, Shell, skull_motion, uncovered
 from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
 from glsim.looks.glasses import make_glasses
-from glsim.looks.hair import Hair, make_hair, make_scalp
+from glsim.looks.hair import make_hair, make_scalp
 from glsim.looks.noise import Pattern, pattern_factors
 from glsim.looks.outfit import Outfit, sample_outfit
 from glsim.settings.distribution import ScopeSeeds

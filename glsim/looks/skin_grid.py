@@ -146,7 +146,9 @@ def thinned(grid: SkinGrid, points: Reals, edge_mm: float) -> SkinGrid:
         return grid
     _, left, nearest = reduced(points, grid.faces, share)
     kept, faces = np.unique(nearest[left], return_inverse=True)
-    return grid._replace(anchors=grid.anchors.taken(kept), faces=faces.reshape(-1, 3))
+    return grid._replace(
+        anchors=grid.anchors.taken(kept.astype(np.int64)), faces=faces.reshape(-1, 3)
+    )
 
 
 def _split(faces: Whole, middle: Whole) -> Whole:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glsim.looks.cloth import crests
-from glsim.looks.noise import Pattern, openings, pattern_factors
+from glsim.looks.noise import Pattern, pattern_factors
 from glsim.looks.skin_grid import SkinGrid, make_grid
 
 
@@ -71,12 +71,3 @@ def test_patterns_vary_about_the_albedo(pattern: Pattern) -> None:
     spread = np.mean([f.std() for f in factors])
     plain = np.mean([pattern_factors("plain", points, seed).std() for seed in range(8)])
     assert (spread > 1.3 * plain) == (pattern != "plain")
-
-
-def test_light_gets_into_hair_as_far_as_beer_and_lambert_say() -> None:
-    """The depths at which it returns are exponential: mean and standard deviation 1."""
-    depth = openings(np.random.default_rng(0).uniform(0, 300, (200_000, 3)), 3)
-    assert depth.min() >= 0
-    assert depth.mean() == pytest.approx(1, abs=0.05)
-    assert depth.std() == pytest.approx(1, abs=0.1)
-    assert np.median(depth) == pytest.approx(np.log(2), abs=0.05)
