@@ -44,19 +44,14 @@ _CODE: Final = (".py", ".glsl", ".toml")
 
 def module_names(folder: str) -> list[str]:
     """Return the names of the modules in a folder of glsim, such as "faces/sources", sorted."""
-    package = find_spec(_module(folder))
-    return sorted(
-        m.name for m in iter_modules(package.submodule_search_locations if package else ())
-    )
+    package = find_spec(".".join(("glsim", *folder.split("/"))))
+    places = package.submodule_search_locations if package else ()
+    return sorted(module.name for module in iter_modules(places))
 
 
 def shipped_module(folder: str, name: str) -> ModuleType:
     """Import a module from a folder of glsim."""
-    return import_module(f"{_module(folder)}.{name}")
-
-
-def _module(folder: str) -> str:
-    return ".".join(("glsim", *folder.split("/")))
+    return import_module(".".join(("glsim", *folder.split("/"), name)))
 
 
 def shipped_objects(folder: str, wanted: Callable[[Any], bool]) -> list[Any]:

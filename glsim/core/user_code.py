@@ -25,7 +25,13 @@ def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | No
     """
     code, _, name = target.rpartition(":")
     try:
-        module = _import_file((folder or Path()) / code) if code.endswith(".py") else _import(code)
+        if code.endswith(".py"):
+            module = _import_file((folder or Path()) / code)
+        else:
+            if (here := str(Path.cwd())) not in sys.path:
+                sys.path.append(here)
+            _announce(code)
+            module = importlib.import_module(code)
         found = getattr(module, name, None)
     except KeyboardInterrupt:
         raise
@@ -35,15 +41,6 @@ def load_object(target: str, folder: Path | None = None) -> tuple[Any, Path | No
         raise ConfigError(f"{code} has no {name!r}")
     file = getattr(module, "__file__", None)
     return found, None if file is None else Path(file)
-
-
-def _import(name: str) -> ModuleType:
-    """Import a module, which may be in the working directory."""
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    _announce(name)
-    return importlib.import_module(name)
 
 
 def _import_file(path: Path) -> ModuleType:

@@ -29,12 +29,7 @@ from glsim.core.files.exr import (
     require_exr,
 )
 from glsim.core.files.npy import encode_npy, map_npy
-from glsim.core.files.png import (
-    MAX_MAP_PX,
-    encode_png,
-    is_image,
-    read_image,
-)
+from glsim.core.files.png import MAX_MAP_PX, encode_png, is_image, read_image
 from glsim.core.files.regular import MOST_HELD, open_regular, read_pixels
 from glsim.core.units import UINT16_MAX, from_steps, to_steps
 from glsim.data.recordings.biwi import read_depth_bin
@@ -302,17 +297,11 @@ def refuse_negative(image: NDArray[Any], where: Path) -> None:
 def doubt_of_floats(image: NDArray[Any]) -> str:
     """Return a remark if floats may be a depth buffer: they end at exactly 1, the background."""
     # fmin and fmax say nothing if all values are NaN, unlike nanmin and nanmax.
-    if (
-        image.dtype.kind != "f"
-        or np.fmax.reduce(image, None) != 1
-        or np.fmin.reduce(image, None) < 0
-    ):
+    ends = np.fmin.reduce(image, None) >= 0 and np.fmax.reduce(image, None) == 1
+    if image.dtype.kind != "f" or not ends or (image == 1).mean() <= _BACKGROUND:
         return ""
-    background = float((image == 1).mean())
     return (
         "its floats end at exactly 1: they are taken for metres; convert a depth buffer of OpenGL"
-        if background > _BACKGROUND
-        else ""
     )
 
 

@@ -38,17 +38,19 @@ def open_regular(path: Path, limit: int | None = None, *, inside: Path | None = 
 
 
 class BoundedFile:
-    """A file for a library that reads it; reading more than ``left`` bytes raises an error."""
+    """A file for a library, which may read ``left`` bytes; ValueError with ``problem`` for more."""
 
-    def __init__(self, file: Any, left: int) -> None:
-        self._file, self.left = file, left
+    def __init__(self, file: Any, left: int, problem: str) -> None:
+        self._file, self.left, self._problem = file, left, problem
         self.seek, self.tell, self.close = file.seek, file.tell, file.close
 
     def read(self, size: int = -1) -> bytes:
         """Read up to ``size`` bytes."""
         data: bytes = self._file.read(size)
         self.left -= len(data)
-        return data if self.left >= 0 else b""
+        if self.left < 0:
+            raise ValueError(self._problem)
+        return data
 
     def __enter__(self) -> BoundedFile:
         return self

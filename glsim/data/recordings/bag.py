@@ -65,7 +65,8 @@ class _Path(type(Path())):  # type: ignore[misc]
         if "w" in mode:  # a file that the library unpacks
             return super().open(mode, *others, **named)
         size = self.check()
-        file = _PartsFile(open_regular(Path(self)), size + _AGAIN_BYTES)
+        problem = "its index lists parts twice"
+        file = _PartsFile(open_regular(Path(self)), size + _AGAIN_BYTES, problem)
         self.opened.append(file)
         return file
 
@@ -85,8 +86,8 @@ class _PartsFile(BoundedFile):
 
     def read(self, size: int = -1) -> bytes:
         data = super().read(size if 0 <= size <= MOST_HELD else MOST_HELD + 1)
-        if len(data) > MOST_HELD or self.left < 0:
-            raise ValueError(f"a part has more than {MOST_HELD >> 20} MB, or is listed twice")
+        if len(data) > MOST_HELD:
+            raise ValueError(f"a part has more than {MOST_HELD >> 20} MB")
         if data == b"\0":  # the kind of a record of MCAP
             raise ValueError("zeros stand between its records")
         return data
@@ -132,17 +133,13 @@ def _unpack(decompressor: Any, data: bytes) -> bytes:
     return unpacked
 
 
-class _UnpackedFile(BoundedFile):
-    """A file that the library unpacks to disk; ValueError beyond half of the free space."""
+def _open_packed(file: Any, mode: str) -> BoundedFile:
+    """Open a file that the library unpacks to disk."""
+    from rosbags.rosbag2.storage_mcap import zstd
 
-    def __init__(self, file: Any) -> None:
-        super().__init__(file, shutil.disk_usage(tempfile.gettempdir()).free // 2)
-
-    def read(self, size: int = -1) -> bytes:
-        data = super().read(size)
-        if self.left < 0:
-            raise ValueError("a file unpacks to more than half of the free space of TMPDIR")
-        return data
+    problem = "a file unpacks to more than half of the free space of TMPDIR"
+    free = shutil.disk_usage(tempfile.gettempdir()).free
+    return BoundedFile(zstd.open(file, mode), free // 2, problem)
 
 
 def _words(words: str) -> re.Pattern[str]:
@@ -249,8 +246,7 @@ class BagStream(FrameStream):
         mcap.DECOMPRESSORS["lz4"] = lambda data, _: _unpack(LZ4FrameDecompressor(), data)
         mcap.DECOMPRESSORS["zstd"] = lambda data, _: _unpack(zstd(), data)
         ros2.zstd = SimpleNamespace(
-            decompress=lambda data: _unpack(zstd(), data),
-            open=lambda file, mode: _UnpackedFile(mcap.zstd.open(file, mode)),
+            decompress=lambda data: _unpack(zstd(), data), open=_open_packed
         )
         # Settings of the transport, in YAML, which is slow to read; glsim needs none of them.
         ros2.parse_qos = sqlite.parse_qos = mcap.get_qos = lambda _: []
@@ -328,12 +324,13 @@ class BagStream(FrameStream):
         device = self._depth.partition("/sensor_")[0]
         sensor = f"{base.rpartition('/')[0]}/option"
         unit, baseline = (self._number(f"{sensor}/{n}") for n in ("Depth_Units", "Stereo_Baseline"))
+        facts = (self._read(data, c.msgtype) for c, _, data in self._messages(f"{device}/info"))
         stated = StatedCamera(
             camera,
             lens,
             None if unit is None else round(MM_PER_M * unit, 6),
             None if baseline is None else round(abs(baseline) / MM_PER_M, 7),
-            self._device_name(f"{device}/info"),
+            next((str(fact.value) for fact in facts if getattr(fact, "key", "") == "Name"), ""),
         )
         return stated, tuple(remarks)
 
@@ -381,14 +378,6 @@ class BagStream(FrameStream):
             if (message := self._first(f"{name}/value")) is not None:
                 return float(message.data) or None
         return None
-
-    def _device_name(self, topic: str) -> str:
-        """Return the camera's name from librealsense's device information."""
-        for connection, _, data in self._messages(topic):
-            fact = self._read(data, connection.msgtype)
-            if getattr(fact, "key", "") == "Name":
-                return str(fact.value)
-        return ""
 
 
 def _plain(topic: str) -> str:

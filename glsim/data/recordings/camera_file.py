@@ -36,17 +36,10 @@ _Pixels = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 @dataclass(frozen=True)
 class StatedCamera:
-    """A camera as files state it; a value that is not stated is None or empty.
+    """A camera as files state it, by the keys of ``camera.toml``.
 
-    Attributes:
-        intrinsics: size, focal lengths, principal point.
-        distortion: coefficients k1, k2, p1, p2, k3 (OpenCV's order), and k4, k5, k6 if stated.
-        unit_mm: step of integer depths, mm.
-        baseline_m: distance of the two views of a triangulating camera.
-        name: name of the camera for people.
-        sensor: name of a sensor of glsim.
-        channel: depth channel of OpenEXR files.
-        along_ray: whether depths are distances along the pixels' rays, not along the axis.
+    A value that is not stated is None or empty. Distortion is in OpenCV's order: k1, k2, p1, p2,
+    k3, and k4, k5, k6 if stated.
     """
 
     intrinsics: Intrinsics | None = None

@@ -288,10 +288,8 @@ def import_recordings(
         root: a folder that ``open_maps`` reads, or a folder of such folders.
         out: folder of the data set.
         depth_unit_mm, mirror, topic: see ``open_maps``.
-        every: use every n-th frame.
+        every, workers, progress: see ``import_biwi``.
         split: shares of train, val and test. Default: only test.
-        workers: number of processes.
-        progress: called with the state after each frame.
 
     Raises ConfigError without such a folder, DatasetError without frames or by ``write_dataset``.
     """

@@ -56,14 +56,13 @@ class MkvStream(FrameStream):
         import av
 
         if self._file is None:
-            with BoundedFile(open_regular(self.path), MOST_HELD) as head:  # attachments come first
-                with suppress(av.error.FFmpegError):  # raised below
-                    av.open(head, format="matroska").close()
-                if head.left < 0:
-                    raise DatasetError(
-                        f"{self.path}: has {MOST_HELD >> 20} MB or more before its frames; a "
-                        "calibration has some kB: record it again"
-                    )
+            problem = (
+                f"has {MOST_HELD >> 20} MB or more before its frames; a calibration has some kB: "
+                "record it again"
+            )
+            head = BoundedFile(open_regular(self.path), MOST_HELD, problem)
+            with head, suppress(av.error.FFmpegError):  # raised below
+                av.open(head, format="matroska").close()  # attachments come first
             self._file = av.open(str(self.path), format="matroska")
         return self._file
 
@@ -102,7 +101,8 @@ class MkvStream(FrameStream):
         try:
             for packet in container.demux(*streams):
                 context = packet.stream.codec_context
-                whole = context.name != "rawvideo" or packet.size == _bytes(context)
+                size = 2 * context.width * context.height
+                whole = context.name != "rawvideo" or packet.size == size
                 if packet.pts is not None and whole:
                     times[packet.stream.index].append(packet.pts)
         except av.error.FFmpegError:
@@ -140,10 +140,6 @@ class MkvStream(FrameStream):
             return StatedCamera(*found, 1.0, sensor=mode[-1]), ()
         why = "its calibration.json cannot be used" if texts else "it has no calibration.json"
         return StatedCamera(unit_mm=1.0, sensor=mode[-1]), (why,)
-
-
-def _bytes(context: Any) -> int:
-    return 2 * int(context.width) * int(context.height)
 
 
 def _factory_camera(

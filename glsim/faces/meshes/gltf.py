@@ -19,13 +19,7 @@ from numpy.typing import NDArray
 from glsim.core.errors import MeshError
 from glsim.core.files.regular import open_regular
 from glsim.core.products import product
-from glsim.faces.meshes.obj import (
-    MAX_BYTES,
-    check_corners,
-    check_count,
-    check_start,
-    read_bytes,
-)
+from glsim.faces.meshes.obj import MAX_BYTES, check_corners, check_count, check_start, read_bytes
 
 _Array = NDArray[Any]
 
@@ -239,12 +233,7 @@ class _Scene:
             self._spend(self._decoded[index].size)
             return self._decoded[index]
         entry = self._tree["accessors"][index]
-        if "bufferView" in entry:
-            values = self._stored(entry)
-        else:
-            self._spend(_WIDTHS[entry["type"]] * entry["count"])
-            shape = entry["count"], _WIDTHS[entry["type"]]
-            values = np.zeros(shape, _TYPES[entry["componentType"]])
+        values = self._stored(entry)
         if sparse := entry.get("sparse"):
             number = {"count": sparse["count"]}
             changed = self._stored({**sparse["indices"], **number, "type": "SCALAR"})
@@ -255,12 +244,14 @@ class _Scene:
         return values
 
     def _stored(self, entry: dict[str, Any]) -> _Array:
-        """Return the (N, K) numbers of a buffer view, whose rows may lie apart."""
+        """Return the (N, K) numbers of a buffer view, whose rows may lie apart; zeros without."""
         kind, width = np.dtype(_TYPES[entry["componentType"]]), _WIDTHS[entry["type"]]
+        self._spend(width * entry["count"])
+        if "bufferView" not in entry:
+            return np.zeros((entry["count"], width), kind)
         apart = self._tree["bufferViews"][entry["bufferView"]].get("byteStride")
         strides = (max(apart or 0, kind.itemsize * width), kind.itemsize)
         data = self._view(entry["bufferView"])
-        self._spend(width * entry["count"])
         return np.ndarray((entry["count"], width), kind, data, entry.get("byteOffset", 0), strides)
 
     def _view(self, index: int) -> memoryview:
@@ -275,17 +266,18 @@ class _Scene:
         entry = self._tree["buffers"][index]
         if (uri := entry.get("uri")) is None:
             return self._chunk
-        if uri not in self._files:
-            self._files[uri] = self._file(uri, entry["byteLength"])
-            self._left += len(self._files[uri])
-        return self._files[uri]
-
-    def _file(self, uri: str, length: int) -> bytes:
+        if uri in self._files:
+            return self._files[uri]
         if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
-        folder = self._path.parent
-        try:
-            with open_regular(folder / unquote(uri), MAX_BYTES, inside=folder) as file:
-                return file.read(length)
-        except OSError as error:
-            raise MeshError(f"{self._path}: its buffer {uri}: {error.strerror or error}") from None
+            data = base64.b64decode(uri.partition(",")[2])
+        else:
+            folder = self._path.parent
+            try:
+                with open_regular(folder / unquote(uri), MAX_BYTES, inside=folder) as file:
+                    data = file.read(entry["byteLength"])
+            except OSError as error:
+                reason = error.strerror or error
+                raise MeshError(f"{self._path}: its buffer {uri}: {reason}") from None
+        self._files[uri] = data
+        self._left += len(data)
+        return data

@@ -132,27 +132,12 @@ def load_mesh(
 
 
 def find_alignment(
-    path: Path,
-    file_mesh: FileMesh,
-    unit: str,
-    axes: str,
-    rotation_deg: Turns | None = None,
-    *,
-    recentre: bool = True,
+    path: Path, file_mesh: FileMesh, unit: str, axes: str, turns: Turns | None = None, **keep: bool
 ) -> Alignment:
-    """Estimate the alignment of a mesh and log it. Errors name the file.
-
-    Arguments and errors as for ``estimate_alignment``.
-    """
+    """Estimate the alignment of a mesh and log it; errors name the file."""
+    choice: dict[str, Any] = {"unit": unit, "axes": axes, "rotation_deg": turns, **keep}
     try:
-        alignment = estimate_alignment(
-            file_mesh.vertices,
-            file_mesh.faces,
-            unit=unit,
-            axes=axes,
-            rotation_deg=rotation_deg,
-            recentre=recentre,
-        )
+        alignment = estimate_alignment(file_mesh.vertices, file_mesh.faces, **choice)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     _LOG.info("%s: %s", path, alignment)
@@ -162,10 +147,9 @@ def find_alignment(
 def find_alignment_in_format(
     path: Path, file_mesh: FileMesh, *, unit: str, axes: str, format_axes: str
 ) -> Alignment:
-    """Find the alignment in a format with known axes, which ``axes`` "auto" takes and checks.
+    """Find the alignment in a format with known axes, ``format_axes``, which "auto" takes.
 
-    Arguments as for `find_alignment`; ``format_axes`` are the known axes. Raises MeshError also
-    for a face that looks away or is upside down in them.
+    Raises MeshError also for a face that looks away or is upside down in them.
     """
     chosen = format_axes if axes == "auto" else axes
     alignment = find_alignment(path, file_mesh, unit, chosen)
@@ -191,10 +175,10 @@ def check_head_size(path: Path, mesh: Mesh, alignment: Alignment) -> Mesh:
 
 def manifest_notes(file_mesh: FileMesh, alignment: Alignment) -> dict[str, object]:
     """Return the manifest's notes on a mesh."""
-    degenerate = file_mesh.degenerate
-    dropped = {"degenerate_triangles_dropped": degenerate} if degenerate else {}
-    doubts = [*alignment.doubts, *file_mesh.doubts]
-    return {**alignment.notes(), "doubts": doubts, **dropped}
+    notes = {**alignment.notes(), "doubts": [*alignment.doubts, *file_mesh.doubts]}
+    if file_mesh.degenerate:
+        notes["degenerate_triangles_dropped"] = file_mesh.degenerate
+    return notes
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -207,9 +191,8 @@ def read_mesh(path: Path) -> FileMesh:
             f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "
             f"({did_you_mean(suffix, EXTENSIONS)}); export it as OBJ or PLY"
         )
-    read: Callable[[Path], Any] = {".stl": _read_stl, ".glb": read_gltf, ".gltf": read_gltf}.get(
-        suffix, _read_polygons
-    )
+    others = {".stl": _read_stl, ".glb": read_gltf, ".gltf": read_gltf}
+    read: Callable[[Path], Any] = others.get(suffix, _read_polygons)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -266,15 +249,12 @@ def drop_degenerate(
         faces: (F, 3).
         albedo: (V,) or None.
     """
-    finite = np.isfinite(vertices)
-    if not finite.all():
-        broken = np.flatnonzero(~finite.all(axis=1))
-        bad = np.flatnonzero(np.isin(faces, broken).any(axis=1))
-        if len(bad):
-            raise MeshError(
-                f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
-                f"(first: triangle {bad[0]}); repair or remove them"
-            )
+    broken = ~np.isfinite(vertices).all(axis=1)
+    if broken.any() and len(bad := np.flatnonzero(broken[faces].any(axis=1))):
+        raise MeshError(
+            f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
+            f"(first: triangle {bad[0]}); repair or remove them"
+        )
     valid = _has_area(vertices, faces)
     if not valid.any():
         raise MeshError(f"{path}: all {len(faces)} triangles are degenerate (no area)")
@@ -307,13 +287,10 @@ def _read_polygons(path: Path) -> list[_Part]:
     triangles, polygon = file.triangles(path)
     if file.colours is not None or file.materials is None:
         return [_Part(file.vertices, triangles, file.colours)]
+    found, missing = _material_files(path.parent, file.libraries)
     colours: dict[str, tuple[float, float, float]] = {}
-    missing: list[str] = []
-    for library in file.libraries:
-        libraries, unknown = _material_files(path.parent, library)
-        missing += unknown
-        for material_file in libraries:
-            colours |= read_material_colours(material_file)
+    for material_file in found:
+        colours |= read_material_colours(material_file)
     materials = file.materials[polygon]
     if any(file.material_names[index] not in colours for index in np.unique(materials)):
         doubt = f"{', '.join(missing)} of its mtllib is not found: no albedo" if missing else ""
@@ -325,16 +302,18 @@ def _read_polygons(path: Path) -> list[_Part]:
     return [_Part(file.vertices, triangles, vertex_colours)]
 
 
-def _material_files(folder: Path, library: str) -> tuple[list[Path], list[str]]:
-    """Return the files that the rest of a ``mtllib`` line names, and the names of no file.
+def _material_files(folder: Path, libraries: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Return the files that ``mtllib`` lines name, and the names of no file.
 
     A line holds one name with spaces, or several names; each may be in quotes.
     """
-    names = [name.strip(" '\"") for name in _MATERIAL_FILES.findall(library)]
-    found = [(name, _file_below(folder, name)) for name in names]
-    if not any(file for _, file in found) and (whole := _file_below(folder, library.strip("'\""))):
-        return [whole], []
-    return [file for _, file in found if file], [name for name, file in found if not file]
+    found: dict[str, Path | None] = {}
+    for line in libraries:
+        names = [name.strip(" '\"") for name in _MATERIAL_FILES.findall(line)]
+        own = {name: _file_below(folder, name) for name in names}
+        whole = None if any(own.values()) else _file_below(folder, line.strip("'\""))
+        found |= {line: whole} if whole else own
+    return [file for file in found.values() if file], [name for name in found if not found[name]]
 
 
 def _file_below(folder: Path, name: str) -> Path | None:
