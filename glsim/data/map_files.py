@@ -297,12 +297,11 @@ def refuse_negative(image: NDArray[Any], where: Path) -> None:
 def doubt_of_floats(image: NDArray[Any]) -> str:
     """Return a remark if floats may be a depth buffer: they end at exactly 1, the background."""
     # fmin and fmax say nothing if all values are NaN, unlike nanmin and nanmax.
-    ends = np.fmin.reduce(image, None) >= 0 and np.fmax.reduce(image, None) == 1
-    if image.dtype.kind != "f" or not ends or (image == 1).mean() <= _BACKGROUND:
+    if image.dtype.kind != "f" or (image == 1).mean() <= _BACKGROUND:
         return ""
-    return (
-        "its floats end at exactly 1: they are taken for metres; convert a depth buffer of OpenGL"
-    )
+    ends = np.fmin.reduce(image, None) >= 0 and np.fmax.reduce(image, None) == 1
+    remark = "its floats end at exactly 1: they are taken for metres; convert an OpenGL buffer"
+    return remark if ends else ""
 
 
 def depth_in_mm(

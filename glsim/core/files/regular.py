@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import errno
-import io
 import mmap
 import os
 import stat
@@ -19,7 +18,6 @@ from typing import IO, Any
 
 from glsim.core.errors import DatasetError
 
-_BLOCK_BYTES = 1 << 22
 #: Largest text, header or unpacked part that a reader holds, bytes. Recorders of bags make parts of
 #: 1 to 4 MB; MakeHuman's weights, the largest known JSON, have 2 MB. The value was chosen.
 MOST_HELD = 1 << 26
@@ -61,15 +59,12 @@ class BoundedFile:
 
 def read_regular(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
     """Read a whole file of at most ``limit`` bytes. Raises OSError as ``open_regular``."""
-    _check(path, limit, inside)
-    with path.open("rb", buffering=0) as file:
-        whole, left = io.BytesIO(), limit + 1  # joining parts would hold the file in memory twice
-        while left and (part := file.read(min(left, _BLOCK_BYTES))):
-            whole.write(part)
-            left -= len(part)
-    if not left:  # files of /proc have size 0, and a file may grow
-        raise _too_large(limit + 1, limit)
-    return whole.getvalue()
+    size = _check(path, limit, inside) or limit  # files of /proc have size 0
+    with path.open("rb") as file:
+        data = file.read(size + 1)
+    if len(data) > size:
+        raise OSError(errno.EFBIG, f"its bytes are more than the {size} that it says")
+    return data
 
 
 def read_data(path: Path, limit: int, *, inside: Path | None = None) -> bytes:
@@ -101,8 +96,8 @@ def read_csv(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(line for line in lines if not line.lstrip().startswith("#")))
 
 
-def _check(path: Path, limit: int | None, inside: Path | None) -> None:
-    """Raise the errors of ``open_regular``."""
+def _check(path: Path, limit: int | None, inside: Path | None) -> int:
+    """Return the size of a file, bytes. Raises the errors of ``open_regular``."""
     try:
         if inside is not None and not path.resolve().is_relative_to(inside.resolve()):
             raise OSError(errno.EPERM, f"leads out of {inside}")
@@ -113,9 +108,8 @@ def _check(path: Path, limit: int | None, inside: Path | None) -> None:
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "is a pipe, a socket or a device, not a file")
-    if limit is not None and status.st_size > limit:
-        raise _too_large(status.st_size, limit)
-
-
-def _too_large(size: int, limit: int) -> OSError:
-    return OSError(errno.EFBIG, f"{size / 1e6:.0f} MB are more than the {limit / 1e6:.4g} allowed")
+    size = status.st_size
+    if limit is not None and size > limit:
+        reason = f"{size / 1e6:.0f} MB are more than the {limit / 1e6:.4g} allowed"
+        raise OSError(errno.EFBIG, reason)
+    return size

@@ -45,9 +45,9 @@ _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
 _UNEQUAL = 0.02
 #: Largest metadata.yaml, bytes, which is read in 3 s; recorders write 1 to 2 kB for each topic.
 _METADATA_BYTES = 3 << 16
-#: Largest first line of a bag ("#ROSBAG V2.0"), text of a topic, and more than once read parts of
-#: an index, bytes. Chosen.
-_LINE_BYTES, _TEXT_BYTES, _AGAIN_BYTES = 64, 1 << 20, 1 << 20
+#: Largest first line of a bag ("#ROSBAG V2.0"), and more than once read parts of an index, bytes.
+#: Chosen.
+_LINE_BYTES, _AGAIN_BYTES = 64, 1 << 20
 
 
 class _Path(type(Path())):  # type: ignore[misc]
@@ -110,15 +110,10 @@ def _check_database(file: _Path) -> None:
             count = f"SELECT count(*) FROM (SELECT 1 FROM {_quoted(table)}{index} LIMIT {rows + 1})"
             if run(count).fetchone()[0] > rows:
                 raise ValueError(f"its {kind} {name!a:.40} has no end")
-        for table, most in {
-            "topics": _TEXT_BYTES,
-            "message_definitions": _TEXT_BYTES,
-            "messages": MOST_HELD,
-        }.items():
-            for _, column, *_ in run(f"PRAGMA table_info({table})").fetchall():
-                long = f"SELECT 1 FROM {table} WHERE length({_quoted(column)}) > {most} LIMIT 1"
-                if run(long).fetchone():
-                    raise ValueError(f"its {table} have a {column} of more than {most} bytes")
+            for _, column, *_ in run(f"PRAGMA table_info({_quoted(name)})").fetchall():
+                long = f"length({_quoted(column)}) > {MOST_HELD} LIMIT 1"
+                if run(f"SELECT 1 FROM {_quoted(name)} WHERE {long}").fetchone():
+                    raise ValueError(f"its {name!a:.40} has a value of more than {MOST_HELD} bytes")
 
 
 def _quoted(name: str) -> str:

@@ -130,7 +130,10 @@ class MapFiles:
             self.notes = (*self.notes, floats)
         exr = next((p.file for p in voters if p.file.suffix.lower() == ".exr"), None)
         self.ray_channel = "" if exr is None else along_ray(exr, self._channel)
-        self.votes = self._votes(images, named != {None})
+        maps = [self._in_mm(place, image) for place, image in images.items()]
+        deepest_mm = max(float(depth_mm.max(initial=0)) for depth_mm, _ in maps)
+        shown = tuple(depth_mm for depth_mm, _ in maps[:SHOWN])
+        self.votes = Votes(shown, maps[0][1], deepest_mm, named != {None})
 
     def __len__(self) -> int:
         return len(self.places)
@@ -203,12 +206,6 @@ class MapFiles:
                 self.notes = (doubt,)
         thinned = [image.ravel()[:: image.size // _VALUES + 1] for image in own.values()]
         return floats_in_metres(thinned, where)
-
-    def _votes(self, images: Mapping[FramePlace, NDArray[np.generic]], names_step: bool) -> Votes:
-        maps = [self._in_mm(place, image) for place, image in images.items()]
-        deepest_mm = max((float(depth.max(initial=0)) for depth, _ in maps), default=0.0)
-        shown = tuple(depth for depth, _ in maps[:SHOWN])
-        return Votes(shown, maps[0][1] if maps else self.step_mm, deepest_mm, names_step)
 
 
 def _voters(folders: Sequence[Sequence[FramePlace]]) -> list[FramePlace]:

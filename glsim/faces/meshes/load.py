@@ -249,7 +249,7 @@ def drop_degenerate(
         faces: (F, 3).
         albedo: (V,) or None.
     """
-    broken = ~np.isfinite(vertices).all(axis=1)
+    broken = np.logical_not(np.isfinite(vertices).all(axis=1))
     if broken.any() and len(bad := np.flatnonzero(broken[faces].any(axis=1))):
         raise MeshError(
             f"{path}: {len(bad)} of {len(faces)} triangles have a vertex at NaN or infinity "
