@@ -19,21 +19,9 @@ from glsim.settings.source_settings import parse_source
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator, simulate
 from glsim.simulation.plan.tasks import Task, make_tasks
-from tests.support.scenes import face_mesh, sensor_file
+from tests.support.scenes import LOUD, face_mesh, sensor_file
 
 STAGES = 'use = "axial"\nbase_sigma_mm = 3', 'use = "range_gate"\nnear_mm = 300'
-
-#: The shipped stage of that name made louder: one more uniform, one less.
-LOUD = """#version 330 core
-// loud: adds the same amount everywhere.
-#include "lib/depth.glsl"
-uniform float amount_mm = 7.0; //@ [0, 100; 0, 20] mm how much
-uniform sampler2D u_depth;
-out float depth;
-void main() {
-    depth = moved_by_mm(texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r, amount_mm);
-}
-"""
 
 
 @pytest.fixture

@@ -82,8 +82,9 @@ def test_denoise_takes_the_step_of_the_data_set(
     pair = ["d/test/s001/d.png", "e/test/s001/e.png"]
     assert main(["denoise", *pair, "-d", "quadric", "-q", "-o", "x"]) == 2
     assert "different steps" in capsys.readouterr().err
-    (here / "d" / "dataset.json").write_text("somebody's")
-    assert main([*command, "y.png", "--depth-unit-mm", "0.1"]) == 0
+    for text in ("somebody's", '{"format": "of another program"}'):
+        (here / "d" / "dataset.json").write_text(text)
+        assert main([*command, "y.png", "--depth-unit-mm", "0.1"]) == 0
 
 
 def test_denoise_believes_only_the_data_set_of_the_file(

@@ -10,17 +10,7 @@ from glsim.cli.tune_page.tuning import StageCode, Tuning
 from glsim.core.errors import ConfigError
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, sensor_names, sensor_of
 from glsim.settings.schema import load_settings, with_assignments
-
-LOUD = """#version 330 core
-// loud: adds the same amount everywhere.
-#include "lib/depth.glsl"
-uniform float amount_mm = 7.0; //@ [0, 100] mm how much
-uniform sampler2D u_depth;
-out float depth;
-void main() {
-    depth = moved_by_mm(texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r, amount_mm);
-}
-"""
+from tests.support.scenes import LOUD
 
 
 @pytest.mark.parametrize("name", sensor_names())

@@ -12,20 +12,23 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import DatasetError
-from glsim.core.files.png import decode_png, encode_png, image_size, read_image, size_problem
+from glsim.core.files.png import (
+    _chunk,
+    decode_png,
+    encode_png,
+    image_size,
+    read_image,
+    size_problem,
+)
 from glsim.core.files.regular import open_regular, read_regular
 from glsim.data.layer_images import decode_layer
-
-
-def chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 def bomb(width: int, height: int, bits: int = 16, colour: int = 0) -> bytes:
     """A PNG of zeros that says this size; only some rows are there."""
     rows = zlib.compress(bytes(1 << 20), 9)
     head = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
-    parts = (chunk(b"IHDR", head), chunk(b"IDAT", rows), chunk(b"IEND", b""))
+    parts = (_chunk(b"IHDR", head), _chunk(b"IDAT", rows), _chunk(b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
@@ -119,6 +122,6 @@ def test_files_inside_a_folder(tmp_path: Path) -> None:
 
 def test_an_animation_and_a_png_without_end_are_refused() -> None:
     whole = encode_png(np.arange(3072, dtype=np.uint16).reshape(48, 64))
-    animation = chunk(b"acTL", struct.pack(">II", 100, 0))
+    animation = _chunk(b"acTL", struct.pack(">II", 100, 0))
     for data in (whole[:-12], whole[:33] + animation + whole[33:]):
         assert decode_png(data) is None

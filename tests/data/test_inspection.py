@@ -75,6 +75,10 @@ def test_the_command_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixt
     mesh = put(tmp_path / "one.obj", obj_bytes(FACE, TRIANGLES))
     assert main(["inspect", str(mesh), "-o", str(out)]) == 0
     assert "mesh, 1 people, 1 sequences, 1 frames" in capsys.readouterr().out
+    (tmp_path / "folder").mkdir()
+    for folder in ("folder", "new"):
+        assert main(["inspect", str(mesh), "-o", str(tmp_path / folder), "-q"]) == 0
+        assert (tmp_path / folder / "inspect.png").is_file()
 
 
 def test_the_command_fails_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

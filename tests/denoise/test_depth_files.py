@@ -40,13 +40,6 @@ def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> N
     np.testing.assert_allclose(read_map_mm(stated, 0.1), DEPTH_MM, atol=0.051)
 
 
-def test_the_header_of_another_program_is_none(tmp_path: Path) -> None:
-    (tmp_path / "train" / "anna").mkdir(parents=True)
-    file = write(tmp_path / "train" / "anna" / "depth.png", 1.0)
-    (tmp_path / "dataset.json").write_text('{"format": "of another program"}')
-    assert open_maps([file]).step_mm == 1.0
-
-
 def test_the_step_of_the_output(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(Path("plain.png"), 1.0)
     expected = {

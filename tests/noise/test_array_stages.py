@@ -67,21 +67,9 @@ def test_a_users_function_is_a_stage(context: Context, mine: Path) -> None:
 @pytest.mark.parametrize(
     ("use", "message"),
     [
-        ("wrong_shape", r"stage 'wrong_shape' returned 'depth' of shape \(\d+, \d+\), not "),
-        ("not_a_number", r"left NaN or infinity in \d+ pixels of the depth"),
-        ("odd_reason", r"left NaN or infinity in \d+ pixels of the reason"),
-    ],
-)
-def test_nonsense_from_a_function_is_named(
-    context: Context, mine: Path, use: str, message: str
-) -> None:
-    with pytest.raises(ConfigError, match=message):
-        frames_of(context, settings_for(sensor_file(mine, f'use = "mine.py:{use}"')), plate())
-
-
-@pytest.mark.parametrize(
-    ("use", "message"),
-    [
+        ("mine.py:wrong_shape", r"'wrong_shape' returned 'depth' of shape \(\d+, \d+\), not "),
+        ("mine.py:not_a_number", r"left NaN or infinity in \d+ pixels of the depth"),
+        ("mine.py:odd_reason", r"left NaN or infinity in \d+ pixels of the reason"),
         ("mine.py:absent", "mine.py has no 'absent'"),
         ("mine.py:not_marked", "not_marked is not a stage: decorate it with @array_stage"),
         ("none.py:farther", "none.py cannot be imported: .*No such file"),
@@ -89,10 +77,12 @@ def test_nonsense_from_a_function_is_named(
         ("broken.py:farther", "broken.py cannot be imported: .*invalid syntax"),
     ],
 )
-def test_a_function_that_is_none_is_named(mine: Path, use: str, message: str) -> None:
+def test_nonsense_from_a_function_is_named(
+    context: Context, mine: Path, use: str, message: str
+) -> None:
     (mine / "broken.py").write_text("def")
     with pytest.raises(ConfigError, match=message):
-        load_sensor(sensor_file(mine, f'use = "{use}"'))
+        frames_of(context, settings_for(sensor_file(mine, f'use = "{use}"')), plate())
 
 
 def test_despeckle_looks_as_far_as_it_declares() -> None:

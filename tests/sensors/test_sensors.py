@@ -9,8 +9,7 @@ from moderngl import Context
 from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
-from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
-from glsim.settings.schema import load_settings
+from glsim.sensors.sensor import load_sensor, sensor_names
 from tests.support.scenes import face_mesh, frames_of, sensor_file, settings_for
 
 SENSORS = sensor_names()
@@ -151,22 +150,3 @@ def test_the_rig_may_be_changed_from_settings(context: Context) -> None:
     assert load_sensor("kinect-v2", None, {"deliver": "raw"}).rig.keeps_distortion
     with pytest.raises(ConfigError, match=r"no such setting 'rig.delivers'"):
         load_sensor("kinect-v2", None, {"delivers": "raw"})
-
-
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("axial.base_sigma_mm=-3", "base_sigma_mm"),
-        ("axial.base_sigma=3", "base_sigma"),
-        ("axil.base_sigma_mm=3", "has no stage 'axil'"),
-        ("rig.width=2", "rig.width"),
-        ("rig.focal=3", "focal"),
-    ],
-)
-def test_an_error_of_set_names_the_text_that_the_user_wrote(text: str, problem: str) -> None:
-    sensor = {"sensor": "kinect-v2-fankhauser"}
-    settings = load_settings(None, ["axial.angle_mm=0.2", text, "seed=4"], sensor)
-    with pytest.raises(ConfigError) as error:
-        sensor_of(settings)
-    assert str(error.value).startswith(f"--set {text}: ")
-    assert problem in str(error.value)

@@ -63,7 +63,12 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
             [*FANKHAUSER, "--set", "axial.base_sigma_mm=-3"],
             ["--set axial.base_sigma_mm=-3: axial.base_", "[0,"],
         ),
+        (
+            [*FANKHAUSER, "--set", "axial.angle_mm=0.2", "--set", "axial.base_sigma=3"],
+            ["error: --set axial.base_sigma=3: ", "'base_sigma_mm'"],
+        ),
         ([*FANKHAUSER, "--set", "axail.base_sigma_mm=3"], ["error: --set ", "'axail'", "'axial'"]),
+        (["--set", "rig.width=2"], ["error: --set rig.width=2: rig.width"]),
         (["--set", "pose.distance_mm=0.9"], ["may be 0.9, but", "mm: metres meant? 900"]),
         (["--set", "pose.distance_mm={normal=[0.9,0.1]}"], ["metres meant? 900"]),
         (["--set", "scene.wall_mm=1.5"], ["scene: wall_mm may be 1.5", "metres meant? 1500"]),
@@ -91,18 +96,6 @@ def test_a_wrong_setting_is_named_with_its_place(
         at = line.index(part, at)
     assert "Input should" not in line
     assert "kinect-v2.toml" not in line, "the sensor's file is not to blame"
-
-
-def test_the_sheet_of_inspect_may_be_a_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
-
-    put(tmp_path / "scans" / "a.obj", obj_bytes(FACE, TRIANGLES))
-    for out in ("folder", "new"):
-        (tmp_path / "folder").mkdir(exist_ok=True)
-        assert main(["inspect", str(tmp_path / "scans"), "-o", str(tmp_path / out), "-q"]) == 0
-        assert (tmp_path / out / "inspect.png").is_file()
 
 
 @pytest.mark.parametrize("path", [r"C:\Users\me", r"C:\new\tables", r"..\user\scans", r"C:/a\d"])

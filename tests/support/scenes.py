@@ -29,6 +29,18 @@ Array = NDArray[np.floating[Any]]
 V2 = Intrinsics(512, 424, 365.456, 365.456, 254.878, 205.395)
 V2_LENS = Distortion(0.0905474, -0.26819, 0.0950862)
 
+#: A stage of the user's own.
+LOUD = """#version 330 core
+// loud: adds the same amount everywhere.
+#include "lib/depth.glsl"
+uniform float amount_mm = 7.0; //@ [0, 100; 0, 20] mm how much
+uniform sampler2D u_depth;
+out float depth;
+void main() {
+    depth = moved_by_mm(texelFetch(u_depth, ivec2(gl_FragCoord.xy), 0).r, amount_mm);
+}
+"""
+
 #: The pose of ``camera_mesh``: a half turn from canonical to camera axes, no distance.
 AT_CAMERA = pose_matrix({})
 
@@ -228,3 +240,13 @@ def moving_settings(sensor: str = "kinect-v2", **overrides: Any) -> Settings:
         "distance_mm": {"uniform": [700, 1200]},
     }
     return settings_for(sensor, pose=pose, **overrides)
+
+
+def assert_cut(whole: Sequence[Frame], cut: Sequence[Frame], *layers: str) -> None:
+    """Check that layers of cropped frames are parts of the same whole frames, noise included."""
+    for full, part in zip(whole, cut, strict=True):
+        left = round(full.intrinsics.cx - part.intrinsics.cx)
+        top = round(full.intrinsics.cy - part.intrinsics.cy)
+        window = np.s_[top : top + len(part.clean), left : left + part.clean.shape[1]]
+        for layer in layers:
+            np.testing.assert_array_equal(part.image(layer), full.image(layer)[window])
