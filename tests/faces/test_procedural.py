@@ -1,6 +1,5 @@
 """Procedural heads have measures within the human range for every seed, and perform."""
 
-import pickle
 from collections import Counter
 
 import numpy as np
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import vertex_normals
-from glsim.faces.face_source import Face
 from glsim.faces.procedural.model import REGIONS, head_model
 from glsim.faces.procedural.parameters import FACTORS, PARAMETERS, sample_identity
 from glsim.faces.procedural.subject import (
@@ -21,6 +19,7 @@ from glsim.faces.procedural.subject import (
 )
 from glsim.faces.regions import landmark_vertices
 from glsim.faces.sources.procedural import ProceduralFaces
+from tests.support.face_sets import assert_keys_decide
 from tests.support.landmark_order import MIDLINE, MIRROR, assert_order
 
 MODEL = head_model()
@@ -116,16 +115,7 @@ def test_frames_are_spread_over_sequences_from_neutral_to_neutral(source: Proced
 
 
 def test_bytes_do_not_depend_on_batch_order_or_instance(source: ProceduralFaces) -> None:
-    keys = [*source.frames("p0001", 12), *source.frames("p0002", 4)]
-    forward = {f.key: f for f in source.load(keys)}
-    other = pickle.loads(pickle.dumps(source))
-    for key in reversed(keys):
-        (face,) = other.load([key])
-        assert isinstance(face, Face)
-        assert face.mesh.vertices_mm.tobytes() == forward[key].mesh.vertices_mm.tobytes()
-        assert face.mesh.albedo.tobytes() == forward[key].mesh.albedo.tobytes()
-        assert face.mesh.faces is forward[key].mesh.faces
-        assert face.expression == forward[key].expression
+    assert_keys_decide(source, [*source.frames("p0001", 12), *source.frames("p0002", 4)])
 
 
 def test_unknown_names_are_refused(source: ProceduralFaces, mean: HeadSubject) -> None:

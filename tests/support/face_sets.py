@@ -1,5 +1,6 @@
 """Write small files in the formats of the face sets."""
 
+import pickle
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -145,3 +146,25 @@ def write_tree(name: str, root: Path) -> Path:
         points = analytic_face(rows=ROWS, columns=COLUMNS, open_mm=0.4 * (frame - 150))[0]
         put(folder / f"Joe/1+2/1+2_{frame}.ply", ply_bytes(points / 1000, TRIANGLES))
     return folder
+
+
+def assert_keys_decide(
+    source: FaceSource, keys: list[FaceKey], expected: list[Face] | None = None
+) -> list[Face]:
+    """Check that faces are the same together, alone, and backwards by a copy of the source.
+
+    Return them; ``expected`` are those that another instance gave.
+    """
+    together = good_faces(source, keys)
+    copy = pickle.loads(pickle.dumps(source))
+    backwards = good_faces(copy, keys[::-1])[::-1]
+    alone = [good_faces(copy, [key])[0] for key in reversed(keys)][::-1]
+    every = (expected or together, together, backwards, alone)
+    for key, first, *others in zip(keys, *every, strict=True):
+        for face in (first, *others):
+            assert face.key == key
+            assert (face.expression, face.notes) == (first.expression, first.notes)
+            np.testing.assert_array_equal(face.mesh.vertices_mm, first.mesh.vertices_mm)
+            np.testing.assert_array_equal(face.mesh.albedo, first.mesh.albedo)
+        assert others[0].mesh.faces is together[0].mesh.faces
+    return together

@@ -1,7 +1,6 @@
 """People: identities, performances, framings and movements of the source."""
 
 import itertools
-import pickle
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +13,7 @@ from glsim.faces.face_source import Face, FaceKey
 from glsim.faces.people.model import REGIONS
 from glsim.faces.sources.people import People
 from glsim.settings.source_settings import parse_source
+from tests.support.face_sets import assert_keys_decide
 from tests.support.people import needs_anny
 
 pytestmark = needs_anny
@@ -35,15 +35,7 @@ def part(face: Face, *names: str) -> NDArray[np.float32]:
 
 
 def test_a_frame_depends_on_its_key_alone(people: People) -> None:
-    keys = [*people.frames("a0001", 33)[28:], *people.frames("a0000", 2)]
-    together = faces(people, keys)
-    other = pickle.loads(pickle.dumps(people))
-    for key, face in zip(reversed(keys), reversed(together), strict=True):
-        (alone,) = faces(other, [key])
-        np.testing.assert_array_equal(alone.mesh.vertices_mm, face.mesh.vertices_mm)
-        np.testing.assert_array_equal(alone.mesh.albedo, face.mesh.albedo)
-        assert alone.expression == face.expression
-        assert alone.notes == face.notes
+    assert_keys_decide(people, [*people.frames("a0001", 33)[28:], *people.frames("a0000", 2)])
 
 
 def test_people_without_an_end_or_of_another_source_are_refused(people: People) -> None:
