@@ -207,7 +207,6 @@ def test_full_disk(tmp_path: Path, undisturbed, format: str, name: str) -> None:
     message = str(caught.value)
     assert message.startswith(f"cannot write {tmp_path}")
     assert "No space left on device: free some space and run the same command again" in message
-    assert "\n" not in message
     assert verify(tmp_path) != []
     resume(tmp_path, format, undisturbed[format])
 

@@ -98,9 +98,8 @@ def test_maps_that_cannot_serve(tmp_path: Path) -> None:
     def refused(match: str, values: NDArray[np.generic] | None, stage: str = "") -> None:
         (tmp_path / "own.npy").unlink(missing_ok=True)
         file = sensor_file(tmp_path, values, stage)
-        with pytest.raises(ConfigError, match=match) as caught:
+        with pytest.raises(ConfigError, match=match):
             load_sensor(file)
-        assert "\n" not in str(caught.value)
 
     refused(r"own.npy: no such file: rig.fixed_pattern_map names", None)
     refused("the map of the fixed pattern is 424x512, the image 512x424", a_map().T)
@@ -261,9 +260,8 @@ def test_a_sensor_that_extends_one_finds_its_image_and_can_switch_it_off(tmp_pat
 def test_images_that_cannot_serve(
     tmp_path: Path, image: NDArray[Any] | bytes | None, words: str
 ) -> None:
-    with pytest.raises(ConfigError, match=words) as caught:
+    with pytest.raises(ConfigError, match=words):
         load_sensor(sensor_file_image(tmp_path, image))
-    assert "\n" not in str(caught.value)
 
 
 def test_rigs_that_cannot_throw_an_image(tmp_path: Path) -> None:

@@ -154,9 +154,8 @@ def test_an_assignment_without_name_or_value_is_refused(text: str) -> None:
     ],
 )
 def test_a_bad_setting_is_named_with_the_near_ones(assignment: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message) as caught:
+    with pytest.raises(ConfigError, match=message):
         load_settings(None, [assignment])
-    assert "\n" not in str(caught.value)
 
 
 def test_a_bad_file_is_named(tmp_path: Path) -> None:

@@ -179,6 +179,5 @@ def test_sensors_that_cannot_show_motion_are_named(
     context: Context, sensor: str, rig: dict[str, object], message: str
 ) -> None:
     settings = settings_for(sensor, rig=rig, motion={"within_exposure": True})
-    with pytest.raises(ConfigError, match=message) as caught:
+    with pytest.raises(ConfigError, match=message):
         Simulator(settings, [], context)
-    assert "\n" not in str(caught.value)

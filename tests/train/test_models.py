@@ -139,6 +139,5 @@ def paper_input(**backbone: Any) -> dict[str, Any]:
     ],
 )
 def test_wrong_specifications(spec: dict[str, Any], words: str) -> None:
-    with pytest.raises(ConfigError, match=words) as caught:
+    with pytest.raises(ConfigError, match=words):
         build_model(spec)
-    assert "\n" not in str(caught.value)
