@@ -148,7 +148,6 @@ def test_real_frames_measure_as_in_reality_md(tmp_path: Path) -> None:
     measured = result.first
     assert measured.temporal.pairs == 1
     np.testing.assert_allclose(measured.temporal.correlation[:3], (0.63, 0.30, 0.01), atol=0.07)
-    assert measured.light is not None
     assert measured.light.temporal.floor_mm == pytest.approx(1.05, abs=0.1)
     assert measured.light.temporal.slope_mm == pytest.approx(4600, rel=0.15)
     assert measured.silhouettes.shadow_side == "right"

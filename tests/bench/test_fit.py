@@ -306,7 +306,6 @@ def test_wiggling_of_a_slanted_wall() -> None:
     frames = np.rint(depth + rng.normal(0, 1.0, (10, *depth.shape)) * (depth > 0))
     found = measure_recording(frames_of("slanted", frames.astype(np.uint16), camera=IMAGE))
     wiggling = fit_wiggling(found, IMAGE)
-    assert wiggling is not None
     for harmonic, (size, phases) in truth.items():
         assert wiggling.known(harmonic)
         assert wiggling.amplitude[harmonic] == pytest.approx(size, rel=0.1)

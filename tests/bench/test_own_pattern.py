@@ -61,7 +61,6 @@ def test_a_fitted_sensor_has_the_devices_own_pattern(context: Context, tmp_path:
 
     # What was fitted can be taken from the device's frames.
     own = glsim.load_sensor(str(fitted)).pattern_map
-    assert own is not None
     once = device.capture(scenes.wall(1100), 1, None, changes=off).measured_mm[0]
     left = glsim.remove_fixed_pattern(once, own.values).astype(np.float64)
     assert flattened(left).var() < 0.3 * flattened(once).var()

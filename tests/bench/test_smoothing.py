@@ -36,7 +36,6 @@ def test_the_narrow_filter_needs_no_other() -> None:
     assert find_smoothing([0.5, 0.2, 0.0, 0.5, 0.2, 0.0, 0.3]) is None
     assert find_smoothing([float("nan")] * len(LAGS)) is None
     planted = find_smoothing([0.8, 0.67, 0.54, 0.74, 0.6, 0.47, 0.65])
-    assert planted is not None
     assert planted.width_px > 1.5
     np.testing.assert_allclose(planted.correlation[:3], (0.8, 0.65, 0.5), atol=0.06)
 

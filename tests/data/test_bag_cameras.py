@@ -119,7 +119,6 @@ def test_a_camera_info_is_scaled_to_the_images(
     images = {"/camera/depth/image_raw": (_image(700, size), "16UC1")}
     write_topics(tmp_path / "a.bag", images, {"/camera/depth/camera_info": info})
     camera = open_maps(tmp_path / "a.bag").camera
-    assert camera is not None
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx(expected)
 
 
@@ -144,7 +143,6 @@ def test_rectified_images_go_with_the_projection(
     info = {"size": SIZE, "focal": 58.0, "p": 60.0, "d": d, "model": model}
     write_topics(tmp_path / "a.bag", {topic: NATIVE}, {"/camera/depth/camera_info": info})
     recording = open_maps(tmp_path / "a.bag")
-    assert recording.camera is not None
     assert (recording.camera.fx, list(recording.distortion)) == expected
     assert any("'equidistant'" in note for note in recording.notes) == (model == "equidistant")
 
@@ -201,7 +199,6 @@ def test_lone_files_of_ros_2(tmp_path: Path, suffix: str) -> None:
     for place in (tmp_path / f"a{suffix}", tmp_path):
         recording = open_maps(place)
         assert (recording.kind, len(recording.frames)) == ("bag", 3)
-        assert recording.camera is not None
         assert (recording.camera.fx, list(recording.distortion)) == (58.0, LENS)
         np.testing.assert_array_equal(recording.frames[2].noisy_mm, NATIVE[0])
 

@@ -54,7 +54,6 @@ def test_unit_shift_and_mask_are_those_of_the_clean_depth() -> None:
         small(nearest_to_mm=600.0, clean_mask="as-noisy"), layers=("clean", "expected", "noisy")
     )
     for frame in frames:
-        assert isinstance(frame, Frame)
         assert frame.expected_m is not None
         np.testing.assert_array_equal(frame.expected > 0, frame.clean > 0)
         units = np.abs(frame.expected.astype(int) - frame.clean.astype(int))
@@ -64,7 +63,6 @@ def test_unit_shift_and_mask_are_those_of_the_clean_depth() -> None:
 
 def test_a_frame_without_it_says_so() -> None:
     (frame, _) = simulate(small())
-    assert isinstance(frame, Frame)
     assert frame.expected_m is None
     with pytest.raises(ConfigError, match="made without the layer 'expected'"):
         frame.image("expected")

@@ -195,7 +195,6 @@ def test_scannet_states_its_camera(tmp_path: Path) -> None:
     (tmp_path / "depth" / "0.png").write_bytes(encode_png(UNITS))
     np.savetxt(tmp_path / "intrinsic" / "intrinsic_depth.txt", np.diag([50.0, 51, 1, 1]))
     recording = open_maps(tmp_path)
-    assert recording.camera is not None
     assert (recording.camera.width, recording.camera.fy, recording.camera.cx) == (40, 51, 0.5)
     assert not recording.notes
 

@@ -65,7 +65,6 @@ def test_parts_in_any_order_give_the_bytes_of_one_run(
         assert summary.missing == f"part{'s'[done - 1 :]} {', '.join(sorted(order[done:]))} of 3"
         assert f"(missing: {summary.missing}): run glsim generate again" in verify(tmp_path)[0]
     last = make_part(tmp_path, f"{order[-1]}/3", format, workers=2)
-    assert last.dataset is not None
     assert sum(last.dataset.frames.values()) == 138
     assert contents(tmp_path) == undisturbed[format]
     assert verify(tmp_path, deep=True) == []
@@ -110,7 +109,6 @@ def test_a_killed_part_resumes_beside_the_others(
     tmp_path: Path, undisturbed, format: str, workers: int
 ) -> None:
     process = start_part(tmp_path, "0/2", format, workers, wait_at=5)
-    assert process.stdout is not None
     while int(process.stdout.readline()) < 5:
         pass
     with pytest.raises(DatasetError, match="part 0/2 is being made by another process: wait"):

@@ -118,7 +118,6 @@ def test_a_killed_head_is_one_line() -> None:
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert process.stdout is not None
         assert process.stdout.readline() == "one\n"
         nodes.kill_head()
         output, errors = process.communicate()

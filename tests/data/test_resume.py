@@ -101,7 +101,6 @@ def start(out: Path, format: str, workers: int) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert process.stdout is not None
     while int(process.stdout.readline()) < 10:
         pass
     return process

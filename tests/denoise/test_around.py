@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glsim import Frame, load_settings, simulate
+from glsim import load_settings, simulate
 from glsim.cli import main
 from glsim.core.array_types import Depth
 from glsim.core.errors import ConfigError
@@ -22,7 +22,6 @@ def head(wall_mm: float | None = None, distance_mm: float = 900.0, seed: int = 4
     overrides |= {"pose": {"distance_mm": distance_mm}, **scene}
     source = {"subjects": 1, "frames_per_subject": 1}
     (frame,) = simulate(load_settings(overrides=overrides, source=source))
-    assert isinstance(frame, Frame)
     return frame.noisy.astype(np.float32)
 
 

@@ -58,7 +58,6 @@ def test_every_part_of_a_document_becomes_its_element() -> None:
     ]
     assert elements.attributes["id"] == "boxes"
     source = elements.attributes["src"]
-    assert source is not None
     kind, _, data = source.partition(",")
     assert kind == "data:image/png;base64"
     assert base64.b64decode(data) == PNG

@@ -94,7 +94,6 @@ def test_a_plain_folder_at_1_mm_is_scored(folder: Path, tmp_path: Path) -> None:
     assert np.isnan(found.summary.mean("noisy", "normal_mean_deg"))
     assert np.isnan(found.summary.mean("noisy", "normal_good_pct"))
     example = example_frame(ScoringJob(folder, "test", ("noisy",)))
-    assert example is not None
     assert in_space(example[0], example[0].clean_mm).max() > 900
     with pytest.raises(ConfigError, match=r"--protocol depth: the maps in .* have the nearest"):
         run(folder, tmp_path / "p", "depth")

@@ -137,12 +137,10 @@ def test_a_board_is_found_in_infrared_and_its_paper_has_the_planted_noise(tmp_pa
     depth = noisy(plane(800.0, 0.4, 0.1) + printed(infrared, 6.0), 1.2, 3)
     frame = frames_of("board", [depth], [infrared])[0]
     corners = find_corners(infrared.astype(np.float32))
-    assert corners is not None
     middle = corners.mean(axis=0)
     np.testing.assert_allclose(middle, [BOARD_CENTRE[1] - 0.5, BOARD_CENTRE[0] - 0.5], atol=0.3)
     assert np.ptp(corners[:, 0]) == pytest.approx(4 * SQUARE_PX, abs=0.5)
     board = find_board(frame, corners)
-    assert board is not None
     assert (infrared[board.paper] > 2000).all()
     write_frame(tmp_path, "0000", depth, infrared)
     scores = _scores(tmp_path)

@@ -104,7 +104,6 @@ def test_parts_that_no_frame_shows_are_left_out() -> None:
     for method, nose in (("a", 2.0), ("b", 1.5)):
         summary.add(row | {"method": method, "rmse_mm@nose": nose})
     document = _region_document(summary.table())
-    assert document is not None
     heading, table = document.parts[1:]
     assert heading == Heading("rmse_mm [mm] ↓")
     assert table == TextTable(["method", "nose"], [["`a`", "2.00"], ["`b`", "**1.50**"]])

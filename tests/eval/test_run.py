@@ -140,7 +140,6 @@ def test_a_denoiser_that_fails_costs_its_own_rows(pairs: Path, here: Path) -> No
     assert methods.count("moody:moody") == 12 - found.bad
     (here / "idle.py").write_text("def idle(noisy, valid):\n    raise RuntimeError\n")
     example = example_frame(ScoringJob(pairs, "test", ("noisy", "idle:idle")))
-    assert example is not None
     assert example[2].endswith("; idle:idle fails")
     assert [*example[1]] == ["noisy"]
 
@@ -169,7 +168,6 @@ def test_trivial_baselines_stand_beside_the_table(pairs: Path, tmp_path: Path) -
     assert baselines.mean("zero image", "mse_mm2") == pytest.approx(power)
     assert math.isnan(baselines.mean("zero image", "precision"))
     mean = mean_face(ScoringJob(pairs, "test", ()).frames())
-    assert mean is not None
     assert 880 < mean[mean > 0].mean() < 960
 
 

@@ -103,7 +103,6 @@ def test_regions_cost_nothing_unless_asked_for(context: Context) -> None:
 
     with_them = frame(context, ProceduralFaces())
     (without,) = simulate(settings(), sources=[NoLabels()], context=context)
-    assert isinstance(without, Frame)
     np.testing.assert_array_equal(without.clean, with_them.clean)
     np.testing.assert_array_equal(without.noisy, with_them.noisy)
     with pytest.raises(ConfigError, match="without the layer 'regions'"):

@@ -6,7 +6,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from glsim.faces.face_source import Face
 from glsim.faces.people.model import REGIONS
 from glsim.looks import cloth
 from glsim.looks.anatomy import Anatomy
@@ -136,7 +135,6 @@ def test_people_are_dressed_by_default_and_cloth_follows_a_posture() -> None:
     assert not Dresser(source, appearance(wear="never")).is_on
     there = Dresser(source, appearance(**{**ALL, "wear": "auto"}))
     face = next(iter(source.load(source.frames("a0002", 1))))
-    assert isinstance(face, Face)
     dressed = there.dress(face, keys(2))
     skin = face.mesh.vertices_mm[body().body][::4]
     for part in dressed.parts:

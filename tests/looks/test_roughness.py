@@ -9,7 +9,6 @@ from moderngl import Context
 from glsim.bench.scenes import wall
 from glsim.measures.measured_frame import lit, surfaces
 from glsim.settings.schema import load_settings
-from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import frames_of
@@ -28,7 +27,6 @@ def residuals_mm(context: Context, wear: str) -> dict[str, np.ndarray]:
     layers = ("noisy", "regions")
     depth, regions = [], []
     for frame in simulate(settings, sources=[heads()], context=context, layers=layers):
-        assert isinstance(frame, Frame)
         whole, code = np.zeros((424, 512), np.float32), np.zeros((424, 512), int)
         whole[frame.window.slices] = frame.noisy_m * 1000
         code[frame.window.slices] = frame.region_codes

@@ -153,7 +153,6 @@ def test_the_noise_law_and_the_light_come_back() -> None:
             lights.append(light)
     frames = _frames(*depths, infrared=lights)
     measured = measure_light(frames, static_pairs(frames))
-    assert measured is not None
     assert measured.temporal.floor_mm == pytest.approx(floor, rel=0.08)
     assert measured.temporal.slope_mm == pytest.approx(slope, rel=0.08)
     assert measured.spatial.slope_mm == pytest.approx(slope, rel=0.12)

@@ -196,7 +196,6 @@ def test_the_occluder_casts_no_spots_on_the_face_itself(context: Context) -> Non
     renderer = Renderer(context, rig((0.075, 0, 0), (-0.075, 0, 0)))
     spotted = 0
     for number, face in enumerate(source.load(keys)):
-        assert isinstance(face, Face)
         pose = {"distance_mm": 550.0 + 10 * number, "yaw_deg": 2.0 * (number - 15)}
         found = layers_of(context, renderer, [(face.mesh, pose)])["lit"]
         exact = layers_of(context, renderer, [(replace(face.mesh, occluder=None), pose)])["lit"]

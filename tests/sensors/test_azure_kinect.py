@@ -28,8 +28,6 @@ def real_frame() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if not REAL.is_dir():
         pytest.skip(f"no real frame of an Azure Kinect at {REAL}")
     depth, infrared = (cv2.imread(str(REAL / f), -1) for f in ("depth.png", "infrared.png"))
-    assert depth is not None
-    assert infrared is not None
     return depth.astype(np.float64), infrared.astype(np.float64)
 
 

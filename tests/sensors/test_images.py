@@ -236,7 +236,6 @@ def test_a_sensor_that_extends_one_finds_its_image_and_can_switch_it_off(tmp_pat
     mine = tmp_path / "deep" / "mine.toml"
     mine.write_text('extends = "../own.toml"\ntitle = "mine"\n')
     image = load_sensor(str(mine)).projector_image
-    assert image is not None
     assert image.values.shape == (30, 40)
     off = load_sensor(str(mine), rig_overrides={"projector_image": ""})
     assert off.projector_image is None

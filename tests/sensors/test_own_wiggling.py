@@ -118,7 +118,6 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(context: Context, tmp_
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
     statistics = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
     wiggling = fit_wiggling(statistics, IMAGE, EMITTER_M)
-    assert wiggling is not None
     tree = read_toml(SENSOR_FOLDER / "kinect-v2-fast.toml")
     file = tmp_path / "mine.toml"
     file.write_text(fitted_toml("kinect-v2-fast", tree, {}, IMAGE, ["walls"], "", wiggling.waves()))

@@ -198,7 +198,6 @@ def test_a_file_then_assignments_then_options_change_a_preset(tmp_path: Path) ->
         file, ["scene.camera_mm=1100"], {"output": {"crop": 32}}, {"subjects": 7}, "office"
     )
     assert settings.scene.clutter.constant == 0.1
-    assert settings.scene.camera_mm is not None
     assert settings.scene.camera_mm.constant == 1100
     assert settings.output.crop == 32
     assert (settings.source[0].kind, settings.source[0].subjects) == ("people", 7)

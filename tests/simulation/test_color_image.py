@@ -49,7 +49,6 @@ def test_a_mesh_without_regions_has_the_colour_of_skin(context: Context) -> None
         settings_for(), sources=[OneMesh(face_mesh())], context=context, layers=("clean", "color")
     )
     frame = next(iter(made))
-    assert isinstance(frame, Frame)
     image = frame.color[frame.clean > 0].astype(float)
     assert (image[:, 0] > image[:, 2]).mean() > 0.99
     assert image.std() > 10, "lit from one side"

@@ -35,7 +35,6 @@ COARSE = face_mesh(60)
 
 def fingerprint(frame: Frame | Skipped) -> int:
     """Hash all that a data set would hold."""
-    assert isinstance(frame, Frame)
     total = 0
     for layer in ("clean", "noisy", "infrared", "reason"):
         total = zlib.crc32(np.ascontiguousarray(frame.image(layer)).tobytes(), total)
@@ -190,7 +189,6 @@ def test_bad_faces_are_skipped_in_order_or_stop(context: Context, crop: int | No
 def test_a_face_at_the_camera_is_skipped(context: Context, crop: int | None) -> None:
     settings = settings_for(pose={"distance_mm": 50}, output={"crop": crop})
     (result,) = simulate(settings, sources=[OneMesh(plate())], context=context)
-    assert isinstance(result, Skipped)
     assert "behind the camera or nearer than 100 mm" in result.why
     for distance_mm in (0, -500, 1e6):
         with pytest.raises(ConfigError, match=r"distance_mm may be .* must lie in .* mm$"):
@@ -207,7 +205,6 @@ def test_a_mesh_wound_inside_out_is_skipped_not_empty(context: Context) -> None:
     inside_out = Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.faces[:, ::-1]))
     settings = load_settings(overrides={"source": {"subjects": 1, "frames_per_subject": 1}})
     (result,) = simulate(settings, sources=[OneMesh(inside_out)], context=context)
-    assert isinstance(result, Skipped)
     assert "inside out" in result.why
 
 

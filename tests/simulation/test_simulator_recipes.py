@@ -41,7 +41,6 @@ def check(noisy: NDArray[np.float32], clean: NDArray[np.float32]) -> None:
 
 def test_the_first_example_of_the_page_runs() -> None:
     code = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    assert code is not None
     names: dict[str, Any] = {}
     exec(compile(code[1].replace("640", "64").replace("480", "48"), "page", "exec"), names)
     assert names["noisy_m"].shape == (48, 64)

@@ -26,8 +26,6 @@ def test_only_the_right_candidate_is_pulled() -> None:
     )
     total, parts = Masked()(prediction, clean_mm, clean_mm)
     total.backward()
-    assert candidates_mm.grad is not None
-    assert logits.grad is not None
     pulled = candidates_mm.grad.abs().sum(dim=(0, 2, 3))
     assert pulled[1] > 0
     assert pulled[0] == pulled[2] == 0

@@ -123,7 +123,6 @@ def test_vertex_colours_become_albedo_around_skin(tmp_path: Path) -> None:
     mesh.visual.vertex_colors = grey
     for name in ("a.ply", "a.glb", "a.obj"):
         albedo = read_mesh(_export(mesh, tmp_path / name)).albedo
-        assert albedo is not None
         np.testing.assert_allclose(albedo[50:], 0.6, atol=1e-3)
         np.testing.assert_allclose(albedo[:50], 0.15, atol=2e-3)
     mesh.visual.vertex_colors = np.full((len(FACE), 4), 90, dtype=np.uint8)
@@ -139,7 +138,6 @@ def test_material_colours_become_albedo(tmp_path: Path) -> None:
     )
     (tmp_path / "a.obj").write_text(text)
     albedo = read_mesh(tmp_path / "a.obj").albedo
-    assert albedo is not None
     assert sorted(np.unique(albedo.round(3)).tolist()) == pytest.approx([0.15, 0.6])
     (tmp_path / "a.mtl").write_text("newmtl skin\nKd 0.8 0.8\nnewmtl eye\nKd a b c\n")
     assert read_mesh(tmp_path / "a.obj").albedo is None

@@ -65,7 +65,6 @@ class Files(FaceSource):
         for key in keys:
             if key.frame in (1, 2):
                 raise UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte")
-            assert isinstance(mesh, Face)
             yield Face(key, mesh.mesh)
 
 
