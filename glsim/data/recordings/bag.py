@@ -347,14 +347,10 @@ class BagStream(FrameStream):
                 _role(part) in ("other", "infrared") or _RESAMPLED.search(part) for part in parts
             )
             nearest = shared == max(_shared(name, other) for other in images)
-            if not folders or (len(infos) == len(images) == 1):
-                usable = not foreign
-            elif shared and nearest and not foreign and not resampled:
-                usable = same or "depth" in "/".join(folders)
-            else:
-                usable = False
+            only = not folders or (len(infos) == len(images) == 1)
+            of_depth = shared and nearest and (same or "depth" in "/".join(folders))
             aligned = resampled and (same or (target and target[1].lower() in folders))
-            if usable or aligned:
+            if aligned or (not foreign and (only or (of_depth and not resampled))):
                 alike = (info.height, info.width) == shape
                 ranked.append(((shared, alike, same, _role(name) == "depth"), name, info))
         remarks: list[str] = []
