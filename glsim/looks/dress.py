@@ -67,7 +67,7 @@ class _Worn:
                 return worn
         points = self.binding.place(vertices_mm, motion)
         mesh = Mesh(
-            points, self.faces, self.albedo, self.occluder, self.strands is not None, self.strands
+            points, self.faces, self.albedo, self.occluder, self.region == "hair", self.strands
         )
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
