@@ -30,8 +30,7 @@ _GAP_PX: Final = 4
 class RunLogs:
     """Writer of metrics.csv and TensorBoard events in a run folder.
 
-    A resumed run drops the rows after its checkpoint and logs them again. Each row rewrites
-    metrics.csv atomically.
+    A resumed run drops the rows after its checkpoint. Each row rewrites metrics.csv atomically.
     """
 
     def __init__(self, folder: Path, steps: int) -> None:

@@ -110,9 +110,8 @@ class Masked(Loss):
     ) -> tuple[Tensor, LossParts]:
         """Compute the total and its terms: depth; valid, choice, slope, sigma where they apply.
 
-        Among several candidates only the target surface's depth counts; sigma, always in mm,
-        belongs to the chosen surface. A pixel without a candidate near the truth shall have no
-        depth.
+        Among several candidates only the target surface's depth counts; sigma, always in mm, is of
+        the chosen surface. A pixel without a candidate near the truth shall have no depth.
         """
         has_depth = (clean_mm > 0).float()
         error_mm = prediction.depth_mm - clean_mm

@@ -79,8 +79,7 @@ class RealMeasures:
 
 #: Measures at edges. Shares: lost pixels of the first and second ring of foregrounds and of smooth
 #: surfaces, filled pixels of holes beside foregrounds. Pixels per frame: lone pixels (at most two
-#: neighbours have depth), lone pixels where the input has no depth, and removed pixels with at
-#: least six neighbours.
+#: neighbours have depth), lone pixels without input depth, removed pixels with six neighbours.
 EDGES: Final = (
     "ring_1_lost", "ring_2_lost", "surface_lost", "shadow_filled",
     "alone", "alone_filled", "pinholes",

@@ -104,8 +104,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
 def example_frame(job: ScoringJob) -> tuple[DepthFrame, dict[str, Depth], str] | None:
     """Denoise the middle frame of the set, or the next readable frame, by every method.
 
-    Returns the frame, label -> map, and a title, which names methods that fail; None without a
-    readable frame.
+    Returns the frame, label -> map, and a title that names failing methods; None without a frame.
     """
     frames = job.frames()
     methods = [load_denoiser(spec) for spec in job.denoisers]

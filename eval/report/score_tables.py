@@ -34,8 +34,7 @@ _BASELINE_METRICS: Final = (
     *("mse_mm2", "psnr_db", "ssim_paper", "ssim_standard", "iou", "flips_px", "both_rmse_mm"),
     "normal_mean_deg",
 )
-#: Results with fewer subjects get a warning. Chosen: of 3 subjects, a bootstrap has only 3^3 = 27
-#: different draws.
+#: Results with fewer subjects get a warning. Chosen: 3 subjects have only 3^3 = 27 bootstrap draws.
 FEW_SUBJECTS: Final = 5
 
 

@@ -194,8 +194,7 @@ def _image_name(task: Task, layer: str) -> str:
 class _Shard:
     """An open tar file in the layout of the library webdataset.
 
-    Members are named by index: the library cuts names at the first dot, and names of sequences may
-    contain dots.
+    Members are named by index: the library cuts names at the first dot, and sequences may have one.
     """
 
     name: str

@@ -45,8 +45,7 @@ class Chunk:
 class Part:
     """The chunks of a data set whose number modulo ``of`` equals ``number`` modulo ``of``.
 
-    Parts may be numbered from 0 to ``of`` - 1 or from 1 to ``of``: 0/of and of/of are the same
-    part.
+    Parts may be numbered from 0 to ``of`` - 1 or from 1 to ``of``: 0/of is the same as of/of.
     """
 
     number: int

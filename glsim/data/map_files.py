@@ -1,9 +1,8 @@
 """Formats of depth maps. Read and written: PNG, TIFF, NPY, OpenEXR. Read: PFM, PGM, NPZ, dumps.
 
 Integers are steps of a unit, by default 1 mm. Floats are metres, or millimetres if the median of
-their set is that large. 0, NaN, infinity and the far plane mean no depth. PNG and TIFF are written
-as 16-bit integers; NPY, OpenEXR and optionally TIFF as float32 metres. PNG files may state their
-step.
+their set is that large. 0, NaN, infinity and the far plane mean no depth. PNG, which may state its
+step, and TIFF are written as 16-bit integers; NPY, OpenEXR and optionally TIFF as float32 metres.
 """
 
 from __future__ import annotations
@@ -57,8 +56,7 @@ FORMATS: Final = {
 #: Formats that are written as float32 metres.
 FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
 #: Depths of at least this value, mm, are no surface, but a renderer's far plane or the largest
-#: number of a type (65504 for 16-bit floats). SATURATED is the largest 16-bit integer, which means
-#: no depth at any step.
+#: number of a type (65504 for 16-bit floats). SATURATED, the largest 16-bit integer, is no depth.
 FAR_MM: Final = 65_500.0
 SATURATED: Final = 65535
 #: Note of commands about integers without a stated unit.

@@ -142,8 +142,7 @@ def open_maps(
         topic: topic of the depth images in a bag. Default: native images named depth.
         below: whether to read maps in sub-folders, too.
         needs_camera: whether maps must have the size of the stated camera.
-        along_rays: whether depths are distances along the pixels' rays; camera.toml may state it,
-            too.
+        along_rays: whether depths are distances along the pixels' rays, as camera.toml may state.
         crops: whether files of a data set get the intrinsics of their (cropped) frame there.
 
     Raises:

@@ -1,7 +1,6 @@
 """The schema of a data set's JSON: dataset.json, manifest lines and chunk records.
 
-Anybody may have changed a record, so pydantic parses and checks it before use. Unknown keys are
-kept unchanged.
+Anybody may have changed a record, so pydantic parses and checks it before use. Unknown keys stay.
 """
 
 from __future__ import annotations

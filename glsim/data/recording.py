@@ -35,8 +35,7 @@ MOST_STATIC = 256
 _LEAST_STILL, _MOST_CHANGES = 0.2, 0.2
 #: Smallest side of a depth frame, px: slopes and 3 x 3 windows need neighbours.
 _LEAST_PX = 8
-#: A long recording is thinned in groups of this number of consecutive frames, so that static pairs
-#: stay.
+#: A long recording is thinned in groups of this number of frames, so that static pairs stay.
 _RUN = 4
 
 

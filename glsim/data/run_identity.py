@@ -1,7 +1,6 @@
 """The identity of a data set: the header entries that decide its bytes and must not change.
 
-A run that is resumed with other settings or changed input files would make a data set of two
-different halves.
+A run resumed with other settings or input files would make a data set of two different halves.
 """
 
 from __future__ import annotations

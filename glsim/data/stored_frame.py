@@ -75,8 +75,7 @@ class StoredImages:
     def read(self, layer: str) -> LayerImage:
         """Read a layer's pixels: (H, W) uint16 or uint8; "normals" and "color" (H, W, 3).
 
-        Raises DatasetError if the file is missing, was changed, or is no image of the right type
-        and size.
+        Raises DatasetError if the file is missing, was changed, or is of another type or size.
         """
         file = self._record["files"][layer]
         where = self._store.where(file["name"])
@@ -126,8 +125,7 @@ class StoredImages:
 def _fetch_images(store: Store, files: Mapping[str, Mapping[str, Any]]) -> dict[str, bytes]:
     """Read the bytes of a frame's remote images, layer -> bytes, short if a file ends early.
 
-    Adjacent images in a shard are read by one request, since its latency exceeds their transfer
-    time.
+    Adjacent images in a shard are read by one request: its latency exceeds their transfer time.
     """
     places = {layer: (file.get("offset", 0), file["size"]) for layer, file in files.items()}
     names = {layer: file["name"] for layer, file in files.items()}

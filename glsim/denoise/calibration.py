@@ -52,8 +52,7 @@ class DeviceCalibration:
     def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
         """Subtract the device's systematic errors from a depth map.
 
-        Returns (H, W) float32 mm; 0 stays 0. Raises ConfigError: the size or the crop does not fit
-        this device's image.
+        Returns (H, W) float32 mm; 0 stays 0. Raises ConfigError for a map of another camera.
 
         Args:
             depth_mm: (H, W) mm, a whole image of the device or a crop; 0 = no depth.

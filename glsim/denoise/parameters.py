@@ -11,8 +11,7 @@ from glsim.core.errors import ConfigError, did_you_mean
 def parameter(default: float | None, low: float, high: float, help: str) -> Any:
     """Declare a dataclass field as a command-line parameter in the range [low, high].
 
-    The field's type, int or float, is the parameter's type. A default of None means that no value
-    is set.
+    The field's type, int or float, is the parameter's type. A default of None sets no value.
     """
     return dataclasses.field(default=default, metadata={"range": (low, high), "help": help})
 

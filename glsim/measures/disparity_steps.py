@@ -15,8 +15,7 @@ import numpy as np
 from glsim.core.array_types import Array, Mask, Whole
 from glsim.measures.pixel_runs import goes_on, successive_runs
 
-#: Neighbours on one surface differ by at most this many px of disparity. Chosen: eight times the
-#: noise of a D400.
+#: Largest difference of neighbours on one surface, px of disparity. Chosen: 8 times a D400's noise.
 _SAME_PX = 1.0
 #: Smallest difference, px, and smallest ratio of the disparities at a step. Chosen: 4 _SAME_PX.
 _LEAST_STEP_PX, _LEAST_RATIO = 4.0, 1.15

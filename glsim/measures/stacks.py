@@ -117,8 +117,7 @@ def autocorrelation(part: Array, lags: Sequence[tuple[int, int]]) -> Array:
 
 def temporal_autocorrelation(frames: Array) -> float:
     """Compute the correlation of a pixel with its value one frame later, without fixed pattern."""
-    # Subtracting the mean of T frames makes white noise look anticorrelated by 1 / (T - 1). This
-    # bias is added again.
+    # Without the mean of T frames, white noise is anticorrelated by 1 / (T - 1), which is added.
     part = temporal_part(frames)
     return ratio(mean_of(part[1:] * part[:-1]), mean_of(part**2)) + 1.0 / (len(frames) - 1)
 

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Floats
 
-#: Largest number of neighbours on each side. Chosen: noise falls only with the root of their
-#: number.
+#: Largest number of neighbours on each side. Chosen: noise falls with the root of their number.
 MAX_NEIGHBOURS: Final = 4
 #: Names of the inputs of exported networks, in the order of the stack.
 DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"

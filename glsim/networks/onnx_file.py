@@ -30,8 +30,7 @@ from glsim.networks.record import DEFAULT_RECORD, NetworkRecord
 
 Runtime = Literal["onnxruntime", "opencv"]
 
-#: Largest file that is read, bytes: four times the float32 weights of the largest shipped recipe
-#: (Restormer, 26 million).
+#: Largest file, bytes: four times the float32 weights of the largest recipe (Restormer: 26 million)
 _MAX_BYTES: Final = 2**29
 #: Side of the frame of zeros that a network must run on, px.
 _TRIAL_PX: Final = 32
@@ -49,8 +48,7 @@ _OPERATOR_NAMES: Final = """
     Split Sqrt Squeeze Sub Sum Tan Tanh TopK Transpose Unsqueeze Where Xor
 """
 _OPERATORS: Final = frozenset(_OPERATOR_NAMES.encode().split())
-#: Prefix of a record's keys in the file, before the names of its fields. Fields with default values
-#: have no entry.
+#: Prefix of a record's keys in the file, before the names of its fields; defaults have no entry.
 _PREFIX: Final = "glsim."
 
 # Numbers of fields: ModelProto, GraphProto, NodeProto, AttributeProto, TensorProto.

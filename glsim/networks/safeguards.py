@@ -1,7 +1,6 @@
 """Safeguards of inference: rules that reject parts of a network's output.
 
-They keep noiseless frames unchanged, and reject guesses between two surfaces or far from measured
-pixels.
+They keep noiseless frames unchanged, and reject guesses between two surfaces or far from depth.
 """
 
 from __future__ import annotations
@@ -18,8 +17,7 @@ from glsim.core.depth_map import JUMP_MM
 #: A frame in whole millimetres is clean, and is returned unchanged, if its estimated noise is below
 #: both bounds, mm: the first between adjacent pixels, the second between every other pixel.
 #: Measured: 656 simulated frames without noise have at most 0.312 and 0.551; 500 frames with white
-#: noise at least 0.354; 96 with smooth noise at least 0.29 and 0.559. For finer steps, the bounds
-#: are in steps.
+#: noise at least 0.354; 96 with smooth noise at least 0.29 and 0.559. Finer steps: bounds in steps.
 CLEAN_MM: Final = (0.33, 0.56)
 #: A frame of finer steps above these bounds is clean, too, if only the form of surfaces causes its
 #: estimate. A bend grows faster with the distance of the compared pixels than noise does: the
@@ -41,8 +39,7 @@ FORM_GROWTH: Final = ((0.1, 5.2), (1.0, 3.8))
 DITHER_SIDE, DITHER_DENSITY = 3.0, 0.3
 #: The test for dither applies to maps with at least this step, mm.
 DITHER_LEAST_MM: Final = 0.9
-#: Largest difference of a pixel that dither moves, steps. Chosen: larger differences are relief or
-#: an edge.
+#: Largest difference of a pixel that dither moves, steps. Chosen: more is relief or an edge.
 DITHER_STEPS: Final = 2.5
 #: Depths that differ by less than this, mm, are equal: float32 resolves 0.0005 mm at 4 m.
 SAME_MM: Final = 5e-4

@@ -34,8 +34,7 @@ class RegionPass:
         """Link the program and allocate the buffers.
 
         Args:
-            pools: target pools of the pinhole image and the delivered image; the same pool twice
-                without distortion.
+            pools: target pools of the pinhole and the delivered image; equal without distortion.
             rays: target that holds ``rig.rays()``.
         """
         self._context, self._rays = context, rays

@@ -219,8 +219,7 @@ def map_shape(depth: Any, size: tuple[int, int] | None = None) -> tuple[tuple[in
     """Return (height, width) and the number of maps of an array or tensor of float depth.
 
     Its shape is (H, W) or (B, H, W) or has more leading axes; a last axis of length 1 is allowed.
-    Raises ConfigError for whole numbers, for another (height, width) than ``size``, and for other
-    types and shapes.
+    Raises ConfigError for another (height, width) than ``size``, and for other types and shapes.
     """
     full = tuple(int(side) for side in getattr(depth, "shape", ()))
     kind = str(getattr(depth, "dtype", type(depth).__name__)).removeprefix("torch.")

@@ -116,8 +116,7 @@ class DepthNoise:
         """Make the noise for the images of one size from another simulator's camera.
 
         Args:
-            sensor: the sensor, whose noise, emitters and clip planes are used; the camera replaces
-                its intrinsics.
+            sensor: gives noise, emitters and clip planes; the camera replaces its intrinsics.
             width, height, fx, fy, cx, cy: the simulator's pinhole camera, pixels.
             first_pixel: coordinate of the first pixel's centre in the convention of cx and cy: 0.5
                 if the image reaches from 0 to its width (cx = width / 2 is the middle), 0 as in
@@ -238,8 +237,7 @@ class DepthNoise:
     def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
         """Add noise to depth (H, W) uint16 in steps of depth_unit_mm, 0 = none; return a Frame.
 
-        The noise is a function of the map's name and the seed. Raises ConfigError for another type
-        or shape.
+        The noise is a function of the map's name and the seed. Raises ConfigError for other arrays.
         """
         if clean.dtype != np.uint16 or clean.ndim != 2:
             raise ConfigError(

@@ -78,8 +78,7 @@ class Landmarks:
 
     Attributes:
         points_m: (68, 3) float64, camera frame, metres.
-        pixels: (68, 2) float64 x and y, pixels; the first pixel's centre is at 0.5. They may lie
-            outside the image.
+        pixels: (68, 2) float64 x, y, also outside the image; the first pixel's centre is at 0.5.
         visible: (68,) whether the clean depth at the pixel agrees with the landmark's depth.
     """
 

@@ -231,10 +231,8 @@ class Simulator:
 
         Args:
             code: the GLSL text, or the path of a file.
-            file: the path of a text in messages and for its includes; default: the file of the
-                stage, or NAME.glsl.
-            before: the stage before which a new stage is inserted; by default it is inserted after
-                the last shader stage.
+            file: path of a text in messages and for its includes; default: the stage's file.
+            before: the stage before which a new one is inserted; default: after the last shader.
         """
         known = {stage.name: stage for stage in self.sensor.stages}
         if isinstance(code, Path):

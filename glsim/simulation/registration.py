@@ -16,8 +16,7 @@ from glsim.core.reason import Reason
 from glsim.core.rect import Rect
 from glsim.noise.frame_context import Layers
 
-#: Largest number of colour pixels that one depth pixel covers along an axis. Chosen: far more than
-#: any pair of cameras needs.
+#: Most colour pixels that one depth pixel covers along an axis. Chosen: far more than cameras need.
 _MOST_PX: Final = 64
 
 
@@ -30,8 +29,7 @@ def register(
         noisy: (h, w) layers of ``window``: depth and clean, metres along the depth camera's axis,
             reason, and optionally infrared.
         window: a part of the depth camera's image, whose intrinsics are ``image``.
-        true: layers of ``crop`` in the colour camera's view: clean, and optionally normal and
-            region.
+        true: layers of ``crop`` in the colour camera's view: clean, maybe normal and region.
         crop: the delivered part of the colour image.
 
     Returns:

@@ -131,8 +131,7 @@ class StoredPairs(PairDataset):
         Args:
             crop: side of the square frames, px. Default: whole frames, all of one size.
             seed: seed of ``augmentation`` and random crops.
-            target: the layer that a network learns; "expected" contains the sensor's systematic
-                error.
+            target: the layer that is learnt; "expected" contains the sensor's systematic error.
             protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: as in the files.
             cache_mb: largest decoded split, MB, that stays in memory; 0: the files are read in each
                 epoch. Workers of a DataLoader always read files, because each would hold a copy.
@@ -261,14 +260,12 @@ _PATCH_PX: Final = 12.0
 #: Share of frames without bumps, and share of bump sizes that become creases.
 _UNTOUCHED, _CREASED = 0.25, 0.5
 #: Ranges of a texture's period, px, and of its standard deviation, mm; both are log-uniform. Chosen
-#: for hair, knitted cloth, chairs, leaves and keys at 0.5 to 2 m; finer and lower textures look
-#: like noise.
+#: for hair, knitted cloth, chairs, leaves and keys at 0.5 to 2 m; finer ones look like noise.
 _PERIOD_PX: Final = (3.0, 12.0)
 _TEXTURE_MM: Final = (0.4, 4.0)
 #: Numbers of frames of which ``averaged`` imitates the mean.
 _FRAMES_AVERAGED: Final = (2, 4, 9)
-#: Share of frames without a slope. A slope moves points nearer by at most the second share of the
-#: frame's smallest depth.
+#: Share of frames without a slope; largest move nearer, as a share of the frame's smallest depth.
 _LEVEL, _NEARER = 0.5, 0.5
 
 
@@ -278,9 +275,8 @@ def sample_surface_bumps(
     """Draw (H, W) float32 millimetres of bumps and creases to add to depth.
 
     Without bumps, a network learns the smooth skin of embedded heads, and removes lids, creases and
-    nostrils. A pair's noise was drawn for the surface without bumps; bumps change distance and
-    tilt, on which noise depends, only a little. ``height_mm`` limits the standard deviation of the
-    largest bumps.
+    nostrils. A pair's noise was drawn for the surface without bumps, which change distance and tilt
+    only a little. ``height_mm`` limits the standard deviation of the largest bumps.
     """
     total_mm = np.zeros(shape, np.float32)
     if rng.random() < _UNTOUCHED:

@@ -3,8 +3,7 @@
 The order must not depend on the number of workers, and each worker can reuse only pairs that it has
 rendered. So batch j belongs to lane j % LANES, and each worker has whole lanes. A lane is a
 sequence of blocks of a few batches. All pairs of a block are rendered, then used ``reuse`` times,
-each time in a new order. The content of batch j follows from its number, so a training may resume
-anywhere.
+each time in a new order. Batch j follows from its number, so a training may resume anywhere.
 """
 
 from __future__ import annotations
@@ -40,8 +39,7 @@ LANES: Final = 12
 BATCHES_PER_BLOCK: Final = 4
 #: Number of successive frames of a sequence, for networks with neighbours in time.
 FRAMES_PER_RUN: Final = 8
-#: Number of successive frames of a person: a new procedural head takes 10 ms, a further frame 0.2
-#: ms.
+#: Number of successive frames of a person: a new procedural head takes 10 ms, a frame more 0.2 ms.
 FRAMES_PER_VISIT: Final = 4
 
 

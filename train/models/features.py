@@ -35,8 +35,7 @@ _TAPS, _TAP_STEP = 2, 3
 #: Epsilon of the guided filters, mm: the best on real Kinect V2 frames
 #: (docs/results/real_frames.md).
 _GUIDED_MM: Final = 15.0
-#: Radius of `_curved`'s Gaussians, in standard deviations. It is at most 10 px, so that none
-#: crosses a depth step.
+#: Radius of `_curved`'s Gaussians, in sigmas: at most 10 px, so that none crosses a depth step.
 _CURVED_REACH: Final = 2.0
 #: Number of means in `_curved`: the mean of the depth, then means of the residuals.
 _CURVED_ROUNDS: Final = 3

@@ -151,8 +151,7 @@ class MaskAware(DepthModel):
                 offset = torch.asinh((around_mm - fill_mm) / _OFFSET_MM)
                 channels = torch.cat([offset, channels], dim=1)
             valid = channels[:, -1:]
-            # Extra channels are last, so that weights of a single-frame network fit, see
-            # `copy_weights`.
+            # Extra channels are last, so that weights of single-frame networks fit (`copy_weights`)
             if self.inputs.infrared:
                 light = named[INFRARED]
                 around = own_surface_mean(log_counts(light), fill_mm, noisy_mm, light > 0)

@@ -54,9 +54,8 @@ def write_paper_figures(
     """Draw the figures from REPRODUCTION/data and REPRODUCTION/runs; return the written files.
 
     Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and
-    paper_figures.html with all of them. The networks of the folder are drawn, of any size. Captions
-    name missing networks; a figure without any network is left out. ``drawing`` is called with the
-    name of each figure.
+    paper_figures.html with all of them. The folder's networks are drawn, of any size. Captions name
+    missing networks; a figure without any is left out. ``drawing`` gets the name of each figure.
 
     Raises ConfigError without a data set, DatasetError, DenoiserError; GlsimError: no Matplotlib.
     """

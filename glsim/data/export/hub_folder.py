@@ -19,9 +19,8 @@ from glsim.settings.schema import SPLIT_NAMES
 #: Names of splits on the Hub.
 _HUB_SPLITS: Final = {"train": "train", "val": "validation", "test": "test"}
 #: Source of faces -> the Hub's name of the licence of its frames (docs/reference/licence.md).
-#: Nobody claims rights in glsim's heads, or in results of MakeHuman's body model (CC0). The licence
-#: of other faces is decided by their owners. With several sources, the last one in this order
-#: decides.
+#: Nobody claims rights in glsim's heads, or in results of MakeHuman's body model (CC0). The owners
+#: of other faces decide their licence. Of several sources, the last one in this order decides.
 _LICENCES: Final = {"procedural": "cc0-1.0", "people": "cc0-1.0", "ict-facekit": "mit"}
 _OTHER: Final = "other"
 _TEXT: Final = """# {title}

@@ -21,8 +21,7 @@ from glsim.denoise.filters.windows import fill
 from glsim.denoise.parameters import parameter
 from glsim.networks.safeguards import estimate_noise_mm, noise_share
 
-#: Noise of frames with too little surface for an estimate; smallest noise, mm. Chosen, not
-#: measured.
+#: Noise of frames with too little surface for an estimate; smallest noise, mm. Chosen.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01
 #: Smallest side of an image for the package, px; it must be larger than its blocks and steps.
 _LEAST_PX: Final = 32
@@ -74,8 +73,7 @@ class BlockMatching(Masked):
 
 def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> Array:
     """Compute the (H, W) power spectrum, of mean 1, of noise of variance 1, in FFT order."""
-    # The noise is white noise blurred by a Gaussian of ``correlation_px``, plus a share _WHITE of
-    # white noise.
+    # The noise is white noise blurred by a Gaussian, plus a share _WHITE of white noise.
     rows, columns = (np.fft.fftfreq(size) for size in shape)
     square = np.add.outer(rows**2, columns**2)
     correlated = np.exp(-square * (2 * np.pi * correlation_px) ** 2)

@@ -33,8 +33,7 @@ _STEP: Final = np.float32(1 / np.sqrt(12))
 #: Smallest and largest weight of a pixel's depth: its noise is three times the frame's noise, or a
 #: third of it. Both were chosen, not measured.
 _WEIGHTS: Final = (1 / 9, 9.0)
-#: Noise of frames with too little surface for an estimate; smallest noise, mm. Chosen, not
-#: measured.
+#: Noise of frames with too little surface for an estimate; smallest noise, mm. Chosen.
 _USUAL_MM, _LEAST_MM = 2.0, 0.01
 
 

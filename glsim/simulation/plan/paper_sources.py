@@ -45,8 +45,7 @@ def paper_counts(images: int) -> dict[str, int]:
 def missing_counts(held: Mapping[str, int]) -> dict[str, int]:
     """Count how many images of each kind of source are missing from the paper's mix.
 
-    ``held`` are the available images of each kind. A kind that lacks at most one image, by
-    rounding, is left out.
+    ``held``: available images of each kind. A kind that lacks one image, by rounding, is left out.
     """
     wanted = paper_counts(sum(held.values()))
     lacks = {kind: count - held.get(kind, 0) for kind, count in wanted.items()}

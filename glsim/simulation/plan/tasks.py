@@ -108,8 +108,7 @@ class Plan(Sequence[Task]):
         self._last: tuple[int, Sequence[FaceKey]] = -1, ()
         numbers: list[int] = []
         frames: list[int] = []
-        #: Source -> the arguments from which its keys are computed; a source that lists keys is
-        #: absent.
+        #: Source -> the arguments from which its keys are computed, if it does not list them.
         self._computed: dict[int, tuple[object, ...]] = {}
         for number, source in enumerate(sources):
             wanted = settings.source[number]
