@@ -12,23 +12,21 @@ from collections.abc import Mapping
 from typing import Any, Final, Literal
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from torch import Tensor
 from torch.nn import functional
 
 from glsim.core.depth_map import FLYING_MM, dilated, interior, jumps
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.networks.safeguards import REACH_PX
-from glsim.settings.toml_tables import parse_table
+from glsim.settings.toml_tables import TomlTable, parse_table
 from glsim.train.models.base import Prediction
 
 LossParts = dict[str, Tensor]
 
 
-class Loss(BaseModel):
+class Loss(TomlTable):
     """Base class of all losses."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor

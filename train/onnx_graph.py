@@ -41,8 +41,7 @@ def compacted(data: bytes, entries: Mapping[str, str] | None = None) -> bytes:
     _write_shapes(model)
     _shorten(model.graph)
     helper.set_model_props(model, dict(entries or {}))
-    compact: bytes = model.SerializeToString()
-    return compact
+    return bytes(model.SerializeToString())
 
 
 def _shorten(graph: onnx.GraphProto) -> None:

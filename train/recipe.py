@@ -190,9 +190,7 @@ class Recipe(TomlTable):
 
 #: Settings that may change when a training is resumed.
 _RESUMABLE: Final = {
-    "title",
-    "description",
-    "data.workers",
+    *("title", "description", "data.workers"),
     "data.protocol",  # compared by the data's fingerprint instead
     *(f"training.{name}" for name in ("max_epochs", "max_steps", "max_minutes", "patience")),
 }

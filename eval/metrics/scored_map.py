@@ -169,5 +169,4 @@ def angles_deg(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArr
     x1, y1, z1 = first.T
     x2, y2, z2 = second.T
     cross = (y1 * z2 - z1 * y2) ** 2 + (z1 * x2 - x1 * z2) ** 2 + (x1 * y2 - y1 * x2) ** 2
-    angle: NDArray[np.float64] = np.degrees(np.arctan2(np.sqrt(cross), x1 * x2 + y1 * y2 + z1 * z2))
-    return angle
+    return np.asarray(np.degrees(np.arctan2(np.sqrt(cross), x1 * x2 + y1 * y2 + z1 * z2)))

@@ -38,7 +38,6 @@ FILTERS_FOLDER: Final = "filters"
 MASKS: Final = {"dense": "dense clean maps", "as-noisy": "BlenSor's mask"}
 
 Verdict = Literal["inside the seeds' spread", "same order", "other order", "not comparable"]
-#: Each verdict and its rule.
 VERDICTS: Final[dict[Verdict, str]] = {
     "inside the seeds' spread": "in some case at most two standard deviations of our seeds away",
     "same order": "in some case all seeds lie on the printed side of the noisy input",

@@ -80,8 +80,7 @@ class SplitRecording:
         units = np.arange(self.unit_count)
         if not self.by_scene:
             units = units // self._tiles_across + units % self._tiles_across
-        tuning: NDArray[np.bool_] = units % 2 == 0
-        return tuning
+        return np.asarray(units % 2 == 0)
 
     def checksums(self) -> dict[str, str]:
         """Return frame name -> checksum of its depth and infrared."""

@@ -185,8 +185,7 @@ def _means(sums: Array, least: int) -> Array:
     """Compute the mean of each bin from (units, bins, 2) sums; NaN below ``least`` pixels."""
     total = sums.sum(axis=0)
     pixels = np.where(total[:, 0] >= least, total[:, 0], np.nan)
-    means: Array = total[:, 1] / pixels
-    return means
+    return np.asarray(total[:, 1] / pixels)
 
 
 def _roots(sums: Array, least: int) -> list[float]:

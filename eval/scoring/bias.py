@@ -19,7 +19,6 @@ from glsim.core.depth_map import FLYING_MM
 from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.scoring.statistics import SubjectSums, bootstrap_interval
 
-#: Width of a bin, mm.
 BIAS_BIN_MM: Final = 100
 #: A bin needs this number of pixels to count for the largest bias. Chosen: with noise of 1.2 mm,
 #: correlated over 5 neighbours, the mean of the bin then has an error of 0.04 mm.

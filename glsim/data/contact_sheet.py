@@ -72,9 +72,8 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
 
 def reasons(codes: NDArray[np.uint8]) -> Picture:
     """Draw reason codes (H, W) as colours (H, W, 3) BGR."""
-    palette: Picture = np.array([_REASON_COLOURS[Reason(r)] for r in sorted(Reason)], np.uint8)
-    picture: Picture = palette[codes]
-    return picture
+    palette = np.array([_REASON_COLOURS[r] for r in sorted(Reason)], np.uint8)
+    return np.asarray(palette[codes])
 
 
 def frame_row(frame: DepthFrame, side: int) -> Picture:

@@ -17,17 +17,10 @@ from glsim.simulation.frame import Frame
 
 LayerImage = NDArray[np.uint16] | NDArray[np.uint8]
 
-#: The pixel type of each layer.
 LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
-    "clean": np.dtype(np.uint16),
-    "noisy": np.dtype(np.uint16),
-    "infrared": np.dtype(np.uint16),
-    "infrared_right": np.dtype(np.uint16),
-    "reason": np.dtype(np.uint8),
-    "regions": np.dtype(np.uint8),
-    "expected": np.dtype(np.uint16),
-    "normals": np.dtype(np.uint16),
-    "color": np.dtype(np.uint8),
+    **dict.fromkeys(("clean", "noisy", "expected", "normals"), np.dtype(np.uint16)),
+    **dict.fromkeys(("infrared", "infrared_right"), np.dtype(np.uint16)),
+    **dict.fromkeys(("reason", "regions", "color"), np.dtype(np.uint8)),
 }
 
 #: Channels of the layers that have several.
@@ -66,11 +59,10 @@ def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str])
     Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
     unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
     """
-    images = {layer: encode_png(frame.image(layer)) for layer in layers}
-    paths = {layer: directory / f"{stem}_{layer}.png" for layer in layers}
-    for layer, path in paths.items():
-        write_atomic(images[layer], path)
-    return list(paths.values())
+    images = {directory / f"{stem}_{n}.png": encode_png(frame.image(n)) for n in layers}
+    for path, image in images.items():
+        write_atomic(image, path)
+    return list(images)
 
 
 def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | None:

@@ -62,8 +62,6 @@ def on_ray(address: str, environment: Mapping[str, str] | None = None) -> ChunkR
     return render
 
 
-# -------------------------------------------------------------------- on the nodes
-
 #: The reference and the job of this process, which keeps its sources and simulator.
 _kept: tuple[Any, RenderJob] | None = None
 _counted_s = 0.0  # CPU seconds of this process that are in the chunks before

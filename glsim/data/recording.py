@@ -21,7 +21,6 @@ from glsim.data.recordings.names import is_infrared, left_out_text
 from glsim.data.recordings.streams import FrameStream
 from glsim.measures.static import longest_still, mask_moving, view_change
 
-#: Reader of a recording's frames.
 FrameReader = MapFiles | FrameStream
 
 #: Largest number of frames that are measured; more frames do not change the printed digits.

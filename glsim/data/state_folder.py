@@ -141,8 +141,6 @@ class RunState:
             raise damage
         return None
 
-    # ---------------------------------------------------------------- parts and chunk records
-
     def note_parts(self, parts: int, chunks: int) -> None:
         """Write the numbers of parts and of chunks, for ``missing_parts``."""
         self.store.put(_PARTS, b"%d parts, %d chunks\n" % (parts, chunks))

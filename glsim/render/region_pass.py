@@ -109,5 +109,4 @@ def majority_last(faces: NDArray[np.int32], labels: NDArray[np.float32]) -> NDAr
     votes = (corner[:, :, None] == corner[:, None, :]).sum(axis=2)
     best = np.lexsort((corner, -votes))[:, 0]
     order = (best[:, None] + np.array([1, 2, 3])) % 3
-    rotated: NDArray[np.int32] = np.take_along_axis(faces, order, axis=1)
-    return rotated
+    return np.asarray(np.take_along_axis(faces, order, axis=1))

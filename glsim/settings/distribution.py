@@ -111,10 +111,6 @@ class ScopeSeeds(NamedTuple):
     subject: int
     device: int | None = None
 
-    def held_in_sequence(self) -> ScopeSeeds:
-        """Return seeds that give all frames of a sequence the same samples."""
-        return self._replace(frame=self.sequence)
-
 
 def _from_number(value: object) -> object:
     if not isinstance(value, bool | int | float):

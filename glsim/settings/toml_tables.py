@@ -128,13 +128,15 @@ _SHOWN = 60
 _DISTRIBUTION = "give a number, or a distribution such as { uniform = [1, 2] }"
 #: Pydantic's error types for an unknown setting: in a model, in a dataclass.
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+#: Parts of pydantic's error paths that name a validator, not a setting, begin with these.
+_INTERNAL = ("function-", "tuple[", "lax-or-strict", "is-instance", "literal[")
 _TABLE = "is a table: set one of its entries"
 
 
 def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[str], str]:
     """Return the path of the first problem, misspelt names first, and a one-line message."""
     problem = min(error.errors(), key=lambda p: p["type"] not in _UNKNOWN)
-    path = [str(part) for part in problem["loc"] if not _is_internal(str(part))]
+    path = [part for part in map(str, problem["loc"]) if not part.startswith(_INTERNAL)]
     name = ".".join(path)
     if problem["type"] in _UNKNOWN:
         known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
@@ -166,11 +168,6 @@ def flattened(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         name = f"{prefix}{key}"
         flat |= flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
     return flat
-
-
-def _is_internal(part: str) -> bool:
-    """Return whether a part of pydantic's error path names a validator, not a setting."""
-    return part.startswith(("function-", "tuple[", "lax-or-strict", "is-instance", "literal["))
 
 
 def _text(problem: Mapping[str, Any]) -> str:

@@ -62,7 +62,7 @@ class FaceLoader:
         """Return the task; with ``settings.redraw`` its values are sampled once per sequence."""
         if self.settings.redraw is None:
             return task
-        return replace(task, seeds=task.seeds.held_in_sequence())
+        return replace(task, seeds=task.seeds._replace(frame=task.seeds.sequence))
 
     def load_ahead(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Face | BadFace]]:
         """Yield each task with its face, in order, while a thread loads the next batch."""

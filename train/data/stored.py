@@ -338,8 +338,7 @@ def sample_slope(
     plane = np.sin(angle) * down[:, None] + np.cos(angle) * right
     slope = largest_mm_per_px * rng.random() ** 2
     limit = _NEARER * nearest_mm / max(float(np.abs(plane).max()), 1e-6)
-    added_mm: NDArray[np.float32] = (min(slope, limit) * plane).astype(np.float32)
-    return added_mm
+    return np.asarray(min(slope, limit) * plane, np.float32)
 
 
 def _smooth_noise(

@@ -39,7 +39,6 @@ from glsim.train.models.features import (
     own_surface_mean,
 )
 
-#: A number of neighbours in time, earlier or later.
 Neighbours = Annotated[int, Field(ge=0, le=MAX_NEIGHBOURS)]
 
 

@@ -302,8 +302,6 @@ class CloudStore(Store):
         """Hold no lock, because parallel runs write the same bytes."""
         return nullcontext()
 
-    # ---------------------------------------------------------------- connection and retries
-
     def _connect(self) -> tuple[Any, str, _OrderedReads]:
         """Return fsspec's file system, the path in it and its reads; connect again after a fork."""
         if self._connected is None or self._connected[0] != os.getpid():

@@ -20,7 +20,6 @@ def _is_export(value: Any) -> bool:
     return isinstance(value, Export)
 
 
-#: Name -> shipped format.
 FORMATS: Final[Mapping[str, Export]] = {
     export.name: export for export in shipped_objects("data/export/formats", _is_export)
 }

@@ -81,7 +81,6 @@ def noise_spectrum(correlation_px: float, shape: tuple[int, int] = (64, 64)) -> 
     return np.asarray((1 - _WHITE) * correlated + _WHITE)
 
 
-#: Name on the command line -> filter.
 FILTERS = {"bm3d": BlockMatching}
 #: Values that tuning tries if the package is installed; it takes 0.7 s for 128 x 128 px.
 GRIDS = (

@@ -185,7 +185,6 @@ def local_polynomial(
     return np.where(some, np.maximum(solved + middle, 0.0), 0.0).astype(np.float32)
 
 
-#: Name on the command line -> filter.
 FILTERS = {
     "masked_median": MaskedMedian,
     "masked_bilateral": MaskedBilateral,
@@ -194,7 +193,6 @@ FILTERS = {
     "quadric": LocalQuadric,
     "guided": Guided,
 }
-#: Values that tuning tries: filter -> parameter -> values. Tuning also tries ``cleanup``.
 GRIDS = {
     "masked_median": {"size": (3, 5, 7, 9)},
     "masked_bilateral": {"sigma_mm": (5.0, 15.0, 40.0), "sigma_px": (1.0, 1.5, 2.0, 3.0)},

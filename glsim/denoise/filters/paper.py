@@ -81,5 +81,4 @@ class NonLocalMeans(FrameFilter):
         return _with_depth(cleaned)
 
 
-#: Name on the command line -> filter.
 FILTERS = {"noisy": Unchanged, "median": Median, "bilateral": Bilateral, "nlm": NonLocalMeans}

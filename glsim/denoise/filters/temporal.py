@@ -59,5 +59,4 @@ class Adaptive(DepthFunction):
         return Denoised(past_mean(noisy_mm[: now + 1], self.threshold_mm), valid[now])
 
 
-#: Name on the command line -> filter.
 FILTERS = {"adaptive": Adaptive, "temporal_median": TemporalMedian}

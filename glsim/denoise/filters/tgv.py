@@ -194,7 +194,5 @@ def _both(links: Floats, axis: int) -> Floats:
     return result
 
 
-#: Name on the command line -> filter.
 FILTERS = {"tgv": TotalGeneralisedVariation}
-#: Values that tuning tries.
 GRIDS = {"tgv": {"alpha": (1.0, 1.4, 2.0, 3.0, 4.5, 6.5), "ratio": (0.5, 1.0, 2.0)}}
