@@ -79,7 +79,6 @@ class EpochSampler(Sampler[list[int]]):
         self._skip = skip
 
     def __len__(self) -> int:
-        """Return the number of batches in a whole epoch."""
         return len(self._batches)
 
     def __iter__(self) -> Iterator[list[int]]:

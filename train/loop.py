@@ -328,12 +328,10 @@ class TrainingRun:
         return max(of_steps, self._seconds() / (minutes * 60) if minutes else 0.0)
 
     def _seconds(self) -> float:
-        """Training time summed over all resumes, s."""
         running = 0.0 if self._since is None else time.monotonic() - self._since
         return float(self.progress.seconds + running)
 
     def _header(self) -> dict[str, Any]:
-        """Return the common entries of best.pt and last.pt."""
         return {
             "recipe": self.recipe.model_dump(mode="json"),
             "data": self.source.fingerprint,
@@ -357,7 +355,6 @@ class TrainingRun:
             network.sigma_scale.fill_(1.0)  # training continues uncalibrated
 
     def _draw_samples(self) -> None:
-        """Write a picture of evenly spaced validation frames."""
         progress, frames = self.progress, self.source.validation
         indices = [len(frames) * n // _SAMPLES for n in range(min(_SAMPLES, len(frames)))]
         pairs = [frames[n] for n in indices]

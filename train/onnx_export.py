@@ -196,7 +196,6 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
 
 
 def _tensors(data: bytes) -> list[Tensor]:
-    """Read the constant float tensors of an ONNX graph, in the order of the file."""
     import onnx
 
     tensors = onnx.load_from_string(data).graph.initializer

@@ -76,8 +76,6 @@ def _shorten(graph: onnx.GraphProto) -> None:
 
 
 class _Known(NamedTuple):
-    """Known values and shapes of a graph's tensors for one frame size."""
-
     values: _Values
     shapes: _Shapes
 

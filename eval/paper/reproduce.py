@@ -172,7 +172,6 @@ def _score(
     runs: Path | None = None,
     report: bool = False,
 ) -> None:
-    """Score the methods of a case and write the results to its folder."""
 
     def run() -> None:
         with runner.displays.scoring("scoring") as progress:

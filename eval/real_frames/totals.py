@@ -189,7 +189,6 @@ def _means(sums: Array, least: int) -> Array:
 
 
 def _roots(sums: Array, least: int) -> list[float]:
-    """Compute the root mean square of each bin; 0 for a negative mean."""
     roots: list[float] = np.sqrt(np.maximum(_means(sums, least), 0.0)).tolist()
     return roots
 

@@ -77,7 +77,6 @@ def write_results(
 
 
 def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
-    """Draw the figures of a report for the denoisers of a job."""
     summary = evaluation.summary.only({spec.partition("@")[0] for spec in job.denoisers})
     pictures = []
     if (over_distance := bias_curves(summary)) is not None:

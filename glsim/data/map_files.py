@@ -183,7 +183,6 @@ def _read_npz(path: Path) -> NDArray[Any]:
 
 
 def _read_netpbm(path: Path) -> NDArray[Any]:
-    """Read a grey PGM or PFM file by OpenCV. Raises DatasetError."""
     import cv2
 
     data = read_pixels(path, _netpbm_pixels)

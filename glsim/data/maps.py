@@ -339,7 +339,6 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
 
 
 def _count_maps(file: Path) -> int:
-    """Return the number of maps in a file, which is more than 1 for a stack."""
     with suppress(DatasetError):  # reading the file reports it later
         return len(open_stack(file)) if file.suffix.lower() in STACKS else 1
     return 1

@@ -130,7 +130,6 @@ def _lost(what: str, error: Exception) -> ClusterLostError:
 
 @contextmanager
 def _connection_errors(ray: Any) -> Iterator[None]:
-    """Convert Ray's connection errors in the block to ClusterLostError."""
     try:
         yield
     except (OSError, ray.exceptions.RayError) as error:

@@ -113,7 +113,6 @@ def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str,
 
 
 def _difference(out: str, name: str, old: Any, new: Any) -> str:
-    """Return the error message for an entry that differs from the begun data set's."""
     table, _, rest = name.removeprefix("inputs.").partition(".")
     if name.startswith("inputs."):
         if table == "arithmetic":

@@ -139,7 +139,6 @@ def load_denoiser(
 
 
 def _resolve(text: str, spec: str, label: str) -> tuple[Any, str]:
-    """Return the function of a denoiser and its version."""
     path, _, assignments = text.rpartition(":")
     if text.endswith(_SUFFIXES):
         path, assignments = text, ""
@@ -170,7 +169,6 @@ def _plugins() -> list[str]:
 
 
 def _filter(name: str) -> Any:
-    """Return the class of a filter, or the class or function of a plug-in."""
     return _FILTERS[name] if name in _FILTERS else load_plugin("denoisers", name, callable)
 
 

@@ -166,7 +166,6 @@ def _fit_law(parts: Sequence[tuple[Array, Array]]) -> NoiseLaw:
 
 
 def _not_negative(design: Array, target: Array) -> tuple[float, float]:
-    """Solve a least-squares problem for two coefficients >= 0."""
     both = np.linalg.lstsq(design, target, rcond=None)[0]
     if (both >= 0).all():
         return float(both[0]), float(both[1])

@@ -48,7 +48,6 @@ class MeshCache:
     def __init__(
         self, context: moderngl.Context, surface: MeshPrograms, projector: MeshPrograms
     ) -> None:
-        """Store the programs that draw from the camera and from the emitters."""
         self._context, self._surface, self._projector = context, surface, projector
         self._meshes: OrderedDict[tuple[int, int], GpuMesh] = OrderedDict()
 

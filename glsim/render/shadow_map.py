@@ -75,7 +75,6 @@ class ShadowMap:
 
     @cached_property
     def _buffer(self) -> moderngl.Framebuffer:
-        """The framebuffer that writes the emitter's z-buffer and no colours."""
         return self._context.framebuffer([], self._depth)
 
     def draw(

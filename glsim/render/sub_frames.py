@@ -26,7 +26,6 @@ class SubFrames:
     """A composer of frames from sub-frames, in one GL context."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        """Link the two programs that copy rows and add up light."""
         self._context = context
         self._copy = FullscreenPass(context, link_files(context, "render/copy.frag"))
         self._capture = FullscreenPass(context, link_files(context, "render/capture.frag"))

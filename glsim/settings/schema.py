@@ -423,7 +423,6 @@ _COUNTS = ("subjects", "frames_per_subject")
 
 
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    """Merge the ``given`` settings into the settings of a preset."""
     preset_source, source = tree.get("source", {}), given.get("source", {})
     kinds = {s.get("kind") for s in (source if isinstance(source, list) else [source])}
     if kinds - {None, preset_source.get("kind")}:

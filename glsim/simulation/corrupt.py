@@ -52,7 +52,6 @@ class _Graphics:
 
 
 def _release(opened: list[_Graphics]) -> None:
-    """Release the GL context of this process, and forget it."""
     for graphics in opened:
         if graphics.process == os.getpid():
             graphics.context.release()

@@ -112,7 +112,6 @@ class FaceLoader:
             return self._varied(task, face)
 
     def _varied(self, task: Task, face: Face) -> Face:
-        """Vary the mesh of a face, then dress the varied mesh."""
         seeds = self.held(task).seeds
         return self.dressers[task.source].dress(vary(face, self.settings.variation, seeds), seeds)
 

@@ -68,7 +68,6 @@ def decode_normals(codes: NDArray[np.uint16]) -> Floats:
 
 
 def _encode_counts(counts: Floats) -> NDArray[np.uint16]:
-    """Round infrared counts to uint16, clipped at 65535."""
     return np.clip(np.rint(counts), 0, UINT16_MAX).astype(np.uint16)
 
 

@@ -53,7 +53,6 @@ class MovingFrames:
         sub_frames: SubFrames,
         parts: tuple[SubExposure, ...],
     ) -> None:
-        """Store the renderer and the noise chain of a sensor, and the parts of its exposure."""
         self._renderer, self._chain, self._sub_frames = renderer, chain, sub_frames
         self.parts = parts
 

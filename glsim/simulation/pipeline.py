@@ -254,7 +254,6 @@ class Simulator:
         return self._like(layers=layers, extra_layers=extra_layers)
 
     def _like(self, **changed: Any) -> Simulator:
-        """Return a simulator with some arguments of ``__init__`` changed."""
         settings = changed.pop("settings", self._settings)
         if settings.source != self._settings.source:
             raise ConfigError("source: other faces need another Simulator")

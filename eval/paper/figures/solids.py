@@ -168,7 +168,6 @@ def _image_corners(camera: Intrinsics, distance_mm: float) -> Points:
 
 
 def _draw_frustum(axis: Any, camera: Intrinsics, far_mm: float, colour: str) -> None:
-    """Draw the pyramid from the camera to the image's corners, and its base."""
     ends = to_figure_axes(_image_corners(camera, far_mm))
     for end in ends:
         axis.plot(*np.stack([np.zeros(3), end]).T, color=colour, linewidth=0.8)

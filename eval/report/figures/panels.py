@@ -157,7 +157,6 @@ def _colours(low_mm: float, high_mm: float, name: str) -> Any:
 
 
 def _legend() -> list[Any]:
-    """Return legend handles of the colours of missing depth, false depth and flying pixels."""
     patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
     return [
         patch(facecolor=_FALSE_VALID, label="depth where there is no surface"),

@@ -116,7 +116,6 @@ class CloudStore(Store):
     _warned_s = float("-inf")  # when this process last warned that a request failed
 
     def __init__(self, url: str, temporary: Path | None = None) -> None:
-        """Remember the URL, and a local folder for files that are being written."""
         self.url, self._temporary = url.rstrip("/"), temporary
         self._connected: tuple[int, Any, str, _OrderedReads] | None = None
 

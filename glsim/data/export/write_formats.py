@@ -34,7 +34,6 @@ def format_names() -> list[str]:
 
 
 def _find(name: str) -> Export:
-    """Return the export format with a name. Raises ConfigError if it is unknown."""
     if name not in format_names():
         raise ConfigError(f"no such format {name!r}: it is one of {', '.join(format_names())}")
     if name not in FORMATS:

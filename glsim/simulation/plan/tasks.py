@@ -152,7 +152,6 @@ class Plan(Sequence[Task]):
     @overload
     def __getitem__(self, index: slice) -> list[Task]: ...
     def __getitem__(self, index: int | slice) -> Task | list[Task]:
-        """Return a task by its index, or a list of them."""
         if isinstance(index, slice):
             return [self[one] for one in range(*index.indices(len(self)))]
         position = index + len(self) if index < 0 else index
