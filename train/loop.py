@@ -50,7 +50,6 @@ class StepStatus(NamedTuple):
     """Status of a training after a step, for a progress bar.
 
     Attributes:
-        epoch: whole epochs done.
         total_steps: steps of the whole training; None without a limit.
         fraction_done: fraction of the whole training; 0 if only patience limits it.
         seconds: training time over all resumes.

@@ -209,7 +209,6 @@ def load_recipe(
     The tables [model] and [loss] are checked when they are built.
 
     Args:
-        recipe: name of a shipped recipe, or a path.
         assignments: changes as texts, ``table.key=value``.
         overrides: changes as nested tables, after the assignments.
 

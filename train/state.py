@@ -33,11 +33,9 @@ class TrainingProgress:
     """Counters of a training.
 
     Attributes:
-        epoch: whole epochs done.
         step: steps done in the current epoch.
         steps: steps done in total.
         seconds: training and validation time over all resumes.
-        best: best value of the monitored metric.
         stale: validations since the best validation.
         loss_sum: sum of the losses since the last validation.
         loss_count: number of steps since the last validation.

@@ -38,7 +38,6 @@ class Metric:
     Args:
         name: ends with the unit, such as "mse_mm2".
         unit: "1" for shares.
-        help: the definition in one line.
         value: computes the metric of a frame, NaN if undefined. None: ``score`` or its caller does.
         in_table: whether the metric is a column of table.md; table.csv has all metrics.
     """

@@ -21,12 +21,7 @@ from glsim.core.files.atomic import wrap_read_errors, write_atomic
 from glsim.core.files.regular import read_csv
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS
-from glsim.eval.paper.paper_tables import (
-    PAPER_COLUMNS,
-    TRIVIAL,
-    mean_and_spread,
-    with_twins,
-)
+from glsim.eval.paper.paper_tables import PAPER_COLUMNS, TRIVIAL, mean_and_spread, with_twins
 from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
 from glsim.eval.report.document import Document, TextTable, html_page
 from glsim.eval.report.score_tables import format_number

@@ -100,7 +100,6 @@ def paper_table(
     Args:
         which: number of the table: 1, 2 or 3.
         table: label of a method -> its scores.
-        trained: the networks that were scored.
         refused: a reason for each network that was left out.
     """
     groups = with_twins(group_by_network(trained)) if which > 1 else []

@@ -29,7 +29,6 @@ class Source:
 
     path: Path
     focal_px: float | None = None
-    most: int = DEFAULT_FRAMES
     pattern: tuple[int, int] = PATTERN
 
 
@@ -95,7 +94,7 @@ class SplitRecording:
 
 def split_recording(source: Source) -> SplitRecording:
     """Read a recording and find its static scenes. Raises the errors of ``open_maps``."""
-    frames = open_maps(source.path).read(source.most, source.focal_px)
+    frames = open_maps(source.path).read(DEFAULT_FRAMES, source.focal_px)
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}
     for first, second in static_pairs(frames):

@@ -109,8 +109,6 @@ def tune_on_pairs(
     Args:
         recording: a recording with static pairs; ConfigError without.
         names: filters of ``GRIDS``. Default: all.
-        workers: number of processes. Default: one per core.
-        progress: called after each frame.
     """
     numbers = sorted(recording.partner)
     if not numbers:

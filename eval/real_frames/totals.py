@@ -52,13 +52,12 @@ class RealMeasures:
 
     Attributes:
         pair_rmse_mm: error on static pairs.
-        pair_change: change of this RMSE against the raw frames, %: geometric mean over bins.
+        pair_change: change of this RMSE against the raw frames, %: geometric mean over bins; the
+            other changes likewise.
         paper_rmse_mm: residual of the board's white paper from its plane.
-        paper_change: change of paper_rmse_mm, computed as pair_change.
         shift_mm: mean of denoised - raw over smooth surfaces.
         shift_by_100mm: (lower edge of the bin, shift), both mm, for bins of 100 mm.
         plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
-        plane_change: change of plane_rmse_mm, computed as pair_change.
     """
 
     pair_rmse_mm: list[float]

@@ -45,8 +45,6 @@ def tune_filters(
     Args:
         job: frames; its denoisers are ignored.
         names: filters; those without a grid are left out.
-        workers: number of processes. Default: one per core.
-        progress: called after each block of frames.
     """
     names = [name for name in names if name in GRIDS]
     if not names:

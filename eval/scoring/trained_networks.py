@@ -21,7 +21,6 @@ class TrainedRun(BaseModel):
     """A run of ``glsim train`` as described by its recipe.json and run.json.
 
     Attributes:
-        checkpoint: the best checkpoint.
         row: row in the paper's tables; None for another network.
         size: full, small or own.
         description: differences from the published training.

@@ -347,7 +347,6 @@ def encode_map(
         form: one of FORMATS.
         unit_mm: step of integers, mm.
         option: command-line option that the message of ``DepthRangeError`` names.
-        state_unit: whether PNG files state their step.
     """
     if form in FLOAT_FORMATS:
         encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)

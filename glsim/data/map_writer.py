@@ -59,7 +59,6 @@ class MapWriter:
             given_mm: step of integers. Default: ``finest_mm``, else the step of the recording.
             option: command-line option of the step, for messages.
             finest_mm: step of PNG files, used if none of the sampled maps is too deep for it.
-            states_step: whether PNG files state their step.
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
         """
         self._option, self._states_step, self._out = option, states_step, out
@@ -84,11 +83,7 @@ class MapWriter:
         self._steps_mm = dict.fromkeys([self.step_mm or 1.0, *coarser])
 
     def write(
-        self,
-        frames: Frames,
-        layer: str = "noisy_mm",
-        *,
-        skipped: Callable[[str], None],
+        self, frames: Frames, layer: str = "noisy_mm", *, skipped: Callable[[str], None]
     ) -> int:
         """Write a layer of each frame; files of a data set keep the offset of their input.
 

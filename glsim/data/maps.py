@@ -35,11 +35,7 @@ from glsim.data.header import is_dataset, read_header
 from glsim.data.map_files import STACKS, open_stack
 from glsim.data.recording import FrameReader, Recording, check_least_size
 from glsim.data.recordings.camera_file import StatedCamera, check_size, sensor_camera
-from glsim.data.recordings.files import (
-    FramePlace,
-    MapFiles,
-    agreed_unit_mm,
-)
+from glsim.data.recordings.files import FramePlace, MapFiles, agreed_unit_mm
 from glsim.data.recordings.folders import (
     kind_of,
     list_maps,
@@ -63,12 +59,7 @@ class _Loader:
     """Reads the frames of files.
 
     Attributes:
-        kind: name of the depth layer.
-        mirror: whether to flip left and right.
-        cameras: folder -> stated camera of its maps.
-        records: absolute path of a data set's file -> its frame there, if the frame is needed.
         assumed: intrinsics of maps without a stated camera.
-        needs_camera: whether maps must have the size of the stated camera.
     """
 
     reader: FrameReader
@@ -196,7 +187,6 @@ class _FileList:
         cameras: folder -> stated camera and unit.
         stated_by: file or data set that states the first camera.
         records: absolute path of a data set's file -> its frame there, if the frame is needed.
-        protocol: origin of the depths in the files.
     """
 
     def __init__(self, kind: DepthKind, below: bool) -> None:
@@ -213,11 +203,6 @@ class _FileList:
     @property
     def files(self) -> list[Path]:
         return [file for file, _ in self._named]
-
-    @property
-    def stated(self) -> StatedCamera:
-        """Stated camera of the first map."""
-        return self.cameras[self.files[0].parent]
 
     def add(self, text: Path | str) -> None:
         """Add the files of one input. Raises NoDepthError if it has none."""
@@ -315,7 +300,8 @@ class _FileList:
             if len(places) > MOST_FILES:
                 raise ConfigError(f"{file}: the recording has more than {MOST_FILES} frames")
         stated_mm = _one_step({camera.unit_mm for camera in self.cameras.values()})
-        return MapFiles(places, unit_mm, stated_mm, channel or self.stated.channel)
+        channel = channel or self.cameras[files[0].parent].channel
+        return MapFiles(places, unit_mm, stated_mm, channel)
 
 
 def _data_set(place: Path | str, kind: DepthKind) -> Recording:

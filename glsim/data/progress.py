@@ -18,10 +18,7 @@ _PROGRESS_EVERY_S = 0.1
 class GenerateProgress:
     """The progress of a run: ``done`` of ``total`` frames, including skipped and reused frames.
 
-    Attributes:
-        skipped: frames that could not be made.
-        reused: frames that an earlier run completed.
-        bytes: size of all images.
+    ``reused`` frames were completed by an earlier run; ``bytes`` is the size of all images.
     """
 
     done: int
@@ -64,8 +61,6 @@ class PartSummary:
     """The results of a run that made one part.
 
     Attributes:
-        frames, skipped: numbers of frames of this part.
-        rendered, reused: as in GenerateSummary.
         missing: the parts that are not complete yet, as in "parts 3, 7 of 64".
         dataset: the whole, if all parts are complete.
     """

@@ -39,10 +39,12 @@ class Dataset:
         header: the contents of dataset.json.
         path: its folder. For object storage: a folder with copies of header and manifest in the
             cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
+        is_remote: whether the images are in object storage.
     """
 
     def __init__(self, path: Path | str) -> None:
         self._store = open_store(path)
+        self.is_remote = self._store.is_remote
         self.header, problem, self._manifest = open_header(self._store)
         self.depth_unit_mm = float(self.header["depth_unit_mm"])
         if problem:
@@ -125,11 +127,6 @@ class Dataset:
         sensor, settings = self.header.get("sensor", {}), self.header.get("settings", {})
         changed = ", changed" if settings.get("stage") or settings.get("rig") else ""
         return f"{sensor.get('title', sensor.get('name', 'unknown sensor'))}{changed}"
-
-    @property
-    def is_remote(self) -> bool:
-        """Whether the images are in object storage, where each read is a network request."""
-        return self._store.is_remote
 
     def _key(self, first: int, number: int) -> FrameKey:
         record = self._manifest.record(first + number)

@@ -55,7 +55,6 @@ def recognise_camera(
         maps_mm: (H, W) millimetres each, as measured, 0 = no return.
         step_mm: rounding of the values; 0: not rounded.
         stated: name of a stated sensor, or "".
-        by: file or header that states the sensor.
     """
     if stated:
         return Camera(stated, f"{by} states it")

@@ -55,8 +55,7 @@ class Denoiser:
 
     Attributes:
         label: name of the denoiser in tables.
-        before, after: numbers of earlier and of later frames that it uses.
-        protocol: depth protocol of its training; None if it accepts both.
+        before, after, protocol: as of ``DepthFunction``.
         version: a text that changes if the denoiser's file changes.
         device: calibration that is subtracted from maps of ``__call__`` and ``push``; None: none.
         composite: rule (of COMPOSITES) that turns a probability of depth into a depth map. None:

@@ -75,9 +75,7 @@ def _calibrate(device: DeviceCalibration, frame: DepthFrame) -> DepthFrame:
 
 
 def prepared_frames(
-    recording: Recording,
-    device: DeviceCalibration | None = None,
-    protocol: DepthProtocol = "depth",
+    recording: Recording, device: DeviceCalibration | None = None, protocol: DepthProtocol = "depth"
 ) -> Frames:
     """Check, calibrate and move the maps of a recording for a denoiser.
 

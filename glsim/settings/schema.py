@@ -369,7 +369,6 @@ def load_settings(
     A source that generates faces has 10 subjects with 30 frames each by default.
 
     Args:
-        assignments: texts ``a.b=value``, as after ``--set``.
         overrides: nested dicts, which replace values of the file.
         source: overrides of the single [source] table.
         preset: name of a shipped preset. If ``source`` is of another kind, only the numbers of

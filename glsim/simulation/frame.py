@@ -95,8 +95,6 @@ class Frame:
     of ``intrinsics``.
 
     key: subject, sequence and frame number.
-    source: name of the face source.
-    seed: the frame's 64-bit seed.
     intrinsics: pinhole camera of the delivered frame, crop included.
     window: position of the arrays in the delivered frame; (h, w) below is its size.
     clean_m, noisy_m: (h, w) float32 metres along the optical axis, 0 = no surface or no return.

@@ -55,11 +55,8 @@ class MovingFrames:
     ) -> None:
         self._renderer, self._chain, self._sub_frames = renderer, chain, sub_frames
         self.parts = parts
-
-    @property
-    def rolls(self) -> bool:
-        """Whether the parts are bands of rows (rolling shutter)."""
-        return self.parts[0].rows is not None
+        #: Whether the parts are bands of rows (rolling shutter).
+        self.rolls = parts[0].rows is not None
 
     def draw(
         self,

@@ -156,7 +156,7 @@ class Simulator:
             changes: stages whose code replaces the code that the sensor's file names.
             cache: cache of another simulator with the same sources and context; default: none.
         """
-        self._settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
+        self.settings, self._sources, self._extra = settings, sources, tuple(extra_layers)
         self._context, self._layers, self._changes = context, layers, tuple(changes)
         self.sensor: Sensor = sensor_of(settings, changes)
         make_current(context)
@@ -208,11 +208,6 @@ class Simulator:
                 f"output.crop {crop} is larger than the sensor's {image.width}x{image.height}"
             )
 
-    @property
-    def settings(self) -> Settings:
-        """Settings of the frames, including changes by ``with_values``."""
-        return self._settings
-
     def with_values(self, values: Mapping[str, Any]) -> Simulator:
         """Return a simulator with changed settings, named as in ``--set``.
 
@@ -220,18 +215,15 @@ class Simulator:
         Raises ConfigError for an unknown name, for a value out of range, and for a change of the
         source, which needs another Simulator.
         """
-        return self._like(settings=with_assignments(self._settings, values))
+        return self._like(settings=with_assignments(self.settings, values))
 
-    def with_stage(
-        self, name: str, code: str | Path, before: str | None = None, file: Path | None = None
-    ) -> Simulator:
+    def with_stage(self, name: str, code: str | Path, before: str | None = None) -> Simulator:
         """Return a simulator whose stage ``name`` runs other GLSL; only that program is linked.
 
         Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
 
         Args:
             code: the GLSL text, or the path of a file.
-            file: path of a text in messages and for its includes; default: the stage's file.
             before: the stage before which a new one is inserted; default: after the last shader.
         """
         known = {stage.name: stage for stage in self.sensor.stages}
@@ -239,11 +231,11 @@ class Simulator:
             spec = find_stage(str(code))
         else:
             of_stage = Path(known[name].spec.file) if name in known else Path(f"{name}.glsl")
-            spec = shader_stage(file or of_stage, code)
+            spec = shader_stage(of_stage, code)
         previous = next((c.before for c in self._changes if c.name == name), None)
         kept = [change for change in self._changes if change.name != name]
         change = StageChange(name, spec, before or previous)
-        settings, known_values = self._settings, {ENABLED, *spec.parameters}
+        settings, known_values = self.settings, {ENABLED, *spec.parameters}
         if name in settings.stage:
             own = {k: v for k, v in settings.stage[name].items() if k in known_values}
             settings = settings.model_copy(update={"stage": {**settings.stage, name: own}})
@@ -254,8 +246,8 @@ class Simulator:
         return self._like(layers=layers, extra_layers=extra_layers)
 
     def _like(self, **changed: Any) -> Simulator:
-        settings = changed.pop("settings", self._settings)
-        if settings.source != self._settings.source:
+        settings = changed.pop("settings", self.settings)
+        if settings.source != self.settings.source:
             raise ConfigError("source: other faces need another Simulator")
         kept = {"extra_layers": self._extra, "layers": self._layers, "changes": self._changes}
         return Simulator(
@@ -286,7 +278,7 @@ class Simulator:
 
     def _skipped(self, task: Task, error: MeshError) -> Skipped:
         """Return the Skipped of a bad face. Raises ``error`` if the settings are strict."""
-        if self._settings.strict:
+        if self.settings.strict:
             raise error
         return Skipped(task.key, self._sources[task.source].name, str(error))
 
@@ -304,7 +296,7 @@ class Simulator:
                 window=rendered.window,
                 seed=task.seeds.frame,
                 sequence_seed=task.seeds.sequence,
-                device_seed=stable_seed("device", self._settings.seed, task.device),
+                device_seed=stable_seed("device", self.settings.seed, task.device),
                 time_s=task.key.time_s,
                 nearest_m=rendered.nearest_m,
                 # The depth of the head; beyond the face's depths, the nearest or farthest of these.
@@ -373,7 +365,7 @@ class Simulator:
             window,
             crop,
             image,
-            self._settings.output,
+            self.settings.output,
             self._extra,
             key=task.key,
             source=self._sources[task.source].name,

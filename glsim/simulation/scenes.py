@@ -63,12 +63,8 @@ class FrameScenes:
         worn = worn_regions(settings.appearance, loader.sources)
         further = [*scene_regions(settings.scene), *worn]
         self._labels = RegionLabels(loader.sources, further) if regions else None
+        self.region_numbers = {} if self._labels is None else self._labels.numbers
         self._last: tuple[Task, FrameScene] | None = None
-
-    @property
-    def region_numbers(self) -> Mapping[str, int]:
-        """The numbers of the regions: name -> number."""
-        return {} if self._labels is None else self._labels.numbers
 
     def build(self, task: Task, face: Face) -> FrameScene:
         """Build a face's scene; the same task and face give the same object. Raises MeshError."""

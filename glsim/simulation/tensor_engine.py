@@ -105,7 +105,6 @@ class TensorEngine:
             depth_m: the clean depth, as in a call of DepthNoise.
             device: device to compute on; default: the depth's.
             keys: the maps' 64-bit seeds, or None if ``given`` has seeds.
-            seed: the settings' seed.
             p: probability that a map is changed, if ``given`` has seeds.
             given: further inputs, see ``batch_inputs``.
         """

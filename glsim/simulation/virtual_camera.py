@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from moderngl import Context
 
-from glsim.core.camera import SensorRig
 from glsim.core.depth_frame import Frames
 from glsim.core.mesh import Mesh
 from glsim.core.units import MM_PER_M
@@ -48,13 +47,9 @@ class VirtualCamera:
         self._assignments = tuple(assignments)
         self._own_rig = dict(rig or {})
         self.sensor: Sensor = load_sensor(sensor, rig_overrides=self._own_rig)
+        self.rig = self.sensor.rig
         self._context = context
         self._simulators: dict[str, tuple[Simulator | None, _Scene]] = {}
-
-    @property
-    def rig(self) -> SensorRig:
-        """The geometry of the sensor: its imagers and emitters."""
-        return self.sensor.rig
 
     def capture(
         self,

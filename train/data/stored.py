@@ -327,7 +327,6 @@ def sample_slope(
     Training frames show mostly people and walls: without slopes a network bends floors.
 
     Args:
-        shape: (H, W), px.
         largest_mm_per_px: largest slope; small slopes are more frequent.
         nearest_mm: smallest depth of the frame; the slope leaves at least half of it.
     """

@@ -23,7 +23,6 @@ from glsim.eval.report.figures.panels import PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.scoring.trained_networks import SeedGroup, find_trained_runs, group_by_network
 
-#: Folder of the figures, within a reproduction's folder.
 FOLDER: Final = "paper_figures"
 #: Title of a column -> specification of its denoiser for ``glsim.load_denoiser``.
 _Columns = dict[str, str]

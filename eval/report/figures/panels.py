@@ -51,7 +51,6 @@ def method_panels(
     Args:
         frame: a frame with clean depth; surfaces are drawn at their distance from the camera.
         methods: title -> (H, W) millimetres, 0 = no depth; lines after a title's first are small.
-        note: a line below the panels.
     """
     columns = {"clean": frame.clean_mm, **methods}
     figure = new_figure(_PANEL_IN * len(columns) + _SIDES_IN, _PANEL_IN * len(rows) + _ENDS_IN)
