@@ -73,8 +73,7 @@ def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -
     """Write a picture with a row per frame: noisy, denoised and clean surface, and error map.
 
     Args:
-        frames: (noisy_mm, denoised_mm, clean_mm) of each frame, (1, H, W), 0 = no depth. The error
-            is denoised minus clean; blue is nearer.
+        frames: (noisy_mm, denoised_mm, clean_mm) of each, (1, H, W), 0 = no depth. Blue is nearer.
     """
     rows = []
     for frame in frames:

@@ -119,8 +119,7 @@ class Masked(Loss):
             target = target_surface(errors_mm.detach())
             error_mm = errors_mm.gather(1, target)
             choice = -prediction.choice_logits.log_softmax(dim=1).gather(1, target)
-            # If all candidates are far, the pixel's surface was not measured nearby (a wall out of
-            # range), and the error would dominate.
+            # If all candidates are far, the surface was not measured, and the error would dominate.
             has_depth = has_depth * (error_mm.detach().abs() < FLYING_MM)
         counted = has_depth * dilated(noisy_mm > 0, self.reach_px)
         inside = counted * interior(clean_mm > 0, jumps(clean_mm))
@@ -174,8 +173,7 @@ def _noise_mm(noisy_mm: Tensor, clean_mm: Tensor, inside: Tensor) -> Tensor:
 def target_surface(errors_mm: Tensor) -> Tensor:
     """Choose each pixel's target among K depth candidates: (B, K, H, W) errors to (B, 1, H, W).
 
-    It is the first candidate unless another is nearer to the truth by `_SWITCH_MM`, so that
-    candidates on one surface have one target.
+    It is the first unless another is nearer by `_SWITCH_MM`: one target for one surface.
     """
     size = errors_mm.abs()
     size = torch.cat([size[:, :1] - _SWITCH_MM, size[:, 1:]], dim=1)

@@ -34,8 +34,7 @@ _Shapes = dict[str, tuple[int, ...]]
 def compacted(data: bytes, entries: Mapping[str, str] | None = None) -> bytes:
     """Compact an ONNX file: short names, known shapes, each constant once; add metadata.
 
-    PyTorch's exporter stores the numbers of each Slice and Unsqueeze as separate nodes, and writes
-    the path of the module into each name.
+    PyTorch stores the numbers of each Slice as separate nodes, and the module's path in each name.
     """
     model = onnx.load_from_string(data)
     _write_shapes(model)

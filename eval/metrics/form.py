@@ -21,8 +21,7 @@ from glsim.eval.metrics.scored_map import ScoredMap
 _BAND_PX: Final = (1.0, 2.2)
 #: Smallest standard deviation of scored relief, mm. Chosen: below it, remaining noise would decide.
 _LEAST_MM: Final = 0.1
-#: Two frames show one view if at most this share of their clean pixels differs. Chosen: on faces, a
-#: share of 0.0001 differs after 1 ms.
+#: Two frames show one view up to this share of different clean pixels. Chosen: 0.0001 after 1 ms.
 _OTHER_SHARE: Final = 0.001
 
 

@@ -39,8 +39,7 @@ VERDICTS: Final[dict[Verdict, str]] = {
     "other order": "in no case they do",
     "not comparable": "not scored, or the noisy input itself, whose noise is the paper's own",
 }
-#: A value is reproduced if it lies within this number of standard deviations over our seeds, which
-#: is 95 % of a normal distribution.
+#: Standard deviations over our seeds within which a value is reproduced: 95 % of a normal one.
 _SPREADS: Final = 2.0
 #: Half of the last printed digit; smaller differences from the noisy input count as 0.
 _ROUNDING: Final = 5e-5

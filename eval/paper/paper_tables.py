@@ -151,8 +151,7 @@ def paper_table(
 def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
     """Add rows with artefact removal that were not trained, as copies of rows without it.
 
-    Artefact removal applies the measurement operator, which is the identity in denoising. It
-    changes no bit of a network's output.
+    Artefact removal applies the measurement operator, the identity in denoising: no bit changes.
     """
     trained = {(group.row, group.size) for group in groups}
     twins = [

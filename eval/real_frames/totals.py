@@ -52,8 +52,7 @@ class RealMeasures:
 
     Attributes:
         pair_rmse_mm: error on static pairs.
-        pair_change: change of this RMSE against the raw frames, %: geometric mean over bins; the
-            other changes likewise.
+        pair_change: change against the raw frames, %: geometric mean over bins; so the others.
         paper_rmse_mm: residual of the board's white paper from its plane.
         shift_mm: mean of denoised - raw over smooth surfaces.
         shift_by_100mm: (lower edge of the bin, shift), both mm, for bins of 100 mm.
@@ -203,8 +202,7 @@ def _change(sums: Array, raw: Array, least: int) -> Interval:
         weights = np.concatenate([weights, resampled(units)])
     ours, theirs = (np.tensordot(weights, s[:, used, 1], 1) for s in (sums, raw))
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Both sums have the same pixels, so their ratio is the ratio of the means. A draw without
-        # pixels in a bin gives NaN.
+        # The sums have the same pixels: their ratio is the means'. NaN for a draw without pixels.
         change = np.log(np.maximum(ours, 0.0) / theirs) / 2.0
     known = theirs > 0
     mean = np.where(known, change, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)

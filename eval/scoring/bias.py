@@ -57,8 +57,7 @@ class BiasBin:
 def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
     """Sum errors and count pixels of a frame by distance bin.
 
-    ``depth``: (H, W) mm, 0 = no depth. Distances are from the camera; if the offset is unknown,
-    they are the depths of the map.
+    ``depth``: (H, W) mm, 0 = no depth. Distances are the map's depths if the offset is unknown.
     """
     error = depth - truth.clean
     pixels = (depth > 0) & truth.input_valid & truth.parts["interior"]

@@ -1,7 +1,6 @@
 """Search for the trained networks in FOLDER/*/, with their recipes and results.
 
-It reads JSON, and opens each checkpoint once, by ``glsim.load_denoiser``, to report truncated and
-foreign files before scoring starts.
+It reads JSON, and opens each checkpoint once, to report damaged files before scoring starts.
 """
 
 from __future__ import annotations

@@ -28,8 +28,7 @@ from glsim.simulation.plan.tasks import Task
 class FrameMaker(Protocol):
     """The protocol of a function that makes frames of tasks, such as ``pipeline.simulate``.
 
-    It may take a bounded number of tasks in advance: a request beyond the current chunk makes the
-    iterable fetch the next chunk.
+    It may take some tasks in advance: a request beyond the current chunk fetches the next chunk.
     """
 
     def __call__(self, settings: Settings, tasks: Iterable[Task], /) -> Iterator[Frame | Skipped]:

@@ -74,8 +74,7 @@ def generate_part(
     """Generate one part of a data set; the last part to finish also merges all parts.
 
     Parts may be made in any order, repeatedly, on many machines that share the folder ``out``, with
-    the same bytes as by ``generate``. Raises the errors of ``generate``, and DatasetError if
-    another process makes the same part.
+    the bytes of ``generate``. Raises its errors, and DatasetError if another makes the same part.
     """
     run, render = _simulation(settings, out, workers, backend, portable)
     return run_part(run, part, render, progress)

@@ -70,8 +70,7 @@ _LEAST_VALUES = 32
 #: first number, mm: the second number is their share, the third their share in maps that reach
 #: 65535, as stretched maps do. Wrong matches of a real D435 have a share of 0.026.
 _DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
-#: A depth difference of this share of the median is a jump; smallest share of jumps along rows.
-#: Both values were chosen, not measured.
+#: A depth difference of this share of the median is a jump; least share of jumps in rows. Chosen.
 _JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
 #: Pixels of exactly 1 with this share of all pixels are a background. Chosen, not measured.
 _BACKGROUND = 0.02

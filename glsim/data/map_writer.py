@@ -19,8 +19,7 @@ from glsim.core.units import UINT16_MAX, subtract_offset, to_metres
 from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, encode_map, format_of
 from glsim.data.recording import Recording
 
-#: Largest depth of the input, in steps, for which a finer step is used. Chosen: a change may add to
-#: depth, and the sum must fit 16 bits.
+#: Largest input depth, in steps, for a finer step. Chosen: a larger changed depth must fit 16 bits.
 DEEPEST_STEPS: Final = 65_000
 #: Step of uncertainties in PNG files, mm; 16 bits then reach 0.65 m.
 _SIGMA_STEP_MM: Final = 0.01

@@ -39,8 +39,7 @@ _ANSWER_S = 10.0
 #: and the kind of the server's first answer, in its fourth byte.
 _HTTP2_BEGIN = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 _HTTP2_SETTINGS = b"\x04"
-#: Seconds after which a silent head counts as lost; after 60 s Ray would end this process without
-#: an error.
+#: Seconds after which a silent head counts as lost; after 60 s Ray would end this process silently.
 _SILENT_S = 30.0
 
 

@@ -40,8 +40,7 @@ _Made = TypeVar("_Made", covariant=True)
 #: A number of worker processes; "auto" is one per available core.
 Workers = int | Literal["auto"]
 
-#: Environment of workers: one thread each, because every core has a process. LP is Mesa's llvmpipe
-#: (0 = no thread besides the caller's).
+#: Environment of workers: one thread each, since every core has a process. LP: Mesa's llvmpipe (0).
 SINGLE_THREADED = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",

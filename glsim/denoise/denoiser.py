@@ -58,8 +58,7 @@ class Denoiser:
         before, after, protocol: as of ``DepthFunction``.
         version: a text that changes if the denoiser's file changes.
         device: calibration that is subtracted from maps of ``__call__`` and ``push``; None: none.
-        composite: rule (of COMPOSITES) that turns a probability of depth into a depth map. None:
-            the probability is returned.
+        composite: one of COMPOSITES, for a probability of depth. None: the probability is returned.
     """
 
     def __init__(
@@ -133,9 +132,8 @@ class Denoiser:
     ) -> Denoised:
         """Denoise the next frame of a stream, with the help of the frames pushed before.
 
-        The result is causal: a denoiser that could use later frames gets none. A frame of another
-        size begins a new sequence; a refused frame does not change the stream. Arguments, result
-        and errors: see ``__call__``.
+        A denoiser that could use later frames gets none. A frame of another size begins a new
+        sequence; a refused frame does not change the stream. For the rest, see ``__call__``.
         """
         frame = self._frame(depth_mm, infrared, intrinsics)
         if self._held and self._held[-1].shape != frame.shape:

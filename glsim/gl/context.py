@@ -238,8 +238,7 @@ def describe(context: moderngl.Context) -> dict[str, str]:
 def egl_devices() -> list[str]:
     """List the EGL devices of this machine, in the order of GLSIM_EGL_DEVICE; [] without EGL.
 
-    Uses the extensions EGL_EXT_device_enumeration and EGL_EXT_device_query; the constant
-    EGL_EXTENSIONS is from egl.h.
+    Uses EGL_EXT_device_enumeration and EGL_EXT_device_query; EGL_EXTENSIONS is from egl.h.
     """
     extensions_name, limit = 0x3055, 16
     try:

@@ -62,8 +62,7 @@ class ShaderSource:
     def locate(self, message: str) -> str:
         """Replace the line numbers in a driver's message by file:line.
 
-        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``. Only the first lines are kept,
-        because one wrong include causes hundreds.
+        Mesa writes ``0:12(3): error``, NVIDIA ``0(12) : error``. A wrong include causes hundreds.
         """
 
         def with_place(match: re.Match[str]) -> str:

@@ -31,8 +31,7 @@ class Target:
 class TargetPool:
     """A pool of reusable targets for the layers of frames of one size.
 
-    A frame is drawn in a window only. ``take`` clears older windows, so that stages read zero
-    outside the current window.
+    ``take`` clears older windows, so that stages read zero outside the current window.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
@@ -101,8 +100,7 @@ class TargetPool:
 class Readback:
     """The copy of a frame's layers to memory, through a pixel buffer.
 
-    ``request`` queues the copy after the drawing; ``arrays`` waits for it. Meanwhile a GPU draws
-    the next frames into further Readbacks.
+    ``request`` queues the copy; ``arrays`` waits for it, while a GPU draws the next frames.
     """
 
     def __init__(self, context: moderngl.Context) -> None:

@@ -83,8 +83,7 @@ def lattice_share(values: Array, constant: float) -> float:
 def estimate_lattice(values: Array) -> Lattice | None:
     """Estimate the lattice of a recording from its ``distinct_values``; None for too few.
 
-    The constant of largest likelihood is returned, accepted or not. Multiples of K fit as well, but
-    would fit by chance more often.
+    It has the largest likelihood, accepted or not. Multiples of K fit by chance more often.
     """
     if values.size < LEAST_TELLING:
         return None

@@ -20,8 +20,7 @@ from glsim.measures.measured_frame import lit
 from glsim.measures.quadrics import fit_surfaces
 
 _SIZE = 11
-#: Weights of a quadratic fit in 11 points for its centre, from the centre outwards (Savitzky and
-#: Golay 1964).
+#: Weights of a quadratic fit in 11 points, from the centre outwards (Savitzky and Golay 1964).
 _WEIGHTS = np.array([89, 84, 69, 44, 9, -36]) / 429.0
 #: Shares that the quadric leaves: of an alternation of rows; of the variance of white rows.
 _LEFT_ALTERNATION = 1.0 - (_WEIGHTS[0] + 2 * (_WEIGHTS[1:] * [-1, 1, -1, 1, -1]).sum())

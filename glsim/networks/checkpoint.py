@@ -28,8 +28,7 @@ VERSION: Final = 1
 BEST: Final = "best.pt"
 LAST: Final = "last.pt"
 SAFETENSORS: Final = ".safetensors"
-#: Largest file, bytes: eight times a checkpoint of Restormer (26 million weights, their average and
-#: Adam's two moments, in float32).
+#: Largest file, bytes: eight checkpoints of Restormer (26 million float32, their average, moments).
 MAX_BYTES: Final = 1 << 32
 _KEYS: Final = ("recipe", "model", "data", "progress", "validation")
 _TABLE: Final = "glsim"

@@ -35,8 +35,7 @@ DOUBT: Final = 0.5
 #: Radius of the neighbourhood of a pixel, and width of the widest hole that is filled, px.
 REACH_PX: Final = 2
 #: A doubtful pixel counts as part of a surface if this number of the 24 pixels around it are sure
-#: and lie on that surface, or if this share of all pixels around it do. Chosen by experiment:
-#: docs/howto/denoise.md.
+#: and lie on that surface, or this share of all around it do. Measured: docs/howto/denoise.md.
 LEAST_SURE, LEAST_PATCH = 3, 0.5
 #: A pixel is filled only if this number of its neighbours is measured; a gap 2 px wide has 3.
 LEAST_TOUCHING: Final = 3

@@ -3,8 +3,7 @@
     meshes --projector.vert @emitter--> z-buffer
     clean, normal + z-buffer --lit.frag--> lit
 
-Emitters are drawn one after the other into the same z-buffer; each adds its share to ``lit`` of
-the camera and of each imager.
+Emitters are drawn in turn into the same z-buffer; each adds its share to ``lit`` of each view.
 """
 
 from __future__ import annotations

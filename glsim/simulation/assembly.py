@@ -90,9 +90,8 @@ def assemble_frame(
 def seen_landmarks(points_m: Array, frame: Frame) -> Landmarks:
     """Project landmarks, (68, 3) camera-frame metres, into a frame and test their visibility.
 
-    A landmark is visible if the clean depth of its pixel is within 5 mm of its depth. Landmarks are
-    vertices of the surface, whose depth changes by less within a pixel unless it is seen edge on.
-    The 5 mm were chosen, not measured.
+    A landmark is visible if the clean depth of its pixel is within 5 mm (chosen) of its depth, a
+    vertex's: the surface changes by less within a pixel unless it is seen edge on.
     """
     pixels = frame.intrinsics.project(points_m)
     column, row = np.floor(pixels - (frame.window.left, frame.window.top)).astype(np.int64).T

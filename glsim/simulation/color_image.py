@@ -24,8 +24,7 @@ _Color = tuple[float, float, float]
 #: between them. The values were chosen, not measured.
 _SKIN: Final[tuple[_Color, _Color]] = ((0.10, 0.055, 0.04), (0.72, 0.50, 0.40))
 _HAIR: Final[tuple[_Color, _Color]] = ((0.012, 0.010, 0.009), (0.42, 0.29, 0.15))
-#: Linear colour of a region relative to its albedo; of parts of the skin relative to the skin. The
-#: values were chosen, not measured.
+#: Linear colour of a region relative to its albedo; of parts of the skin relative to it. Chosen.
 _OF_SKIN: Final[Mapping[str, _Color]] = {
     "lips": (0.95, 0.55, 0.55), "mouth": (0.5, 0.15, 0.15), "mouth socket": (0.5, 0.15, 0.15),
     "gums": (0.8, 0.35, 0.35), "ear": (1.0, 0.92, 0.9), "nose": (1.0, 0.95, 0.93),

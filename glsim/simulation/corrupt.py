@@ -147,8 +147,7 @@ class MapEngine:
     def _context(
         self, window: Rect, seeds: ScopeSeeds, depth_m: Floats, nearest_m: float
     ) -> FrameContext:
-        # The content of a map is unknown. Cameras expose to a mean brightness, and light decreases
-        # with the square of the distance.
+        # Cameras expose to a mean brightness, and light decreases with the square of the distance.
         brightness = np.mean(depth_m[depth_m > 0].astype(np.float64) ** -2)
         return FrameContext.for_frame(
             rig=self.canvas,

@@ -164,8 +164,7 @@ class DepthNoise:
     ) -> _Depths:
         """Return noisy depth of the same type and shape as the clean depth.
 
-        The gradient of a noisy depth with respect to the clean depth of its pixel is 1, and of a
-        lost pixel 0 ("torch" only).
+        The gradient with respect to the pixel's clean depth is 1, of a lost pixel 0 ("torch").
 
         Args:
             depth_m: clean depth, metres, float16, float32 or float64. Shapes are (H, W), (1, H, W),

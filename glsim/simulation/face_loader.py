@@ -20,8 +20,7 @@ from glsim.looks.room.other_people import OtherPeople
 from glsim.settings.schema import Settings
 from glsim.simulation.plan.tasks import Task
 
-#: Faces per batch: a matrix product of 32 rows keeps a core busy, and the vertices of a batch take
-#: tens of megabytes.
+#: Faces per batch: a matrix product of 32 rows keeps a core busy; their vertices take tens of MB.
 _FACE_BATCH = 32
 
 Loaded = list[tuple[Task, Face | BadFace]]

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=np.generic)
 
-#: _ZERO encodes a normal's component 0; a component of 1 is _STEPS more. -1 is encoded as 1, so
-#: that 0 can mean "no surface".
+#: _ZERO encodes a normal's component 0, _STEPS more is 1. -1 is encoded as 1: 0 is "no surface".
 _ZERO, _STEPS = 32768, 32767
 
 #: The images of every frame: clean, noisy and infrared are uint16, reason is uint8.

@@ -19,8 +19,7 @@ from glsim.data.reader import Dataset
 from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.settings.schema import SPLIT_NAMES
 
-#: How a frame larger than the crop is cropped: "no" (it is an error), around the centre, or at a
-#: random position in each epoch.
+#: Cropping of a larger frame: "no" (an error), at the centre, or at random in each epoch.
 Cut = Literal["no", "centre", "random"]
 #: Target of a network: the true depth, or the depth that the sensor expects without noise.
 Target = Literal["clean", "expected"]

@@ -25,15 +25,13 @@ FILTERS: Final[tuple[FilterName, ...]] = get_args(FilterName)
 #: Number of channels of `depth_features` besides the filters' channels; the last is validity.
 OTHER_CHANNELS: Final = 5
 
-#: Hole filling: number of rounds, radius and sigma of the Gaussian, px. Chosen: it fills holes of
-#: up to 24 px, wider than any drop-out.
+#: Hole filling: rounds, radius and sigma of the Gaussian, px. Chosen: fills drop-outs up to 24 px.
 _FILL_ROUNDS, _FILL_RADIUS, _FILL_SIGMA = 3, 4, 1.5
 #: Radius and sigma of the surrounding mean, px. Chosen: wider than a nose at 0.9 m (14 px).
 _AROUND_RADIUS, _AROUND_SIGMA = 24, 12.0
 #: Grid of samples: number of samples to each side of a pixel, and distance of samples, px.
 _TAPS, _TAP_STEP = 2, 3
-#: Epsilon of the guided filters, mm: the best on real Kinect V2 frames
-#: (docs/results/real_frames.md).
+#: Epsilon of the guided filters, mm: best on real Kinect V2 frames (docs/results/real_frames.md).
 _GUIDED_MM: Final = 15.0
 #: Radius of `_curved`'s Gaussians, in sigmas: at most 10 px, so that none crosses a depth step.
 _CURVED_REACH: Final = 2.0

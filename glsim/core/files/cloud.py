@@ -53,8 +53,7 @@ _PACKAGES = {
     **dict.fromkeys(("az", "abfs", "abfss"), "adlfs"),
     "memory": "fsspec",
 }
-#: A cloud URL. fsspec's caches may stand before it ("blockcache::s3://..."). pathlib joins slashes:
-#: "s3:/bucket" is accepted as well.
+#: A cloud URL, maybe after fsspec's caches ("blockcache::s3://..."). pathlib makes "s3:/bucket".
 _URL = re.compile(rf"^((?:[a-z]+::)*(?:{'|'.join(_PACKAGES)})):/+(?=[^/])")
 #: Another URL, such as "file:///data", or "s3://" without a bucket. One letter: a Windows drive.
 _SCHEME = re.compile(r"^(?:[a-z]+::)*[A-Za-z][A-Za-z0-9+.-]+:(?:/|$)")
@@ -145,8 +144,7 @@ class CloudStore(Store):
     @override
     def checksum(self, name: str) -> dict[str, int] | None:
         """Return the size and CRC32 of an object; None if there is no such object."""
-        # S3 computes the CRC32 of an object that glsim uploads. In other stores, and for objects
-        # from other programs, all bytes are read.
+        # S3 has the CRC32 of an object that glsim uploaded. All bytes of other objects are read.
 
         def ask(fs: Any, path: str) -> dict[str, int] | None:
             if not hasattr(fs, "call_s3"):

@@ -26,8 +26,7 @@ _USUAL_MM, _LEAST_MM = 2.0, 0.01
 #: Smallest side of an image for the package, px; it must be larger than its blocks and steps.
 _LEAST_PX: Final = 32
 #: Threshold of the first stage and weight of the second: the package's values for white noise.
-#: ``strength`` scales both. The package's estimate for correlated noise fails under NumPy 2.4 (no
-#: numpy.trapz).
+#: ``strength`` scales both. For correlated noise the package fails under NumPy 2.4 (numpy.trapz).
 _THRESHOLD, _WIENER = 3.0, 0.4
 #: Depth is scaled so that its noise has this standard deviation. Chosen: the package's thresholds
 #: for similar blocks are made for 20 grey levels of an 8-bit photograph, scaled to [0, 1].

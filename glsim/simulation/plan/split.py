@@ -97,8 +97,7 @@ def _best_swap(
 ) -> tuple[float, list[tuple[int, int]]]:
     """Return the best swap of splits a and b: its cost change and [(person, new split)]."""
     persons_a, persons_b = (np.flatnonzero(chosen == split) for split in (a, b))
-    # Among people with equally many images one is enough. The last entry of each list means nobody:
-    # a swap with nobody is a move.
+    # Of people with equally many images one is enough. The last entry is nobody: a swap is a move.
     from_a, from_b = (
         np.append(who[np.sort(np.unique(sizes[who], return_index=True)[1])], -1)
         for who in (persons_a, persons_b)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from glsim.core.depth_frame import DepthFrame
 from glsim.data.export.exported_frame import Export, depth_layers, surface_normals
 
-#: NumPy's kind and size of a field -> name in PLY. Open3D reads "uint16", but not "ushort", PLY's
-#: older name of the same type.
+#: NumPy's kind and size of a field -> name in PLY. Open3D does not read "ushort", PLY's older name.
 _PLY = {"f4": "float", "u1": "uchar", "u2": "uint16"}
 
 
