@@ -63,10 +63,7 @@ class TrainingState:
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric, weights: WeightsOf | None = None) -> None:
-        """Build the state before the first step, with ``weights`` or random weights.
-
-        Raises ConfigError for an unknown model or loss, and weights that do not fit.
-        """
+        """Build the state before the first step, with ``weights`` or random weights."""
         torch.manual_seed(recipe.seed)
         self._fabric = fabric
         self.progress = TrainingProgress()

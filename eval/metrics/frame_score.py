@@ -1,7 +1,4 @@
-"""Scoring of one frame: the table METRICS and the function that computes all of its metrics.
-
-Metrics are in ``definitions.SHIPPED_METRICS`` and in other packages' entry points "glsim.metrics".
-"""
+"""Scoring of one frame by METRICS: the shipped ones, and entry points "glsim.metrics"."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A predicted depth map with its clean frame, from which all metrics are computed.
-
-Costly intermediate results are computed once, when the first metric needs them.
-"""
+"""A predicted map with its clean frame, and what several metrics need of them, computed once."""
 
 from __future__ import annotations
 

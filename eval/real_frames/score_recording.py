@@ -48,10 +48,7 @@ class RealJob:
 def _score_frame(
     recording: SplitRecording, number: int, methods: Sequence[Denoiser], pairs_only: bool
 ) -> ScoredFrame:
-    """Denoise one frame by every method and measure the maps.
-
-    Raises DenoiserError, naming method and frame, if a denoiser fails.
-    """
+    """Denoise one frame by every method and measure the maps; a failure names the method."""
     truth = FrameTruth(recording, number, pairs_only)
     raw = np.nan_to_num(truth.frame.measured_mm)
     tallies = {RAW: truth.tally(raw)}

@@ -1,7 +1,4 @@
-"""Documents of headings, paragraphs, tables and pictures, written as Markdown or HTML.
-
-The HTML file needs no network.
-"""
+"""Documents of headings, paragraphs, tables and pictures: Markdown, or self-contained HTML."""
 
 from __future__ import annotations
 

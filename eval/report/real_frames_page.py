@@ -103,10 +103,7 @@ def _table(
     values: Callable[[RealMeasures], Sequence[float]],
     change: Callable[[RealMeasures], Interval] | None = None,
 ) -> TextTable:
-    """Return a table with a row per method, without columns that hold no number.
-
-    With ``change``, the smallest number of each column is bold.
-    """
+    """Return a row per method, without empty columns; with ``change``, the smallest is bold."""
     rows = np.array([values(measures) for measures in scores.methods.values()])
     used = ~np.isnan(rows).all(axis=0)
     cells = [[format_number(value) for value in row] for row in rows[:, used]]

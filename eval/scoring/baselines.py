@@ -25,10 +25,7 @@ BASELINE_FRAMES: Final = 200
 
 
 def mean_face(frames: Frames) -> Depth | None:
-    """Average about BASELINE_FRAMES clean frames: (H, W) mm, 0 where fewer than half have depth.
-
-    None if sizes differ.
-    """
+    """Average clean frames, mm, 0 where fewer than half have depth; None if sizes differ."""
     total: NDArray[np.float64] | None = None
     count, used = np.zeros(0), 0
     for number in range(0, len(frames), max(1, len(frames) // BASELINE_FRAMES)):

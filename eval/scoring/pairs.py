@@ -111,10 +111,7 @@ class _Map(NamedTuple):
 
 
 def _maps(path: Path, layer: DepthKind) -> tuple[dict[str, _Map], str]:
-    """Find the maps of a layer: relative path without the layer's suffix -> map.
-
-    Also returns a sentence with the assumptions about the maps (unit, camera).
-    """
+    """Find a layer's maps by path without suffix, and say what is assumed (unit, camera)."""
     try:
         recording = open_maps(path, layer)
     except NoDepthError:

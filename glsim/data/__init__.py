@@ -1,4 +1,1 @@
-"""Data sets on disk: generation, resumption, verification, reading, import and export.
-
-Start at ``driver`` (write) or ``reader`` (read).
-"""
+"""Data sets on disk. Start at ``driver`` (write) or ``reader`` (read)."""

@@ -116,10 +116,7 @@ def read_header(place: Path | str) -> dict[str, Any]:
 
 
 def open_header(store: Store) -> tuple[dict[str, Any], str | None, Manifest]:
-    """Return the header, the problem with its checksum (None if right), and the manifest.
-
-    Raises DatasetError as ``read_header``.
-    """
+    """Return the header, the problem with its checksum (None if right), and the manifest."""
     header, data = _read_header(store)
     recorded = header["files"].get(MANIFEST)
     expected = None if recorded is None else checksum_of(recorded)

@@ -56,11 +56,7 @@ _PACKED = {
 
 @dataclass(frozen=True)
 class _Loader:
-    """Reads the frames of files.
-
-    Attributes:
-        assumed: intrinsics of maps without a stated camera.
-    """
+    """Reads the frames of files; maps without a stated camera have the intrinsics ``assumed``."""
 
     reader: FrameReader
     kind: DepthKind

@@ -89,10 +89,7 @@ def merged_files_are_intact(state: RunState) -> bool:
 
 
 def bounded_lines(file: IO[bytes], limit: int) -> Iterator[bytes]:
-    """Yield the lines of an open file with their line ends; lines over ``limit`` bytes are cut.
-
-    A cut line has ``limit`` + 1 bytes.
-    """
+    """Yield the lines of an open file with their ends, each cut after ``limit`` + 1 bytes."""
     while line := file.readline(limit + 1):
         yield line
         rest = line

@@ -180,10 +180,7 @@ class RunState:
         return self.store.size(COMPLETE) is not None
 
     def chunk_problem(self, record: ChunkRecord, number: int, frames: int) -> str | None:
-        """Check a chunk's record against the plan (its number and frames) and the stored files.
-
-        Returns the first problem; None without a problem.
-        """
+        """Return the first problem of a chunk's record, by the plan and the stored files."""
         if record.summary.chunk != number or record.summary.total != frames:
             return f"the record of chunk {number} does not fit the plan"
         try:
@@ -209,10 +206,7 @@ class RunState:
 
 
 def _images_of(record: ChunkRecord) -> Iterator[Mapping[str, Any]]:
-    """Yield the name, size and CRC32 of each file of a chunk: the shard, or all images.
-
-    Raises DatasetError if a line of the record is damaged.
-    """
+    """Yield the name, size and CRC32 of each file of a chunk: the shard, or all images."""
     if record.summary.shard is not None:
         yield record.summary.shard
         return

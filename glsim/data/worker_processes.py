@@ -89,10 +89,7 @@ def _quota_cores(file: str = "/sys/fs/cgroup/cpu.max") -> int:
 
 
 def available_workers(workers: Workers = "auto") -> int:
-    """Return the number of worker processes; "auto" is the number of usable cores.
-
-    Raises ConfigError for a number below 1.
-    """
+    """Return the number of worker processes ("auto": of usable cores); ConfigError below 1."""
     if workers == "auto":
         # Some systems (macOS) do not know the usable cores of a process: take all.
         if not hasattr(os, "fork"):

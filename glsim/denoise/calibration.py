@@ -1,7 +1,4 @@
-"""Calibration: subtract a device's systematic errors, which denoisers do not remove.
-
-These are the fixed pattern and the wiggling that ``glsim fit`` measured.
-"""
+"""Calibration subtracts what denoisers do not remove: fixed pattern and measured wiggling."""
 
 from __future__ import annotations
 

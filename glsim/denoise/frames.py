@@ -117,12 +117,9 @@ class DenoisedMaps:
     """
 
     def __init__(self, recording: Recording, denoiser: Denoiser, protocol: DepthProtocol) -> None:
-        """Prepare the maps.
+        """Prepare the maps; errors of the denoiser's device are subtracted first.
 
         Raises ConfigError: the denoiser needs infrared, and a map has none.
-
-        Args:
-            denoiser: the denoiser; errors of its device are subtracted first.
         """
         if denoiser.infrared and (dark := recording.first_without_infrared()):
             raise ConfigError(

@@ -170,8 +170,7 @@ def measure_disparity_noise(
 
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Compute the autocorrelation of (N, S, S) tiles at LAGS_PX, along rows and along columns."""
-    # Pooled: of all tiles together. Otherwise: the mean over the tiles, where a few tiles that are
-    # no planes do not decide.
+    # Pooled: of all tiles together. Otherwise their mean, where a few uneven tiles do not decide.
     found = []
     for lags in ([(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]):
         sums = lagged_sums(tiles, lags)

@@ -1,4 +1,1 @@
-"""Networks that denoise depth maps: their inputs, files, safeguards, and the maps made from them.
-
-``network`` runs a network on whole frames. Training and denoising both use this room.
-"""
+"""Networks that denoise depth maps, for training and denoising; ``network`` runs one on frames."""

@@ -254,10 +254,7 @@ def _messages(message: memoryview, number: int) -> Iterator[Any]:
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
-    """Yield the fields of a protobuf message: number, and an integer or bytes.
-
-    Raises ValueError for what is no message, IndexError for one that is cut short.
-    """
+    """Yield a message's fields; ValueError if it is none, IndexError if it is cut short."""
     at, end = 0, len(message)
     while at < end:
         key, at = _varint(message, at)

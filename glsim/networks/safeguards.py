@@ -1,7 +1,4 @@
-"""Safeguards of inference: rules that reject parts of a network's output.
-
-They keep noiseless frames unchanged, and reject guesses between two surfaces or far from depth.
-"""
+"""Safeguards keep noiseless frames, and reject guesses between two surfaces or far from depth."""
 
 from __future__ import annotations
 
@@ -43,9 +40,8 @@ DITHER_LEAST_MM: Final = 0.9
 DITHER_STEPS: Final = 2.5
 #: Depths that differ by less than this, mm, are equal: float32 resolves 0.0005 mm at 4 m.
 SAME_MM: Final = 5e-4
-#: Largest accepted risk, mm, at measured pixels and in holes: the expected error of the chosen
-#: surface, as the network predicts it. Chosen by the RMSE of the shipped network under each sensor,
-#: with and without a wall.
+#: Largest accepted risk (predicted error of the chosen surface), mm, at measured pixels and in
+#: holes. Chosen by the RMSE of the shipped network under each sensor, with and without a wall.
 MEASURED_RISK_MM, HOLE_RISK_MM = 40.0, 10.0
 #: Largest distance from a measured pixel at which training asks for depth (loss.reach_px).
 REACH_PX: Final = 12

@@ -26,9 +26,8 @@ MARGIN_PX: Final = 128
 #: Corners of boxes are at multiples of this, px: networks halve the size up to four times.
 GRID_PX: Final = 16
 
-#: Height and width of the denoised part around a head, mm. A head of the 99th percentile is 255 mm
-#: high (ANSUR II, stature minus chin height) and 165 mm wide; the rest is for hair and turned
-#: heads.
+#: Height and width of the denoised part, mm. A head of the 99th percentile is 255 mm high (ANSUR
+#: II, stature minus chin height) and 165 mm wide; the rest is for hair and turned heads.
 HEAD_MM: Final = (280.0, 220.0)
 #: Focal length over the width of the image: Kinect V2 0.71, Azure Kinect 0.79, D435 0.60 to 0.67,
 #: TrueDepth 0.68. With a wrong value, the box is a little too large or too small.

@@ -170,10 +170,7 @@ def _check_workers(workers: int) -> None:
 
 
 class _BlockRenderer:
-    """Renderer of the blocks of some lanes, a little ahead of their use.
-
-    ``lanes``: numbers and first blocks of the lanes, in the order of use.
-    """
+    """Renderer of the blocks of some lanes, in the order and a little ahead of their use."""
 
     def __init__(self, stream: BatchStream, lanes: list[tuple[int, int]]) -> None:
         self._stream, self._lanes = stream, lanes

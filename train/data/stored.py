@@ -221,10 +221,7 @@ class StoredPairs(PairDataset):
         return np.concatenate([stack, target_mm[None]])
 
     def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
-        """Read the layers of a frame, (H, W) each: noisy and target in mm, infrared if used.
-
-        From the cache if possible; ``count``: number of needed layers. Default: all.
-        """
+        """Read the first ``count`` of a frame's noisy, target (mm) and infrared, or all."""
         cache = self._cache if get_worker_info() is None else None
         if cache is not None and number in cache:
             units, offset_mm = cache[number]

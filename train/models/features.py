@@ -41,8 +41,7 @@ _CURVED_ROUNDS: Final = 3
 _MIDDLE_MM: Final = 1000.0
 #: Distance between the 3x3 samples of `_support`, px.
 _SUPPORT_STEP: Final = 6
-#: A pixel with more support than this is away from steps and holes; a straight edge within 5 px
-#: gives a support of 2/3.
+#: A pixel of more support is away from steps and holes; a straight edge within 5 px gives 2/3.
 _EVEN_SUPPORT: Final = 0.75
 #: Noise is estimated at two distances between pixels, px; smooth noise is seen only at the second.
 _NOISE_STEPS_PX: Final = (1, 3)
@@ -167,10 +166,7 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
 
 
 def _taps(image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _TAPS) -> Tensor:
-    """Sample a grid around each pixel of (B, 1, H, W), with one sample per output channel.
-
-    Pixels beyond the image are ``outside``.
-    """
+    """Sample a grid around each pixel, a channel per sample; beyond the image is ``outside``."""
     height, width = image.shape[-2:]
     reach = taps * step_px
     around = F.pad(image, (reach,) * 4, value=outside)

@@ -36,10 +36,7 @@ def weighted_mean(
 
 
 def shrunk_mean(values: Tensor, known: Tensor, radius: int, sigma: float) -> Tensor:
-    """Compute `weighted_mean` with 2 % zeros added, which shrinks means of few known pixels.
-
-    Arguments as for `weighted_mean`.
-    """
+    """Compute `weighted_mean` with 2 % zeros added, which shrinks means of few known pixels."""
     total, weight = blurred(torch.cat([values * known, known]), radius, sigma).chunk(2)
     return total / (weight + _LEAST_SHARE)
 

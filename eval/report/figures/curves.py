@@ -17,10 +17,7 @@ _LEAST_MM: Final = 1.0
 
 
 def bias_curves(summary: ScoreSummary) -> Any | None:
-    """Draw the mean error per distance bin with its interval, a line per method.
-
-    Returns None if no bin has enough pixels.
-    """
+    """Draw the mean error per distance bin with its interval; None if no bin has enough pixels."""
     figure = new_figure(6.4, 3.2)
     axis = figure.subplots()
     tops: dict[str, float] = {}

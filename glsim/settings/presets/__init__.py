@@ -1,7 +1,4 @@
-"""Presets: complete settings for common data sets, as TOML files beside this module.
-
-A file has the tables of a settings file and a ``title``, a line that ``glsim presets`` prints.
-"""
+"""Presets: settings files of common data sets, with a ``title`` for ``glsim presets``."""
 
 from __future__ import annotations
 
