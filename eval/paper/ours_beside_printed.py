@@ -80,10 +80,7 @@ def case_folder(out: Path, protocol: DepthProtocol, mask: str = "dense") -> Path
 
 
 def read_cases(folder: Path) -> list[Case]:
-    """Read the scores of the four cases of a reproduction; a case without scores has no rows.
-
-    Raises DatasetError for a damaged table.
-    """
+    """Read the scores of the four cases of a reproduction; a case without scores has no rows."""
     cases = []
     for protocol in get_args(DepthProtocol):
         for mask, words in MASKS.items():

@@ -161,10 +161,7 @@ def _table(
     intervals: bool = False,
     gaps: Mapping[str, str] | None = None,
 ) -> TextTable:
-    """Return a table with a row per method and a column per metric; the best means are bold.
-
-    ``gaps``: a text per method, beside the error inside surfaces.
-    """
+    """Return a row per method, best means bold; ``gaps`` stand beside the error inside surfaces."""
     tops = {m.name: best_methods(table, m) for m in metrics}
     rows = []
     harms = worse_inside(table)

@@ -29,10 +29,7 @@ TruthLayer = Literal["clean", "expected"]
 
 
 def _dataset_frames(path: Path, split: str, truth: TruthLayer) -> tuple[Frames, DepthProtocol]:
-    """Open the frames of a split; return them with the depth protocol of its files.
-
-    Raises DatasetError if it lacks the maps of the truth.
-    """
+    """Open the frames of a split, which must have maps of the truth, with their protocol."""
     dataset = open_dataset(path)
     dataset.require(truth)
 

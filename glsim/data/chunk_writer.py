@@ -191,10 +191,7 @@ def _image_name(task: Task, layer: str) -> str:
 
 @dataclass(frozen=True)
 class _Shard:
-    """An open tar file in the layout of the library webdataset.
-
-    Members are named by index: the library cuts names at the first dot, and sequences may have one.
-    """
+    """An open tar file of webdataset, which cuts names at a dot: members are named by index."""
 
     name: str
     file: AtomicFile

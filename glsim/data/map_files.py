@@ -152,10 +152,7 @@ def open_stack(path: Path) -> NDArray[Any]:
 
 
 def _frames_are_last(stack: NDArray[Any]) -> bool:
-    """Return whether the last axis of a stack is time: values jump far less along it.
-
-    Few pixels jump from frame to frame; many jump from row to row, at each silhouette.
-    """
+    """Return whether a stack's last axis is time, along which far fewer pixels jump than by row."""
     jumps = []
     for axis in (0, 2):
         part = stack[tuple(slice(None) if n == axis else slice(None, None, 2) for n in range(3))]

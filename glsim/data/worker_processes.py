@@ -115,10 +115,7 @@ class Job(Protocol[_Given, _Made]):
     """The protocol of a worker process's work, pickled and sent to each worker once."""
 
     def run(self, tasks: Iterator[_Given], /) -> Iterator[_Made]:
-        """Yield the results of tasks (such as Chunks) in order, with any ``Interim`` before each.
-
-        It may request the next tasks before a result is complete.
-        """
+        """Yield results in order, each after its ``Interim``; it may request tasks in advance."""
         ...
 
     def doing(self, task: _Given, /) -> str:
