@@ -19,7 +19,7 @@ from glsim.settings.source_settings import parse_source
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import Simulator, simulate
 from glsim.simulation.plan.tasks import Task, make_tasks
-from tests.support.scenes import LOUD, face_mesh, sensor_file
+from tests.support.scenes import LOUD, face_mesh, only_frame, sensor_file
 
 STAGES = 'use = "axial"\nbase_sigma_mm = 3', 'use = "range_gate"\nnear_mm = 300'
 
@@ -37,16 +37,12 @@ def sources() -> list[OneMesh]:
 
 
 def only(simulator: Simulator, tasks: Sequence[Task]) -> Frame:
-    (frame,) = simulator.frames(tasks)
-    assert isinstance(frame, Frame)
-    return frame
+    return only_frame(simulator.frames(tasks))
 
 
 def fresh(settings: Settings, sources: Sequence[OneMesh], context: Context) -> Frame:
     """The frame of a new simulator."""
-    (frame,) = simulate(settings, sources=sources, context=context)
-    assert isinstance(frame, Frame)
-    return frame
+    return only_frame(simulate(settings, sources=sources, context=context))
 
 
 def calls_of(monkeypatch: pytest.MonkeyPatch, owner: Any, name: str) -> list[tuple[Any, ...]]:

@@ -47,7 +47,6 @@ def planted(frame_px: float = 0.09, static_px: float = 0.06, count: int = 8) -> 
 def test_planted_noise_is_measured() -> None:
     frames = planted()
     lattice = find_lattice(frames)
-    assert lattice is not None
     found = measure_stereo(frames, lattice, STEPS, 1.0)
     assert found.focal_baseline_px_mm == pytest.approx(PRODUCT, rel=1e-3)
     assert found.noise.frame == pytest.approx(0.09, rel=0.1)

@@ -12,15 +12,13 @@ from glsim.faces.sources.board import Board
 from glsim.settings.source_settings import parse_source
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
-from tests.support.scenes import settings_for
+from tests.support.scenes import only_frame, settings_for
 
 
 def frame_of(context: Context, pose: dict[str, Any]) -> Frame:
     source = {"kind": "board", "subjects": 1, "frames_per_subject": 1}
     settings = settings_for(pose=pose, output={"crop": 200}, source=source)
-    (frame,) = simulate(settings, context=context)
-    assert isinstance(frame, Frame)
-    return frame
+    return only_frame(simulate(settings, context=context))
 
 
 def test_it_is_flat_and_of_its_size_at_its_distance(context: Context) -> None:

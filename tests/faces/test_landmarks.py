@@ -13,7 +13,7 @@ from glsim.faces.one_mesh import OneMesh
 from glsim.faces.regions import landmark_vertices
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
-from tests.support.scenes import face_mesh, settings_for
+from tests.support.scenes import face_mesh, only_frame, settings_for
 
 POSE = {"distance_mm": 900, "yaw_deg": 20, "pitch_deg": -5, "x_mm": 12}
 LAYERS = ("clean", "noisy", "normals")
@@ -32,9 +32,7 @@ class MarkedFace(OneMesh):
 def frame_of(context: Context, source: FaceSource, crop: int | None = 200) -> Frame:
     output = {"crop": crop, "landmarks": True, "layers": LAYERS}
     settings = settings_for(pose=POSE, output=output)
-    (frame,) = simulate(settings, sources=[source], context=context, layers=LAYERS)
-    assert isinstance(frame, Frame)
-    return frame
+    return only_frame(simulate(settings, sources=[source], context=context, layers=LAYERS))
 
 
 def test_landmarks_lie_where_their_vertices_are_drawn(context: Context) -> None:
@@ -64,7 +62,6 @@ def test_a_crop_moves_the_pixels_only(context: Context) -> None:
 
 def test_the_normals_are_those_of_the_surface(context: Context) -> None:
     frame = frame_of(context, MarkedFace(MESH))
-    assert frame.normal is not None
     assert frame.normals.shape == (200, 200, 3)
     seen = frame.clean_m > 0
     assert ((frame.normals.any(axis=-1)) == (frame.clean > 0)).all()

@@ -26,6 +26,7 @@ from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from tests.support.dataset_fakes import contents
 from tests.support.face_models import Board, write_simulated
+from tests.support.scenes import only_frame
 
 ALL = ("clean", "noisy", "regions")
 
@@ -39,10 +40,7 @@ def settings(**more: object) -> Settings:
 
 
 def frame(context: Context, source: object, **more: object) -> Frame:
-    made = simulate(settings(**more), sources=[source], context=context, layers=ALL)  # type: ignore[list-item]
-    (found,) = made
-    assert isinstance(found, Frame)
-    return found
+    return only_frame(simulate(settings(**more), sources=[source], context=context, layers=ALL))  # type: ignore[list-item]
 
 
 def test_names_have_one_number_in_every_data_set() -> None:
@@ -63,7 +61,6 @@ def test_each_side_of_a_board_has_its_own_number(context: Context) -> None:
     tail, nose, wall = (found.region_numbers[name] for name in ("tail", "nose", "wall"))
     near = (found.clean_m > 0) & (found.clean_m < 1)
     codes = found.region_codes
-    assert codes is not None
     assert set(np.unique(codes)) == {wall, tail, nose}
     np.testing.assert_array_equal(codes != wall, near)
     middle = 32 - found.window.left

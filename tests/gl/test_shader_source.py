@@ -222,7 +222,6 @@ def test_the_parser_agrees_with_the_driver_for_shipped_stages(
 ) -> None:
     """Every declared parameter is a uniform of this type and default, and there are no others."""
     source = shipped_stages()[name].source
-    assert source is not None
     program: Any = link(context, source)
     types = {0x1406: "float", 0x1404: "int", 0x8B56: "bool"}
     seen = {

@@ -36,7 +36,6 @@ def body() -> Anatomy:
 @lru_cache(maxsize=1)
 def fitted() -> ClothBody:
     grid = make_cloth_grid(body())
-    assert grid is not None
     return fit_cloth(grid, body().vertices_mm)
 
 

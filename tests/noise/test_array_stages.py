@@ -126,7 +126,6 @@ STAGE = "fill_from_points"
 def run(layers: dict[str, Image], at: FrameContext | None = None, **p: float) -> dict[str, Image]:
     at = at or frame()
     function = shipped_stages()[STAGE].function
-    assert function is not None
     return dict(function(at.view(STAGE), layers, values(STAGE, p)))
 
 

@@ -21,7 +21,7 @@ from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.virtual_camera import VirtualCamera
-from tests.support.scenes import face_mesh, rig_toml
+from tests.support.scenes import face_mesh, only_frame, rig_toml
 
 SHAPE = (424, 512)
 HOLE = np.s_[150:260, 200:240]
@@ -172,9 +172,7 @@ def frame_of(sensor: str, **stage: dict[str, float]) -> Frame:
         },
         source={"subjects": 1, "frames_per_subject": 1},
     )
-    (frame,) = simulate(settings, sources=[OneMesh(face_mesh(40))])
-    assert isinstance(frame, Frame)
-    return frame
+    return only_frame(simulate(settings, sources=[OneMesh(face_mesh(40))]))
 
 
 def random_dots(shape: tuple[int, int], share: float = 0.05) -> NDArray[np.uint8]:

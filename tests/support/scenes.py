@@ -1,6 +1,6 @@
 """Scenes of known geometry, and the layers that a renderer draws of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from glsim.gl.context import make_current
 from glsim.gl.targets import Readback
 from glsim.render.renderer import Renderer
 from glsim.settings.schema import Settings, load_settings
-from glsim.simulation.frame import Frame
+from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.pipeline import simulate
 
 Array = NDArray[np.floating[Any]]
@@ -191,6 +191,13 @@ def frames_of(context: Context, settings: Settings, mesh: Mesh, frames: int = 1)
     made = list(results)
     assert all(isinstance(frame, Frame) for frame in made), made
     return [frame for frame in made if isinstance(frame, Frame)]
+
+
+def only_frame(results: Iterable[Frame | Skipped]) -> Frame:
+    """Return the one frame of a simulation; fail if it was skipped."""
+    (frame,) = results
+    assert isinstance(frame, Frame), frame
+    return frame
 
 
 def interior(depth_m: Array, margin_px: int = 2) -> NDArray[np.bool_]:

@@ -53,7 +53,6 @@ def test_all_frames_share_one_topology_with_regions(people: People) -> None:
     assert topology.region_names == REGIONS
     assert topology.regions.shape == (len(one.mesh.vertices_mm),)
     assert set(np.unique(topology.regions)) == set(range(len(REGIONS)))
-    assert one.mesh.albedo is not None
     assert len(np.unique(one.mesh.albedo)) > 10
     assert one.mesh.vertices_mm.dtype == np.float32
 
