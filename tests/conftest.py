@@ -12,8 +12,10 @@ from glsim.core.mesh import Mesh
 from glsim.gl.context import make_current, open_context
 from tests.support.scenes import face_mesh
 
-# No test passes or fails by wall time: a busy machine is no error.
-hypothesis.settings.register_profile("busy", deadline=None)
+# No test passes or fails by wall time: a busy machine is no error. Examples may share a folder.
+hypothesis.settings.register_profile(
+    "busy", deadline=None, suppress_health_check=list(hypothesis.HealthCheck)
+)
 hypothesis.settings.load_profile("busy")
 
 

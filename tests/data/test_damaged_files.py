@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glsim.core.errors import GlsimError
@@ -41,11 +41,7 @@ MESHES = {
     f"face{end}": trimesh.Trimesh(FACE, TRIANGLES, process=False)
     for end in (".obj", ".ply", ".stl", ".glb", ".off")
 }
-any_case = settings(
-    max_examples=60,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+any_case = settings(max_examples=60, derandomize=True)
 
 
 def write_whole(folder: Path, name: str) -> bytes:

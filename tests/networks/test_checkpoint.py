@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors import safe_open
 
@@ -101,7 +101,7 @@ def test_files_that_are_no_checkpoints(here: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".safetensors"])
-@settings(max_examples=40, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40)
 @given(cut=st.booleans(), place=st.floats(0, 0.999), bit=st.integers(0, 7))
 def test_a_damaged_file_is_refused_in_one_line(
     best: Path, suffix: str, cut: bool, place: float, bit: int

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -58,7 +58,7 @@ def test_graphs_that_no_export_wrote(tmp_path: Path, graph: bytes, words: str) -
         load_onnx(path)
 
 
-@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25)
 @given(cut=st.booleans(), place=st.floats(0, 0.999), bit=st.integers(0, 7))
 def test_a_damaged_file_is_refused_in_one_line_or_still_runs(
     tmp_path_factory: pytest.TempPathFactory, cut: bool, place: float, bit: int

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glsim.core.errors import MeshError
@@ -116,7 +116,7 @@ def test_an_obj_may_have_comments_and_a_byte_order_mark(tmp_path: Path, encoding
     np.testing.assert_array_equal(read_mesh(path).vertices, POINTS)
 
 
-@settings(max_examples=40, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40)
 @given(radii=st.lists(st.floats(1, 100), min_size=3, max_size=12), turn=st.integers(0, 2))
 def test_the_area_of_any_star_is_kept(tmp_path: Path, radii: list[float], turn: int) -> None:
     """A polygon that is seen whole from the origin, in each of three planes and both windings."""
