@@ -36,11 +36,7 @@ def picture(expected: NDArray[Any], found: NDArray[Any]) -> NDArray[np.uint8]:
 @pytest.mark.parametrize("sensor", ["ideal", "kinect-v2", "kinect-v2-fankhauser"])
 @pytest.mark.parametrize("layer", ["clean", "noisy"])
 def test_frames_are_as_they_were(
-    context: Context,
-    request: pytest.FixtureRequest,
-    tmp_path: Path,
-    sensor: str,
-    layer: str,
+    context: Context, request: pytest.FixtureRequest, tmp_path: Path, sensor: str, layer: str
 ) -> None:
     renderer = str(context.info["GL_RENDERER"])
     settings = settings_for(sensor, seed=1, pose=POSE, output={"crop": 96})

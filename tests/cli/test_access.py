@@ -17,13 +17,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from glsim.cli.tune_page.access import (
-    AccessCheck,
-    cookie_secret,
-    keep_tuning,
-    kept_tuning,
-    listen,
-)
+from glsim.cli.tune_page.access import AccessCheck, cookie_secret, keep_tuning, kept_tuning, listen
 from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
 from glsim.core.files.cache_folder import cache_folder

@@ -2,13 +2,7 @@
 
 import shlex
 
-from glsim.cli.tune_page.tuning import (
-    History,
-    StageCode,
-    Tuning,
-    python_code,
-    set_options,
-)
+from glsim.cli.tune_page.tuning import History, StageCode, Tuning, python_code, set_options
 from glsim.settings.schema import load_settings, with_assignments
 
 START = Tuning("kinect-v1")

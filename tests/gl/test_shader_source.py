@@ -250,9 +250,7 @@ def test_glsl_files_are_small_regular_files(tmp_path: Path) -> None:
         load_source(tmp_path / "huge.glsl")
 
 
-def test_only_the_first_lines_of_a_drivers_message_are_kept(
-    here: Path,
-) -> None:
+def test_only_the_first_lines_of_a_drivers_message_are_kept(here: Path) -> None:
     """A wrong include gave messages of 10,000 characters. Long paths would be cut."""
     source = load_source(Path(write(here, HEAD + GOOD + MAIN).name))
     message = "\n".join(f"0:{line % 5 + 1}(3): error: `x{line}' undeclared" for line in range(500))

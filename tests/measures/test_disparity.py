@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from glsim.measures.disparity import (
-    LAGS_PX,
-    find_tiles,
-    measure_disparity_noise,
-)
+from glsim.measures.disparity import LAGS_PX, find_tiles, measure_disparity_noise
 from tests.support.real_cameras import (
     D435_WALL_PX_MM,
     SIDE_PX,

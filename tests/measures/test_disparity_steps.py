@@ -3,18 +3,9 @@
 import numpy as np
 import pytest
 
-from glsim.measures.disparity_steps import (
-    between_share,
-    border_band,
-    find_steps,
-    measure_gaps,
-)
+from glsim.measures.disparity_steps import between_share, border_band, find_steps, measure_gaps
 from glsim.measures.validity import flip_share, hole_share_beside_band
-from tests.support.real_cameras import (
-    D435_ROBOT_PX_MM,
-    needs_real_cameras,
-    real_disparities,
-)
+from tests.support.real_cameras import D435_ROBOT_PX_MM, needs_real_cameras, real_disparities
 
 FAR_PX, NEAR_PX = 12.0, 30.0
 

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from glsim.measures.lattice import (
-    distinct_values,
-    estimate_lattice,
-    lattice_share,
-    on_lattice,
-)
+from glsim.measures.lattice import distinct_values, estimate_lattice, lattice_share, on_lattice
 from tests.support.real_cameras import needs_real_cameras, real_depths
 
 
@@ -80,8 +75,7 @@ def test_the_constants_of_real_cameras(folder: str, constant: float) -> None:
 
 @needs_real_cameras
 @pytest.mark.parametrize(
-    "folder",
-    ["azure_kinect_mug", "truedepth_zeiss/board_iPadPro12_4gen_iOS15", "kinect_v1_tables"],
+    "folder", ["azure_kinect_mug", "truedepth_zeiss/board_iPadPro12_4gen_iOS15", "kinect_v1_tables"]
 )
 @pytest.mark.long
 def test_cameras_with_other_lattices_or_none_are_refused(folder: str) -> None:

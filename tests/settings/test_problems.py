@@ -74,10 +74,7 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
         (["--set", "scene.wall_mm=1.5"], ["scene: wall_mm may be 1.5", "metres meant? 1500"]),
         (["--set", "output.nearest_to_mm=0.7"], ["(got 0.7): metres meant? 700"]),
         (["--set", "rig.far_m=8000"], ["(got 8000): millimetres meant? 8"]),
-        (
-            ["--sensor", "apart.toml"],
-            ["imager.0.position_m.0", "millimetres meant? 0.05"],
-        ),
+        (["--sensor", "apart.toml"], ["imager.0.position_m.0", "millimetres meant? 0.05"]),
         (["--set", "pose.yaw_deg=400"], ["yaw_deg may be 400, but must lie in [-360, 360]"]),
         (["--source", "proceduarl"], ["source.0.kind: 'proceduarl'", "'procedural'"]),
     ],

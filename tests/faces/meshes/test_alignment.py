@@ -11,12 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from glsim.core.errors import ConfigError, MeshError
-from glsim.faces.meshes.alignment import (
-    UNITS_MM,
-    check_unit,
-    estimate_alignment,
-    rotation,
-)
+from glsim.faces.meshes.alignment import UNITS_MM, check_unit, estimate_alignment, rotation
 from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM
 from tests.support.face_models import analytic_face
 
