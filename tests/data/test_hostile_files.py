@@ -216,14 +216,14 @@ TABLE |= {
         "long settings": database("UPDATE topics SET offered_qos_profiles = '[' || replace(hex(zeroblob(450000)), '00', '[],') || ']'"),
         "many fields": database("UPDATE message_definitions SET encoded_message_definition = replace(hex(zeroblob(100000)), '00', 'int8 a' || char(10))"),
     }),
-    "bag": (lambda path: (bag(path.with_suffix(".mcap")), path.mkdir(), path.with_suffix(".mcap").rename(path / "a.mcap"), (path / "metadata.yaml").write_text(INFO % ("mcap", "a.mcap", "{message_count: 2, topic_metadata: {name: /depth/image, type: sensor_msgs/msg/Image, serialization_format: cdr}}"))), {
+    "bag": (lambda path: (bag(path.with_suffix(".mcap")), path.mkdir(), path.with_suffix(".mcap").rename(path / "a.mcap"), (path / "metadata.yaml").write_text(INFO % ("mcap", "a.mcap", "{message_count: 2, topic_metadata: {name: /depth/image, type: sensor_msgs/msg/Image, serialization_format: cdr}}"))), {  # type: ignore[func-returns-value]
         "200 MB of text": ros2("[" + "[]," * 70_000_000), "a pipe": ros2(INFO % ("sqlite3", "pipe.db3", "")),
         "a pipe of records": ros2(INFO % ("mcap", "pipe.db3", "")),
         "anchors": ros2("a: &a []\nb: [" + "*a," * 80_000 + "]"), "lists": ros2("[" + "[]," * 80_000 + "]"),
     }),
     ".mkv": (lambda path: write_mkv(path, {"DEPTH": [DEPTH] * 2}, azure_calibration()), {
         "a calibration": lambda path: write_mkv(path, {"DEPTH": [np.ones((576, 640), np.uint16)]}, b"[" + b"[]," * 20_000_000),
-        "zeros": holes(b""), "zeros behind": holes(b"\x1aE\xdf\xa3"), "a hole": lambda path: (write_mkv(path, {"DEPTH": [DEPTH] * 2}), os.truncate(path, 900_000_000)),
+        "zeros": holes(b""), "zeros behind": holes(b"\x1aE\xdf\xa3"), "a hole": lambda path: (write_mkv(path, {"DEPTH": [DEPTH] * 2}), os.truncate(path, 900_000_000)),  # type: ignore[func-returns-value]
     }),
 }  # fmt: skip
 
@@ -268,7 +268,7 @@ HEAD = struct.pack(">IIBBBBB", 32, 24, 16, 0, 0, 0, 0)
 TIFF = saved(".tiff")
 EXR = encode_exr(DEPTH / np.float32(1000))
 LISTS = "[" + "[]," * 330_000 + "[]]"
-FOLDER = {
+FOLDER: dict[str, Content] = {
     "zeros": beside(""),
     "lists": beside(f'{{"a": {LISTS}}}'),
     "one word": beside("9" * 1_000_000),
@@ -276,7 +276,7 @@ FOLDER = {
     "lines": beside("1 2 3\n" * 160_000),
     "tables": beside("".join(f"[a{n}]\n" for n in range(90_000))),
     "matrices": beside("a: !!opencv-matrix\n rows: 3\n" * 30_000),
-    "a pipe": lambda p: (beside("1")(p), p.unlink(), os.mkfifo(p)),
+    "a pipe": lambda p: (beside("1")(p), p.unlink(), os.mkfifo(p)),  # type: ignore[func-returns-value]
 }
 TABLE |= {
     ".png": (png(HEAD, bytes(24 * 65)), {
