@@ -121,7 +121,7 @@ class Comparison:
         else:
             do = (
                 "fit a sensor to the first set (glsim fit) or change the stage that makes this "
-                "feature (glsim tune); where scenes differ, too, --replay SENSOR shows the same"
+                "feature (glsim tune); scenes that differ, too: glsim compare REAL --replay SENSOR"
             )
         return [
             f"**Told apart**, AUC (0.5 = not at all): {'; '.join(aucs)}.",
