@@ -36,7 +36,6 @@ class Mode:
     """A mode in which frames may have been delivered.
 
     Attributes:
-        name: the mode in words.
         image: intrinsics of the delivered frames.
         depth: intrinsics of the depth camera before decimation and registration.
         decimated_by: 1, or the factor of the decimation.
@@ -72,10 +71,8 @@ def possible_modes(
     """Return the modes of a sensor in which frames may have been delivered, most likely first.
 
     Args:
-        sensor: the sensor.
         frames: the frames; their intrinsics count if ``stated``.
         stated: whether a file or the user states the intrinsics.
-        lattice: the lattice of the frames' depths, or None.
 
     Raises:
         ConfigError: the sensor cannot have made the frames.

@@ -59,7 +59,6 @@ def rectangle(
         x_mm: left and right side.
         y_mm: top and bottom.
         z_mm: depth, or depths of the left and the right side.
-        albedo: reflectivity of the surface.
     """
     (left, right), (top, bottom) = x_mm, y_mm
     first, second = np.broadcast_to(z_mm, 2).tolist()
@@ -81,7 +80,6 @@ def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 
     Args:
         z_mm: depth of the middle.
         angle_deg: angle between the strip's normal and the optical axis.
-        albedo: reflectivity of the surface.
         half_mm: half the strip's height.
     """
     angle = np.radians(angle_deg)
@@ -106,7 +104,6 @@ def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
     """Build a wall with a linear albedo.
 
     Args:
-        z_mm: depth of the wall.
         half_x_mm: half the width over which the albedo grows.
         low: albedo of the left side.
         high: albedo of the right side.
@@ -128,10 +125,7 @@ def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0)
     """Build a square on the axis in front of a wall.
 
     Args:
-        near_mm: depth of the square.
-        far_mm: depth of the wall.
         half_mm: half the square's side.
-        albedo: reflectivity of both.
     """
     square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
     return merge_meshes(square, wall(far_mm, albedo))
@@ -155,9 +149,7 @@ def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) 
     """Build procedural heads, each a mesh of skin and the meshes of what the person wears.
 
     Args:
-        count: number of people.
         z_mm: depth of the heads' origin.
-        seed: seed of the people.
         wear: whether all people wear hair and clothes, or none.
     """
     source = ProceduralFaces(seed)

@@ -36,11 +36,9 @@ class DisparityNoise:
     """Noise of disparity, px, or 1/m if focal length and baseline are unknown.
 
     Attributes:
-        tiles: number of tiles in all frames together.
         residual: median of the tiles' standard deviation about their plane.
         rows: (7,) correlation of the residual along rows at LAGS_PX, mean over the tiles.
         columns: (7,) the same along columns.
-        pairs: number of static pairs of frames.
         frame: median of the temporal standard deviation of one frame, from differences over sqrt 2.
         static: median root of the covariance of the residuals of two frames, the static noise.
         frame_rows: (7,) correlation of the difference along rows, all tiles together.

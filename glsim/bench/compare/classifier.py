@@ -39,7 +39,6 @@ class TellingFeature:
     """A feature whose values differ between the sets.
 
     Attributes:
-        feature: name of the feature.
         auc: AUC of this feature alone, 0.5 to 1.
         first, second: median of the feature in the first and in the second set.
         apart: difference of the medians, divided by the mean of the two interquartile ranges.
@@ -58,7 +57,6 @@ class Verdict:
 
     Attributes:
         auc: AUC of the logistic regression, mean over five folds; NaN with too few patches.
-        boosted_auc: AUC of the boosted trees.
         auc_error, boosted_auc_error: standard errors of both, from the spread over the folds.
         patches: number of matched patches in each set.
         telling: the features whose medians differ most.
@@ -81,7 +79,6 @@ def tell_apart(
     """Train a classifier to distinguish the patches of two sets; its verdict is reproducible.
 
     Args:
-        first, second: patches of one kind.
         first_views, second_views: number of the view of each frame; all frames of a static
             recording have the same number. Default: every frame has another view.
     """

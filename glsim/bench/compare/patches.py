@@ -66,7 +66,6 @@ class Patches:
     """Patches of one kind, with their features.
 
     Attributes:
-        names: names of the F features.
         features: (N, F) values.
         frame: (N,) frame numbers.
         column: (N,) first columns, px.

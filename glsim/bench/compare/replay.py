@@ -139,10 +139,6 @@ def compare_replay(
     Of modes that cannot be told apart, the one whose surfaces are told less is chosen.
 
     Args:
-        real: the frames.
-        sensor: name of a sensor, or a sensor file.
-        stated: whether their intrinsics are stated.
-        progress: function for messages.
         seed, assignments, smooth_px: see ``replay``.
 
     Returns:

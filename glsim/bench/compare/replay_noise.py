@@ -83,7 +83,6 @@ def measure_replay_noise(frames: Sequence[DepthFrame], smooth_px: float | None) 
     """Measure the noise on the smoothest surfaces of frames that all or none have infrared.
 
     Args:
-        frames: some frames of a recording.
         smooth_px: widest smoothing window. None: by the correlation of the noise.
     """
     half_px = half_distance_px(frames) if smooth_px is None else float("nan")

@@ -54,7 +54,6 @@ class BaseChoice:
     """The chosen base sensor of a fit, and the evidence.
 
     Attributes:
-        name: sensor that the fit extends.
         rivals: all bases, nearest first; empty if the user names the base.
     """
 

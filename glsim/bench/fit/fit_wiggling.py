@@ -96,7 +96,6 @@ def fit_wiggling(
 
     Args:
         statistics: statistics of a recording without lens distortion, which would bend planes.
-        image: intrinsics of the recording.
         emitter_m: (x, y, z) of the emitter in the camera frame.
 
     Returns:

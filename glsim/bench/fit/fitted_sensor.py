@@ -26,10 +26,7 @@ class FittedSensor:
     """A sensor that was fitted to a recording.
 
     Attributes:
-        text: the sensor file.
-        image: intrinsics of the recording.
         lines: name of a result -> its text.
-        notes: remarks for the user.
         map_mm: (H, W) float32 fixed pattern of the device, NaN = unknown. None: not measured.
         table: temporal noise by distance and radius; None for cameras that match images.
     """
@@ -71,9 +68,7 @@ def recording_camera(
 
     Args:
         size: (width, height) of the frames, px.
-        stated: intrinsics that the recording states.
         own: intrinsics of the base sensor, for a recording that states none of this size.
-        focal_px: focal length that the user gives.
         other_px: focal length to use if neither intrinsics have this size; None raises ConfigError.
     """
     known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
@@ -98,10 +93,8 @@ def sensor_toml(
     """Write the TOML text of a sensor.
 
     Args:
-        comments: lines at the top of the file.
         head: keys before the first table.
         rig: the table [rig]; "imager" and "emitter" are lists of tables.
-        stages: the tables [[stage]].
     """
     lines = [*(f"# {comment}".rstrip() for comment in comments), *_entries(head), "", "[rig]"]
     parts = [("rig." + name, rig.get(name, ())) for name in ("imager", "emitter")]

@@ -103,10 +103,7 @@ def fit_infrared(
     """Fit the gain and the noise law to a recording with infrared.
 
     Args:
-        statistics: statistics of the recording.
-        frames: the recording.
         albedo: reflectivity of the brightest surfaces, relative to white.
-        taps: noise of the base sensor's taps.
     """
     mean = mean_frame(frames)
     assert mean.infrared is not None
@@ -196,13 +193,9 @@ def fit_noise_model(
     """Fit amplitude and floor by weighted least squares over classes of equal light.
 
     Args:
-        statistics: statistics of the recording.
-        image: intrinsics of the recording.
         albedo: reflectivity of the scene, relative to a white wall.
         unit_mm: step of the depth files.
-        profile: distribution of the light over the image.
         emitter_m: position of the emitter in the camera frame.
-        taps: noise of the base sensor's taps.
     """
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
     light = albedo * facing_light(statistics.mean_mm, image, profile, emitter_m)
@@ -257,8 +250,6 @@ def facing_light(
 
     Args:
         mean_mm: (H, W) mean depth, NaN = none.
-        image: intrinsics of the recording.
-        profile: distribution of the emitter's light over directions.
         emitter_m: position of the emitter in camera axes, m.
     """
     rays = _rays(image)

@@ -50,11 +50,7 @@ def prove(
     """Compare frames that a fit did not see with their replays.
 
     Args:
-        recording: the recording.
         part: its frames that the fit did not see.
-        fitted: the fitted sensor.
-        base: the sensor that it was fitted from.
-        progress: function for messages.
     """
     unseen = recording.read_static(_FRAMES, part)
     frames = Frames.of([frame.changed(intrinsics=fitted.image) for frame in unseen], unseen.title)

@@ -87,7 +87,6 @@ class RecordingStatistics:
     """Noise statistics of one recording.
 
     Attributes:
-        frames: number of frames.
         mean_mm: (H, W) mean over time; NaN where too few frames have depth.
         variance_mm2: (H, W) variance over time; NaN where too few frames have depth.
         smooth: (H, W) mask of smooth surfaces without holes.

@@ -78,7 +78,6 @@ def smoothed_values(
 
     Args:
         values: fitted parameters for the narrow filter.
-        smoothing: the wider filter.
         base: noise of the base sensor's taps.
         sigma_mm: typical temporal noise of a pixel.
     """

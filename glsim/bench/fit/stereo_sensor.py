@@ -55,10 +55,8 @@ class StereoStatistics:
     """Disparity noise and planes of one recording.
 
     Attributes:
-        frames: number of measured frames.
         size: (width, height), px.
         unit_mm: step of the depth files.
-        focal_baseline_px_mm: focal length times baseline.
         lattice: lattice of the depths; None: not found, and f B is the base sensor's.
         noise: noise of disparity, px.
         distances_mm: median distance of each of three groups of tiles, nearest first.
@@ -82,7 +80,6 @@ def measure_stereo(
     """Measure the disparity noise of a static recording.
 
     Args:
-        frames: frames of one view.
         lattice: lattice of the depths, which gives f B.
         steps: steps of disparity per pixel of this kind of camera.
         focal_baseline_px_mm: f B of the base sensor, for recordings without a lattice.
@@ -147,10 +144,8 @@ def fit_stereo(
 
     Args:
         recording: at least two frames of one view.
-        base: sensor that the written file extends.
         focal_px: focal length of the recording. None: as the recording states; else the base's, or
             from the base's baseline.
-        part: frames to use.
 
     Raises:
         ConfigError: the focal length is not known, or the frames are decimated or registered.

@@ -67,10 +67,8 @@ def fit_time_of_flight(
 
     Args:
         recording: at least two frames of one view.
-        base: the sensor to extend.
         albedo: reflectivity of the scene; with infrared, reflectivity of its brightest surfaces.
         focal_px: focal length of the recording. None: as stated, or the base sensor's.
-        part: frames to use.
         named: whether the user names the base. If not, kinect-v2 replaces kinect-v2-fast where its
             filter does not explain the correlation of the noise.
 
@@ -195,13 +193,8 @@ def fitted_toml(
     """Write the sensor file: the base's rig and stages with fitted values and intrinsics.
 
     Args:
-        base: name of the base sensor.
         tree: TOML tree of the base sensor; its lens distortion is not written.
-        values: fitted parameters.
-        image: intrinsics of the recording.
-        comments: lines at the top of the file.
         pattern_map: file name of the fixed pattern's map beside the sensor file, or "".
-        waves: wiggling of the device.
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
     rig |= {

@@ -23,7 +23,6 @@ class Band:
     Attributes:
         key: name of the number in the measurement.
         low, high: smallest and largest value, in ``unit``.
-        unit: unit of the number.
     """
 
     key: str
@@ -54,10 +53,6 @@ class Check:
     """A line of a validation sheet: a checked quantity and its bands.
 
     Attributes:
-        number: number of the check in the sheet.
-        description: the checked quantity.
-        bands: a band for each number that describes the quantity.
-        source: origin of the bands.
         kind: kind of the source: "measured" on devices, "datasheet" (or source code of a decoder),
             or "derived" from these or from physics.
     """
@@ -75,7 +70,6 @@ class Measurement:
 
     Attributes:
         values: key of a band -> measured number; None if the band does not apply to this sensor.
-        note: remark for the reader.
         why_not: reason why the whole check does not apply.
         exception: measured reason why a failure is not the sensor's fault.
     """

@@ -108,10 +108,7 @@ def validate_sensor(
     Raises ConfigError for a sensor without a sheet, and the errors of ``simulate``.
 
     Args:
-        sensor: name or file.
-        seed: seed of the device and its noise.
         frames: number of frames of each wall; more frames give more precise numbers.
-        backend: OpenGL back end, as in ``open_context``.
     """
     _sheet_of(load_sensor(sensor))
     with borrowed_context(backend) as context:

@@ -58,7 +58,6 @@ def plane_tiles(
     Args:
         depth_mm: (H, W) depth, mm; 0 or NaN where there is none.
         infrared: (H, W) counts.
-        side_px: side of a tile.
 
     Returns:
         (N,) median infrared, counts; (N,) rms of the residual, mm; and (N, side, side) residual
