@@ -33,7 +33,7 @@ def build(kind: type, text: dict[str, str], where: str) -> Any:
             raise ConfigError(
                 f"--denoiser {where}: no such parameter {name!r} ({did_you_mean(name, fields)})"
             )
-        whole = str(field.type).startswith("int")
+        whole = str(getattr(field.type, "__name__", field.type)).startswith("int")
         try:
             value = int(written) if whole else float(written)
         except ValueError:
